@@ -1,0 +1,21 @@
+"""MAVLink frames: values to bytes, bytes to messages, signatures. Independent of pymavlink's own packer and parser."""
+
+from sitl_mock.mavlink.decoder import MAX_FRAME, Counts, Decoder
+from sitl_mock.mavlink.dialect import SPEC_BY_ID, SPEC_BY_NAME, EncodeError, MessageSpec, spec_of
+from sitl_mock.mavlink.encoder import Encoder, values_of
+from sitl_mock.mavlink.signing import Signing, Verdict
+
+__all__ = [
+    "MAX_FRAME",
+    "SPEC_BY_ID",
+    "SPEC_BY_NAME",
+    "Counts",
+    "Decoder",
+    "EncodeError",
+    "Encoder",
+    "MessageSpec",
+    "Signing",
+    "Verdict",
+    "spec_of",
+    "values_of",
+]

@@ -1,0 +1,240 @@
+"""MAVLink 1 and 2 bytes to messages; whatever is wrong is counted and dropped, and nothing is raised.
+
+After a frame that fails, the search goes on at the byte behind its magic, so a good frame swallowed by a false start is
+still found; bytes of the failed frame are not counted a second time. The buffer holds at most one unfinished frame.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from fastcrc.crc16 import mcrf4xx
+from pymavlink.dialects.v20 import all as dialect
+
+from sitl_mock.mavlink.dialect import SPEC_BY_ID
+from sitl_mock.mavlink.signing import BLOCK_LENGTH, Verdict
+
+if TYPE_CHECKING:
+    from sitl_mock.mavlink.signing import Signing
+
+_MAGIC: Final = re.compile(rb"[\xfd\xfe]")
+_MAGIC_V1: Final = 0xFE
+_SIGNED: Final = 0x01
+_HEADER_V2: Final = 10
+_HEADER_V1: Final = 6
+MAX_FRAME: Final = _HEADER_V2 + 255 + 2 + BLOCK_LENGTH
+
+
+@dataclass(slots=True)
+class Counts:
+    """What a decoder has seen.
+
+    Attributes:
+        frames: Frames handed on.
+        garbage_bytes: Bytes before a magic byte.
+        crc: Frames whose CRC does not match.
+        length: MAVLink 1 frames longer than their message.
+        incompatible: MAVLink 2 frames with a flag that must be understood and is not.
+        unknown_id: Frames whose message id is not in the dialect.
+        truncated: Frames cut off by the end of a datagram.
+        undecodable: Frames with a right CRC that make no message.
+        unsigned: Frames without the signature that is required.
+        wrong_key: Signatures that do not match the key.
+        replayed: Timestamps that do not rise.
+        too_many_streams: Signed streams beyond the table's size.
+    """
+
+    frames: int = 0
+    garbage_bytes: int = 0
+    crc: int = 0
+    length: int = 0
+    incompatible: int = 0
+    unknown_id: int = 0
+    truncated: int = 0
+    undecodable: int = 0
+    unsigned: int = 0
+    wrong_key: int = 0
+    replayed: int = 0
+    too_many_streams: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """Return the counts by name."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    def add(self, kind: str) -> None:
+        """Count one frame of a kind, which is one of the names above."""
+        setattr(self, kind, getattr(self, kind) + 1)
+
+
+class _Frame(NamedTuple):
+    """The extent and head of one candidate frame."""
+
+    end: int
+    header_end: int
+    payload_end: int
+    signed: bool
+    sequence: int
+    system: int
+    component: int
+    message_id: int
+    incompat: int
+
+
+class Decoder:
+    """One receiving side of one link."""
+
+    __slots__ = ("_reject_end", "_rest", "counts", "signing")
+
+    def __init__(self, *, signing: Signing | None = None) -> None:
+        self.signing = signing
+        self.counts = Counts()
+        self._rest = b""
+        self._reject_end = 0  # offset in the present data up to which failures belong to a frame already counted
+
+    @property
+    def pending(self) -> int:
+        """Bytes of an unfinished frame held back; never more than one frame."""
+        return len(self._rest)
+
+    def feed(self, data: bytes | bytearray | memoryview, *, whole: bool = False) -> list[Any]:
+        """Take bytes and return the messages completed by them, as pymavlink message objects.
+
+        Args:
+            data: Any bytes.
+            whole: The data end a datagram or a sample: an unfinished frame is counted as truncated and dropped
+                instead of being held back for the next call.
+        """
+        buffer = self._rest + bytes(data) if self._rest else bytes(data)
+        size = len(buffer)
+        messages: list[Any] = []
+        at = 0
+        while at < size:
+            if buffer[at] not in {0xFD, 0xFE}:
+                at = self._skip_garbage(buffer, at)
+                continue
+            frame = _frame_at(buffer, at, size)
+            if frame is None:
+                if not whole:
+                    break
+                self._fail("truncated", at, size)
+                at += 1
+                continue
+            outcome = self._judge(buffer, at, frame)
+            if isinstance(outcome, str):
+                self._fail(outcome, at, frame.end)
+                at = at + 1 if outcome in _RESCAN else frame.end
+                continue
+            messages.append(outcome)
+            self.counts.frames += 1
+            at = frame.end
+        self._rest = buffer[at:]
+        self._reject_end = max(0, self._reject_end - at)
+        return messages
+
+    def _skip_garbage(self, buffer: bytes, at: int) -> int:
+        found = _MAGIC.search(buffer, at)
+        end = found.start() if found else len(buffer)
+        self.counts.garbage_bytes += max(0, end - max(at, self._reject_end))
+        return end
+
+    def _fail(self, kind: str, at: int, end: int) -> None:
+        if at >= self._reject_end:
+            self.counts.add(kind)
+            self._reject_end = end
+
+    def _judge(self, buffer: bytes, at: int, frame: _Frame) -> Any:  # noqa: ANN401 - a message, or the kind of failure
+        fault = _fault(buffer, at, frame)
+        if fault is not None:
+            return fault
+        verdict = Verdict.UNCHECKED
+        signing = self.signing
+        if signing is not None and signing.secret_key is not None:
+            verdict = signing.check(
+                buffer[at : frame.end],
+                signed=frame.signed,
+                system=frame.system,
+                component=frame.component,
+                message_id=frame.message_id,
+            )
+            if not verdict.accepted:
+                return verdict.value
+        message = _message(buffer, at, frame)
+        if message is None:
+            return "undecodable"
+        message._signed = verdict is Verdict.GOOD  # noqa: SLF001 - the attributes pymavlink's own decoder fills
+        return message
+
+
+_RESCAN: Final = frozenset({"incompatible", "unknown_id", "crc"})
+"""Failures that say nothing sure about the frame's extent."""
+
+
+def _frame_at(buffer: bytes, at: int, size: int) -> _Frame | None:
+    """Return the frame that starts at a magic byte, or None while bytes of it are missing."""
+    if buffer[at] == _MAGIC_V1:
+        if size - at < _HEADER_V1:
+            return None
+        payload_end = at + _HEADER_V1 + buffer[at + 1]
+        end = payload_end + 2
+        if end > size:
+            return None
+        return _Frame(
+            end, at + _HEADER_V1, payload_end, False, buffer[at + 2], buffer[at + 3], buffer[at + 4], buffer[at + 5], 0
+        )
+    if size - at < _HEADER_V2:
+        return None
+    incompat = buffer[at + 2]
+    payload_end = at + _HEADER_V2 + buffer[at + 1]
+    end = payload_end + 2 + (BLOCK_LENGTH if incompat & _SIGNED else 0)
+    if end > size:
+        return None
+    message_id = buffer[at + 7] | buffer[at + 8] << 8 | buffer[at + 9] << 16
+    return _Frame(
+        end,
+        at + _HEADER_V2,
+        payload_end,
+        bool(incompat & _SIGNED),
+        buffer[at + 4],
+        buffer[at + 5],
+        buffer[at + 6],
+        message_id,
+        incompat,
+    )
+
+
+def _fault(buffer: bytes, at: int, frame: _Frame) -> str | None:
+    """Return what is wrong with a frame, by the name of its count, or None."""
+    if frame.incompat & ~_SIGNED:
+        return "incompatible"
+    spec = SPEC_BY_ID.get(frame.message_id)
+    if spec is None:
+        return "unknown_id"
+    crc = buffer[frame.payload_end] | buffer[frame.payload_end + 1] << 8
+    if mcrf4xx(buffer[at + 1 : frame.payload_end] + spec.crc_extra) != crc:
+        return "crc"
+    if buffer[at] == _MAGIC_V1 and frame.payload_end - frame.header_end > spec.size:
+        return "length"
+    return None
+
+
+def _message(buffer: bytes, at: int, frame: _Frame) -> Any:  # noqa: ANN401 - pymavlink has no types
+    spec = SPEC_BY_ID[frame.message_id]
+    payload = buffer[frame.header_end : frame.payload_end]
+    size = spec.size
+    held = len(payload)
+    full = payload if held == size else payload.ljust(size, b"\0") if held < size else payload[:size]
+    try:
+        message = spec.message_class(*spec.unpack_payload(full))
+    except (ValueError, TypeError, IndexError):
+        return None
+    message._header = dialect.MAVLink_header(  # noqa: SLF001 - the attributes pymavlink's own decoder fills
+        frame.message_id, frame.incompat, 0, held, frame.sequence, frame.system, frame.component
+    )
+    message._payload = payload  # noqa: SLF001
+    message._msgbuf = buffer[at : frame.end]  # noqa: SLF001
+    message._crc = int.from_bytes(buffer[frame.payload_end : frame.payload_end + 2], "little")  # noqa: SLF001
+    if frame.signed:
+        message._link_id = buffer[frame.end - BLOCK_LENGTH]  # noqa: SLF001
+    return message

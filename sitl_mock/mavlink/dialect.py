@@ -1,0 +1,166 @@
+"""The messages of the dialect, prepared once for packing and unpacking.
+
+Field order on the wire, lengths and the CRC seed come from pymavlink's message classes, so a field is defined in one
+place; the code that turns values into bytes and back is this package's own.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, Final
+
+from pymavlink.dialects.v20 import all as dialect
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+
+class EncodeError(ValueError):
+    """Values that do not fit the message: wrong name, wrong count, or out of the field's range."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessageSpec:
+    """One message of the dialect.
+
+    Attributes:
+        name: Name as in the MAVLink XML, for example ``LOCAL_POSITION_NED``.
+        message_id: 24-bit message id.
+        message_class: pymavlink's class, which decoded messages are instances of.
+        field_names: Names in the order of declaration (that of the class's arguments).
+        id_bytes: The id as it stands in a MAVLink 2 header.
+        crc_extra: The seed byte that closes the CRC.
+        size: Payload length in bytes before trailing zeros go.
+        pack_payload: Values in the order of declaration to the whole payload.
+        unpack_payload: Whole payload to values in the order of declaration.
+    """
+
+    name: str
+    message_id: int
+    message_class: type[Any]
+    field_names: tuple[str, ...]
+    id_bytes: bytes
+    crc_extra: bytes
+    size: int
+    pack_payload: Callable[[Sequence[Any]], bytes]
+    unpack_payload: Callable[[bytes], Sequence[Any]]
+
+
+def _text_bytes(value: str | bytes | bytearray | memoryview) -> bytes:
+    # join, not bytes(): an int must be refused, not become that many zeros
+    return value.encode("utf-8", "replace") if isinstance(value, str) else b"".join((value,))
+
+
+def _scalar_packer(wire: struct.Struct, to_wire: tuple[int, ...]) -> Callable[[Sequence[Any]], bytes]:
+    """Packer for a message without arrays: reorder, then one struct call."""
+    pack = wire.pack
+    if to_wire == tuple(range(len(to_wire))):
+        return lambda values: pack(*values)
+    if len(to_wire) == 1:
+        return lambda values: pack(values[0])
+    reorder = itemgetter(*to_wire)
+    count = len(to_wire)
+
+    def pack_reordered(values: Sequence[Any]) -> bytes:
+        if len(values) != count:
+            raise struct.error(f"{count} values expected, {len(values)} given")
+        return pack(*reorder(values))
+
+    return pack_reordered
+
+
+def _array_packer(
+    wire: struct.Struct, to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
+) -> Callable[[Sequence[Any]], bytes]:
+    """Packer for a message with arrays or text; ``kinds`` holds (type, array length or 0) in wire order."""
+    plan = tuple((index, kind == "char", length) for index, (kind, length) in zip(to_wire, kinds, strict=True))
+
+    def pack_flat(values: Sequence[Any]) -> bytes:
+        if len(values) != len(plan):
+            raise struct.error(f"{len(plan)} values expected, {len(values)} given")
+        flat: list[Any] = []
+        for index, is_text, length in plan:
+            value = values[index]
+            if is_text:
+                flat.append(_text_bytes(value))
+            elif length:
+                flat.extend(value)
+            else:
+                flat.append(value)
+        return wire.pack(*flat)
+
+    return pack_flat
+
+
+def _unpacker(
+    wire: struct.Struct, to_declared: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
+) -> Callable[[bytes], Sequence[Any]]:
+    unpack = wire.unpack
+    if all(length == 0 and kind != "char" for kind, length in kinds):
+        if to_declared == tuple(range(len(to_declared))):
+            return unpack
+        if len(to_declared) > 1:
+            reorder = itemgetter(*to_declared)
+            return lambda payload: reorder(unpack(payload))
+    starts: list[slice | int] = []
+    at = 0
+    for kind, length in kinds:
+        starts.append(slice(at, at + length) if length and kind != "char" else at)
+        at += length if length and kind != "char" else 1
+    plan = tuple(starts[wire_index] for wire_index in to_declared)
+
+    def unpack_nested(payload: bytes) -> Sequence[Any]:
+        flat = unpack(payload)
+        return [list(flat[part]) if isinstance(part, slice) else _stripped(flat[part]) for part in plan]
+
+    return unpack_nested
+
+
+def _stripped(value: Any) -> Any:  # noqa: ANN401 - a field of any wire type
+    return value.rstrip(b"\0") if isinstance(value, bytes) else value
+
+
+def _spec(message_class: type[Any]) -> MessageSpec:
+    names = tuple(message_class.fieldnames)
+    declared_index = {name: index for index, name in enumerate(names)}
+    wire_names = tuple(message_class.ordered_fieldnames)
+    to_wire = tuple(declared_index[name] for name in wire_names)
+    wire_index = {name: index for index, name in enumerate(wire_names)}
+    to_declared = tuple(wire_index[name] for name in names)
+    kinds = tuple(
+        (message_class.fieldtypes[declared_index[name]], length)
+        for name, length in zip(wire_names, message_class.array_lengths, strict=True)
+    )
+    wire = struct.Struct(message_class.unpacker.format)
+    flat = all(length == 0 and kind != "char" for kind, length in kinds)
+    return MessageSpec(
+        name=message_class.msgname,
+        message_id=message_class.id,
+        message_class=message_class,
+        field_names=names,
+        id_bytes=message_class.id.to_bytes(3, "little"),
+        crc_extra=bytes((message_class.crc_extra,)),
+        size=wire.size,
+        pack_payload=_scalar_packer(wire, to_wire) if flat else _array_packer(wire, to_wire, kinds),
+        unpack_payload=_unpacker(wire, to_declared, kinds),
+    )
+
+
+SPEC_BY_ID: Final[dict[int, MessageSpec]] = {
+    message_id: _spec(message_class) for message_id, message_class in dialect.mavlink_map.items()
+}
+SPEC_BY_NAME: Final[dict[str, MessageSpec]] = {spec.name: spec for spec in SPEC_BY_ID.values()}
+
+
+def spec_of(message: str | int) -> MessageSpec:
+    """Return the message of a name or an id.
+
+    Raises:
+        EncodeError: The dialect has no such message.
+    """
+    spec = SPEC_BY_NAME.get(message) if isinstance(message, str) else SPEC_BY_ID.get(message)
+    if spec is None:
+        raise EncodeError(f"message {message!r} is not in the dialect; use a name such as 'HEARTBEAT' or its id")
+    return spec

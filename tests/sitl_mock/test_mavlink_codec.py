@@ -1,0 +1,283 @@
+"""The codec against pymavlink's own packer and parser, over every message of the dialect."""
+
+import math
+import os
+import random
+import struct
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as dialect
+
+from sitl_mock.mavlink import MAX_FRAME, SPEC_BY_ID, SPEC_BY_NAME, Decoder, EncodeError, Encoder, spec_of, values_of
+
+INTEGERS = {
+    "uint8_t": (0, 2**8 - 1),
+    "int8_t": (-(2**7), 2**7 - 1),
+    "uint16_t": (0, 2**16 - 1),
+    "int16_t": (-(2**15), 2**15 - 1),
+    "uint32_t": (0, 2**32 - 1),
+    "int32_t": (-(2**31), 2**31 - 1),
+    "uint64_t": (0, 2**64 - 1),
+    "int64_t": (-(2**63), 2**63 - 1),
+}
+
+
+def element(kind):
+    if kind in INTEGERS:
+        low, high = INTEGERS[kind]
+        return st.one_of(st.just(0), st.integers(low, high))
+    return st.floats(width=64 if kind == "double" else 32, allow_nan=False)
+
+
+def field(kind, length):
+    if kind == "char":
+        text = st.text(alphabet=st.characters(min_codepoint=32, max_codepoint=126), max_size=max(length, 1))
+        return text.map(str.encode) if length else st.integers(1, 127).map(lambda code: bytes((code,)))
+    return st.lists(element(kind), min_size=length, max_size=length) if length else element(kind)
+
+
+@st.composite
+def any_message(draw):
+    cls = dialect.mavlink_map[draw(st.sampled_from(sorted(dialect.mavlink_map)))]
+    lengths = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
+    kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
+    return cls, tuple(draw(field(kinds[name], lengths[name])) for name in cls.fieldnames)
+
+
+def witness(system=7, component=9, sequence=0):
+    mav = dialect.MAVLink(SimpleNamespace(write=lambda _: None), system, component)
+    mav.seq = sequence
+    return mav
+
+
+@settings(max_examples=600, deadline=None)
+@given(any_message(), st.integers(0, 255), st.integers(0, 255), st.integers(0, 255))
+def test_every_message_packs_to_the_bytes_of_pymavlink(message, sequence, system, component):
+    cls, values = message
+    encoder = Encoder(system, component)
+    encoder.sequence = sequence
+    assert encoder.pack(cls.msgname, *values) == cls(*values).pack(witness(system, component, sequence))
+
+
+@settings(max_examples=600, deadline=None)
+@given(any_message(), st.integers(0, 255))
+def test_every_message_of_pymavlink_decodes_to_the_same_object(message, sequence):
+    cls, values = message
+    frame = cls(*values).pack(witness(sequence=sequence))
+    theirs = witness().decode(bytearray(frame))
+    decoder = Decoder()
+    (ours,) = decoder.feed(frame)
+    assert ours == theirs
+    assert type(ours) is cls
+    assert ours.to_dict() == theirs.to_dict()
+    assert vars(ours.get_header()) == vars(theirs.get_header())
+    assert bytes(ours.get_msgbuf()) == frame
+    assert (decoder.counts.frames, decoder.pending) == (1, 0)
+
+
+@settings(max_examples=200, deadline=None)
+@given(any_message())
+def test_a_decoded_message_encodes_to_the_same_frame(message):
+    cls, values = message
+    frame = Encoder(3, 4).pack(cls.msgname, *values)
+    (decoded,) = Decoder().feed(frame)
+    assert Encoder(3, 4).encode(decoded) == frame
+    assert Encoder(3, 4).encode(cls(*values)) == frame
+
+
+@pytest.mark.parametrize("message_id", sorted(SPEC_BY_ID))
+def test_zero_values_of_every_message_make_one_byte_of_payload_both_here_and_there(message_id):
+    cls = dialect.mavlink_map[message_id]
+    lengths = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
+    kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
+    values = [
+        (b"" if lengths[n] else b"\0") if kinds[n] == "char" else [0] * lengths[n] if lengths[n] else 0
+        for n in cls.fieldnames
+    ]
+    frame = Encoder(7, 9).pack(message_id, *values)
+    assert frame == cls(*values).pack(witness())
+    assert len(frame) == 13
+    (message,) = Decoder().feed(frame)
+    assert message.get_msgId() == message_id
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(any_message(), min_size=1, max_size=8), st.randoms(use_true_random=False))
+def test_a_stream_cut_anywhere_gives_every_message_once_and_in_order(messages, rng):
+    encoder = Encoder(1, 1)
+    stream = b"".join(encoder.pack(cls.msgname, *values) for cls, values in messages)
+    decoder, seen, at = Decoder(), [], 0
+    while at < len(stream):
+        step = rng.randint(1, 40)
+        seen += decoder.feed(stream[at : at + step])
+        at += step
+        assert decoder.pending < MAX_FRAME
+    assert [m.get_type() for m in seen] == [cls.msgname for cls, _ in messages]
+    assert [m.get_seq() for m in seen] == list(range(len(messages)))
+    assert sum(decoder.counts.as_dict().values()) == len(messages)
+
+
+def test_the_sequence_wraps_at_256_and_each_encoder_has_its_own():
+    first, second = Encoder(1, 1), Encoder(1, 1)
+    frames = [first.pack("PING", 0, 0, 0, 0) for _ in range(257)]
+    assert [frame[4] for frame in frames] == [*range(256), 0]
+    assert second.pack("PING", 0, 0, 0, 0)[4] == 0
+
+
+def test_not_a_number_passes_both_ways():
+    frame = Encoder(1, 1).pack("COMMAND_LONG", 1, 1, 22, 0, *[math.nan] * 7)
+    (message,) = Decoder().feed(frame)
+    assert all(math.isnan(getattr(message, f"param{i}")) for i in range(1, 8))
+    assert frame == dialect.MAVLink_command_long_message(1, 1, 22, 0, *[math.nan] * 7).pack(witness(1, 1))
+
+
+def test_text_may_be_str_or_bytes_and_arrays_any_sequence():
+    as_text = Encoder(1, 1).pack("PARAM_REQUEST_READ", 1, 1, "MPC_XY_VEL_MAX", -1)
+    as_bytes = Encoder(1, 1).pack("PARAM_REQUEST_READ", 1, 1, b"MPC_XY_VEL_MAX", -1)
+    assert as_text == as_bytes
+    as_list = Encoder(1, 1).pack("FILE_TRANSFER_PROTOCOL", 0, 1, 1, [7] * 251)
+    assert as_list == Encoder(1, 1).pack("FILE_TRANSFER_PROTOCOL", 0, 1, 1, bytes([7]) * 251)
+
+
+@pytest.mark.parametrize(
+    ("message", "values", "said"),
+    [
+        ("HEARTBEAT", (2, 12, 256, 0, 4, 3), "HEARTBEAT"),
+        ("HEARTBEAT", (2, 12), "HEARTBEAT"),
+        ("PARAM_VALUE", (b"A", 1.0, 9, 1), "5 values expected, 4 given"),
+        ("SET_POSITION_TARGET_LOCAL_NED", (1,) * 15, "16 values expected, 15 given"),
+        ("FILE_TRANSFER_PROTOCOL", (0, 1, 1, [1, 2]), "FILE_TRANSFER_PROTOCOL"),
+        ("PARAM_VALUE", (3, 1.0, 9, 1, 1), "PARAM_VALUE"),
+        ("NO_SUCH", (), "NO_SUCH"),
+        (0xFFFFFF, (), "16777215"),
+    ],
+)
+def test_values_that_do_not_fit_are_refused_with_the_name_of_the_message(message, values, said):
+    encoder = Encoder(1, 1)
+    with pytest.raises(EncodeError, match=said):
+        encoder.pack(message, *values)
+    assert encoder.sequence == 0
+
+
+def test_names_and_ids_reach_the_same_message():
+    assert spec_of("HEARTBEAT") is spec_of(0) is SPEC_BY_NAME["HEARTBEAT"]
+    values = (2, 12, 81, 0, 4, 3)
+    assert Encoder(1, 1).pack("HEARTBEAT", *values) == Encoder(1, 1).pack(0, *values)
+
+
+def test_values_of_a_message_are_its_constructor_arguments():
+    values = ("x", 1.5, 9, 3, 2)
+    message = dialect.MAVLink_param_value_message(b"x", *values[1:])
+    assert values_of(message) == (b"x", *values[1:])
+
+
+# -- MAVLink 1 ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_mavlink_1_frame_is_that_of_pymavlink_and_is_accepted():
+    message = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    theirs = message.pack(witness(255, 190), force_mavlink1=True)
+    assert Encoder(255, 190).pack_v1("HEARTBEAT", 6, 8, 0, 0, 4, 3) == theirs
+    (decoded,) = Decoder().feed(theirs)
+    assert (decoded.get_type(), decoded.get_srcSystem(), decoded.get_srcComponent()) == ("HEARTBEAT", 255, 190)
+
+
+def test_mavlink_1_cannot_carry_a_large_id_nor_bad_values():
+    with pytest.raises(EncodeError, match="up to 255"):
+        Encoder(1, 1).pack_v1("ODOMETRY", *[0] * 17)
+    with pytest.raises(EncodeError, match="HEARTBEAT"):
+        Encoder(1, 1).pack_v1("HEARTBEAT", 900, 0, 0, 0, 0, 0)
+
+
+def test_a_mavlink_1_frame_longer_than_its_message_is_counted_as_length():
+    crc = dialect.x25crc(bytes((10, 0, 1, 1, 0)) + bytes(10) + bytes((50,))).crc
+    decoder = Decoder()
+    assert decoder.feed(b"\xfe" + bytes((10, 0, 1, 1, 0)) + bytes(10) + struct.pack("<H", crc)) == []
+    assert decoder.counts.length == 1
+
+
+# -- what is wrong is counted and dropped -----------------------------------------------------------------------------
+
+
+def heartbeat(sequence=0):
+    encoder = Encoder(255, 190)
+    encoder.sequence = sequence
+    return encoder.pack("HEARTBEAT", 6, 8, 0, 0, 4, 3)
+
+
+def test_garbage_before_a_frame_is_counted_byte_by_byte():
+    decoder = Decoder()
+    assert len(decoder.feed(b"no magic here" + heartbeat())) == 1
+    assert decoder.counts.garbage_bytes == 13
+
+
+def test_a_flipped_bit_anywhere_never_gives_a_message_from_that_frame():
+    frame = heartbeat()
+    for bit in range(len(frame) * 8):
+        broken = bytearray(frame)
+        broken[bit // 8] ^= 1 << bit % 8
+        decoder = Decoder()
+        assert decoder.feed(bytes(broken), whole=True) == []
+        counts = decoder.counts
+        assert counts.garbage_bytes + counts.crc + counts.incompatible + counts.unknown_id + counts.truncated > 0
+
+
+def test_one_corrupted_frame_counts_once_whatever_its_payload_looks_like():
+    frame = bytearray(Encoder(1, 1).pack("FILE_TRANSFER_PROTOCOL", 0, 1, 1, [0xFD] * 251))
+    frame[-1] ^= 0xFF
+    decoder = Decoder()
+    assert decoder.feed(bytes(frame) + heartbeat(), whole=True)[0].get_type() == "HEARTBEAT"
+    counts = decoder.counts.as_dict()
+    assert counts.pop("crc") == 1
+    assert counts.pop("frames") == 1
+    assert not any(counts.values())
+
+
+def test_a_good_frame_swallowed_by_a_false_start_is_still_found():
+    decoder = Decoder()
+    false_start = b"\xfd\x30\x00\x00\x00\x01\x01\x00\x00\x00"  # claims 48 bytes of payload
+    messages = decoder.feed(false_start + heartbeat(1) + heartbeat(2) + heartbeat(3))
+    assert [m.get_seq() for m in messages] == [1, 2, 3]
+    assert decoder.counts.crc == 1
+
+
+def test_a_truncated_datagram_is_counted_and_does_not_hold_up_the_next():
+    decoder = Decoder()
+    for cut in range(1, len(heartbeat())):
+        assert decoder.feed(heartbeat()[:cut], whole=True) == []
+    assert decoder.counts.truncated == len(heartbeat()) - 1
+    assert decoder.pending == 0
+    assert len(decoder.feed(heartbeat(), whole=True)) == 1
+
+
+def test_an_unknown_id_and_an_unknown_flag_are_counted_apart():
+    decoder = Decoder()
+    body = bytes((1, 0, 0, 0, 1, 1, 0xEE, 0xEE, 0xEE, 5))
+    assert decoder.feed(b"\xfd" + body + b"\x11\x22", whole=True) == []
+    body = bytes((1, 2, 0, 0, 1, 1, 0, 0, 0, 5))
+    assert decoder.feed(b"\xfd" + body + b"\x11\x22", whole=True) == []
+    assert (decoder.counts.unknown_id, decoder.counts.incompatible) == (1, 1)
+
+
+def test_a_longer_payload_than_known_is_read_up_to_the_known_fields():
+    payload = struct.pack("<IBBBBB", 3, 2, 12, 81, 4, 3) + b"\x99\x98"  # a later dialect's extension
+    body = bytes((len(payload), 0, 0, 0, 1, 1, 0, 0, 0)) + payload
+    crc = dialect.x25crc(body + bytes((50,))).crc
+    (message,) = Decoder().feed(b"\xfd" + body + struct.pack("<H", crc))
+    assert (message.custom_mode, message.type, message.mavlink_version) == (3, 2, 3)
+
+
+def test_the_buffer_never_holds_more_than_one_frame():
+    rng = random.Random(5)
+    decoder = Decoder()
+    for _ in range(300):
+        decoder.feed(b"\xfd" + rng.randbytes(rng.randint(0, 900)))
+        assert decoder.pending < MAX_FRAME
+
+
+def test_the_dialect_is_mavlink_2_whatever_the_environment_says():
+    assert "MAVLINK09" not in os.environ
+    assert Encoder(1, 1).pack("PING", 1, 1, 0, 0)[0] == 0xFD
