@@ -1,0 +1,177 @@
+"""What differs between PX4 and ArduCopter, as data: mode numbers, how to ask for a mode, which streams to request.
+
+Sources: PX4 `px4_custom_mode.h`, ArduCopter `mode.h`, MAVLink common, and our own measurements of PX4 v1.17 and
+ArduCopter 4.5.7.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from guidance.errors import ConfigError
+from guidance.telemetry import Command
+
+MAV_CMD_NAV_LAND = 21
+MAV_CMD_NAV_TAKEOFF = 22
+MAV_CMD_DO_SET_MODE = 176
+MAV_CMD_DO_REPOSITION = 192
+MAV_CMD_COMPONENT_ARM_DISARM = 400
+MAV_CMD_SET_MESSAGE_INTERVAL = 511
+MAV_CMD_REQUEST_MESSAGE = 512
+MAV_FRAME_GLOBAL = 0
+MAV_FRAME_GLOBAL_RELATIVE_ALT = 3
+
+_NAN = math.nan
+
+
+class Mode(StrEnum):
+    """A flight mode by what it means to us; everything a pilot may choose besides is OTHER."""
+
+    GUIDED = "guided"  # PX4 OFFBOARD, ArduCopter GUIDED
+    HOLD = "hold"
+    TAKEOFF = "takeoff"
+    RETURN = "return"
+    LAND = "land"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotProfile:
+    """One flavour. `custom_modes` maps a mode to HEARTBEAT.custom_mode, `streams_hz` a message id to the rate asked.
+
+    `mode_parameters` are DO_SET_MODE's second and third, and `unused` fills parameters that are not given.
+    """
+
+    name: str
+    autopilot_id: int
+    custom_modes: Mapping[Mode, int]
+    mode_parameters: Mapping[Mode, tuple[int, int]]
+    unused: float
+    takeoff_frame: int
+    stream_before_guided: bool
+    loss_parameter: str
+    setpoint_timeout_s: float
+    streams_hz: Mapping[int, float] = field(default_factory=dict)
+
+    def mode_of(self, custom_mode: int) -> Mode:
+        """Name what HEARTBEAT.custom_mode says."""
+        return next((mode for mode, number in self.custom_modes.items() if number == custom_mode), Mode.OTHER)
+
+    def set_mode(self, mode: Mode) -> Command:
+        """DO_SET_MODE with the custom flag (base mode 1)."""
+        main, sub = self.mode_parameters[mode]
+        return self._command(MAV_CMD_DO_SET_MODE, 1, main, sub)
+
+    def arm(self) -> Command:
+        """COMPONENT_ARM_DISARM, never forced."""
+        return self._command(MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
+
+    def disarm(self) -> Command:
+        """COMPONENT_ARM_DISARM, never forced: refused in the air, as it should be."""
+        return self._command(MAV_CMD_COMPONENT_ARM_DISARM, 0, 0)
+
+    def takeoff(self, *, height_m: float, home_amsl_m: float) -> Command:
+        """NAV_TAKEOFF to a height above home; PX4 wants it above mean sea level, ArduCopter above home."""
+        altitude = height_m if self.takeoff_frame == MAV_FRAME_GLOBAL_RELATIVE_ALT else height_m + home_amsl_m
+        unused = self.unused
+        return Command(MAV_CMD_NAV_TAKEOFF, (unused, unused, unused, unused, unused, unused, altitude))
+
+    def land(self) -> Command:
+        """NAV_LAND here."""
+        return self._command(MAV_CMD_NAV_LAND)
+
+    def reposition(self, *, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Command:
+        """DO_REPOSITION at the autopilot's own speed, changing to the mode that can (Hold, GUIDED)."""
+        return Command(
+            MAV_CMD_DO_REPOSITION,
+            (-1.0, 1.0, 0.0, _NAN, latitude_deg, longitude_deg, altitude_amsl_m),
+            frame=MAV_FRAME_GLOBAL,
+        )
+
+    def stream_requests(self) -> tuple[Command, ...]:
+        """SET_MESSAGE_INTERVAL for every stream the core needs."""
+        return tuple(
+            Command(MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0))
+            for message_id, rate_hz in self.streams_hz.items()
+        )
+
+    def request_message(self, message_id: int) -> Command:
+        """REQUEST_MESSAGE, once."""
+        return Command(MAV_CMD_REQUEST_MESSAGE, (float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+    def _command(self, number: int, *params: float) -> Command:
+        given = tuple(float(value) for value in params)
+        p1, p2, p3, p4, p5, p6, p7 = given + (self.unused,) * (7 - len(given))
+        return Command(number, (p1, p2, p3, p4, p5, p6, p7))
+
+
+ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, SYS_STATUS = 30, 32, 33, 1
+GPS_GLOBAL_ORIGIN, HOME_POSITION, EXTENDED_SYS_STATE, ODOMETRY = 49, 242, 245, 331
+POSITION_TARGET_LOCAL_NED = 85
+
+_STREAMS_HZ = {
+    ATTITUDE: 20.0,
+    LOCAL_POSITION_NED: 50.0,
+    GLOBAL_POSITION_INT: 10.0,
+    SYS_STATUS: 2.0,
+    EXTENDED_SYS_STATE: 5.0,
+    POSITION_TARGET_LOCAL_NED: 5.0,
+}
+
+
+def _px4(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+PX4 = AutopilotProfile(
+    name="px4",
+    autopilot_id=12,
+    custom_modes={
+        Mode.GUIDED: _px4(6),
+        Mode.HOLD: _px4(4, 3),
+        Mode.TAKEOFF: _px4(4, 2),
+        Mode.RETURN: _px4(4, 5),
+        Mode.LAND: _px4(4, 6),
+    },
+    mode_parameters={
+        Mode.GUIDED: (6, 0),
+        Mode.HOLD: (4, 3),
+        Mode.TAKEOFF: (4, 2),
+        Mode.RETURN: (4, 5),
+        Mode.LAND: (4, 6),
+    },
+    unused=_NAN,
+    takeoff_frame=MAV_FRAME_GLOBAL,
+    stream_before_guided=True,
+    loss_parameter="COM_OF_LOSS_T",
+    setpoint_timeout_s=1.0,
+    streams_hz={**_STREAMS_HZ, ODOMETRY: 30.0},
+)
+
+ARDUCOPTER = AutopilotProfile(
+    name="arducopter",
+    autopilot_id=3,
+    custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
+    mode_parameters={Mode.GUIDED: (4, 0), Mode.HOLD: (17, 0), Mode.RETURN: (6, 0), Mode.LAND: (9, 0)},
+    unused=0.0,
+    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    stream_before_guided=False,
+    loss_parameter="GUID_TIMEOUT",
+    setpoint_timeout_s=3.0,
+    streams_hz=_STREAMS_HZ,
+)
+
+PROFILES: Mapping[str, AutopilotProfile] = {profile.name: profile for profile in (PX4, ARDUCOPTER)}
+
+
+def profile(name: str) -> AutopilotProfile:
+    """Look a profile up by name.
+
+    Raises:
+        ConfigError: If there is no such flavour.
+    """
+    try:
+        return PROFILES[name]
+    except KeyError:
+        raise ConfigError(f"autopilot = {name!r}: allowed are {', '.join(PROFILES)}") from None

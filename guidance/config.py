@@ -1,0 +1,103 @@
+"""Configuration files: TOML in, checked models out. A wrong key, unit or range stops the start and says so."""
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from guidance.errors import ConfigError
+
+
+class Section(BaseModel):
+    """Base of every section: frozen, unknown keys refused, numbers finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+Model = TypeVar("Model", bound=Section)
+
+
+def load(model: type[Model], path: Path) -> Model:
+    """Read a TOML file into `model`.
+
+    Raises:
+        ConfigError: If the file cannot be read, is no TOML, or a key is unknown, missing or out of range. The message
+            has one line a fault, each with the key, the value and what is allowed.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+    return parse(model, document, source=str(path))
+
+
+def parse(model: type[Model], document: dict[str, Any], *, source: str) -> Model:
+    """Check a document that has been read already.
+
+    Raises:
+        ConfigError: As `load`.
+    """
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        faults = "\n".join(f"  {_explain(model, dict(fault))}" for fault in error.errors())
+        raise ConfigError(f"{source}:\n{faults}") from error
+
+
+def _explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
+    location = [str(part) for part in fault["loc"]]
+    key = ".".join(location)
+    if fault["type"] == "extra_forbidden":
+        known = sorted(_section_at(model, location[:-1]))
+        near = difflib.get_close_matches(location[-1], known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+        return f"{key}: unknown key; {hint}"
+    if fault["type"] == "missing":
+        return f"{key}: missing; it has no default"
+    message = str(fault["msg"]).removeprefix("Value error, ")
+    if not key:
+        return message
+    return f"{key} = {fault['input']!r}: {message[0].lower()}{message[1:]}"
+
+
+def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:
+    """Name the keys known at a place in the document, following optional sections and tables."""
+    section: type[BaseModel] | None = model
+    for part in location:
+        field = section.model_fields.get(part) if section else None
+        section = _model_in(field.annotation) if field else section
+    return set(section.model_fields) if section else set()
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - a type annotation can be any object
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_model_in, getattr(annotation, "__args__", ()))), None)
+
+
+def config_folder() -> Path:
+    """Return the folder of the configuration that comes with the package: in the wheel, or in the checkout."""
+    package = Path(__file__).parent
+    installed = package / "_config"
+    return installed if installed.is_dir() else package.parent / "config"
+
+
+def find(name: str, folder: str) -> Path:
+    """Find a configuration file: as a path, or by its name in the folder that comes with the package.
+
+    Raises:
+        ConfigError: If there is none; the message lists those that come with the package.
+    """
+    shipped = config_folder()
+    for candidate in (Path(name), shipped / name, shipped / folder / name, shipped / folder / f"{name}.toml"):
+        if candidate.is_file():
+            return candidate
+    # `config/scenarios/pe.toml` is how the checkout spells it; an installed wheel has it elsewhere.
+    if name.startswith("config/") and (shipped / name.removeprefix("config/")).is_file():
+        return shipped / name.removeprefix("config/")
+    known = sorted(path.stem for path in (shipped / folder).glob("*.toml"))
+    raise ConfigError(f"no {folder.removesuffix('s')} {name!r}: give a path, or one of: {', '.join(known)}")

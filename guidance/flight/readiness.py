@@ -1,0 +1,73 @@
+"""Is the vehicle fit to fly? One row a condition, so that a person sees which one is missing."""
+
+import math
+from typing import NamedTuple
+
+from guidance.autopilots import AutopilotProfile
+from guidance.telemetry import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
+from guidance.vehicle import VehicleState
+
+# MAV_SYS_STATUS_SENSOR: what must be present and healthy where the autopilot reports it at all.
+_PREARM_CHECK = 1 << 28
+
+HEARTBEAT_LIMIT_S = 3.0
+TELEMETRY_LIMIT_S = 1.0
+
+
+class Check(NamedTuple):
+    """One condition: what it is about, whether it holds, and what was found."""
+
+    name: str
+    passed: bool
+    found: str
+
+
+def checks(
+    vehicle: VehicleState, profile: AutopilotProfile, now_s: float, *, battery_minimum: float
+) -> tuple[Check, ...]:
+    """Evaluate every condition for arming and engaging.
+
+    Args:
+        vehicle: What has been heard.
+        profile: Which autopilot is expected.
+        now_s: The present, on the clock that stamped the messages.
+        battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
+    """
+    heartbeat = vehicle.last(Heartbeat)
+    return (
+        Check(
+            "autopilot",
+            heartbeat is not None and heartbeat.autopilot == profile.autopilot_id,
+            "not heard" if heartbeat is None else f"MAV_AUTOPILOT {heartbeat.autopilot}, want {profile.autopilot_id}",
+        ),
+        _fresh(vehicle, Heartbeat, now_s, HEARTBEAT_LIMIT_S),
+        _fresh(vehicle, LocalPosition, now_s, TELEMETRY_LIMIT_S),
+        _fresh(vehicle, Attitude, now_s, TELEMETRY_LIMIT_S),
+        _fresh(vehicle, LandedState, now_s, 2.0 * TELEMETRY_LIMIT_S),
+        _fresh(vehicle, Home, now_s, math.inf),
+        *_status(vehicle, battery_minimum),
+    )
+
+
+def _fresh(
+    vehicle: VehicleState,
+    kind: type[Heartbeat | LocalPosition | Attitude | LandedState | Home],
+    now_s: float,
+    limit_s: float,
+) -> Check:
+    age_s = vehicle.age_s(kind, now_s)
+    heard = math.isfinite(age_s)
+    return Check(kind.__name__, heard and age_s <= limit_s, f"{age_s:.1f} s old" if heard else "not heard")
+
+
+def _status(vehicle: VehicleState, battery_minimum: float) -> tuple[Check, Check]:
+    status = vehicle.last(SystemStatus)
+    if status is None:
+        return Check("prearm", passed=False, found="not heard"), Check("battery", passed=False, found="not heard")
+    reported = bool(status.sensors_present & _PREARM_CHECK)
+    healthy = bool(status.sensors_health & _PREARM_CHECK)
+    battery = status.battery_remaining
+    return (
+        Check("prearm", healthy or not reported, "healthy" if healthy else "the autopilot's own checks fail"),
+        Check("battery", not battery < battery_minimum, "unknown" if math.isnan(battery) else f"{battery:.0%} left"),
+    )

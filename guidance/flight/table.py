@@ -1,0 +1,148 @@
+"""What a flight may do: every state, every event and the one table that joins them.
+
+A pair that is not in the table changes nothing, on purpose: the event is recorded and the state stays. What must never
+happen is therefore visible as a line that is not there: nothing leads from YIELDED to any state that commands the
+vehicle, and nothing but a person's word (`Event.ENGAGE`) leads into ENTERING.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+from guidance.autopilots import Mode
+
+
+class State(StrEnum):
+    """Where the flight stands."""
+
+    CONNECTING = "connecting"  # nothing heard yet
+    CHECKING = "checking"  # heard; not yet fit to fly
+    READY = "ready"  # fit to fly, waiting for a person's word
+    ARMING = "arming"
+    CLIMBING = "climbing"  # the autopilot's own take-off
+    POSITIONING = "positioning"  # the autopilot flies to the start
+    STANDING_BY = "standing by"  # hovering in the autopilot's hold, silent
+    ENTERING = "entering"  # streaming a hover, waiting for HEARTBEAT to show the guided mode
+    ENGAGED = "engaged"  # the game is played
+    PAUSED = "paused"  # hovering in the guided mode until what is missing is back
+    ON_STATION = "on station"  # the stand-off disc is reached
+    HOLDING = "holding"  # handed to the autopilot's hold
+    RETURNING = "returning"
+    LANDING = "landing"
+    LANDED = "landed"  # on the ground, disarmed: the end
+    YIELDED = "yielded"  # a pilot or the autopilot took over: silent for good
+    FAILED = "failed"  # could not be flown: silent for good
+
+
+class Event(StrEnum):
+    """What may happen. A person's orders come first, then what telemetry shows."""
+
+    START = "start"
+    ENGAGE = "engage"
+    HOLD = "hold"
+    RETURN = "return"
+    LAND = "land"
+    ABORT = "abort"
+
+    HEARD = "vehicle heard"
+    FIT = "checks passed"
+    UNFIT = "checks failed"
+    ARMED = "armed"
+    ALOFT = "airborne at a start order"
+    AT_HEIGHT = "take-off height reached"
+    AT_START = "start position reached"
+    GUIDED = "guided mode confirmed"
+    CAPTURED = "stand-off reached"
+    STRAYED = "stand-off left"
+    ESCAPED = "evader reached its target"
+    PILOT = "mode changed by another hand"
+    TARGET_LOST = "target lost"
+    ESTIMATOR_RESET = "estimator reset"
+    LOOP_LATE = "loop late"
+    CLEAR = "all inputs back"
+    TELEMETRY_LOST = "vehicle telemetry lost"
+    BATTERY_LOW = "battery low"
+    FENCE = "outside the fence"
+    NO_GAME = "target too fast for this vehicle"
+    REBOOTED = "autopilot rebooted"
+    DISARMED = "disarmed"
+    TIMED_OUT = "phase took too long"
+
+
+_AIRBORNE = (State.CLIMBING, State.POSITIONING, State.STANDING_BY)
+_COMMANDING = (State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION)
+_LEAVING = (State.HOLDING, State.RETURNING, State.LANDING)
+
+TRANSITIONS: Mapping[tuple[State, Event], State] = {
+    (State.CONNECTING, Event.HEARD): State.CHECKING,
+    (State.CONNECTING, Event.TIMED_OUT): State.FAILED,
+    (State.CHECKING, Event.FIT): State.READY,
+    (State.CHECKING, Event.TIMED_OUT): State.FAILED,
+    (State.READY, Event.UNFIT): State.CHECKING,
+    (State.READY, Event.START): State.ARMING,
+    (State.READY, Event.ALOFT): State.STANDING_BY,
+    (State.ARMING, Event.ARMED): State.CLIMBING,
+    (State.ARMING, Event.TIMED_OUT): State.FAILED,
+    (State.CLIMBING, Event.AT_HEIGHT): State.POSITIONING,
+    (State.POSITIONING, Event.AT_START): State.STANDING_BY,
+    (State.STANDING_BY, Event.ENGAGE): State.ENTERING,
+    (State.HOLDING, Event.ENGAGE): State.ENTERING,
+    (State.ENTERING, Event.GUIDED): State.ENGAGED,
+    (State.ENTERING, Event.TIMED_OUT): State.HOLDING,
+    (State.ENGAGED, Event.CAPTURED): State.ON_STATION,
+    (State.ON_STATION, Event.STRAYED): State.ENGAGED,
+    (State.ENGAGED, Event.ESCAPED): State.HOLDING,
+    (State.ENGAGED, Event.TARGET_LOST): State.PAUSED,
+    (State.ENGAGED, Event.ESTIMATOR_RESET): State.PAUSED,
+    (State.ENGAGED, Event.LOOP_LATE): State.PAUSED,
+    (State.ON_STATION, Event.TARGET_LOST): State.PAUSED,
+    (State.ON_STATION, Event.ESTIMATOR_RESET): State.PAUSED,
+    (State.ON_STATION, Event.LOOP_LATE): State.PAUSED,
+    (State.PAUSED, Event.CLEAR): State.ENGAGED,
+    (State.PAUSED, Event.TIMED_OUT): State.HOLDING,
+    (State.ENGAGED, Event.NO_GAME): State.HOLDING,
+    (State.ON_STATION, Event.NO_GAME): State.HOLDING,
+    (State.CLIMBING, Event.TIMED_OUT): State.LANDING,
+    (State.POSITIONING, Event.TIMED_OUT): State.LANDING,
+    (State.RETURNING, Event.DISARMED): State.LANDED,
+    (State.LANDING, Event.DISARMED): State.LANDED,
+    **{(state, Event.DISARMED): State.LANDED for state in (*_AIRBORNE, State.HOLDING)},
+    **{(state, Event.DISARMED): State.YIELDED for state in _COMMANDING},
+    **{(state, Event.HOLD): State.HOLDING for state in (*_AIRBORNE, *_COMMANDING, State.RETURNING)},
+    **{(state, Event.RETURN): State.RETURNING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING)},
+    **{(state, Event.LAND): State.LANDING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING, State.RETURNING)},
+    **{(state, Event.ABORT): State.LANDING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING, State.RETURNING)},
+    **{(state, Event.ABORT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY, State.ARMING)},
+    **{(state, Event.BATTERY_LOW): State.RETURNING for state in (*_COMMANDING, State.STANDING_BY, State.POSITIONING)},
+    **{(state, Event.FENCE): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
+    **{(state, Event.TELEMETRY_LOST): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
+    **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
+    **{(state, Event.TELEMETRY_LOST): State.CONNECTING for state in (State.CHECKING, State.READY)},
+}
+
+FINAL = frozenset({State.LANDED, State.YIELDED, State.FAILED})
+
+SETPOINT_STATES = frozenset(_COMMANDING)
+"""The only states in which setpoints go out; in every other one the stream is silent."""
+
+HANDING_OVER = frozenset(_LEAVING)
+"""States that leave the guided mode: a hover goes out until HEARTBEAT shows that the autopilot has left it."""
+
+OUR_MODES: Mapping[State, frozenset[Mode]] = {
+    State.CLIMBING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
+    State.POSITIONING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
+    State.STANDING_BY: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
+    State.ENTERING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
+    State.ENGAGED: frozenset({Mode.GUIDED}),
+    State.PAUSED: frozenset({Mode.GUIDED}),
+    State.ON_STATION: frozenset({Mode.GUIDED}),
+    State.HOLDING: frozenset({Mode.HOLD, Mode.GUIDED}),
+    State.RETURNING: frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED}),
+    State.LANDING: frozenset({Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.GUIDED}),
+}
+"""The modes that are our own doing. Any other mode in HEARTBEAT is another hand's, and ends the flight for us."""
+
+
+def next_state(state: State, event: Event) -> State:
+    """Look the pair up; a pair that is not in the table leaves the state as it is."""
+    return TRANSITIONS.get((state, event), state)

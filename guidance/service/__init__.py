@@ -1,0 +1,1 @@
+"""The shell around the core: clocks, the fixed-rate cycle, the recorder."""

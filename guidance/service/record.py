@@ -1,0 +1,117 @@
+"""The flight's record: one MCAP file with the raw frames of every link and a JSON row for every cycle and event.
+
+Written through an unbuffered file in small chunks, so that a killed process loses at most the last fraction of a
+second. A record that cannot be written never disturbs the flight: recording stops and `failed` says why.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, Any
+
+from mcap.writer import CompressionType, Writer
+
+CHUNK_BYTES = 8 * 1024
+
+_TICK_SCHEMA = {
+    "type": "object",
+    "properties": {
+        "now_s": {"type": "number"},
+        "state": {"type": "string"},
+        "inputs": {"type": "object"},
+        "certificate": {"type": ["object", "null"]},
+        "setpoint": {"type": ["object", "null"]},
+    },
+    "required": ["now_s", "state"],
+}
+_EVENT_SCHEMA = {
+    "type": "object",
+    "properties": {"now_s": {"type": "number"}, "event": {"type": "string"}, "detail": {"type": "string"}},
+    "required": ["now_s", "event"],
+}
+
+TICK_TOPIC = "guidance/tick"
+EVENT_TOPIC = "guidance/event"
+
+
+class Recorder:
+    """Writes one MCAP file. Times are those of the injected clock, in nanoseconds of the file's log time.
+
+    Args:
+        path: Where to write.
+        metadata: Name -> text, written at the start: configuration, versions, seed.
+
+    Raises:
+        OSError: If the file cannot be opened; nothing has flown yet.
+    """
+
+    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+        self.path = path
+        self.failed: str | None = None
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._stream: IO[bytes] = path.open("wb", buffering=0)
+        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library="guidance")
+        self._writer.add_metadata("run", dict(metadata))
+        self._channels: dict[str, int] = {}
+        self._sequence = 0
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame as it went over the wire; `topic` is the Zenoh key."""
+        self._write(now_s, topic, frame, encoding="mavlink", schema=None)
+
+    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
+        """Keep one guidance cycle."""
+        self._write(now_s, TICK_TOPIC, _json(row), encoding="json", schema=("guidance.Tick", _TICK_SCHEMA))
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
+        row = {"now_s": now_s, "event": event, "detail": detail}
+        self._write(now_s, EVENT_TOPIC, _json(row), encoding="json", schema=("guidance.Event", _EVENT_SCHEMA))
+
+    def close(self) -> None:
+        """Finish the file; may be called twice."""
+        if self._stream.closed:
+            return
+        try:
+            if self.failed is None:
+                self._writer.finish()
+        except OSError as error:
+            self.failed = str(error)
+        finally:
+            self._stream.close()
+
+    def _write(
+        self, now_s: float, topic: str, data: bytes, *, encoding: str, schema: tuple[str, Mapping[str, Any]] | None
+    ) -> None:
+        if self.failed is not None or self._stream.closed:
+            return
+        try:
+            if topic not in self._channels:
+                schema_id = 0
+                if schema is not None:
+                    schema_id = self._writer.register_schema(schema[0], "jsonschema", json.dumps(schema[1]).encode())
+                self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
+            time_ns = round(now_s * 1e9)
+            self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
+            self._sequence += 1
+        except OSError as error:
+            self.failed = str(error)
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - any value of a row
+    """Turn a value into what JSON can hold: named tuples by field, NaN and infinities as null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if hasattr(value, "_asdict"):
+        return {name: plain(item) for name, item in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {str(name): plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return value
+
+
+def _json(row: Mapping[str, Any]) -> bytes:
+    return json.dumps(plain(row), separators=(",", ":"), allow_nan=False).encode()
