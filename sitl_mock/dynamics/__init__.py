@@ -1,0 +1,59 @@
+"""How the mock vehicles move: pure steps of state and setpoint, no clock, no I/O."""
+
+from sitl_mock.dynamics.airframe import Airframe
+from sitl_mock.dynamics.ardupilot_control import ArduGains
+from sitl_mock.dynamics.catalogue import (
+    ARDUCOPTER_AIRFRAME,
+    ARDUCOPTER_TRAVEL,
+    PX4_AIRFRAME,
+    PX4_TRAVEL,
+    Vehicle,
+    arducopter_quadrotor,
+    px4_quadrotor,
+    rover,
+)
+from sitl_mock.dynamics.px4_control import Px4Gains
+from sitl_mock.dynamics.rover import Rover
+from sitl_mock.dynamics.travel import TravelLimits
+from sitl_mock.dynamics.values import (
+    CALM,
+    IGNORED,
+    ZERO,
+    Body,
+    Estimate,
+    Euler,
+    Kind,
+    Motion,
+    Ned,
+    Setpoint,
+    Surroundings,
+    attitude_of,
+)
+
+__all__ = [
+    "ARDUCOPTER_AIRFRAME",
+    "ARDUCOPTER_TRAVEL",
+    "CALM",
+    "IGNORED",
+    "PX4_AIRFRAME",
+    "PX4_TRAVEL",
+    "ZERO",
+    "Airframe",
+    "ArduGains",
+    "Body",
+    "Estimate",
+    "Euler",
+    "Kind",
+    "Motion",
+    "Ned",
+    "Px4Gains",
+    "Rover",
+    "Setpoint",
+    "Surroundings",
+    "TravelLimits",
+    "Vehicle",
+    "arducopter_quadrotor",
+    "attitude_of",
+    "px4_quadrotor",
+    "rover",
+]

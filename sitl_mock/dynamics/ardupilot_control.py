@@ -1,0 +1,162 @@
+"""ArduCopter's position control: GUIDED setpoints shaped by jerk and acceleration, then P on position, PID on velocity.
+
+Parameters carry ArduCopter's names and defaults. Speeds of GUIDED are not limited (measured: 15.2 m/s with WPNAV_SPEED
+500); above WPNAV_SPEED_UP and WPNAV_SPEED_DN the vertical acceleration and jerk grow with the speed (overspeed gain 2).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from sitl_mock.dynamics.shaping import Reference, advance, approach_one, approach_pair, shape_one, shape_pair
+from sitl_mock.dynamics.travel import TravelLimits, travel
+from sitl_mock.dynamics.values import GRAVITY_M_S2, ZERO, Body, Demand, Estimate, Kind, Ned, Setpoint, wrap_rad
+
+
+@dataclass(frozen=True)
+class ArduGains:
+    """Parameters of the control law; the ArduCopter parameter is named where there is one."""
+
+    accel_m_s2: float = 2.5  # WPNAV_ACCEL
+    accel_z_m_s2: float = 1.0  # WPNAV_ACCEL_Z
+    jerk_m_s3: float = 5.0  # PSC_JERK_XY
+    jerk_z_m_s3: float = 5.0  # PSC_JERK_Z
+    overspeed_gain: float = 2.0
+    xy_p_1_s: float = 1.0  # PSC_POSXY_P
+    z_p_1_s: float = 1.0  # PSC_POSZ_P
+    xy_vel_p_1_s: float = 2.0  # PSC_VELXY_P
+    xy_vel_i_1_s2: float = 1.0  # PSC_VELXY_I
+    xy_vel_d: float = 0.25  # PSC_VELXY_D
+    z_vel_p_1_s: float = 5.0  # PSC_VELZ_P
+    z_acc_i_1_s: float = 2.0  # PSC_ACCZ_I against PSC_ACCZ_P and the hover throttle
+    lean_max_rad: float = math.radians(30.0)  # ANGLE_MAX
+    thrust_min_m_s2: float = 1.0
+    spool_s: float = 1.0
+    yaw_p_1_s: float = 4.5  # ATC_ANG_YAW_P
+    yaw_rate_max_rad_s: float = math.radians(60.0)  # ATC_SLEW_YAW
+    look_ahead_m_s: float = 1.0  # the nose follows the direction of travel above this speed
+
+
+class ArduMemory(NamedTuple):
+    """What the control law carries from one step to the next."""
+
+    kind: Kind
+    reference: Reference
+    integral_ned_m_s2: Ned = ZERO
+    spooled_s: float = 0.0
+    heading_rad: float = math.nan
+
+
+@dataclass(frozen=True)
+class ArduControl:
+    """The control law with its parameters and the thrust it reckons with."""
+
+    gains: ArduGains
+    travel_limits: TravelLimits
+    thrust_max_m_s2: float
+
+    def fresh(self, estimate: Estimate, *, flying: bool) -> ArduMemory:
+        """Memory of a vehicle just placed: cold on the ground, or trimmed in hover."""
+        kind = Kind.BRAKE if flying else Kind.STOPPED
+        return ArduMemory(kind, Reference(estimate.position_ned_m, ZERO), ZERO, self.gains.spool_s if flying else 0.0)
+
+    def step(
+        self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
+    ) -> tuple[ArduMemory, Demand]:
+        """One step of the law: the new memory and what is asked of the airframe."""
+        gains = self.gains
+        if setpoint.kind is Kind.STOPPED:
+            return ArduMemory(Kind.STOPPED, Reference(estimate.position_ned_m, ZERO)), Demand(0.0, 0.0, 0.0, 0.0)
+        spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
+        if setpoint.kind is Kind.IDLING or (spooled_s < gains.spool_s and body.on_ground):
+            idle = ArduMemory(setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, spooled_s)
+            return idle, Demand(0.0, 0.0, gains.thrust_min_m_s2, 0.0)
+
+        started = memory.reference
+        if memory.kind <= Kind.IDLING or (setpoint.kind is Kind.BRAKE and memory.kind is not Kind.BRAKE):
+            started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, started.acceleration_ned_m_s2)
+        if setpoint.kind is Kind.STREAM:
+            reference = self._shaped(started, setpoint, dt_s)
+        else:
+            reference = travel(self.travel_limits, started, setpoint, dt_s)
+        reference, integral, demand = self._track(reference, memory.integral_ned_m_s2, body, estimate, dt_s)
+        heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
+        fresh = ArduMemory(setpoint.kind, reference, integral, spooled_s, heading_rad)
+        return fresh, demand._replace(yaw_rate_rad_s=yaw_rate_rad_s)
+
+    def _shaped(self, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
+        """The GUIDED reference one step further: acceleration and jerk are limited, speed is not."""
+        gains = self.gains
+        (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
+        to_n, to_e, to_d = setpoint.position_ned_m
+        n, e, d = (0.0 if math.isnan(v) else v for v in setpoint.velocity_ned_m_s)
+        f_n, f_e, f_d = (0.0 if math.isnan(a) else a for a in setpoint.acceleration_ned_m_s2)
+        limits = self.travel_limits
+        if not math.isnan(to_n + to_e):
+            near = approach_pair((to_n - p_n, to_e - p_e), limits.speed_m_s, gains.accel_m_s2, gains.jerk_m_s3)
+            n, e = n + near[0], e + near[1]
+        gain = self._overspeed(v_d)
+        accel_z, jerk_z = gains.accel_z_m_s2 * gain, gains.jerk_z_m_s3 * gain
+        if not math.isnan(to_d):
+            d += approach_one(to_d - p_d, limits.climb_m_s, limits.sink_m_s, accel_z, jerk_z)
+        pair = shape_pair((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), gains.accel_m_s2, gains.jerk_m_s3, dt_s)
+        return advance(reference, (*pair, shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, dt_s)), dt_s)
+
+    def _overspeed(self, down_m_s: float) -> float:
+        limits = self.travel_limits
+        over = down_m_s / limits.sink_m_s if down_m_s > 0.0 else -down_m_s / limits.climb_m_s
+        return self.gains.overspeed_gain * over if over > 1.0 else 1.0
+
+    def _track(
+        self, reference: Reference, integral: Ned, body: Body, estimate: Estimate, dt_s: float
+    ) -> tuple[Reference, Ned, Demand]:
+        """P on position, PID on velocity with the reference fed forward, lean limit with anti-windup."""
+        gains = self.gains
+        (r_n, r_e, r_d), (w_n, w_e, w_d), (f_n, f_e, f_d) = reference
+        p_n, p_e, p_d = estimate.position_ned_m
+        v_n, v_e, v_d = estimate.velocity_ned_m_s
+        b_n, b_e, b_d = body.acceleration_ned_m_s2
+        i_n, i_e, i_d = integral
+        err_n = w_n + gains.xy_p_1_s * (r_n - p_n) - v_n
+        err_e = w_e + gains.xy_p_1_s * (r_e - p_e) - v_e
+        a_n = gains.xy_vel_p_1_s * err_n + i_n + gains.xy_vel_d * (f_n - b_n) + f_n
+        a_e = gains.xy_vel_p_1_s * err_e + i_e + gains.xy_vel_d * (f_e - b_e) + f_e
+        lean_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
+        tan_max = math.tan(gains.lean_max_rad)
+        if lean_tan > tan_max:
+            shrink = tan_max / lean_tan
+            a_n, a_e, lean_tan = a_n * shrink, a_e * shrink, tan_max
+            # Neither the integral nor the place to be runs ahead of what the airframe can do.
+            reference = reference._replace(position_ned_m=(r_n - (r_n - p_n) * dt_s, r_e - (r_e - p_e) * dt_s, r_d))
+        else:
+            i_n += gains.xy_vel_i_1_s2 * err_n * dt_s
+            i_e += gains.xy_vel_i_1_s2 * err_e * dt_s
+
+        a_d = f_d + gains.z_vel_p_1_s * (w_d + gains.z_p_1_s * (r_d - p_d) - v_d)
+        lift = GRAVITY_M_S2 - a_d - i_d
+        least, most = gains.thrust_min_m_s2, self.thrust_max_m_s2
+        if (lift > least or a_d < b_d) and (lift < most or a_d > b_d):
+            i_d += gains.z_acc_i_1_s * (a_d - b_d) * dt_s
+        lift = min(max(lift, least), most)
+        lean = math.atan(lean_tan)
+        per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
+        # Angle boost: the lift is kept by the lean the body really has.
+        up = math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
+        return reference, (i_n, i_e, i_d), Demand(a_n * per, a_e * per, lift / max(up, 0.3), 0.0)
+
+    def _yaw(self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference) -> tuple[float, float]:
+        """The heading wanted and the yaw rate asked for: nose to the direction of travel where yaw is ignored."""
+        gains = self.gains
+        forward = 0.0 if math.isnan(setpoint.yaw_rate_rad_s) else setpoint.yaw_rate_rad_s
+        if math.isnan(setpoint.yaw_rad) and not math.isnan(setpoint.yaw_rate_rad_s):
+            return body.yaw_rad, min(max(forward, -gains.yaw_rate_max_rad_s), gains.yaw_rate_max_rad_s)
+        if not math.isnan(setpoint.yaw_rad):
+            heading_rad = setpoint.yaw_rad
+        elif math.isnan(heading_rad):
+            heading_rad = body.yaw_rad
+        elif setpoint.kind is not Kind.BRAKE:
+            n, e, _ = reference.velocity_ned_m_s
+            if math.hypot(n, e) > gains.look_ahead_m_s:
+                heading_rad = math.atan2(e, n)
+        rate = gains.yaw_p_1_s * wrap_rad(heading_rad - body.yaw_rad) + forward
+        return heading_rad, min(max(rate, -gains.yaw_rate_max_rad_s), gains.yaw_rate_max_rad_s)

@@ -1,0 +1,90 @@
+"""The vehicles there are, with the parameters of the ones that were measured."""
+
+from typing import Final, Protocol
+
+from sitl_mock.dynamics.airframe import Airframe
+from sitl_mock.dynamics.ardupilot_control import ArduControl, ArduGains, ArduMemory
+from sitl_mock.dynamics.multicopter import Multicopter
+from sitl_mock.dynamics.px4_control import Px4Control, Px4Gains, Px4Memory
+from sitl_mock.dynamics.rover import Rover
+from sitl_mock.dynamics.travel import TravelLimits
+from sitl_mock.dynamics.values import Body, Estimate, Motion, Ned, Setpoint, Surroundings
+
+
+class Vehicle(Protocol):
+    """Anything the mock's core can move."""
+
+    def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
+        """A vehicle at rest."""
+        ...
+
+    def estimate(self, body: Body, around: Surroundings) -> Estimate:
+        """What the autopilot believes and reports."""
+        ...
+
+    def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
+        """The vehicle `dt_s` later; pure, so the same arguments give the same motion."""
+        ...
+
+
+PX4_AIRFRAME: Final = Airframe(
+    attitude_gain_1_s=6.5,
+    rate_gain_1_s=20.0,
+    lean_rate_max_rad_s=3.84,
+    yaw_rate_gain_1_s=5.0,
+    thrust_max_m_s2=20.0,
+    rotor_lag_s=0.05,
+    drag_1_s=1.0,
+    drag_1_m=0.0,
+)
+PX4_TRAVEL: Final = TravelLimits(
+    speed_m_s=5.0,
+    climb_m_s=3.0,
+    sink_m_s=1.5,
+    accel_m_s2=3.0,
+    accel_z_m_s2=4.0,
+    brake_m_s2=5.0,
+    jerk_m_s3=4.0,
+    jerk_z_m_s3=4.0,
+)
+ARDUCOPTER_AIRFRAME: Final = Airframe(
+    attitude_gain_1_s=6.0,
+    rate_gain_1_s=20.0,
+    lean_rate_max_rad_s=3.14,
+    yaw_rate_gain_1_s=5.0,
+    thrust_max_m_s2=25.0,
+    rotor_lag_s=0.05,
+    drag_1_s=0.348,
+    drag_1_m=0.0196,
+)
+ARDUCOPTER_TRAVEL: Final = TravelLimits(
+    speed_m_s=10.0,
+    climb_m_s=2.5,
+    sink_m_s=1.5,
+    accel_m_s2=2.5,
+    accel_z_m_s2=1.0,
+    brake_m_s2=7.5,
+    jerk_m_s3=5.0,
+    jerk_z_m_s3=5.0,
+)
+
+
+def px4_quadrotor(
+    gains: Px4Gains | None = None, travel: TravelLimits = PX4_TRAVEL, airframe: Airframe = PX4_AIRFRAME
+) -> Multicopter[Px4Memory]:
+    """The quadrotor of PX4's SIH simulator under PX4's default parameters, or with some replaced."""
+    control = Px4Control(gains or Px4Gains(), travel, airframe.thrust_max_m_s2)
+    return Multicopter(control, Px4Memory, airframe)
+
+
+def arducopter_quadrotor(
+    gains: ArduGains | None = None, travel: TravelLimits = ARDUCOPTER_TRAVEL, airframe: Airframe = ARDUCOPTER_AIRFRAME
+) -> Multicopter[ArduMemory]:
+    """The quadrotor of ArduPilot's simulator under ArduCopter's default parameters, or with some replaced."""
+    control = ArduControl(gains or ArduGains(), travel, airframe.thrust_max_m_s2)
+    return Multicopter(control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.972))
+
+
+def rover() -> Rover:
+    """A skid-steered ground vehicle."""
+    return Rover()

@@ -1,0 +1,109 @@
+"""A ground vehicle: speed along the nose, a turn-rate limit, and no sideways motion."""
+
+import math
+from dataclasses import dataclass
+
+from sitl_mock.dynamics.airframe import body_at
+from sitl_mock.dynamics.values import Body, Estimate, Kind, Motion, Ned, Setpoint, Surroundings, wrap_rad
+
+
+@dataclass(frozen=True)
+class Rover:
+    """A skid-steered rover, and its parameters.
+
+    Attributes:
+        speed_max_m_s: Fastest it goes (CRUISE_SPEED is below it).
+        accel_m_s2: Speeding up and braking (ATC_ACCEL_MAX).
+        turn_rate_max_rad_s: Fastest turn, also on the spot (ATC_STR_RAT_MAX).
+        heading_gain_1_s: Turn rate per heading error.
+        turn_lag_s: Time constant of the turn rate.
+        place_gain_1_s: Speed per distance left to a place.
+        reached_m: A place this near counts as reached.
+    """
+
+    speed_max_m_s: float = 5.0
+    accel_m_s2: float = 2.0
+    turn_rate_max_rad_s: float = math.radians(90.0)
+    heading_gain_1_s: float = 3.0
+    turn_lag_s: float = 0.15
+    place_gain_1_s: float = 0.7
+    reached_m: float = 0.3
+
+    def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
+        """A rover at rest at a place; `flying` has no meaning here and is refused."""
+        if flying:
+            msg = "a rover cannot start in the air: leave flying=False"
+            raise ValueError(msg)
+        return Motion(body_at(position_ned_m, yaw_rad, on_ground=True), None)
+
+    def estimate(self, body: Body, around: Surroundings) -> Estimate:
+        """Truth and the surroundings' estimator errors."""
+        return Estimate(
+            _added(body.position_ned_m, around.position_error_ned_m),
+            _added(body.velocity_ned_m_s, around.velocity_error_ned_m_s),
+        )
+
+    def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
+        """One step of `dt_s`: turn towards the wanted velocity, drive as far as the nose points along it."""
+        body = motion.body
+        wanted_n, wanted_e = self._wanted(body, setpoint, around)
+        wanted = math.hypot(wanted_n, wanted_e)
+        forward_n, forward_e = math.cos(body.yaw_rad), math.sin(body.yaw_rad)
+        yaw_rate = 0.0
+        if not math.isnan(setpoint.yaw_rate_rad_s):
+            yaw_rate = setpoint.yaw_rate_rad_s
+        elif wanted > 0.05:
+            yaw_rate = self.heading_gain_1_s * wrap_rad(math.atan2(wanted_e, wanted_n) - body.yaw_rad)
+        elif not math.isnan(setpoint.yaw_rad) and setpoint.kind > Kind.IDLING:
+            yaw_rate = self.heading_gain_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad)
+        yaw_rate = min(max(yaw_rate, -self.turn_rate_max_rad_s), self.turn_rate_max_rad_s)
+        yaw_rate = yaw_rate + (body.yaw_rate_rad_s - yaw_rate) * math.exp(-dt_s / self.turn_lag_s)
+        yaw = math.remainder(body.yaw_rad + yaw_rate * dt_s, math.tau)
+
+        # No driving while the nose points away: the projection is cut at zero, so the rover turns on the spot.
+        along = min(max(wanted_n * forward_n + wanted_e * forward_e, 0.0), self.speed_max_m_s)
+        speed = body.velocity_ned_m_s[0] * forward_n + body.velocity_ned_m_s[1] * forward_e
+        most = self.accel_m_s2 * dt_s
+        speed += min(max(along - speed, -most), most)
+        velocity = (speed * math.cos(yaw), speed * math.sin(yaw), 0.0)
+        was, place = body.velocity_ned_m_s, body.position_ned_m
+        return Motion(
+            Body(
+                (
+                    place[0] + 0.5 * (was[0] + velocity[0]) * dt_s,
+                    place[1] + 0.5 * (was[1] + velocity[1]) * dt_s,
+                    around.ground_down_m,
+                ),
+                velocity,
+                ((velocity[0] - was[0]) / dt_s, (velocity[1] - was[1]) / dt_s, 0.0),
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                yaw,
+                yaw_rate,
+                0.0,
+                on_ground=True,
+            ),
+            None,
+        )
+
+    def _wanted(self, body: Body, setpoint: Setpoint, around: Surroundings) -> tuple[float, float]:
+        """Horizontal velocity wanted, after the place and the speed limit."""
+        if setpoint.kind <= Kind.IDLING or setpoint.kind is Kind.BRAKE:
+            return 0.0, 0.0
+        n, e = (0.0 if math.isnan(v) else v for v in setpoint.velocity_ned_m_s[:2])
+        to_n, to_e = setpoint.position_ned_m[:2]
+        if not math.isnan(to_n + to_e):
+            here = self.estimate(body, around).position_ned_m
+            gone_n, gone_e = to_n - here[0], to_e - here[1]
+            if math.hypot(gone_n, gone_e) > self.reached_m:
+                n += self.place_gain_1_s * gone_n
+                e += self.place_gain_1_s * gone_e
+        limit = self.speed_max_m_s if math.isnan(setpoint.speed_m_s) else min(setpoint.speed_m_s, self.speed_max_m_s)
+        speed = math.hypot(n, e)
+        return (n * limit / speed, e * limit / speed) if speed > limit else (n, e)
+
+
+def _added(value: Ned, error: Ned) -> Ned:
+    return (value[0] + error[0], value[1] + error[1], value[2] + error[2])

@@ -1,0 +1,99 @@
+"""Smooth references: velocity and position targets followed under limits of speed, acceleration and jerk.
+
+The law is the time-optimal one with a linear end (a square-root controller), first from distance to speed, then from
+speed to acceleration; the acceleration itself moves by no more than the jerk allows.
+"""
+
+import math
+from typing import NamedTuple
+
+from sitl_mock.dynamics.values import ZERO, Ned
+
+
+class Reference(NamedTuple):
+    """The motion a controller follows, and feeds forward."""
+
+    position_ned_m: Ned
+    velocity_ned_m_s: Ned
+    acceleration_ned_m_s2: Ned = ZERO
+
+
+def root_law(error: float, gain: float, second_max: float) -> float:
+    """Rate at which an error is worked off with a second derivative of at most `second_max`; none is negative.
+
+    Linear with `gain` near zero and along the braking parabola further out, with equal slope where they meet.
+    """
+    corner = second_max / (gain * gain)
+    if error <= corner:
+        return gain * error
+    return math.sqrt(second_max * (2.0 * error - corner))
+
+
+def shape_pair(
+    wanted: tuple[float, float],
+    velocity: tuple[float, float],
+    acceleration: tuple[float, float],
+    forward: tuple[float, float],
+    accel_max: float,
+    jerk_max: float,
+    dt_s: float,
+) -> tuple[float, float]:
+    """The next acceleration of a horizontal reference on its way to the `wanted` velocity.
+
+    `forward` is the acceleration the wanted velocity itself has.
+    """
+    err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
+    err = math.hypot(err_n, err_e)
+    size = min(root_law(err, jerk_max / accel_max, jerk_max), accel_max, err / dt_s)
+    scale = size / err if err > 1e-12 else 0.0
+    d_n = err_n * scale + forward[0] - acceleration[0]
+    d_e = err_e * scale + forward[1] - acceleration[1]
+    change = math.hypot(d_n, d_e)
+    most = jerk_max * dt_s
+    if change > most:
+        d_n *= most / change
+        d_e *= most / change
+    return acceleration[0] + d_n, acceleration[1] + d_e
+
+
+def shape_one(
+    wanted: float, velocity: float, acceleration: float, forward: float, accel_max: float, jerk_max: float, dt_s: float
+) -> float:
+    """The next acceleration of a vertical reference on its way to the `wanted` velocity."""
+    err = wanted - velocity
+    size = min(root_law(abs(err), jerk_max / accel_max, jerk_max), accel_max, abs(err) / dt_s)
+    change = math.copysign(size, err) + forward - acceleration
+    most = jerk_max * dt_s
+    return acceleration + min(max(change, -most), most)
+
+
+def approach_gain_1_s(accel_max: float, jerk_max: float) -> float:
+    """Linear gain from distance to speed that the loop under it (`shape_pair`) can follow without overshoot."""
+    return 0.25 * jerk_max / accel_max
+
+
+def approach_pair(
+    to_go: tuple[float, float], speed_max: float, accel_max: float, jerk_max: float
+) -> tuple[float, float]:
+    """Velocity towards a place `to_go` away, braking in time."""
+    distance = math.hypot(*to_go)
+    if distance < 1e-9:
+        return 0.0, 0.0
+    # Half of the acceleration is planned with, so that jerk-limited braking does not overrun the place.
+    speed = min(root_law(distance, approach_gain_1_s(accel_max, jerk_max), 0.5 * accel_max), speed_max)
+    return to_go[0] * speed / distance, to_go[1] * speed / distance
+
+
+def approach_one(to_go: float, up_max: float, down_max: float, accel_max: float, jerk_max: float) -> float:
+    """Vertical velocity (down positive) towards a height `to_go` away, braking in time."""
+    speed = root_law(abs(to_go), approach_gain_1_s(accel_max, jerk_max), 0.5 * accel_max)
+    return min(speed, down_max) if to_go > 0.0 else -min(speed, up_max)
+
+
+def advance(reference: Reference, acceleration: Ned, dt_s: float) -> Reference:
+    """The reference one step later under a new acceleration."""
+    (p_n, p_e, p_d), (v_n, v_e, v_d), _ = reference
+    a_n, a_e, a_d = acceleration
+    n, e, d = v_n + a_n * dt_s, v_e + a_e * dt_s, v_d + a_d * dt_s
+    half = 0.5 * dt_s
+    return Reference((p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half), (n, e, d), acceleration)

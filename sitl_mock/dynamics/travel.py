@@ -1,0 +1,69 @@
+"""The reference of the autopilot's own motions: TRAVEL (to a place, or at a velocity) and BRAKE."""
+
+import math
+from dataclasses import dataclass
+
+from sitl_mock.dynamics.shaping import Reference, advance, approach_one, approach_pair, shape_one, shape_pair
+from sitl_mock.dynamics.values import Kind, Ned, Setpoint
+
+
+@dataclass(frozen=True)
+class TravelLimits:
+    """Limits of the autopilot's own motions.
+
+    Attributes:
+        speed_m_s: Horizontal cruise (MPC_XY_CRUISE, WPNAV_SPEED).
+        climb_m_s: Up (MPC_Z_V_AUTO_UP, WPNAV_SPEED_UP).
+        sink_m_s: Down (MPC_Z_V_AUTO_DN, WPNAV_SPEED_DN).
+        accel_m_s2: Horizontal (MPC_ACC_HOR, WPNAV_ACCEL).
+        accel_z_m_s2: Vertical (MPC_ACC_UP_MAX, WPNAV_ACCEL_Z).
+        brake_m_s2: Horizontal while braking.
+        jerk_m_s3: Horizontal (MPC_JERK_AUTO, PSC_JERK_XY).
+        jerk_z_m_s3: Vertical (MPC_JERK_AUTO, PSC_JERK_Z).
+    """
+
+    speed_m_s: float
+    climb_m_s: float
+    sink_m_s: float
+    accel_m_s2: float
+    accel_z_m_s2: float
+    brake_m_s2: float
+    jerk_m_s3: float
+    jerk_z_m_s3: float
+
+
+def _or(value: float, default: float) -> float:
+    return default if math.isnan(value) else value
+
+
+def _zero_if_ignored(value: float) -> float:
+    return 0.0 if math.isnan(value) else value
+
+
+def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
+    """The reference one step of `dt_s` further along a TRAVEL or BRAKE setpoint."""
+    braking = setpoint.kind is Kind.BRAKE
+    accel = limits.brake_m_s2 if braking else limits.accel_m_s2
+    (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
+    to_n, to_e, to_d = setpoint.position_ned_m
+    along_n, along_e, along_d = (0.0, 0.0, 0.0) if braking else setpoint.velocity_ned_m_s
+
+    if braking or math.isnan(to_n) or math.isnan(to_e):
+        wanted = (_zero_if_ignored(along_n), _zero_if_ignored(along_e))
+    else:
+        cruise = _or(setpoint.speed_m_s, limits.speed_m_s)
+        wanted = approach_pair((to_n - p_n, to_e - p_e), cruise, accel, limits.jerk_m_s3)
+    if braking or math.isnan(to_d):
+        wanted_d = _zero_if_ignored(along_d)
+    else:
+        climb, sink = _or(setpoint.climb_m_s, limits.climb_m_s), _or(setpoint.sink_m_s, limits.sink_m_s)
+        wanted_d = approach_one(to_d - p_d, climb, sink, limits.accel_z_m_s2, limits.jerk_z_m_s3)
+
+    pair = shape_pair(wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, dt_s)
+    down = shape_one(wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, dt_s)
+    return advance(reference, (*pair, down), dt_s)
+
+
+def reference_from(position_ned_m: Ned, velocity_ned_m_s: Ned) -> Reference:
+    """A reference that starts from where and how fast the vehicle is."""
+    return Reference(position_ned_m, velocity_ned_m_s)

@@ -1,0 +1,144 @@
+"""What goes into a step of the dynamics and what comes out: plain immutable values, NED, SI units."""
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+Ned = tuple[float, float, float]
+"""North, east, down."""
+
+ZERO: Ned = (0.0, 0.0, 0.0)
+IGNORED: Ned = (math.nan, math.nan, math.nan)
+"""A setpoint's axis is ignored by NaN, as on the wire."""
+
+GRAVITY_M_S2 = 9.80665
+
+
+class Kind(IntEnum):
+    """What the autopilot is doing with its motors."""
+
+    STOPPED = 0
+    """Disarmed: no thrust at all (a vehicle in the air falls)."""
+    IDLING = 1
+    """Armed on the ground: motors turn, no lift. Spool-up is counted from here."""
+    STREAM = 2
+    """A setpoint of OFFBOARD or GUIDED, treated as the flavour treats it (PX4 truncates, ArduCopter shapes)."""
+    TRAVEL = 3
+    """The autopilot's own smooth motion (take-off, mission, return, land): see `Setpoint`."""
+    BRAKE = 4
+    """Stop as fast as the flavour does and hold the place where it stopped (PX4 Hold, ArduCopter BRAKE)."""
+
+
+class Setpoint(NamedTuple):
+    """What the vehicle is asked to do. NaN is "ignored", axis by axis.
+
+    `TRAVEL` moves to the axes of `position_ned_m` that are given, at no more than `speed_m_s` (horizontal),
+    `climb_m_s` and `sink_m_s` (NaN: the flavour's defaults), and on an axis without a position follows
+    `velocity_ned_m_s` (0 where that is ignored too). Landing is a position in north and east and a velocity down.
+    """
+
+    kind: Kind
+    position_ned_m: Ned = IGNORED
+    velocity_ned_m_s: Ned = IGNORED
+    acceleration_ned_m_s2: Ned = IGNORED
+    yaw_rad: float = math.nan
+    yaw_rate_rad_s: float = math.nan
+    speed_m_s: float = math.nan
+    climb_m_s: float = math.nan
+    sink_m_s: float = math.nan
+
+
+class Surroundings(NamedTuple):
+    """What the world does to the vehicle and to its estimator during a step.
+
+    The estimator errors act on the control loop as well as on what is reported: estimate = truth + error.
+    """
+
+    wind_ned_m_s: Ned = ZERO
+    position_error_ned_m: Ned = ZERO
+    velocity_error_ned_m_s: Ned = ZERO
+    ground_down_m: float = 0.0
+
+
+CALM = Surroundings()
+
+
+class Body(NamedTuple):
+    """The true motion of the vehicle.
+
+    `lean_ned_rad` is the tilt of the thrust axis as a vector (north, east) whose length is the angle from the vertical:
+    leaning north means accelerating north.
+    """
+
+    position_ned_m: Ned
+    velocity_ned_m_s: Ned
+    acceleration_ned_m_s2: Ned
+    lean_n_rad: float
+    lean_e_rad: float
+    lean_rate_n_rad_s: float
+    lean_rate_e_rad_s: float
+    yaw_rad: float
+    yaw_rate_rad_s: float
+    thrust_m_s2: float
+    """Specific thrust along the body's axis, not negative."""
+    on_ground: bool
+
+
+class Estimate(NamedTuple):
+    """What the autopilot believes, and reports in LOCAL_POSITION_NED."""
+
+    position_ned_m: Ned
+    velocity_ned_m_s: Ned
+
+
+class Motion(NamedTuple):
+    """A vehicle between two steps: its body, and its controller's memory (opaque: pass it back as it came)."""
+
+    body: Body
+    memory: object
+
+
+class Demand(NamedTuple):
+    """What a controller asks of the airframe."""
+
+    lean_n_rad: float
+    lean_e_rad: float
+    thrust_m_s2: float
+    yaw_rate_rad_s: float
+
+
+class Euler(NamedTuple):
+    """Attitude as ATTITUDE reports it."""
+
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    roll_rate_rad_s: float
+    pitch_rate_rad_s: float
+    yaw_rate_rad_s: float
+
+
+def wrap_rad(angle_rad: float) -> float:
+    """The same angle in [-pi, pi]."""
+    return math.remainder(angle_rad, math.tau)
+
+
+def attitude_of(body: Body) -> Euler:
+    """Roll, pitch, yaw (rad, aerospace order) and their rates from the lean vector and the heading.
+
+    The rates are those of the lean vector seen along the body's axes: exact at small tilt, within cos(tilt) otherwise.
+    """
+    lean_rad = math.hypot(body.lean_n_rad, body.lean_e_rad)
+    scale = math.sin(lean_rad) / lean_rad if lean_rad > 1e-9 else 1.0
+    cos_yaw, sin_yaw = math.cos(body.yaw_rad), math.sin(body.yaw_rad)
+    forward = scale * (body.lean_n_rad * cos_yaw + body.lean_e_rad * sin_yaw)
+    right = scale * (body.lean_e_rad * cos_yaw - body.lean_n_rad * sin_yaw)
+    up = math.cos(lean_rad)
+    return Euler(
+        roll_rad=math.asin(max(-1.0, min(1.0, right))),
+        pitch_rad=math.atan2(-forward, up),
+        yaw_rad=body.yaw_rad,
+        roll_rate_rad_s=body.lean_rate_e_rad_s * cos_yaw - body.lean_rate_n_rad_s * sin_yaw,
+        pitch_rate_rad_s=-(body.lean_rate_n_rad_s * cos_yaw + body.lean_rate_e_rad_s * sin_yaw),
+        yaw_rate_rad_s=body.yaw_rate_rad_s,
+    )
