@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import all as dialect
 
-from sitl_mock.mavlink.dialect import SPEC_BY_ID
+from sitl_mock.mavlink.dialect import SPEC_BY_ID, Message
 from sitl_mock.mavlink.signing import BLOCK_LENGTH, Verdict
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class Decoder:
         """Bytes of an unfinished frame held back; never more than one frame."""
         return len(self._rest)
 
-    def feed(self, data: bytes | bytearray | memoryview, *, whole: bool = False) -> list[Any]:
+    def feed(self, data: bytes | bytearray | memoryview, *, whole: bool = False) -> list[Message]:
         """Take bytes and return the messages completed by them, as pymavlink message objects.
 
         Args:
@@ -108,7 +108,7 @@ class Decoder:
         """
         buffer = self._rest + bytes(data) if self._rest else bytes(data)
         size = len(buffer)
-        messages: list[Any] = []
+        messages: list[Message] = []
         at = 0
         while at < size:
             if buffer[at] not in {0xFD, 0xFE}:
@@ -144,7 +144,8 @@ class Decoder:
             self.counts.add(kind)
             self._reject_end = end
 
-    def _judge(self, buffer: bytes, at: int, frame: _Frame) -> Any:  # noqa: ANN401 - a message, or the kind of failure
+    def _judge(self, buffer: bytes, at: int, frame: _Frame) -> Message | str:
+        """Return the message, or by its name in the counts what is wrong."""
         fault = _fault(buffer, at, frame)
         if fault is not None:
             return fault
@@ -219,7 +220,7 @@ def _fault(buffer: bytes, at: int, frame: _Frame) -> str | None:
     return None
 
 
-def _message(buffer: bytes, at: int, frame: _Frame) -> Any:  # noqa: ANN401 - pymavlink has no types
+def _message(buffer: bytes, at: int, frame: _Frame) -> Message:
     spec = SPEC_BY_ID[frame.message_id]
     payload = buffer[frame.header_end : frame.payload_end]
     size = spec.size

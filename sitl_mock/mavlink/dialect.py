@@ -17,6 +17,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 
+Message = Any
+"""A pymavlink message object; its fields are attributes that only exist at run time, so no static type fits."""
+
+FieldValue = Any
+"""A field of any wire type: number, text, bytes or a sequence of numbers."""
+
+
 class EncodeError(ValueError):
     """Values that do not fit the message: wrong name, wrong count, or out of the field's range."""
 
@@ -118,7 +125,7 @@ def _unpacker(
     return unpack_nested
 
 
-def _stripped(value: Any) -> Any:  # noqa: ANN401 - a field of any wire type
+def _stripped(value: FieldValue) -> FieldValue:
     return value.rstrip(b"\0") if isinstance(value, bytes) else value
 
 

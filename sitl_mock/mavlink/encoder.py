@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fastcrc.crc16 import mcrf4xx
 
-from sitl_mock.mavlink.dialect import SPEC_BY_ID, SPEC_BY_NAME, EncodeError, spec_of
+from sitl_mock.mavlink.dialect import SPEC_BY_ID, SPEC_BY_NAME, EncodeError, FieldValue, Message, spec_of
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink.signing import Signing
@@ -33,7 +33,7 @@ class Encoder:
         self.link_id = link_id
         self.sequence = 0
 
-    def pack(self, message: str | int, *values: Any) -> bytes:  # noqa: ANN401 - a field of any wire type
+    def pack(self, message: str | int, *values: FieldValue) -> bytes:
         """Return one frame.
 
         Args:
@@ -58,7 +58,7 @@ class Encoder:
         frame = b"\xfd" + body + _CRC(mcrf4xx(body + spec.crc_extra))
         return frame + signing.block(frame, self.link_id)
 
-    def encode(self, message: Any) -> bytes:  # noqa: ANN401 - pymavlink has no types
+    def encode(self, message: Message) -> bytes:
         """Return one frame for a pymavlink message object.
 
         Raises:
@@ -66,7 +66,7 @@ class Encoder:
         """
         return self.pack(message.msgname, *values_of(message))
 
-    def pack_v1(self, message: str | int, *values: Any) -> bytes:  # noqa: ANN401 - a field of any wire type
+    def pack_v1(self, message: str | int, *values: FieldValue) -> bytes:
         """Return one MAVLink 1 frame (never truncated, never signed).
 
         Raises:
@@ -85,7 +85,7 @@ class Encoder:
         return b"\xfe" + body + _CRC(mcrf4xx(body + spec.crc_extra))
 
 
-def values_of(message: Any) -> tuple[Any, ...]:  # noqa: ANN401 - pymavlink has no types
+def values_of(message: Message) -> tuple[FieldValue, ...]:
     """Return a pymavlink message's fields in the order of declaration, text as the bytes it was made from."""
     held = message.__dict__
     return tuple(held.get(f"_{name}_raw", held[name]) for name in SPEC_BY_ID[message.get_msgId()].field_names)

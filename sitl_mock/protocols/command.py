@@ -1,0 +1,189 @@
+"""The command protocol: COMMAND_LONG and COMMAND_INT in, one or several COMMAND_ACKs out, now or later.
+
+What a command does is the autopilot's business (``execute``); this piece reads both forms into one, recognises
+resends, and addresses the answers. Source: https://mavlink.io/en/services/command.html; PX4's two answers to a mode
+change are two ``CommandAnswer`` in a row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sitl_mock.protocols.reply import ALL_COMPONENTS, Reply, source_of
+
+if TYPE_CHECKING:
+    from sitl_mock.mavlink import Message
+
+RESEND_WINDOW_S: Final = 3.0  # MAVSDK sends a command four times within 2 s
+INT32_NAN: Final = 2**31 - 1  # "not given" in the integer fields of COMMAND_INT and MISSION_ITEM_INT
+GLOBAL_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
+MISSION_FRAME: Final = 2  # the fields are no coordinates
+MAX_TRACKED: Final = 64  # a flood of command numbers cannot grow the table
+
+MAV_FRAME_GLOBAL: Final = 0
+
+
+class Result(IntEnum):
+    """MAV_RESULT."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
+
+
+class Command(NamedTuple):
+    """One command, however it came.
+
+    Attributes:
+        number: MAV_CMD.
+        params: param1 to param7; 5 and 6 in degrees for global frames and in metres for local ones.
+        frame: MAV_FRAME; COMMAND_LONG has none and is read as MAV_FRAME_GLOBAL.
+        is_int: Whether it came as COMMAND_INT.
+        source: (system id, component id) of the sender.
+        confirmation: Resend counter of COMMAND_LONG.
+    """
+
+    number: int
+    params: tuple[float, float, float, float, float, float, float]
+    frame: int
+    is_int: bool
+    source: tuple[int, int]
+    confirmation: int
+
+
+class CommandAnswer(NamedTuple):
+    """One COMMAND_ACK.
+
+    Attributes:
+        result: MAV_RESULT.
+        progress: Percent for IN_PROGRESS, 255 for unknown.
+        result_param2: Command-specific.
+        delay_s: Seconds after the command at which it goes out.
+    """
+
+    result: int
+    progress: int = 0
+    result_param2: int = 0
+    delay_s: float = 0.0
+
+
+Execute = Callable[[float, Command], Sequence[CommandAnswer]]
+
+
+@dataclass(slots=True)
+class _Tracked:
+    """The last command of one number from one source."""
+
+    params: tuple[float, ...]
+    at_s: float
+    pending: list[tuple[float, CommandAnswer]]
+    sent: list[CommandAnswer] = field(default_factory=list)
+
+
+class CommandProtocol:
+    """Commands on one link.
+
+    Args:
+        system_id: Own system id.
+        component_id: Own component id.
+        execute: ``execute(now_s, command)`` returns the answers in order; none means that the command is never
+            answered. Unknown commands are answered UNSUPPORTED by it.
+        broadcast: Commands that are obeyed when addressed to system 0; None for all of them.
+    """
+
+    def __init__(
+        self, system_id: int, component_id: int, execute: Execute, *, broadcast: frozenset[int] | None = None
+    ) -> None:
+        self._ids = (system_id, component_id)
+        self._execute = execute
+        self._broadcast = broadcast
+        self._tracked: dict[tuple[tuple[int, int], int], _Tracked] = {}
+
+    def handle(self, now_s: float, message: Message) -> list[Reply]:
+        """Take COMMAND_LONG or COMMAND_INT; anything else, and commands for others, give no answer."""
+        command = read_command(message)
+        if command is None or not self._is_ours(message, command):
+            return []
+        key = (command.source, command.number)
+        known = self._tracked.get(key)
+        if known is not None and _is_resend(now_s, command, known):
+            return [_ack(command.number, answer, command.source) for answer in known.sent[-1:]]
+        answers = self._execute(now_s, command)
+        if key not in self._tracked and len(self._tracked) >= MAX_TRACKED:
+            del self._tracked[next(iter(self._tracked))]
+        self._tracked[key] = _Tracked(
+            params=command.params, at_s=now_s, pending=[(now_s + answer.delay_s, answer) for answer in answers]
+        )
+        return self._due(now_s, key)
+
+    def advance(self, now_s: float) -> list[Reply]:
+        """Return the late answers that are due."""
+        replies: list[Reply] = []
+        for key, tracked in self._tracked.items():
+            if tracked.pending:
+                replies += self._due(now_s, key)
+        return replies
+
+    def _due(self, now_s: float, key: tuple[tuple[int, int], int]) -> list[Reply]:
+        tracked = self._tracked[key]
+        due = [answer for at_s, answer in tracked.pending if at_s <= now_s]
+        tracked.pending = [late for late in tracked.pending if late[0] > now_s]
+        tracked.sent += due
+        source, number = key
+        return [_ack(number, answer, source) for answer in due]
+
+    def _is_ours(self, message: Message, command: Command) -> bool:
+        system, component = self._ids
+        if command.source == self._ids or message.target_component not in {ALL_COMPONENTS, component}:
+            return False
+        if message.target_system == 0:
+            return self._broadcast is None or command.number in self._broadcast
+        return bool(message.target_system == system)
+
+
+def read_command(message: Message) -> Command | None:
+    """Return the command in a COMMAND_LONG or COMMAND_INT, or None for another message."""
+    kind = message.get_type()
+    first_four = ("param1", "param2", "param3", "param4")
+    if kind == "COMMAND_LONG":
+        names = (*first_four, "param5", "param6", "param7")
+        return Command(
+            message.command,
+            tuple(getattr(message, name) for name in names),
+            MAV_FRAME_GLOBAL,
+            False,
+            source_of(message),
+            message.confirmation,
+        )
+    if kind != "COMMAND_INT":
+        return None
+    p1, p2, p3, p4 = (getattr(message, name) for name in first_four)
+    x, y = (coordinate(value, message.frame) for value in (message.x, message.y))
+    return Command(message.command, (p1, p2, p3, p4, x, y, message.z), message.frame, True, source_of(message), 0)
+
+
+def coordinate(value: int, frame: int) -> float:
+    """Return an integer coordinate field in degrees (global frames) or metres (local frames); NaN if not given."""
+    if value == INT32_NAN:
+        return math.nan
+    if frame == MISSION_FRAME:
+        return float(value)
+    return value / (1e7 if frame in GLOBAL_FRAMES else 1e4)
+
+
+def _is_resend(now_s: float, command: Command, known: _Tracked) -> bool:
+    same = all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(command.params, known.params, strict=True))
+    counted = command.confirmation > 0 and now_s - known.at_s <= RESEND_WINDOW_S
+    return same and (bool(known.pending) or counted)
+
+
+def _ack(number: int, answer: CommandAnswer, source: tuple[int, int]) -> Reply:
+    return ("COMMAND_ACK", number, answer.result, answer.progress, answer.result_param2, *source)

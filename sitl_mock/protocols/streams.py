@@ -1,0 +1,159 @@
+"""Message streams of one link: which message is due when, and the commands that change it.
+
+Sources: SET_MESSAGE_INTERVAL (511), GET_MESSAGE_INTERVAL (510), REQUEST_DATA_STREAM (66). Rates are kept as intervals
+on a grid of their own, so that a late cycle delays a message but never slows the stream down.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.mavlink import SPEC_BY_ID, Message
+from sitl_mock.protocols.command import Result
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sitl_mock.protocols.reply import Reply
+
+GOLDEN: Final = 0.618_033_988_749_895  # successive multiples, modulo 1, spread the first sendings evenly
+ALL_STREAMS: Final = 0
+SLACK_S: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class StreamRules:
+    """How a flavour treats requests.
+
+    Attributes:
+        fixed: Messages whose rate cannot be changed.
+        unknown_interval: Answer to SET_MESSAGE_INTERVAL for a message that is not offered.
+        unknown_request: Answer to REQUEST_MESSAGE for one.
+        shortest_s: Shortest interval.
+        longest_s: Longest interval.
+        groups: Messages of each MAV_DATA_STREAM; empty where REQUEST_DATA_STREAM is ignored.
+    """
+
+    fixed: frozenset[str] = frozenset()
+    unknown_interval: Result = Result.FAILED
+    unknown_request: Result = Result.DENIED
+    shortest_s: float = 0.001
+    longest_s: float = math.inf
+    groups: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+
+
+class Streams:
+    """The streams of one link.
+
+    Args:
+        offered: Names of all messages that the vehicle can send.
+        default_hz: Rates without being asked; offered messages that are missing here are silent.
+        rules: The flavour's rules.
+    """
+
+    def __init__(self, offered: frozenset[str], default_hz: Mapping[str, float], rules: StreamRules) -> None:
+        self.rules = rules
+        self._offered = offered
+        self._default_s = {name: 1.0 / hz for name, hz in default_hz.items() if name in offered and hz > 0.0}
+        self._interval_s = dict(self._default_s)
+        self._queue: list[tuple[float, int, str]] = []
+        self._order = {name: index for index, name in enumerate((*default_hz, *sorted(offered - set(default_hz))))}
+        self._started = False
+
+    def due(self, now_s: float) -> list[str]:
+        """Return the names of the messages to send now, each at most once."""
+        if not self._started:
+            self._start(now_s)
+        queue = self._queue
+        names: list[str] = []
+        limit_s = now_s + SLACK_S
+        while queue and queue[0][0] <= limit_s:
+            at_s, order, name = queue[0]
+            interval_s = self._interval_s[name]
+            next_s = at_s + interval_s
+            if next_s <= limit_s:  # a stall: leave out what was missed, keep the grid
+                next_s = at_s + interval_s * (math.floor((limit_s - at_s) / interval_s) + 1)
+            heapq.heapreplace(queue, (next_s, order, name))
+            names.append(name)
+        return names
+
+    def rate_hz(self, name: str) -> float:
+        """Return the present rate of a message; 0 when it is silent."""
+        interval_s = self._interval_s.get(name)
+        return 0.0 if interval_s is None else 1.0 / interval_s
+
+    def interval_us(self, message_id: int) -> int:
+        """Return what MESSAGE_INTERVAL says: microseconds, -1 for a silent message, 0 for one not offered."""
+        name = self._offered_name(message_id)
+        if name is None:
+            return 0
+        interval_s = self._interval_s.get(name)
+        return -1 if interval_s is None else round(interval_s * 1e6)
+
+    def set_interval(self, now_s: float, message_id: int, interval_us: float) -> Result:
+        """Change one stream: microseconds, 0 for the default, -1 for silence.
+
+        Args:
+            now_s: Present time; the first message of a changed stream is due at once.
+            message_id: MAVLink message id, as param1 of SET_MESSAGE_INTERVAL.
+            interval_us: param2.
+        """
+        name = self._offered_name(message_id)
+        if name is None:
+            return self.rules.unknown_interval
+        if name in self.rules.fixed or not math.isfinite(interval_us) or interval_us < -1:
+            return Result.FAILED
+        if interval_us == 0:
+            self._set(now_s, name, self._default_s.get(name))
+        elif interval_us < 0:
+            self._set(now_s, name, None)
+        else:
+            self._set(now_s, name, min(max(interval_us * 1e-6, self.rules.shortest_s), self.rules.longest_s))
+        return Result.ACCEPTED
+
+    def request_data_stream(self, now_s: float, stream: int, rate_hz: int, *, start: bool) -> None:
+        """Set all messages of a MAV_DATA_STREAM to one rate, or silence them."""
+        groups = self.rules.groups
+        chosen = groups.values() if stream == ALL_STREAMS else (groups.get(stream, ()),)
+        interval_s = 1.0 / rate_hz if start and rate_hz > 0 else None
+        for name in dict.fromkeys(name for group in chosen for name in group):
+            if name in self._offered and name not in self.rules.fixed:
+                self._set(now_s, name, interval_s)
+
+    def handle(self, now_s: float, message: Message) -> list[Reply]:
+        """Take REQUEST_DATA_STREAM; it has no answer."""
+        if message.get_type() == "REQUEST_DATA_STREAM":
+            self.request_data_stream(
+                now_s, message.req_stream_id, message.req_message_rate, start=bool(message.start_stop)
+            )
+        return []
+
+    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece; ``due`` names what the vehicle has to pack
+        """Return nothing: the vehicle asks ``due`` and packs its own state."""
+        return []
+
+    def _start(self, now_s: float) -> None:
+        self._started = True
+        for index, name in enumerate(self._interval_s):
+            phase = 0.0 if name in self.rules.fixed or name == "HEARTBEAT" else index * GOLDEN % 1.0
+            self._queue.append((now_s + phase * self._interval_s[name], self._order[name], name))
+        heapq.heapify(self._queue)
+
+    def _set(self, now_s: float, name: str, interval_s: float | None) -> None:
+        if not self._started:
+            self._start(now_s)
+        if interval_s == self._interval_s.get(name):
+            return
+        self._queue = [entry for entry in self._queue if entry[2] != name]
+        self._interval_s.pop(name, None)
+        if interval_s is not None:
+            self._interval_s[name] = interval_s
+            self._queue.append((now_s, self._order[name], name))
+        heapq.heapify(self._queue)
+
+    def _offered_name(self, message_id: int) -> str | None:
+        spec = SPEC_BY_ID.get(message_id)
+        return spec.name if spec is not None and spec.name in self._offered else None
