@@ -1,0 +1,97 @@
+"""The mission protocol on one link: upload, download, clearing, choice of the current item.
+
+Downloads are answered from the store without any state, so whatever a client repeats is answered again.
+Source: https://mavlink.io/en/services/mission.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.protocols.command import coordinate
+from sitl_mock.protocols.mission_upload import KINDS, MissionUpload, acknowledge
+from sitl_mock.protocols.plan import MissionResult, PlanKind, PlanStore
+from sitl_mock.protocols.reply import Reply, source_of
+
+if TYPE_CHECKING:
+    from sitl_mock.mavlink import Message
+    from sitl_mock.protocols.mission_rules import MissionRules
+
+ALL_KINDS: Final = 255
+
+SetCurrent = Callable[[float, int], list[Reply]]
+
+
+class MissionProtocol:
+    """Plans on one link, over the vehicle's store.
+
+    Args:
+        plans: The vehicle's plans.
+        rules: The flavour's rules.
+        set_current: ``set_current(now_s, seq)`` for MISSION_SET_CURRENT; its replies are sent.
+    """
+
+    def __init__(self, plans: PlanStore, rules: MissionRules, set_current: SetCurrent) -> None:
+        self._plans = plans
+        self._upload = upload = MissionUpload(plans, rules)
+        self._handlers: dict[str, Callable[[float, Message], list[Reply]]] = {
+            "MISSION_COUNT": upload.start,
+            "MISSION_WRITE_PARTIAL_LIST": upload.start_partial,
+            "MISSION_ITEM_INT": upload.take,
+            "MISSION_ITEM": upload.take,
+            "MISSION_ACK": lambda _, message: self._cancel(message),
+            "MISSION_REQUEST_LIST": lambda _, message: self._count(message),
+            "MISSION_REQUEST_INT": lambda _, message: self._item(message),
+            "MISSION_REQUEST": lambda _, message: self._item(message),
+            "MISSION_CLEAR_ALL": self._clear,
+            "MISSION_SET_CURRENT": lambda now_s, message: set_current(now_s, message.seq),
+        }
+
+    @property
+    def uploading(self) -> bool:
+        """Whether an upload is in progress on this link."""
+        return self._upload.active
+
+    def handle(self, now_s: float, message: Message) -> list[Reply]:
+        """Take any message of the mission protocol."""
+        handler = self._handlers.get(message.get_type())
+        return [] if handler is None else handler(now_s, message)
+
+    def advance(self, now_s: float) -> list[Reply]:
+        """Ask again for a missing item, or give the upload up."""
+        return self._upload.advance(now_s)
+
+    def _cancel(self, message: Message) -> list[Reply]:
+        self._upload.cancel(message)
+        return []
+
+    def _count(self, message: Message) -> list[Reply]:
+        partner, kind = source_of(message), message.mission_type
+        if kind not in KINDS:
+            return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
+        return [("MISSION_COUNT", *partner, len(self._plans.plans[PlanKind(kind)].items), kind)]
+
+    def _item(self, message: Message) -> list[Reply]:
+        partner, kind, seq = source_of(message), message.mission_type, message.seq
+        if kind not in KINDS:
+            return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
+        items = self._plans.plans[PlanKind(kind)].items
+        if seq >= len(items):
+            return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, kind)]
+        current = int(kind == PlanKind.MISSION and seq == self._plans.current)
+        item = items[seq]._replace(seq=seq, current=current)
+        if message.get_type() == "MISSION_REQUEST_INT":
+            return [("MISSION_ITEM_INT", *partner, *item, kind)]
+        x, y = (coordinate(value, item.frame) for value in (item.x, item.y))
+        return [("MISSION_ITEM", *partner, *item._replace(x=x, y=y), kind)]
+
+    def _clear(self, now_s: float, message: Message) -> list[Reply]:
+        partner, kind = source_of(message), message.mission_type
+        if kind not in KINDS | {ALL_KINDS}:
+            return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
+        if self._upload.active or self._upload.busy(now_s, partner):
+            return [acknowledge(partner, MissionResult.ERROR, kind)]
+        for each in PlanKind if kind == ALL_KINDS else (PlanKind(kind),):
+            self._plans.set_plan(each, ())
+        return [acknowledge(partner, MissionResult.ACCEPTED, kind)]

@@ -1,0 +1,194 @@
+"""Upload of a plan: the vehicle asks for each item, and asks again for what got lost.
+
+A plan replaces the old one only when all its items have come and pass the checks; until then, and after any failure,
+the old one stands. Source: https://mavlink.io/en/services/mission.html#uploading_mission
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sitl_mock.protocols.command import GLOBAL_FRAMES, INT32_NAN, MISSION_FRAME
+from sitl_mock.protocols.plan import MissionResult, PlanItem, PlanKind, PlanStore, item_fault, plan_fault
+from sitl_mock.protocols.reply import Reply, source_of
+
+if TYPE_CHECKING:
+    from sitl_mock.mavlink import Message
+    from sitl_mock.protocols.mission_rules import MissionRules
+
+KINDS: Final = frozenset(PlanKind)
+
+
+@dataclass(slots=True)
+class _Transfer:
+    """Items ``len(head)`` to ``last``, of which ``items`` have come; head and tail stay from the old plan."""
+
+    kind: PlanKind
+    partner: tuple[int, int]
+    last: int
+    head: tuple[PlanItem, ...] = ()
+    tail: tuple[PlanItem, ...] = ()
+    items: list[PlanItem] = field(default_factory=list)
+    asked_s: float = 0.0
+    heard_s: float = 0.0
+
+    @property
+    def wanted(self) -> int:
+        return len(self.head) + len(self.items)
+
+
+class _Finished(NamedTuple):
+    """The last accepted upload, for a client that missed the ACK and repeats its last item."""
+
+    kind: int
+    partner: tuple[int, int]
+    last: int
+
+
+class MissionUpload:
+    """Uploads on one link; at most one at a time for the vehicle."""
+
+    def __init__(self, plans: PlanStore, rules: MissionRules) -> None:
+        self._plans = plans
+        self._rules = rules
+        self._transfer: _Transfer | None = None
+        self._finished: _Finished | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether an upload is in progress."""
+        return self._transfer is not None
+
+    def busy(self, now_s: float, partner: tuple[int, int]) -> bool:
+        """Whether somebody else, on this link or another, is uploading."""
+        if self._transfer is not None:
+            return self._transfer.partner != partner
+        return self._plans.uploader is not None and now_s < self._plans.uploader_until_s
+
+    def start(self, now_s: float, message: Message) -> list[Reply]:
+        """Take MISSION_COUNT."""
+        partner = source_of(message)
+        if message.mission_type not in KINDS:
+            return [acknowledge(partner, MissionResult.UNSUPPORTED, message.mission_type)]
+        kind = PlanKind(message.mission_type)
+        if self.busy(now_s, partner):
+            return [acknowledge(partner, MissionResult.ERROR, kind)]
+        self._end()
+        if message.count > self._rules.capacity[kind]:
+            return [acknowledge(partner, MissionResult.NO_SPACE, kind)]
+        if message.count == 0:
+            self._plans.set_plan(kind, ())
+            return [acknowledge(partner, MissionResult.ACCEPTED, kind)]
+        return self._begin(now_s, _Transfer(kind, partner, message.count - 1))
+
+    def start_partial(self, now_s: float, message: Message) -> list[Reply]:
+        """Take MISSION_WRITE_PARTIAL_LIST."""
+        partner = source_of(message)
+        if not self._rules.partial or message.mission_type != PlanKind.MISSION:
+            return [acknowledge(partner, MissionResult.UNSUPPORTED, message.mission_type)]
+        old = self._plans.mission.items
+        first, last = message.start_index, message.end_index
+        if self.busy(now_s, partner) or not 0 <= first <= last < len(old):
+            return [acknowledge(partner, MissionResult.ERROR, PlanKind.MISSION)]
+        return self._begin(now_s, _Transfer(PlanKind.MISSION, partner, last, old[:first], old[last + 1 :]))
+
+    def take(self, now_s: float, message: Message) -> list[Reply]:
+        """Take MISSION_ITEM_INT or MISSION_ITEM."""
+        transfer, partner = self._transfer, source_of(message)
+        if transfer is None:
+            repeated = self._finished == _Finished(message.mission_type, partner, message.seq)
+            return [acknowledge(partner, MissionResult.ACCEPTED, message.mission_type)] if repeated else []
+        if partner != transfer.partner or message.mission_type != transfer.kind:
+            return []
+        self._heard(now_s, transfer)
+        if message.seq != transfer.wanted:  # repeated or early: it will be asked for in its turn
+            wrong = message.seq > transfer.last
+            return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)] if wrong else []
+        item = read_item(message)
+        fault = item_fault(transfer.kind, item, self._rules.commands)
+        if fault is not MissionResult.ACCEPTED:
+            self._end()
+            return [acknowledge(partner, fault, transfer.kind)]
+        transfer.items.append(item)
+        return self._ask(now_s, transfer) if transfer.wanted <= transfer.last else self._finish(transfer)
+
+    def cancel(self, message: Message) -> None:
+        """Take a MISSION_ACK of the client: it has given up."""
+        transfer = self._transfer
+        if transfer is not None and (source_of(message), message.mission_type) == (transfer.partner, transfer.kind):
+            self._end()
+
+    def advance(self, now_s: float) -> list[Reply]:
+        """Ask again for a missing item, or give the upload up."""
+        transfer = self._transfer
+        if transfer is None:
+            return []
+        if now_s - transfer.heard_s >= self._rules.timeout_s:
+            self._end()
+            answer = acknowledge(transfer.partner, MissionResult.OPERATION_CANCELLED, transfer.kind)
+            return [answer] if self._rules.cancel_on_timeout else []
+        return self._ask(now_s, transfer) if now_s - transfer.asked_s >= self._rules.resend_s else []
+
+    def _begin(self, now_s: float, transfer: _Transfer) -> list[Reply]:
+        self._transfer = transfer
+        self._finished = None
+        self._plans.uploader = self
+        self._heard(now_s, transfer)
+        return self._ask(now_s, transfer)
+
+    def _heard(self, now_s: float, transfer: _Transfer) -> None:
+        transfer.heard_s = now_s
+        self._plans.uploader_until_s = now_s + self._rules.timeout_s
+
+    def _ask(self, now_s: float, transfer: _Transfer) -> list[Reply]:
+        transfer.asked_s = now_s
+        return [("MISSION_REQUEST_INT", *transfer.partner, transfer.wanted, int(transfer.kind))]
+
+    def _finish(self, transfer: _Transfer) -> list[Reply]:
+        whole = (*transfer.head, *transfer.items, *transfer.tail)
+        self._end()
+        fault = plan_fault(transfer.kind, whole)
+        if fault is MissionResult.ACCEPTED:
+            self._plans.set_plan(transfer.kind, whole)
+            self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)
+        return [acknowledge(transfer.partner, fault, transfer.kind)]
+
+    def _end(self) -> None:
+        if self._plans.uploader is self:
+            self._plans.uploader = None
+        self._transfer = None
+
+
+def acknowledge(partner: tuple[int, int], result: MissionResult, kind: int) -> Reply:
+    """Return a MISSION_ACK."""
+    return ("MISSION_ACK", *partner, int(result), int(kind))
+
+
+def read_item(message: Message) -> PlanItem:
+    """Return the item in a MISSION_ITEM_INT or, with its coordinates scaled, in a MISSION_ITEM."""
+    x, y = message.x, message.y
+    if message.get_type() == "MISSION_ITEM":
+        x, y = (_scaled(value, message.frame) for value in (x, y))
+    return PlanItem(
+        message.seq,
+        message.frame,
+        message.command,
+        message.current,
+        message.autocontinue,
+        message.param1,
+        message.param2,
+        message.param3,
+        message.param4,
+        x,
+        y,
+        message.z,
+    )
+
+
+def _scaled(value: float, frame: int) -> int:
+    if math.isnan(value):
+        return INT32_NAN
+    scale = 1.0 if frame == MISSION_FRAME else 1e7 if frame in GLOBAL_FRAMES else 1e4
+    return round(min(max(value * scale, -(2.0**31)), 2.0**31 - 2))

@@ -1,0 +1,203 @@
+"""Plans: mission, fence and rally points as MAVLink's mission items, and the checks on them.
+
+Source: https://mavlink.io/en/services/mission.html, MAV_CMD. A vehicle has one ``PlanStore``; links change it only by
+a whole upload that passed all checks, and each change raises the plan's revision.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sitl_mock.protocols.command import GLOBAL_FRAMES, INT32_NAN, MISSION_FRAME, coordinate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+NAV_WAYPOINT: Final = 16
+NEEDS_ALTITUDE: Final = frozenset({16, 17, 18, 19, 31})
+WITH_PLACE: Final = frozenset({16, 17, 18, 19, 21, 22, 31, 82, 84, 85})
+POLYGONS: Final = frozenset({5001, 5002})
+CIRCLES: Final = frozenset({5003, 5004})
+FENCE_RETURN: Final = 5000
+RALLY_POINT: Final = 5100
+
+
+class PlanKind(IntEnum):
+    """MAV_MISSION_TYPE."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+
+
+class MissionResult(IntEnum):
+    """MAV_MISSION_RESULT."""
+
+    ACCEPTED = 0
+    ERROR = 1
+    UNSUPPORTED_FRAME = 2
+    UNSUPPORTED = 3
+    NO_SPACE = 4
+    INVALID = 5
+    INVALID_PARAM1 = 6
+    INVALID_PARAM5_X = 10
+    INVALID_PARAM6_Y = 11
+    INVALID_PARAM7 = 12
+    INVALID_SEQUENCE = 13
+    DENIED = 14
+    OPERATION_CANCELLED = 15
+
+
+class PlanItem(NamedTuple):
+    """One item, with the fields of MISSION_ITEM_INT.
+
+    Attributes:
+        seq: Position in the plan.
+        frame: MAV_FRAME.
+        command: MAV_CMD.
+        current: 1 if the sender calls it the current item.
+        autocontinue: 1 to go on to the next item.
+        param1: Command's parameter.
+        param2: Command's parameter.
+        param3: Command's parameter.
+        param4: Command's parameter, mostly yaw in degrees.
+        x: Latitude in 1e-7 degrees, or local x in 1e-4 m.
+        y: Longitude in 1e-7 degrees, or local y in 1e-4 m.
+        z: Altitude in metres, meant by the frame.
+    """
+
+    seq: int
+    frame: int
+    command: int
+    current: int
+    autocontinue: int
+    param1: float
+    param2: float
+    param3: float
+    param4: float
+    x: int
+    y: int
+    z: float
+
+    @property
+    def latitude_deg(self) -> float:
+        """Latitude in degrees, NaN if not given."""
+        return coordinate(self.x, self.frame)
+
+    @property
+    def longitude_deg(self) -> float:
+        """Longitude in degrees, NaN if not given."""
+        return coordinate(self.y, self.frame)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A plan as last accepted.
+
+    Attributes:
+        items: Its items.
+        revision: Rises with each upload and each clearing.
+        opaque_id: CRC-32 of the items, 0 for an empty plan.
+    """
+
+    items: tuple[PlanItem, ...] = ()
+    revision: int = 0
+    opaque_id: int = 0
+
+
+@dataclass(slots=True)
+class PlanStore:
+    """The three plans of one vehicle.
+
+    Attributes:
+        plans: By kind.
+        current: Sequence number of the mission item being flown; the autopilot keeps it.
+        uploader: What is uploading at present, so that a second link is refused meanwhile.
+        uploader_until_s: Until when that holds; a link that vanished does not block the others.
+    """
+
+    plans: dict[PlanKind, Plan] = field(default_factory=lambda: {kind: Plan() for kind in PlanKind})
+    current: int = 0
+    uploader: object | None = None
+    uploader_until_s: float = 0.0
+
+    @property
+    def mission(self) -> Plan:
+        """The mission."""
+        return self.plans[PlanKind.MISSION]
+
+    @property
+    def fence(self) -> Plan:
+        """The fence."""
+        return self.plans[PlanKind.FENCE]
+
+    @property
+    def rally(self) -> Plan:
+        """The rally points."""
+        return self.plans[PlanKind.RALLY]
+
+    def set_plan(self, kind: PlanKind, items: Sequence[PlanItem]) -> None:
+        """Replace one plan; a new mission starts at its first item."""
+        self.plans[kind] = Plan(tuple(items), self.plans[kind].revision + 1, _crc(items))
+        if kind is PlanKind.MISSION:
+            self.current = 0
+
+
+def _crc(items: Sequence[PlanItem]) -> int:
+    packed = b"".join(struct.pack("<HBHBBffffiif", *item) for item in items)
+    return zlib.crc32(packed) if packed else 0
+
+
+def item_fault(kind: PlanKind, item: PlanItem, commands: frozenset[int]) -> MissionResult:
+    """Check one item; ``commands`` are the mission commands that the flavour knows."""
+    if kind is PlanKind.FENCE:
+        return _fence_fault(item)
+    if kind is PlanKind.RALLY:
+        return MissionResult.UNSUPPORTED if item.command != RALLY_POINT else _place_fault(item)
+    if item.command not in commands:
+        return MissionResult.UNSUPPORTED
+    if item.command in WITH_PLACE:
+        return _place_fault(item)
+    return MissionResult.ACCEPTED if item.frame in GLOBAL_FRAMES | {MISSION_FRAME} else MissionResult.UNSUPPORTED_FRAME
+
+
+def plan_fault(kind: PlanKind, items: Sequence[PlanItem]) -> MissionResult:
+    """Check a whole plan: the vertices of each polygon stand together and are as many as they say."""
+    if kind is not PlanKind.FENCE:
+        return MissionResult.ACCEPTED
+    at = 0
+    while at < len(items):
+        item = items[at]
+        size = int(item.param1) if item.command in POLYGONS else 1
+        group = items[at : at + size]
+        if len(group) < size or any((other.command, other.param1) != (item.command, item.param1) for other in group):
+            return MissionResult.INVALID
+        at += size
+    return MissionResult.ACCEPTED
+
+
+def _fence_fault(item: PlanItem) -> MissionResult:
+    if item.command not in POLYGONS | CIRCLES | {FENCE_RETURN}:
+        return MissionResult.UNSUPPORTED
+    least = 3.0 if item.command in POLYGONS else 0.0
+    if item.command != FENCE_RETURN and not (least <= item.param1 < math.inf and item.param1 > 0.0):
+        return MissionResult.INVALID_PARAM1
+    return _place_fault(item)
+
+
+def _place_fault(item: PlanItem) -> MissionResult:
+    if item.frame not in GLOBAL_FRAMES:
+        return MissionResult.UNSUPPORTED_FRAME
+    free = item.command in WITH_PLACE and item.command != NAV_WAYPOINT  # "here" may be left open
+    if not (abs(item.latitude_deg) <= 90.0 or (free and item.x == INT32_NAN)):
+        return MissionResult.INVALID_PARAM5_X
+    if not (abs(item.longitude_deg) <= 180.0 or (free and item.y == INT32_NAN)):
+        return MissionResult.INVALID_PARAM6_Y
+    if math.isinf(item.z) or (math.isnan(item.z) and item.command in NEEDS_ALTITUDE):
+        return MissionResult.INVALID_PARAM7
+    return MissionResult.ACCEPTED
