@@ -1,0 +1,125 @@
+"""The catalogue of strategies, by name, for either player: the paper's optimum, its baselines, and standing still.
+
+A policy is a function `policy(game, pursuer, evader, target=None, evader_velocity_m_s=None)` of arrays (..., 3) that returns
+a velocity over the ground, (..., 3), m/s. It keeps no memory. Every baseline moves at full speed (section V of the paper).
+"""
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.game.arrays import Array, component, is_numpy, namespace, norm2, pack, select, unit2
+from guidance.game.game import Game
+from guidance.game.play import take_apart
+from guidance.game.reach import steer
+from guidance.game.solve import leading_shape, solve
+from guidance.game.tad import guard_time
+
+
+class Policy(Protocol):
+    """A feedback strategy of one player."""
+
+    def __call__(
+        self,
+        game: Game,
+        pursuer: Array,
+        evader: Array,
+        target: Array | None = None,
+        evader_velocity_m_s: Array | None = None,
+    ) -> Array:
+        """Return the player's velocity over the ground, (..., 3), m/s."""
+
+
+def optimal_pursuer(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Play the pursuer's part of `solve`: eq. (13) of the paper in PE, eq. (24) in TAD, straight to T where E wins."""
+    return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).pursuer_velocity_m_s
+
+
+def optimal_evader(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Play the evader's part of `solve`."""
+    return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).evader_velocity_m_s
+
+
+def pure_pursuit(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Fly straight at the evader, to the stand-off disc around it."""
+    return _fly_straight(game, pursuer, evader, evader, evader_velocity_m_s)
+
+
+def pursuer_to_target(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Task-oriented: fly straight to the target, to the stand-off disc around it."""
+    return _fly_straight(game, pursuer, evader, _needed(target), None)
+
+
+def pure_evade(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Run straight away from the pursuer, in the plane."""
+    return _run(game, evader, pursuer, away=True)
+
+
+def evader_to_target(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Task-oriented: run straight to the target, and stay there."""
+    return _run(game, evader, _needed(target), away=False)
+
+
+def hold(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Stay where you are."""
+    return 0.0 * (pursuer + evader)
+
+
+PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
+    {"optimal": optimal_pursuer, "pure_pursuit": pure_pursuit, "task_oriented": pursuer_to_target, "hold": hold}
+)
+"""Every strategy of the pursuer by name."""
+
+EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
+    {"optimal": optimal_evader, "pure_evade": pure_evade, "task_oriented": evader_to_target, "hold": hold}
+)
+"""Every strategy of the evader by name."""
+
+
+def _needed(target: Array | None) -> Array:
+    if target is None:
+        raise ConfigError("target = None: the strategy 'task_oriented' needs a target")
+    return target
+
+
+def _fly_straight(game: Game, pursuer: Array, evader: Array, aim: Array, seen: Array | None) -> Array:
+    """Fly the pursuer to the disc around `aim` as if that stood still; hold, or follow `seen`, once it is there."""
+    shape = leading_shape({"pursuer": pursuer, "evader": evader, "aim": aim})
+    xp = namespace(pursuer, evader, aim)
+    with np.errstate(all="ignore") if is_numpy(xp) else nullcontext():
+        state = take_apart(xp, game, pursuer, evader, seen)
+        goal = (component(aim, 0) - state.evader[0], component(aim, 1) - state.evader[1])
+        to = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
+        gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
+        flown = steer(xp, game, to, gap, guard_time(xp, game, state, goal), state.z, state.drift)
+    return pack(xp, shape, pursuer, *flown)
+
+
+def _run(game: Game, evader: Array, point: Array, *, away: bool) -> Array:
+    """Run the evader from or to a point at full speed; from right below it along the x axis, and at it no further."""
+    shape = leading_shape({"evader": evader, "point": point})
+    xp = namespace(evader, point)
+    with np.errstate(all="ignore") if is_numpy(xp) else nullcontext():
+        way = (component(point, 0) - component(evader, 0), component(point, 1) - component(evader, 1))
+        length = norm2(xp, way)
+        direction = unit2(xp, way, length)
+        pace = -game.evader_speed_m_s if away else select(xp, length > 0, game.evader_speed_m_s, 0.0)
+    return pack(xp, shape, evader, pace * direction[0], pace * direction[1], 0.0)
