@@ -1,4 +1,4 @@
-"""The port between the core and a vehicle: a small contract that every link keeps, held by one contract test-suite.
+"""The ports between the core and the world: small contracts that every adapter keeps, held by one contract test-suite.
 
 A link never blocks, never resends a setpoint by itself and never interprets: what it hears from the one configured
 system and component comes out of `receive` as typed values in order of arrival, and everything else is dropped and
@@ -12,51 +12,73 @@ from guidance.telemetry import Message, Request, Setpoint, TargetReport
 
 
 class VehicleLink(Protocol):
-    """One vehicle, both directions.
+    """One vehicle, both directions."""
 
-    * `receive` returns all messages since the last call, oldest first, each stamped with the time it arrived on the
-      injected clock. It returns an empty list when there is nothing and keeps at most a bounded number (oldest dropped,
-      counted).
-    * `send_setpoint` puts exactly one SET_POSITION_TARGET_LOCAL_NED frame on the wire, now, and keeps nothing: if it
-      is not called again, nothing more is sent. A setpoint that is not finite raises ValueError and is not sent.
-    * `request` sends a command or a parameter request; the library may repeat it until it is acknowledged, and the
-      acknowledgement comes back through `receive`.
-    * `send_heartbeat` sends our own HEARTBEAT (onboard computer), once.
-    * `counters` names what was received, sent and dropped, for the log and the metrics.
-    * `close` releases everything and may be called twice.
-    """
+    def receive(self) -> Sequence[Message]:
+        """All messages since the last call, oldest first, each stamped with its arrival on the injected clock.
 
-    def receive(self) -> Sequence[Message]: ...
+        Empty when there is nothing. A bounded number is kept (oldest dropped, counted). Messages whose values cannot
+        be meant (a position that is not finite, latitude and longitude both 0) are dropped and counted. Call it every
+        tick: requests are repeated, and TIMESYNC is asked and answered, from in here.
+        """
 
-    def send_setpoint(self, setpoint: Setpoint) -> None: ...
+    def send_setpoint(self, setpoint: Setpoint) -> None:
+        """Put exactly one SET_POSITION_TARGET_LOCAL_NED frame on the wire, now, and keep nothing.
 
-    def request(self, request: Request) -> None: ...
+        If it is not called again, nothing more is sent.
 
-    def send_heartbeat(self) -> None: ...
+        Raises:
+            ValueError: If the setpoint is not finite; nothing is sent then.
+        """
 
-    def counters(self) -> Mapping[str, int]: ...
+    def request(self, request: Request) -> None:
+        """Send a command or a parameter request, and repeat it every 0.5 s, 4 times in all, until it is answered.
 
-    def close(self) -> None: ...
+        The answer (COMMAND_ACK, PARAM_VALUE) comes back through `receive`. A newer command of the same number takes
+        the place of one that is still waiting, except stream and message requests (511, 512), which queue.
+
+        Raises:
+            ValueError: If it cannot be sent as it is (an infinite parameter, a latitude that is none).
+        """
+
+    def send_heartbeat(self) -> None:
+        """Send our own HEARTBEAT (onboard computer), once; nothing where the library sends them by itself."""
+
+    def counters(self) -> Mapping[str, int]:
+        """What was received, sent and dropped, by reason, for the log and the metrics."""
+
+    def close(self) -> None:
+        """Release everything. May be called twice; afterwards nothing is received and nothing is sent."""
 
 
 class TargetSource(Protocol):
-    """Where reports of the target come from. `receive` never blocks and returns them in order of arrival."""
+    """Where reports of the target come from."""
 
-    def receive(self) -> Sequence[TargetReport]: ...
+    def receive(self) -> Sequence[TargetReport]:
+        """All reports since the last call, in order of arrival. Never blocks."""
 
-    def counters(self) -> Mapping[str, int]: ...
+    def counters(self) -> Mapping[str, int]:
+        """What was received and what was refused, by reason."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Release everything. May be called twice."""
 
 
 class Wire(Protocol):
-    """Whole MAVLink frames to and from somewhere: Zenoh, UDP, TCP, serial, or the other side of a test.
+    """MAVLink frames to and from somewhere: Zenoh, UDP, TCP, serial, or the other side of a test."""
 
-    `receive` never blocks and returns (arrival time, frame or piece of a byte stream) pairs; `send` never blocks.
-    """
+    @property
+    def stream(self) -> bool:
+        """Whether a frame may be split between two pieces."""
 
-    def receive(self) -> Sequence[tuple[float, bytes]]: ...
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """(arrival time, frame or piece of a byte stream) since the last call, oldest first, bounded. Never blocks."""
 
-    def send(self, frame: bytes) -> None: ...
+    def send(self, frame: bytes) -> None:
+        """Send one whole frame. Never blocks, never raises for a peer that is gone: what cannot be sent is counted."""
 
-    def close(self) -> None: ...
+    def counters(self) -> Mapping[str, int]:
+        """Frames sent, not sent, and pieces dropped for want of room."""
+
+    def close(self) -> None:
+        """Release everything. May be called twice."""

@@ -1,0 +1,21 @@
+"""Vehicles and targets over wires: the ports, and adapters of MAVSDK and pymavlink.
+
+`guidance.links.opening` opens links from URLs; it is imported apart, since it brings every wire library with it.
+"""
+
+from guidance.links.arrivals import Clock
+from guidance.links.endpoint import Endpoint, parse
+from guidance.links.memory_wire import MemoryWire
+from guidance.links.port import TargetSource, VehicleLink, Wire
+from guidance.links.signing import SigningKey
+
+__all__ = [
+    "Clock",
+    "Endpoint",
+    "MemoryWire",
+    "SigningKey",
+    "TargetSource",
+    "VehicleLink",
+    "Wire",
+    "parse",
+]

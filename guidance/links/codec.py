@@ -1,0 +1,169 @@
+"""MAVLink fields to typed values: one literal table, used whatever library took the frame apart.
+
+Fields are what both libraries agree on: names of the MAVLink definition, integers as integers, text as str, and NaN as
+NaN (pymavlink) or None (MAVSDK's JSON `null`).
+"""
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from guidance.telemetry import (
+    Attitude,
+    CommandAck,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Message,
+    Odometry,
+    Origin,
+    Parameter,
+    PositionTarget,
+    SystemStatus,
+    Vector,
+)
+
+Fields = Mapping[str, Any]
+
+MAV_AUTOPILOT_PX4: Final = 12
+MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
+INT32_MAX: Final = 2**31 - 1
+MAV_PARAM_TYPE_INT32: Final = 6
+
+
+def number(value: float | None) -> float:
+    """A field as a float; None, which is JSON's NaN, as NaN."""
+    return math.nan if value is None else float(value)
+
+
+def finite(*values: float | None) -> Vector:
+    """Three fields that make no sense unless they are all finite.
+
+    Raises:
+        ValueError: If one of them is not.
+    """
+    x, y, z = (number(value) for value in values)
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        raise ValueError(f"not finite: {x}, {y}, {z}")
+    return x, y, z
+
+
+def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
+    """WGS-84 degrees from 1e7 degrees.
+
+    Raises:
+        ValueError: If they are the sentinels of "unknown" (INT32_MAX, or 0/0 before the first fix) or off the globe.
+    """
+    latitude, longitude = latitude_e7 / 1e7, longitude_e7 / 1e7
+    if latitude_e7 == 0 and longitude_e7 == 0:
+        raise ValueError("latitude and longitude are both 0: no fix yet")
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        raise ValueError(f"off the globe: {latitude}, {longitude}")
+    return latitude, longitude
+
+
+def _heartbeat(f: Fields, received_s: float) -> Message:
+    armed = bool(f["base_mode"] & MAV_MODE_FLAG_SAFETY_ARMED)
+    return Heartbeat(received_s, f["custom_mode"], armed, f["system_status"], f["autopilot"])
+
+
+def _local_position(f: Fields, received_s: float) -> Message:
+    position, velocity = finite(f["x"], f["y"], f["z"]), finite(f["vx"], f["vy"], f["vz"])
+    return LocalPosition(received_s, f["time_boot_ms"] / 1e3, position, velocity)
+
+
+def _global_position(f: Fields, received_s: float) -> Message:
+    latitude, longitude = degrees(f["lat"], f["lon"])
+    velocity = (f["vx"] / 1e2, f["vy"] / 1e2, f["vz"] / 1e2)
+    above_sea, above_home = f["alt"] / 1e3, f["relative_alt"] / 1e3
+    return GlobalPosition(received_s, f["time_boot_ms"] / 1e3, latitude, longitude, above_sea, above_home, velocity)
+
+
+def _attitude(f: Fields, received_s: float) -> Message:
+    yaw = number(f["yaw"])
+    if not math.isfinite(yaw):
+        raise ValueError("yaw is not finite")
+    return Attitude(received_s, f["time_boot_ms"] / 1e3, yaw)
+
+
+def _odometry(f: Fields, received_s: float) -> Message:
+    return Odometry(received_s, f["reset_counter"])
+
+
+def _extended_state(f: Fields, received_s: float) -> Message:
+    return LandedState(received_s, f["landed_state"])
+
+
+def _system_status(f: Fields, received_s: float) -> Message:
+    percent = f["battery_remaining"]
+    remaining = percent / 100.0 if 0 <= percent <= 100 else math.nan  # -1: not sent
+    present, health = f["onboard_control_sensors_present"], f["onboard_control_sensors_health"]
+    return SystemStatus(received_s, present, health, remaining)
+
+
+def _home(f: Fields, received_s: float) -> Message:
+    latitude, longitude = degrees(f["latitude"], f["longitude"])
+    position = (number(f["x"]), number(f["y"]), number(f["z"]))
+    return Home(received_s, latitude, longitude, f["altitude"] / 1e3, position)
+
+
+def _origin(f: Fields, received_s: float) -> Message:
+    latitude, longitude = degrees(f["latitude"], f["longitude"])
+    return Origin(received_s, latitude, longitude, f["altitude"] / 1e3)
+
+
+def _command_ack(f: Fields, received_s: float) -> Message:
+    return CommandAck(received_s, f["command"], f["result"])
+
+
+def _position_target(f: Fields, received_s: float) -> Message:
+    velocity = (number(f["vx"]), number(f["vy"]), number(f["vz"]))
+    return PositionTarget(received_s, f["time_boot_ms"] / 1e3, f["type_mask"], velocity)
+
+
+DECODERS: Final[Mapping[str, Callable[[Fields, float], Message]]] = {
+    "HEARTBEAT": _heartbeat,
+    "SYS_STATUS": _system_status,
+    "ATTITUDE": _attitude,
+    "LOCAL_POSITION_NED": _local_position,
+    "GLOBAL_POSITION_INT": _global_position,
+    "GPS_GLOBAL_ORIGIN": _origin,
+    "COMMAND_ACK": _command_ack,
+    "POSITION_TARGET_LOCAL_NED": _position_target,
+    "HOME_POSITION": _home,
+    "EXTENDED_SYS_STATE": _extended_state,
+    "ODOMETRY": _odometry,
+}
+"""Messages that mean something by themselves; STATUSTEXT, TIMESYNC and PARAM_VALUE need the conversation."""
+
+
+def decode(name: str, fields: Fields, received_s: float) -> Message:
+    """Turn one message's fields into a typed value.
+
+    Raises:
+        KeyError: If the message is not in `DECODERS`, or lacks a field.
+        ValueError: If its values cannot be meant.
+    """
+    return DECODERS[name](fields, received_s)
+
+
+def parameter(fields: Fields, received_s: float, *, autopilot: int) -> Parameter:
+    """PARAM_VALUE as a number. PX4 carries integers bytewise in the float, everyone else as the number itself.
+
+    An adapter that has the frame's bytes gives a bytewise integer as `param_integer`; without it one whose bits are a
+    NaN (every small negative number) is unreadable, and the value NaN.
+    """
+    if "param_integer" in fields:
+        return Parameter(received_s, fields["param_id"], float(fields["param_integer"]))
+    value = number(fields["param_value"])
+    if is_bytewise(fields, autopilot=autopilot) and not math.isnan(value):
+        value = float(struct.unpack("<i", struct.pack("<f", value))[0])
+    return Parameter(received_s, fields["param_id"], value)
+
+
+def is_bytewise(fields: Fields, *, autopilot: int) -> bool:
+    """Whether this PARAM_VALUE carries an integer's bytes in its float (PX4: MAV_PARAM_TYPE_INT32 only)."""
+    return autopilot == MAV_AUTOPILOT_PX4 and fields["param_type"] == MAV_PARAM_TYPE_INT32

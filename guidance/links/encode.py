@@ -1,0 +1,121 @@
+"""Typed requests and setpoints to MAVLink fields, with the exact type masks, for either library to pack."""
+
+import math
+from typing import Any, Final
+
+from guidance.links.codec import INT32_MAX
+from guidance.telemetry import Command, ParameterRequest, Request, Setpoint
+
+Packed = tuple[str, dict[str, Any]]
+
+MAV_FRAME_LOCAL_NED: Final = 1
+FLOAT32_MAX: Final = 3.4028234663852886e38
+
+# POSITION_TARGET_TYPEMASK: a set bit tells the autopilot to ignore that field.
+IGNORE_XY: Final = 1 | 2
+IGNORE_Z: Final = 4
+IGNORE_VZ: Final = 32
+IGNORE_ACCELERATION_XY: Final = 64 | 128
+IGNORE_ACCELERATION_Z: Final = 256
+IGNORE_YAW: Final = 1024
+IGNORE_YAW_RATE: Final = 2048
+
+
+def setpoint_type_mask(setpoint: Setpoint) -> int:
+    """Which fields the autopilot is to ignore.
+
+    Velocity alone 3527, with yaw 2503, with acceleration feed-forward 3079 (yaw 2055). With `down_m` the vertical
+    velocity and acceleration give way to z: 3555 (yaw 2531), with horizontal feed-forward 3363 (yaw 2339). PX4 takes
+    all of these; ArduCopter takes none with z, since it reads a part ignored as the whole ignored, and stops.
+    """
+    mask = IGNORE_XY | IGNORE_YAW_RATE
+    mask |= IGNORE_Z if setpoint.down_m is None else IGNORE_VZ | IGNORE_ACCELERATION_Z
+    if setpoint.acceleration_ned_m_s2 is None:
+        mask |= IGNORE_ACCELERATION_XY | IGNORE_ACCELERATION_Z
+    return mask | (IGNORE_YAW if setpoint.yaw_rad is None else 0)
+
+
+def _sendable(name: str, value: float) -> float:
+    if not (math.isfinite(value) and abs(value) <= FLOAT32_MAX):
+        raise ValueError(f"{name} = {value}: a setpoint must be finite, nothing was sent")
+    return float(value)
+
+
+def boot_ms(now_s: float) -> int:
+    """Our clock as MAVLink's time_boot_ms, which wraps at 2^32."""
+    return int(now_s * 1e3) % 2**32
+
+
+def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: int) -> Packed:
+    """SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero on the wire.
+
+    Raises:
+        ValueError: If a value is not finite (as a 32 bit float).
+    """
+    vx, vy, vz = (_sendable("velocity_ned_m_s", value) for value in setpoint.velocity_ned_m_s)
+    ax, ay, az = (_sendable("acceleration_ned_m_s2", a) for a in setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0))
+    z = 0.0 if setpoint.down_m is None else _sendable("down_m", setpoint.down_m)
+    if setpoint.down_m is not None:
+        vz, az = 0.0, 0.0
+    return "SET_POSITION_TARGET_LOCAL_NED", {
+        "time_boot_ms": boot_ms(now_s),
+        "target_system": system_id,
+        "target_component": component_id,
+        "coordinate_frame": MAV_FRAME_LOCAL_NED,
+        "type_mask": setpoint_type_mask(setpoint),
+        "x": 0.0,
+        "y": 0.0,
+        "z": z,
+        "vx": vx,
+        "vy": vy,
+        "vz": vz,
+        "afx": ax,
+        "afy": ay,
+        "afz": az,
+        "yaw": 0.0 if setpoint.yaw_rad is None else _sendable("yaw_rad", setpoint.yaw_rad),
+        "yaw_rate": 0.0,
+    }
+
+
+def request(request: Request, *, attempt: int, system_id: int, component_id: int) -> Packed:
+    """COMMAND_LONG, COMMAND_INT or PARAM_REQUEST_READ; `attempt` counts from 0 and becomes `confirmation`.
+
+    Raises:
+        ValueError: If a parameter is infinite, a coordinate does not fit, or a parameter's name is too long.
+    """
+    target = {"target_system": system_id, "target_component": component_id}
+    if isinstance(request, ParameterRequest):
+        if not 0 < len(request.name.encode()) <= 16:
+            raise ValueError(f"parameter {request.name!r}: 1 to 16 bytes are allowed")
+        return "PARAM_REQUEST_READ", {**target, "param_id": request.name, "param_index": -1}
+    if any(math.isinf(value) for value in request.params):
+        raise ValueError(f"command {request.command}: infinite parameter in {request.params}")
+    if request.frame is not None:
+        return "COMMAND_INT", {**target, **_command_int(request, request.frame)}
+    numbered = {f"param{index}": value for index, value in enumerate(request.params, start=1)}
+    return "COMMAND_LONG", {**target, "command": request.command, "confirmation": attempt, **numbered}
+
+
+def _command_int(command: Command, frame: int) -> dict[str, Any]:
+    p1, p2, p3, p4, latitude_deg, longitude_deg, z = command.params
+    return {
+        "frame": frame,
+        "command": command.command,
+        "current": 0,
+        "autocontinue": 0,
+        "param1": p1,
+        "param2": p2,
+        "param3": p3,
+        "param4": p4,
+        "x": _e7(latitude_deg),
+        "y": _e7(longitude_deg),
+        "z": z,
+    }
+
+
+def _e7(angle_deg: float) -> int:
+    if math.isnan(angle_deg):
+        return INT32_MAX  # "not used" of MAVLink's COMMAND_INT
+    if abs(angle_deg) > 180.0:
+        raise ValueError(f"{angle_deg} is no latitude or longitude in degrees")
+    return round(angle_deg * 1e7)

@@ -1,0 +1,55 @@
+"""What a link's URL says."""
+
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+from guidance.errors import ConfigError
+
+FORMS = (
+    "udpin://host:port, udpout://host:port, tcpin://host:port, tcpout://host:port, serial:///dev/name:baud, "
+    "zenoh://host:port/namespace"
+)
+_HOSTS_AND_PORTS = ("udpin", "udpout", "tcpin", "tcpout", "zenoh")
+
+
+class Endpoint(NamedTuple):
+    """A URL taken apart: host and port, or device (in `host`) and baud (in `port`); the namespace for Zenoh only."""
+
+    url: str
+    scheme: str
+    host: str
+    port: int
+    namespace: str = ""
+
+
+def parse(url: str) -> Endpoint:
+    """Take a URL apart.
+
+    Raises:
+        ConfigError: If it is not one of `FORMS`.
+    """
+    scheme, separator, rest = url.partition("://")
+    if not separator or scheme not in (*_HOSTS_AND_PORTS, "serial"):
+        raise ConfigError(f"url = {url!r}: allowed are {FORMS}")
+    if scheme == "serial":
+        device, _, baud = rest.rpartition(":")
+        if not device or not baud.isdecimal() or int(baud) == 0:
+            raise ConfigError(f"url = {url!r}: a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600")
+        return Endpoint(url, scheme, device, int(baud))
+    return _host_and_port(url, scheme)
+
+
+def _host_and_port(url: str, scheme: str) -> Endpoint:
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise ConfigError(f"url = {url!r}: {error}") from error
+    namespace = parts.path.strip("/")
+    if not host or not port or parts.query or parts.fragment or parts.username:
+        raise ConfigError(f"url = {url!r}: a host and a port are needed, as in {scheme}://127.0.0.1:14540")
+    if namespace and scheme != "zenoh":
+        raise ConfigError(f"url = {url!r}: only zenoh:// takes a path (its namespace)")
+    if any(character in namespace for character in "*$#?") or "//" in namespace:
+        raise ConfigError(f"url = {url!r}: a namespace is a plain key such as uav1, without wildcards")
+    return Endpoint(url, scheme, host, port, namespace)

@@ -1,0 +1,222 @@
+"""A vehicle through the MAVSDK client: raw messages with their time fields, and one frame for one call.
+
+The Offboard plugin is not used, since it resends the last velocity at 20 Hz by itself: a guidance loop that hangs
+would fly on. Nothing is called on MAVSDK after it was destroyed, which would be a segmentation fault.
+"""
+
+import contextlib
+import json
+import math
+import threading
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, Protocol
+
+from mavsdk import Autopilot, Configuration, ConnectionResult, Mavsdk
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
+from mavsdk.system import System
+
+from guidance.errors import LinkError
+from guidance.links.arrivals import Arrivals, Clock, Handler
+from guidance.links.codec import MAV_AUTOPILOT_PX4, is_bytewise
+from guidance.links.conversation import HEARD, Conversation
+from guidance.links.mavsdk_log import route_to_logging
+from guidance.links.mavsdk_parameters import IntegerParameters
+from guidance.telemetry import Message, Request, Setpoint
+
+_LOOK_EVERY_S: Final = 0.02
+
+
+class HandingWire(Protocol):
+    """A wire that can push what arrives (Zenoh, memory)."""
+
+    def hand_to(self, handler: Handler) -> None:
+        """Call `handler` for everything from now on."""
+
+    def send(self, frame: bytes) -> None:
+        """Send one frame, from any thread."""
+
+    def counters(self) -> Mapping[str, int]:
+        """Frames sent and not sent."""
+
+    def close(self) -> None:
+        """Release everything."""
+
+
+class MavsdkLink:
+    """`VehicleLink` over MAVSDK 4.1, on one of its own connections (`url`) or on a wire through `raw://`."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        system_id: int,
+        sleep: Callable[[float], None],
+        url: str | None = None,
+        wire: HandingWire | None = None,
+        component_id: int = 1,
+        own_system_id: int | None = None,
+        own_component_id: int = 195,
+        timeout_s: float = 10.0,
+    ) -> None:
+        """Connect and wait until the vehicle's HEARTBEAT was heard. The wire is closed with the link.
+
+        Raises:
+            LinkError: If the connection cannot be made, or nobody was heard within `timeout_s` of the clock.
+        """
+        route_to_logging()
+        own = own_system_id or system_id, own_component_id
+        self._clock = clock
+        self._wire = wire
+        self._component_id = component_id
+        self._arrivals = Arrivals[tuple[str, int, str]](clock)
+        self._dropped: Counter[str] = Counter()
+        self._conversation = Conversation(self._send, system_id=system_id, component_id=component_id, own=own)
+        self._gate = threading.Lock()
+        self._closed = False
+        self._direct: MavlinkDirect | None = None
+        self._parameters: IntegerParameters | None = None
+        configuration = Configuration.create_manual(*own, True)
+        self._mavsdk = Mavsdk(configuration)
+        configuration.destroy()
+        try:
+            self._connect(url)
+            system = self._wait_for(system_id, timeout_s, sleep, who=url or "raw://")
+            if system.autopilot_type() == Autopilot.PX4:
+                self._conversation.autopilot = MAV_AUTOPILOT_PX4
+            self._direct = MavlinkDirect(system)
+            self._parameters = IntegerParameters(system, self._deliver_integer)
+            for name in sorted(HEARD):
+                self._direct.subscribe_message(name, self._hear)
+        except BaseException:
+            self.close()
+            raise
+
+    def _connect(self, url: str | None) -> None:
+        if self._wire is not None:
+            self._mavsdk.subscribe_raw_bytes_to_be_sent(self._wire.send)
+            url = "raw://"
+        result = self._mavsdk.add_any_connection(url or "")
+        if result != ConnectionResult.SUCCESS:
+            raise LinkError(f"{url}: MAVSDK cannot connect ({result.name})")
+        if self._wire is not None:
+            self._wire.hand_to(self._pass_in)
+
+    def _pass_in(self, _received_s: float, data: bytes) -> None:
+        with self._gate:
+            if not self._closed and data:
+                self._mavsdk.pass_received_raw_bytes(data)
+
+    def _wait_for(self, system_id: int, timeout_s: float, sleep: Callable[[float], None], *, who: str) -> System:
+        deadline_s = self._clock() + timeout_s
+        while True:
+            systems = self._mavsdk.get_systems()
+            for system in systems:
+                if system.get_system_id() == system_id and self._component_id in system.component_ids():
+                    return system
+            if self._clock() >= deadline_s:
+                heard = sorted({system.get_system_id() for system in systems})
+                raise LinkError(
+                    f"{who}: no HEARTBEAT of system {system_id} component {self._component_id} within {timeout_s:g} s; "
+                    f"systems heard: {heard or 'none'}"
+                )
+            sleep(_LOOK_EVERY_S)
+
+    def _hear(self, message: MavlinkMessage, _user: object) -> None:
+        """On MAVSDK's only callback thread: keep it and be gone."""
+        self._arrivals.put((message.message_name, message.component_id, message.fields_json))
+
+    def _deliver_integer(self, name: str, value: int) -> None:
+        fields = json.dumps({"param_id": name, "param_integer": value})
+        self._arrivals.put(("PARAM_VALUE", self._component_id, fields))
+
+    @property
+    def heartbeats(self) -> int:
+        """How many HEARTBEATs of the vehicle were heard so far, not counting those of the discovery."""
+        return self._conversation.heartbeats
+
+    def receive(self) -> Sequence[Message]:
+        """All messages of the vehicle since the last call, oldest first."""
+        if self._closed:
+            return []
+        for received_s, (name, component_id, text) in self._arrivals.take():
+            if component_id != self._component_id:
+                self._dropped["foreign"] += 1
+                continue
+            self._interpret(name, text, received_s)
+        self._conversation.tend(self._clock())
+        return self._conversation.take()
+
+    def _interpret(self, name: str, text: str, received_s: float) -> None:
+        try:
+            fields: dict[str, Any] = json.loads(text)
+        except ValueError:
+            self._dropped["refused"] += 1
+            return
+        if name == "PARAM_VALUE" and self._is_unreadable(fields) and self._parameters is not None:
+            if self._conversation.awaits_parameter(fields["param_id"]):
+                self._parameters.read(fields["param_id"])
+        else:
+            self._conversation.hear(name, fields, received_s)
+
+    def _is_unreadable(self, fields: Mapping[str, Any]) -> bool:
+        lost = fields.get("param_value", 0.0) is None
+        return lost and is_bytewise(fields, autopilot=self._conversation.autopilot)
+
+    def _send(self, name: str, fields: Mapping[str, Any]) -> None:
+        if self._closed or self._direct is None:
+            return
+        plain = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in fields.items()}
+        try:
+            self._direct.send_message(MavlinkMessage(name, fields_json=json.dumps(plain)))
+        except MavlinkDirectError:
+            self._dropped["unsent"] += 1
+
+    def send_setpoint(self, setpoint: Setpoint) -> None:
+        """Put one setpoint frame on the wire, now.
+
+        Raises:
+            ValueError: If it is not finite; nothing is sent then.
+        """
+        if not self._closed:
+            self._conversation.setpoint(setpoint, self._clock())
+
+    def request(self, request: Request) -> None:
+        """Send a command or a parameter request, and repeat it from `receive` until it is answered.
+
+        MAVSDK's own repetition (`send_command`) is not used: there a new mode waits behind one not yet answered.
+        """
+        if not self._closed:
+            self._conversation.request(request, self._clock())
+
+    def send_heartbeat(self) -> None:
+        """Nothing: MAVSDK sends ours once a second by itself."""
+
+    def counters(self) -> Mapping[str, int]:
+        """What was received, sent and dropped, and why."""
+        return {
+            "foreign": 0,
+            "refused": 0,
+            "unsent": 0,
+            **self._dropped,
+            "queue_dropped": self._arrivals.dropped,
+            "parameters_failed": self._parameters.failed if self._parameters is not None else 0,
+            **self._conversation.counters(),
+            **(self._wire.counters() if self._wire is not None else {}),
+        }
+
+    def close(self) -> None:
+        """First nothing comes in any more, then nothing is asked, then MAVSDK goes. May be called twice."""
+        with self._gate:
+            if self._closed:
+                return
+            self._closed = True
+        self._arrivals.close()
+        if self._wire is not None:
+            self._wire.close()
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._mavsdk.destroy)
+            if self._direct is not None:
+                stack.callback(self._direct.destroy)
+            if self._parameters is not None:
+                stack.callback(self._parameters.close)

@@ -1,0 +1,160 @@
+"""From a URL to a link that has heard its vehicle. Importing this imports every wire library."""
+
+import errno
+import socket
+import time
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from guidance.errors import ConfigError, LinkError
+from guidance.links.arrivals import Clock
+from guidance.links.endpoint import Endpoint, parse
+from guidance.links.mavsdk_link import MavsdkLink
+from guidance.links.port import VehicleLink, Wire
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.serial_wire import SerialWire
+from guidance.links.signing import SigningKey
+from guidance.links.tcp_wire import TcpWire
+from guidance.links.udp_wire import UdpWire
+from guidance.links.zenoh_wire import ZenohWire
+
+KINDS: Final = ("mavsdk", "pymavlink")
+_LOOK_EVERY_S: Final = 0.02
+_HEARTBEAT_EVERY_S: Final = 1.0
+
+Sleep = Callable[[float], None]
+
+
+class _Polled(Protocol):
+    @property
+    def heartbeats(self) -> int: ...
+
+    def poll(self) -> None: ...
+
+    def send_heartbeat(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def open_wire(url: str, *, clock: Clock, timeout_s: float = 5.0) -> Wire:
+    """Open the bytes behind a URL; `timeout_s` bounds the connecting (TCP, Zenoh), in real time.
+
+    Raises:
+        ConfigError: If the URL is none of those allowed.
+        LinkError: If it cannot be opened.
+    """
+    endpoint = parse(url)
+    if endpoint.scheme == "zenoh":
+        router = f"tcp/{endpoint.host}:{endpoint.port}"
+        return ZenohWire(clock, namespace=endpoint.namespace, endpoint=router, timeout_s=timeout_s)
+    if endpoint.scheme == "serial":
+        return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
+    listen = endpoint.scheme.endswith("in")
+    if endpoint.scheme.startswith("udp"):
+        return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen)
+    return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
+
+
+def open_vehicle_link(
+    kind: str,
+    url: str,
+    *,
+    system_id: int,
+    clock: Clock,
+    component_id: int = 1,
+    own_system_id: int | None = None,
+    own_component_id: int = 195,
+    signing_key: SigningKey | None = None,
+    timeout_s: float = 10.0,
+    sleep: Sleep = time.sleep,
+) -> VehicleLink:
+    """Open a link and wait until the vehicle was heard.
+
+    Args:
+        kind: "mavsdk" or "pymavlink".
+        url: Where the vehicle is, see `guidance.links.endpoint`.
+        system_id: The vehicle's MAVLink system id; nobody else is heard.
+        clock: Monotonic seconds; all arrival times and deadlines are its.
+        component_id: The autopilot's component id.
+        own_system_id: Ours; a companion computer shares its vehicle's (the default).
+        own_component_id: Ours; 195 is what MAVSDK calls a companion computer.
+        signing_key: Sign what is sent and refuse what is not signed (pymavlink only: MAVSDK cannot).
+        timeout_s: How long to wait for the wire, and then for the first HEARTBEAT.
+        sleep: How to wait between looks.
+
+    Raises:
+        ConfigError: If an argument is wrong.
+        LinkError: If the wire cannot be opened, or no HEARTBEAT came in time.
+    """
+    if kind not in KINDS:
+        raise ConfigError(f"link = {kind!r}: allowed are {', '.join(KINDS)}")
+    for name, value in (
+        ("system_id", system_id),
+        ("component_id", component_id),
+        ("own_component_id", own_component_id),
+    ):
+        if not 1 <= value <= 255:
+            raise ConfigError(f"{name} = {value}: 1 to 255 are allowed")
+    ids = {
+        "system_id": system_id,
+        "component_id": component_id,
+        "own_component_id": own_component_id,
+    }
+    if kind == "mavsdk":
+        if signing_key is not None:
+            raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
+        return _open_mavsdk(parse(url), ids, own_system_id, clock, timeout_s, sleep)
+    link = PymavlinkLink(
+        open_wire(url, clock=clock, timeout_s=timeout_s),
+        clock,
+        own_system_id=own_system_id,
+        signing_key=signing_key,
+        unix_s=time.time_ns() / 1e9,  # signing alone needs the calendar: its timestamps must rise from flight to flight
+        **ids,
+    )
+    wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=f"{url}: system {system_id}")
+    return link
+
+
+def _open_mavsdk(
+    endpoint: Endpoint, ids: dict[str, int], own_system_id: int | None, clock: Clock, timeout_s: float, sleep: Sleep
+) -> VehicleLink:
+    wire, url = None, None
+    if endpoint.scheme == "zenoh":
+        router = f"tcp/{endpoint.host}:{endpoint.port}"
+        wire = ZenohWire(clock, namespace=endpoint.namespace, endpoint=router, timeout_s=timeout_s)
+    else:
+        url = endpoint.url
+        if endpoint.scheme == "udpin":
+            _refuse_a_taken_port(endpoint)
+    return MavsdkLink(clock, url=url, wire=wire, own_system_id=own_system_id, timeout_s=timeout_s, sleep=sleep, **ids)
+
+
+def _refuse_a_taken_port(endpoint: Endpoint) -> None:
+    """MAVSDK binds a port that is taken without a word, and both get half of the data."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((endpoint.host, endpoint.port))
+        except OSError as error:
+            reason = "in use" if error.errno == errno.EADDRINUSE else str(error)
+            raise LinkError(f"{endpoint.url}: port {endpoint.port} is {reason}; choose another") from error
+
+
+def wait_until_heard(link: _Polled, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> None:
+    """Poll until the first HEARTBEAT, sending our own meanwhile; what comes is kept for `receive`.
+
+    Raises:
+        LinkError: If none came in time; the link is closed then.
+    """
+    deadline_s = clock() + timeout_s
+    next_heartbeat_s = clock()
+    while not link.heartbeats:
+        if clock() >= deadline_s:
+            link.close()
+            raise LinkError(f"{who}: no HEARTBEAT within {timeout_s:g} s; is it running, and is the system id right?")
+        if clock() >= next_heartbeat_s:
+            link.send_heartbeat()
+            next_heartbeat_s += _HEARTBEAT_EVERY_S
+        link.poll()
+        if not link.heartbeats:
+            sleep(_LOOK_EVERY_S)

@@ -1,0 +1,90 @@
+"""Requests in flight: repeated every half second, four times in all, until they are answered.
+
+A COMMAND_ACK names only the command's number. So of one number there is one in flight at a time: stream and message
+requests queue behind each other, while any other command (a mode, say) takes the place of its predecessor at once.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from guidance.telemetry import Command, ParameterRequest, Request
+
+REPEAT_S: Final = 0.5
+MOST_SENDS: Final = 4
+IN_PROGRESS_PATIENCE_S: Final = 10.0
+MOST_QUEUED: Final = 64
+MAV_RESULT_IN_PROGRESS: Final = 5
+_QUEUED_COMMANDS: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
+
+Key = tuple[str, int | str]
+
+
+def key_of(request: Request) -> Key:
+    """What an answer would name: the command's number, or the parameter's name."""
+    if isinstance(request, ParameterRequest):
+        return "parameter", request.name
+    return "command", request.command
+
+
+@dataclass(slots=True)
+class _Flight:
+    request: Request
+    sends: int = 0
+    next_send_s: float = float("-inf")
+
+
+@dataclass(slots=True)
+class RequestQueue:
+    """What waits for an answer. `due` yields what to put on the wire now; time is given, never read."""
+
+    waiting: dict[Key, deque[_Flight]] = field(default_factory=dict)
+    unanswered: int = 0
+    refused: int = 0
+
+    def add(self, request: Request) -> None:
+        """Take a request; it is due at once, unless it has to queue."""
+        lane = self.waiting.setdefault(key_of(request), deque())
+        queues = isinstance(request, Command) and request.command in _QUEUED_COMMANDS
+        if not queues:
+            lane.clear()
+        if len(lane) >= MOST_QUEUED:
+            self.refused += 1
+            return
+        lane.append(_Flight(request))
+
+    def due(self, now_s: float) -> Iterator[tuple[Request, int]]:
+        """Yield (request, attempt counted from 0) for all that must be sent now; drop what was never answered."""
+        for key in list(self.waiting):
+            lane = self.waiting[key]
+            while lane and lane[0].sends >= MOST_SENDS and now_s >= lane[0].next_send_s:
+                lane.popleft()
+                self.unanswered += 1
+            if not lane:
+                del self.waiting[key]
+                continue
+            flight = lane[0]
+            if now_s >= flight.next_send_s:
+                yield flight.request, flight.sends
+                flight.sends += 1
+                flight.next_send_s = now_s + REPEAT_S
+
+    def acknowledged(self, command: int, result: int, now_s: float) -> None:
+        """A COMMAND_ACK came: in progress means wait and do not repeat, everything else is final."""
+        lane = self.waiting.get(("command", command))
+        if not lane or lane[0].sends == 0:
+            return
+        if result == MAV_RESULT_IN_PROGRESS:
+            lane[0].sends = MOST_SENDS
+            lane[0].next_send_s = now_s + IN_PROGRESS_PATIENCE_S
+            return
+        lane.popleft()
+
+    def awaits_parameter(self, name: str) -> bool:
+        """Whether we asked for it and have no answer yet."""
+        return ("parameter", name) in self.waiting
+
+    def parameter_came(self, name: str) -> None:
+        """A PARAM_VALUE came."""
+        self.waiting.pop(("parameter", name), None)

@@ -1,0 +1,112 @@
+"""TCP: either we call (`tcpout`) or we listen and talk to whoever called last (`tcpin`)."""
+
+import contextlib
+import socket
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from guidance.errors import LinkError
+from guidance.links.arrivals import Arrivals, Clock
+from guidance.links.reader import Reader
+from guidance.links.tail import Tail
+
+_WAIT_S: Final = 0.1
+_MOST_BYTES: Final = 16384
+
+
+class TcpWire:
+    """One connection at a time. A listening wire takes a new caller when the old one has gone."""
+
+    stream = True
+
+    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool, timeout_s: float = 5.0) -> None:
+        """Connect, or begin to listen.
+
+        Raises:
+            LinkError: If nobody answers within `timeout_s`, or the port cannot be had.
+        """
+        self._server: socket.socket | None = None
+        self._peer: socket.socket | None = None
+        self._closed = False
+        try:
+            if listen:
+                self._server = socket.create_server((host, port), backlog=1)
+                self._server.settimeout(_WAIT_S)
+            else:
+                self._peer = self._tuned(socket.create_connection((host, port), timeout=timeout_s))
+        except OSError as error:
+            raise LinkError(f"tcp {host}:{port}: {error}; is the vehicle there and the port right?") from error
+        self._tail = Tail(self._write)
+        self._arrivals = Arrivals[bytes](clock)
+        self._reader = Reader(self._read, self._arrivals, name=f"tcp {host}:{port}")
+
+    @staticmethod
+    def _tuned(peer: socket.socket) -> socket.socket:
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer.settimeout(_WAIT_S)
+        return peer
+
+    @property
+    def port(self) -> int:
+        """Our own port, for listening on port 0."""
+        bound = self._server or self._peer
+        return int(bound.getsockname()[1]) if bound is not None else 0
+
+    def _read(self) -> bytes:
+        try:
+            if self._peer is None:
+                return self._accept()
+            data = self._peer.recv(_MOST_BYTES)
+        except TimeoutError:
+            return b""
+        except OSError:
+            self._hang_up()
+            raise
+        if not data:
+            self._hang_up()
+            raise ConnectionResetError("the other side closed")
+        return data
+
+    def _accept(self) -> bytes:
+        if self._server is None:
+            raise ConnectionError("the other side has gone")
+        peer, _ = self._server.accept()
+        self._tail.forget()
+        self._peer = self._tuned(peer)
+        return b""
+
+    def _hang_up(self) -> None:
+        peer, self._peer = self._peer, None
+        if peer is not None:
+            peer.close()
+
+    def _write(self, data: bytes) -> int:
+        peer = self._peer
+        if peer is None:
+            raise ConnectionError("nobody there")
+        return peer.send(data, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """Pieces of the stream since the last call."""
+        return self._arrivals.take()
+
+    def send(self, frame: bytes) -> None:
+        """Write one frame, or nothing of it if the kernel is full or nobody is there."""
+        if not self._closed:
+            self._tail.send(frame)
+
+    def counters(self) -> Mapping[str, int]:
+        """Frames sent and not sent, and pieces dropped for want of room."""
+        dropped = self._arrivals.dropped
+        return {"wire_sent": self._tail.sent, "wire_unsent": self._tail.unsent, "wire_dropped": dropped}
+
+    def close(self) -> None:
+        """End the reader, then the sockets."""
+        if self._closed:
+            return
+        self._closed = True
+        self._reader.close()
+        for one in (self._peer, self._server):
+            if one is not None:
+                with contextlib.suppress(OSError):
+                    one.close()

@@ -1,0 +1,98 @@
+"""UDP: either we call (`udpout`) or we listen and learn who calls (`udpin`)."""
+
+import socket
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from guidance.errors import LinkError
+from guidance.links.arrivals import Arrivals, Clock
+from guidance.links.framing import MAGIC_V1, MAGIC_V2
+from guidance.links.reader import Reader
+
+Address = tuple[str, int]
+
+MOST_PEERS: Final = 8
+_WAIT_S: Final = 0.1
+_MOST_BYTES: Final = 65535
+
+
+class UdpWire:
+    """One socket. A listening wire sends to everyone who sent it MAVLink lately, eight at most."""
+
+    stream = False
+
+    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool) -> None:
+        """Open the socket.
+
+        Raises:
+            LinkError: If the address cannot be bound or resolved.
+        """
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._learns = listen
+        self._peers: dict[Address, None] = {}
+        self._closed = False
+        self._sent = self._unsent = 0
+        try:
+            if listen:
+                self._socket.bind((host, port))
+            else:
+                self._peers[(socket.gethostbyname(host), port)] = None
+                self._socket.bind(("", 0))
+        except OSError as error:
+            self._socket.close()
+            raise LinkError(f"udp {host}:{port}: {error}; choose another port or end what uses it") from error
+        self._socket.settimeout(_WAIT_S)
+        self._arrivals = Arrivals[bytes](clock)
+        self._reader = Reader(self._read, self._arrivals, name=f"udp {host}:{port}")
+
+    @property
+    def port(self) -> int:
+        """Our own port, for listening on port 0."""
+        return int(self._socket.getsockname()[1])
+
+    def _read(self) -> bytes:
+        try:
+            data, address = self._socket.recvfrom(_MOST_BYTES)
+        except TimeoutError:
+            return b""
+        if not data or data[0] not in (MAGIC_V1, MAGIC_V2):
+            return data
+        if self._learns:
+            self._learn(address)
+        elif address not in self._peers:
+            return b""
+        return data
+
+    def _learn(self, address: Address) -> None:
+        peers = dict(self._peers)
+        peers.pop(address, None)
+        peers[address] = None
+        if len(peers) > MOST_PEERS:
+            del peers[next(iter(peers))]
+        self._peers = peers
+
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """Datagrams since the last call."""
+        return self._arrivals.take()
+
+    def send(self, frame: bytes) -> None:
+        """Send one datagram to each peer; what the kernel does not take at once is dropped and counted."""
+        if self._closed:
+            return
+        for address in self._peers:
+            try:
+                self._socket.sendto(frame, socket.MSG_DONTWAIT, address)
+                self._sent += 1
+            except OSError:
+                self._unsent += 1
+
+    def counters(self) -> Mapping[str, int]:
+        """Datagrams sent and not sent, and pieces dropped for want of room."""
+        return {"wire_sent": self._sent, "wire_unsent": self._unsent, "wire_dropped": self._arrivals.dropped}
+
+    def close(self) -> None:
+        """End the reader, then the socket."""
+        if not self._closed:
+            self._closed = True
+            self._reader.close()
+            self._socket.close()

@@ -1,0 +1,103 @@
+"""MAVLink over Zenoh: one frame per sample on `mavlink_raw/in` (to the vehicle) and `mavlink_raw/out` (from it).
+
+Keys and encoding are those of mavlink-server's raw driver; vehicles are told apart by a prefix, which on the wire is
+the same as a session's `namespace`. Frames are dropped rather than waited for, at real-time priority, unbatched.
+"""
+
+import contextlib
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import zenoh
+
+from guidance.links.arrivals import Arrivals, Clock, Handler
+from guidance.links.zenoh_session import open_session
+
+TO_VEHICLE: Final = "mavlink_raw/in"
+FROM_VEHICLE: Final = "mavlink_raw/out"
+
+
+def encoding() -> "zenoh.Encoding":
+    """`application/octet-stream;mavlink`."""
+    return zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")
+
+
+class ZenohWire:
+    """The vehicle's end of a namespace, seen from us. Opens its own session unless it is given one."""
+
+    stream = True
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        namespace: str = "",
+        endpoint: str | None = None,
+        session: "zenoh.Session | None" = None,
+        timeout_s: float = 3.0,
+    ) -> None:
+        """Subscribe and get ready to publish.
+
+        Raises:
+            LinkError: If there is no session to be had within `timeout_s`.
+            ValueError: If neither or both of `endpoint` and `session` are given.
+        """
+        if (endpoint is None) == (session is None):
+            raise ValueError(f"endpoint = {endpoint!r}, session = {session!r}: give exactly one")
+        self._arrivals = Arrivals[bytes](clock)
+        self._lock = threading.Lock()
+        self._closed = False
+        self._sent = self._unsent = 0
+        self._own = open_session(endpoint, timeout_s=timeout_s) if endpoint is not None else None
+        used = session if session is not None else self._own
+        assert used is not None
+        prefix = f"{namespace}/" if namespace else ""
+        self._subscriber = used.declare_subscriber(
+            prefix + FROM_VEHICLE,
+            lambda sample: self._arrivals.put(sample.payload.to_bytes()),
+            allowed_origin=zenoh.Locality.REMOTE,
+        )
+        self._publisher = used.declare_publisher(
+            prefix + TO_VEHICLE,
+            encoding=encoding(),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """Samples since the last call."""
+        return self._arrivals.take()
+
+    def hand_to(self, handler: Handler) -> None:
+        """From now on call `handler(arrival time, sample)` on Zenoh's thread instead of keeping samples."""
+        self._arrivals.hand_to(handler)
+
+    def send(self, frame: bytes) -> None:
+        """Publish one frame; a failure (session gone) is counted. May be called from any thread."""
+        with self._lock:
+            if self._closed:
+                return
+            try:
+                self._publisher.put(frame)
+                self._sent += 1
+            except zenoh.ZError:
+                self._unsent += 1
+
+    def counters(self) -> Mapping[str, int]:
+        """Frames sent and not sent, and samples dropped for want of room."""
+        return {"wire_sent": self._sent, "wire_unsent": self._unsent, "wire_dropped": self._arrivals.dropped}
+
+    def close(self) -> None:
+        """Undeclare, and close the session if it is ours. A session left open keeps the interpreter from ending."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        with contextlib.suppress(zenoh.ZError):
+            self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+            self._publisher.undeclare()  # type: ignore[no-untyped-call]
+        if self._own is not None:
+            with contextlib.suppress(zenoh.ZError):
+                self._own.close()  # type: ignore[no-untyped-call]
