@@ -1,0 +1,24 @@
+"""The envelope and the last word before the wire: `limit` turns any command into a setpoint that may be sent."""
+
+from guidance.limits.altitude_hold import AltitudeHold, Held, hold_altitude
+from guidance.limits.envelope import Envelope, StandOff
+from guidance.limits.last_word import Limited, limit
+from guidance.limits.limiter import Limiter
+from guidance.limits.memory import Memory, start
+from guidance.limits.polygon import Polygon
+from guidance.limits.situation import Situation
+
+__all__ = [
+    "AltitudeHold",
+    "Envelope",
+    "Held",
+    "Limited",
+    "Limiter",
+    "Memory",
+    "Polygon",
+    "Situation",
+    "StandOff",
+    "hold_altitude",
+    "limit",
+    "start",
+]
