@@ -1,6 +1,6 @@
 """PX4's parameters that the mock has: PX4 v1.17 defaults of a SIH quadrotor.
 
-Source: the parameter reference of PX4 (docs.px4.io, ``*_params.yaml`` and ``*_params.c``). The limits are the documented
+Source: the parameter reference of PX4 (docs.px4.io). The limits are the documented
 ones; PX4 itself does not enforce them.
 """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from sitl_mock.parameters_ardupilot import COMMON, F, I8, I16
+from sitl_mock.parameters_ardupilot import COMMON, I8, I16, F
 from sitl_mock.protocols.parameter import Parameter
 
 _MODES: Final = tuple(

@@ -1,6 +1,16 @@
 """MAVLink's protocols as objects without I/O: a message and the time in, replies out."""
 
 from sitl_mock.protocols.command import Command, CommandAnswer, CommandProtocol, Result, coordinate, read_command
+from sitl_mock.protocols.ftp import FtpError, FtpRefusal
+from sitl_mock.protocols.home import HomeProtocol, Place, gps_global_origin, home_position
+from sitl_mock.protocols.identity import (
+    ARDUPILOT_CAPABILITIES,
+    PX4_CAPABILITIES,
+    Capability,
+    Identity,
+    ardupilot_identity,
+    px4_identity,
+)
 from sitl_mock.protocols.mission import MissionProtocol
 from sitl_mock.protocols.mission_rules import ARDUPILOT_MISSION_RULES, PX4_MISSION_RULES, MissionRules
 from sitl_mock.protocols.parameter import Parameter, ParameterError, ParameterStore, ParamKind
@@ -20,24 +30,44 @@ from sitl_mock.protocols.rates import (
     PX4_STREAM_RULES,
 )
 from sitl_mock.protocols.reply import Piece, Reply, addressed, source_of
+from sitl_mock.protocols.session import MESSAGES, Session
+from sitl_mock.protocols.signing_setup import SigningSetup
+from sitl_mock.protocols.standard_modes import (
+    ModeEntry,
+    StandardMode,
+    available_modes,
+    available_modes_monitor,
+    current_mode,
+)
+from sitl_mock.protocols.statustext import StatusTexts
 from sitl_mock.protocols.streams import StreamRules, Streams
+from sitl_mock.protocols.timesync import TimeProtocol
 
 __all__ = [
+    "ARDUPILOT_CAPABILITIES",
     "ARDUPILOT_HZ",
     "ARDUPILOT_MISSION_RULES",
     "ARDUPILOT_PARAMETER_RULES",
     "ARDUPILOT_STREAM_RULES",
+    "MESSAGES",
+    "PX4_CAPABILITIES",
     "PX4_GCS_HZ",
     "PX4_MISSION_RULES",
     "PX4_ONBOARD_HZ",
     "PX4_PARAMETER_RULES",
     "PX4_STREAM_RULES",
+    "Capability",
     "Command",
     "CommandAnswer",
     "CommandProtocol",
+    "FtpError",
+    "FtpRefusal",
+    "HomeProtocol",
+    "Identity",
     "MissionProtocol",
     "MissionResult",
     "MissionRules",
+    "ModeEntry",
     "ParamError",
     "ParamKind",
     "Parameter",
@@ -46,16 +76,29 @@ __all__ = [
     "ParameterRules",
     "ParameterStore",
     "Piece",
+    "Place",
     "Plan",
     "PlanItem",
     "PlanKind",
     "PlanStore",
     "Reply",
     "Result",
+    "Session",
+    "SigningSetup",
+    "StandardMode",
+    "StatusTexts",
     "StreamRules",
     "Streams",
+    "TimeProtocol",
     "addressed",
+    "ardupilot_identity",
+    "available_modes",
+    "available_modes_monitor",
     "coordinate",
+    "current_mode",
+    "gps_global_origin",
+    "home_position",
+    "px4_identity",
     "read_command",
     "source_of",
 ]

@@ -1,0 +1,102 @@
+"""Who the vehicle is: AUTOPILOT_VERSION with capability bits that are true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from sitl_mock.protocols.reply import Reply
+
+FIRMWARE_RELEASE: Final = 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
+
+
+class Capability(IntFlag):
+    """MAV_PROTOCOL_CAPABILITY; FTP is missing because it is refused."""
+
+    MISSION_FLOAT = 1
+    PARAM_FLOAT = 2
+    MISSION_INT = 4
+    COMMAND_INT = 8
+    PARAM_ENCODE_BYTEWISE = 16
+    FTP = 32
+    SET_ATTITUDE_TARGET = 64
+    SET_POSITION_TARGET_LOCAL_NED = 128
+    SET_POSITION_TARGET_GLOBAL_INT = 256
+    FLIGHT_TERMINATION = 2048
+    MAVLINK2 = 8192
+    MISSION_FENCE = 16384
+    MISSION_RALLY = 32768
+    PARAM_ENCODE_C_CAST = 131072
+
+
+_SHARED: Final = (
+    Capability.MISSION_FLOAT
+    | Capability.MISSION_INT
+    | Capability.COMMAND_INT
+    | Capability.SET_ATTITUDE_TARGET
+    | Capability.SET_POSITION_TARGET_LOCAL_NED
+    | Capability.SET_POSITION_TARGET_GLOBAL_INT
+    | Capability.FLIGHT_TERMINATION
+    | Capability.MAVLINK2
+    | Capability.MISSION_FENCE
+    | Capability.MISSION_RALLY
+)
+PX4_CAPABILITIES: Final = _SHARED | Capability.PARAM_ENCODE_BYTEWISE
+ARDUPILOT_CAPABILITIES: Final = _SHARED | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_C_CAST
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What AUTOPILOT_VERSION says.
+
+    Attributes:
+        capabilities: What the mock really speaks.
+        version: (major, minor, patch) of the autopilot that is imitated.
+        os_version: (major, minor, patch) of its operating system.
+        commit: Up to eight bytes of its commit.
+        uid: Number of the vehicle, different for each of a fleet.
+    """
+
+    capabilities: Capability
+    version: tuple[int, int, int]
+    os_version: tuple[int, int, int] = (0, 0, 0)
+    commit: bytes = b""
+    uid: int = 1
+
+    def autopilot_version(self) -> Reply:
+        """Return AUTOPILOT_VERSION."""
+        flight = _packed(self.version)
+        custom = self.commit[:8].ljust(8, b"\0")
+        uid2 = self.uid.to_bytes(18, "little")
+        return (
+            "AUTOPILOT_VERSION",
+            int(self.capabilities),
+            flight,
+            flight,
+            _packed(self.os_version),
+            0,
+            custom,
+            custom,
+            bytes(8),
+            0,
+            0,
+            self.uid & 0xFFFF_FFFF_FFFF_FFFF,
+            uid2,
+        )
+
+
+def _packed(version: tuple[int, int, int]) -> int:
+    major, minor, patch = version
+    return major << 24 | minor << 16 | patch << 8 | FIRMWARE_RELEASE
+
+
+def px4_identity(uid: int) -> Identity:
+    """Return the identity of a PX4 v1.17.0."""
+    return Identity(PX4_CAPABILITIES, (1, 17, 0), uid=uid)
+
+
+def ardupilot_identity(uid: int) -> Identity:
+    """Return the identity of an ArduPilot 4.5.7."""
+    return Identity(ARDUPILOT_CAPABILITIES, (4, 5, 7), uid=uid)
