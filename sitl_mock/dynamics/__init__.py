@@ -29,6 +29,8 @@ from sitl_mock.dynamics.values import (
     Surroundings,
     attitude_of,
 )
+from sitl_mock.dynamics.wander import PX4_WANDER, Errors, Wander
+from sitl_mock.dynamics.wind import Wind
 
 __all__ = [
     "ARDUCOPTER_AIRFRAME",
@@ -37,10 +39,12 @@ __all__ = [
     "IGNORED",
     "PX4_AIRFRAME",
     "PX4_TRAVEL",
+    "PX4_WANDER",
     "ZERO",
     "Airframe",
     "ArduGains",
     "Body",
+    "Errors",
     "Estimate",
     "Euler",
     "Kind",
@@ -52,6 +56,8 @@ __all__ = [
     "Surroundings",
     "TravelLimits",
     "Vehicle",
+    "Wander",
+    "Wind",
     "arducopter_quadrotor",
     "attitude_of",
     "px4_quadrotor",

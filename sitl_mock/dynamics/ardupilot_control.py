@@ -28,7 +28,8 @@ class ArduGains:
     xy_vel_i_1_s2: float = 1.0  # PSC_VELXY_I
     xy_vel_d: float = 0.25  # PSC_VELXY_D
     z_vel_p_1_s: float = 5.0  # PSC_VELZ_P
-    z_acc_i_1_s: float = 2.0  # PSC_ACCZ_I against PSC_ACCZ_P and the hover throttle
+    z_acc_p: float = 1.4  # PSC_ACCZ_P 0.5, as lift per acceleration: 0.05 throttle per m/s2 over hover throttle 0.35
+    z_acc_i_1_s: float = 2.8  # PSC_ACCZ_I 1.0, likewise
     lean_max_rad: float = math.radians(30.0)  # ANGLE_MAX
     thrust_min_m_s2: float = 1.0
     spool_s: float = 1.0
@@ -93,14 +94,16 @@ class ArduControl:
         f_n, f_e, f_d = (0.0 if math.isnan(a) else a for a in setpoint.acceleration_ned_m_s2)
         limits = self.travel_limits
         if not math.isnan(to_n + to_e):
-            near = approach_pair((to_n - p_n, to_e - p_e), limits.speed_m_s, gains.accel_m_s2, gains.jerk_m_s3)
+            near = approach_pair((to_n - p_n, to_e - p_e), limits.speed_m_s, gains.accel_m_s2, limits.settle_1_s)
             n, e = n + near[0], e + near[1]
         gain = self._overspeed(v_d)
         accel_z, jerk_z = gains.accel_z_m_s2 * gain, gains.jerk_z_m_s3 * gain
         if not math.isnan(to_d):
-            d += approach_one(to_d - p_d, limits.climb_m_s, limits.sink_m_s, accel_z, jerk_z)
-        pair = shape_pair((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), gains.accel_m_s2, gains.jerk_m_s3, dt_s)
-        return advance(reference, (*pair, shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, dt_s)), dt_s)
+            d += approach_one(to_d - p_d, limits.climb_m_s, limits.sink_m_s, accel_z, limits.settle_1_s)
+        accel, jerk = gains.accel_m_s2, gains.jerk_m_s3
+        pair = shape_pair((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), accel, jerk, jerk / accel, dt_s)
+        down = shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, jerk_z / accel_z, dt_s)
+        return advance(reference, (*pair, down), dt_s)
 
     def _overspeed(self, down_m_s: float) -> float:
         limits = self.travel_limits
@@ -133,7 +136,7 @@ class ArduControl:
             i_e += gains.xy_vel_i_1_s2 * err_e * dt_s
 
         a_d = f_d + gains.z_vel_p_1_s * (w_d + gains.z_p_1_s * (r_d - p_d) - v_d)
-        lift = GRAVITY_M_S2 - a_d - i_d
+        lift = GRAVITY_M_S2 - gains.z_acc_p * (a_d - b_d) - i_d
         least, most = gains.thrust_min_m_s2, self.thrust_max_m_s2
         if (lift > least or a_d < b_d) and (lift < most or a_d > b_d):
             i_d += gains.z_acc_i_1_s * (a_d - b_d) * dt_s

@@ -28,8 +28,8 @@ class Vehicle(Protocol):
 
 
 PX4_AIRFRAME: Final = Airframe(
-    attitude_gain_1_s=6.5,
-    rate_gain_1_s=20.0,
+    attitude_gain_1_s=4.8,
+    rate_gain_1_s=10.4,
     lean_rate_max_rad_s=3.84,
     yaw_rate_gain_1_s=5.0,
     thrust_max_m_s2=20.0,
@@ -43,13 +43,14 @@ PX4_TRAVEL: Final = TravelLimits(
     sink_m_s=1.5,
     accel_m_s2=3.0,
     accel_z_m_s2=4.0,
-    brake_m_s2=5.0,
+    brake_m_s2=3.0,
     jerk_m_s3=4.0,
     jerk_z_m_s3=4.0,
+    settle_1_s=4.0,
 )
 ARDUCOPTER_AIRFRAME: Final = Airframe(
-    attitude_gain_1_s=6.0,
-    rate_gain_1_s=20.0,
+    attitude_gain_1_s=5.8,
+    rate_gain_1_s=50.0,
     lean_rate_max_rad_s=3.14,
     yaw_rate_gain_1_s=5.0,
     thrust_max_m_s2=25.0,
@@ -63,9 +64,10 @@ ARDUCOPTER_TRAVEL: Final = TravelLimits(
     sink_m_s=1.5,
     accel_m_s2=2.5,
     accel_z_m_s2=1.0,
-    brake_m_s2=7.5,
+    brake_m_s2=4.0,
     jerk_m_s3=5.0,
     jerk_z_m_s3=5.0,
+    settle_1_s=2.0,
 )
 
 
@@ -74,7 +76,7 @@ def px4_quadrotor(
 ) -> Multicopter[Px4Memory]:
     """The quadrotor of PX4's SIH simulator under PX4's default parameters, or with some replaced."""
     control = Px4Control(gains or Px4Gains(), travel, airframe.thrust_max_m_s2)
-    return Multicopter(control, Px4Memory, airframe)
+    return Multicopter(control, Px4Memory, airframe, setpoint_delay_s=0.02)
 
 
 def arducopter_quadrotor(
@@ -82,7 +84,7 @@ def arducopter_quadrotor(
 ) -> Multicopter[ArduMemory]:
     """The quadrotor of ArduPilot's simulator under ArduCopter's default parameters, or with some replaced."""
     control = ArduControl(gains or ArduGains(), travel, airframe.thrust_max_m_s2)
-    return Multicopter(control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.972))
+    return Multicopter(control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.972), setpoint_delay_s=0.04)
 
 
 def rover() -> Rover:

@@ -1,10 +1,10 @@
 """A multicopter: one control law on one airframe, stepped as a pure function."""
 
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from sitl_mock.dynamics.airframe import Airframe, body_at, step_body
-from sitl_mock.dynamics.values import Body, Demand, Estimate, Motion, Ned, Setpoint, Surroundings
+from sitl_mock.dynamics.values import CALM, Body, Demand, Estimate, Kind, Motion, Ned, Setpoint, Surroundings
 
 MemoryT = TypeVar("MemoryT")
 
@@ -23,6 +23,27 @@ class Control(Protocol[MemoryT]):
         ...
 
 
+class Pending(NamedTuple):
+    """Setpoints between the radio and the control law: what is obeyed now, and what will be and when."""
+
+    clock_s: float
+    obeyed: Setpoint
+    waiting: tuple[tuple[float, Setpoint], ...] = ()
+
+
+def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> Pending:
+    """The setpoints one step on: a streamed one waits for `delay_s`, any other order is obeyed at once."""
+    clock_s, obeyed, waiting = pending
+    if setpoint.kind is not Kind.STREAM:
+        return Pending(clock_s + dt_s, setpoint)
+    if setpoint is not (waiting[-1][1] if waiting else obeyed):
+        waiting = (*waiting, (clock_s + delay_s, setpoint))
+    now_s = clock_s + 0.5 * dt_s
+    while waiting and waiting[0][0] <= now_s:
+        obeyed, waiting = waiting[0][1], waiting[1:]
+    return Pending(clock_s + dt_s, obeyed, waiting)
+
+
 @dataclass(frozen=True)
 class Multicopter(Generic[MemoryT]):
     """A multicopter of one flavour.
@@ -32,6 +53,7 @@ class Multicopter(Generic[MemoryT]):
         memory_type: The type of the law's memory; any other memory starts afresh.
         airframe: The body.
         velocity_scale_ned: What the estimator makes of a true velocity, per axis (1 is perfect).
+        setpoint_delay_s: Dead time from a streamed setpoint's arrival until the control law has it.
         step_max_s: Longer steps are divided.
     """
 
@@ -39,13 +61,18 @@ class Multicopter(Generic[MemoryT]):
     memory_type: type[MemoryT]
     airframe: Airframe
     velocity_scale_ned: Ned = (1.0, 1.0, 1.0)
+    setpoint_delay_s: float = 0.0
     step_max_s: float = 0.02
 
     def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
         """A vehicle at rest: motors stopped on the ground, or (`flying`) hovering in trim."""
         body = body_at(position_ned_m, yaw_rad, on_ground=not flying)
-        estimate = self.estimate(body, Surroundings())
-        return Motion(body, self.control.fresh(estimate, flying=flying))
+        return Motion(body, self._fresh(body, self.estimate(body, CALM)))
+
+    def _fresh(self, body: Body, estimate: Estimate) -> tuple[Pending, MemoryT]:
+        flying = not body.on_ground
+        order = Setpoint(Kind.BRAKE if flying else Kind.STOPPED)
+        return Pending(0.0, order), self.control.fresh(estimate, flying=flying)
 
     def estimate(self, body: Body, around: Surroundings) -> Estimate:
         """What the autopilot believes: truth, the estimator's scale and the errors of the surroundings."""
@@ -56,15 +83,22 @@ class Multicopter(Generic[MemoryT]):
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
         """The vehicle `dt_s` later under one setpoint, in equal steps of at most `step_max_s`."""
-        body, memory = motion
+        body = motion.body
         estimate = self.estimate(body, around)
-        if not isinstance(memory, self.memory_type):
-            memory = self.control.fresh(estimate, flying=not body.on_ground)
+        pending, memory = self._memory(motion, estimate)
         count = max(1, -int(-dt_s // self.step_max_s + 1e-9))
         inner_s = dt_s / count
         for left in range(count, 0, -1):
-            memory, demand = self.control.step(memory, body, estimate, setpoint, inner_s)
+            pending = take(pending, setpoint, self.setpoint_delay_s, inner_s)
+            memory, demand = self.control.step(memory, body, estimate, pending.obeyed, inner_s)
             body = step_body(self.airframe, body, demand, around, inner_s)
             if left > 1:
                 estimate = self.estimate(body, around)
-        return Motion(body, memory)
+        return Motion(body, (pending, memory))
+
+    def _memory(self, motion: Motion, estimate: Estimate) -> tuple[Pending, MemoryT]:
+        """The memory handed back, or a fresh one where it is another flavour's."""
+        carried = motion.memory
+        if isinstance(carried, tuple) and isinstance(carried[1], self.memory_type):
+            return carried[0], carried[1]
+        return self._fresh(motion.body, estimate)

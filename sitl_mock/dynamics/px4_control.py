@@ -41,6 +41,7 @@ class Px4Gains:
     thrust_min: float = 0.12  # MPC_THR_MIN, of full throttle
     spool_s: float = 1.0  # COM_SPOOLUP_TIME
     ramp_s: float = 3.0  # MPC_TKO_RAMP_T
+    take_off_wish_m_s: float = 0.1  # a climb faster than this on the ground starts the ramp
     derivative_lag_s: float = 0.032  # MPC_VELD_LP 5 Hz
     yaw_p_1_s: float = 2.8  # MC_YAW_P
     yaw_rate_max_rad_s: float = math.radians(60.0)  # MPC_YAWRAUTO_MAX
@@ -85,7 +86,6 @@ class Px4Control:
             idle = Px4Memory(setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, spooled_s)
             return idle, Demand(0.0, 0.0, self._thrust_least(), 0.0)
 
-        ramped_s = min(memory.ramped_s + dt_s, gains.ramp_s)
         if setpoint.kind is Kind.STREAM:
             reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
             velocity, forward = self._stream_velocity(estimate, setpoint)
@@ -95,9 +95,15 @@ class Px4Control:
                 started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
             reference = travel(self.travel_limits, started, setpoint, dt_s)
             velocity, forward = self._track(estimate, reference)
+        up_max = gains.up_max_m_s if math.isnan(setpoint.climb_m_s) else setpoint.climb_m_s
+        ramped_s = memory.ramped_s
         if ramped_s < gains.ramp_s:
-            up_max = gains.up_max_m_s * ramped_s / gains.ramp_s
-            velocity = (velocity[0], velocity[1], max(velocity[2], -up_max))
+            if not body.on_ground or velocity[2] < -gains.take_off_wish_m_s:
+                ramped_s = min(ramped_s + dt_s, gains.ramp_s)
+            # From the speed that asks for no thrust at all up to the one wanted, so that the thrust itself ramps.
+            none = -GRAVITY_M_S2 / gains.z_vel_p_1_s
+            up_max = none + (up_max - none) * ramped_s / gains.ramp_s
+        velocity = (velocity[0], velocity[1], max(velocity[2], -up_max))
 
         lag = math.exp(-dt_s / gains.derivative_lag_s)
         now, was = body.acceleration_ned_m_s2, memory.filtered_acceleration_ned_m_s2
@@ -105,6 +111,8 @@ class Px4Control:
         integral, lean, thrust = self._velocity_loop(
             velocity, forward, estimate.velocity_ned_m_s, slow, memory.integral_ned_m_s2, dt_s
         )
+        if body.on_ground:
+            integral = ZERO
         demand = Demand(lean[0], lean[1], thrust, self._yaw_rate(body, setpoint))
         return Px4Memory(setpoint.kind, reference, integral, slow, spooled_s, ramped_s), demand
 

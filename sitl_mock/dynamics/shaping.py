@@ -36,15 +36,16 @@ def shape_pair(
     forward: tuple[float, float],
     accel_max: float,
     jerk_max: float,
+    settle_1_s: float,
     dt_s: float,
 ) -> tuple[float, float]:
     """The next acceleration of a horizontal reference on its way to the `wanted` velocity.
 
-    `forward` is the acceleration the wanted velocity itself has.
+    `forward` is the acceleration the wanted velocity itself has, `settle_1_s` the gain of the linear end.
     """
     err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
-    size = min(root_law(err, jerk_max / accel_max, jerk_max), accel_max, err / dt_s)
+    size = min(root_law(err, settle_1_s, jerk_max), accel_max, err / dt_s)
     scale = size / err if err > 1e-12 else 0.0
     d_n = err_n * scale + forward[0] - acceleration[0]
     d_e = err_e * scale + forward[1] - acceleration[1]
@@ -57,36 +58,41 @@ def shape_pair(
 
 
 def shape_one(
-    wanted: float, velocity: float, acceleration: float, forward: float, accel_max: float, jerk_max: float, dt_s: float
+    wanted: float,
+    velocity: float,
+    acceleration: float,
+    forward: float,
+    accel_max: float,
+    jerk_max: float,
+    settle_1_s: float,
+    dt_s: float,
 ) -> float:
     """The next acceleration of a vertical reference on its way to the `wanted` velocity."""
     err = wanted - velocity
-    size = min(root_law(abs(err), jerk_max / accel_max, jerk_max), accel_max, abs(err) / dt_s)
+    size = min(root_law(abs(err), settle_1_s, jerk_max), accel_max, abs(err) / dt_s)
     change = math.copysign(size, err) + forward - acceleration
     most = jerk_max * dt_s
     return acceleration + min(max(change, -most), most)
 
 
-def approach_gain_1_s(accel_max: float, jerk_max: float) -> float:
-    """Linear gain from distance to speed that the loop under it (`shape_pair`) can follow without overshoot."""
-    return 0.25 * jerk_max / accel_max
-
-
 def approach_pair(
-    to_go: tuple[float, float], speed_max: float, accel_max: float, jerk_max: float
+    to_go: tuple[float, float], speed_max: float, accel_max: float, settle_1_s: float
 ) -> tuple[float, float]:
-    """Velocity towards a place `to_go` away, braking in time."""
+    """Velocity towards a place `to_go` away, braking in time.
+
+    The linear end is four times slower than `settle_1_s` of the loop under it, so that it does not overshoot, and half
+    of the acceleration is planned with, so that jerk-limited braking does not overrun the place.
+    """
     distance = math.hypot(*to_go)
     if distance < 1e-9:
         return 0.0, 0.0
-    # Half of the acceleration is planned with, so that jerk-limited braking does not overrun the place.
-    speed = min(root_law(distance, approach_gain_1_s(accel_max, jerk_max), 0.5 * accel_max), speed_max)
+    speed = min(root_law(distance, 0.25 * settle_1_s, 0.5 * accel_max), speed_max)
     return to_go[0] * speed / distance, to_go[1] * speed / distance
 
 
-def approach_one(to_go: float, up_max: float, down_max: float, accel_max: float, jerk_max: float) -> float:
+def approach_one(to_go: float, up_max: float, down_max: float, accel_max: float, settle_1_s: float) -> float:
     """Vertical velocity (down positive) towards a height `to_go` away, braking in time."""
-    speed = root_law(abs(to_go), approach_gain_1_s(accel_max, jerk_max), 0.5 * accel_max)
+    speed = root_law(abs(to_go), 0.25 * settle_1_s, 0.5 * accel_max)
     return min(speed, down_max) if to_go > 0.0 else -min(speed, up_max)
 
 

@@ -20,6 +20,7 @@ class TravelLimits:
         brake_m_s2: Horizontal while braking.
         jerk_m_s3: Horizontal (MPC_JERK_AUTO, PSC_JERK_XY).
         jerk_z_m_s3: Vertical (MPC_JERK_AUTO, PSC_JERK_Z).
+        settle_1_s: Gain from the speed still wanted to acceleration at the end of a change.
     """
 
     speed_m_s: float
@@ -30,6 +31,7 @@ class TravelLimits:
     brake_m_s2: float
     jerk_m_s3: float
     jerk_z_m_s3: float
+    settle_1_s: float
 
 
 def _or(value: float, default: float) -> float:
@@ -52,15 +54,15 @@ def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s:
         wanted = (_zero_if_ignored(along_n), _zero_if_ignored(along_e))
     else:
         cruise = _or(setpoint.speed_m_s, limits.speed_m_s)
-        wanted = approach_pair((to_n - p_n, to_e - p_e), cruise, accel, limits.jerk_m_s3)
+        wanted = approach_pair((to_n - p_n, to_e - p_e), cruise, accel, limits.settle_1_s)
     if braking or math.isnan(to_d):
         wanted_d = _zero_if_ignored(along_d)
     else:
         climb, sink = _or(setpoint.climb_m_s, limits.climb_m_s), _or(setpoint.sink_m_s, limits.sink_m_s)
-        wanted_d = approach_one(to_d - p_d, climb, sink, limits.accel_z_m_s2, limits.jerk_z_m_s3)
+        wanted_d = approach_one(to_d - p_d, climb, sink, limits.accel_z_m_s2, limits.settle_1_s)
 
-    pair = shape_pair(wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, dt_s)
-    down = shape_one(wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, dt_s)
+    pair = shape_pair(wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, limits.settle_1_s, dt_s)
+    down = shape_one(wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s, dt_s)
     return advance(reference, (*pair, down), dt_s)
 
 
