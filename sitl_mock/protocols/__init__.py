@@ -1,6 +1,14 @@
 """MAVLink's protocols as objects without I/O: a message and the time in, replies out."""
 
-from sitl_mock.protocols.command import Command, CommandAnswer, CommandProtocol, Result, coordinate, read_command
+from sitl_mock.protocols.command import (
+    PX4_BROADCAST,
+    Command,
+    CommandAnswer,
+    CommandProtocol,
+    Result,
+    coordinate,
+    read_command,
+)
 from sitl_mock.protocols.ftp import FtpError, FtpRefusal
 from sitl_mock.protocols.home import HomeProtocol, Place, gps_global_origin, home_position
 from sitl_mock.protocols.identity import (
@@ -30,7 +38,7 @@ from sitl_mock.protocols.rates import (
     PX4_STREAM_RULES,
 )
 from sitl_mock.protocols.reply import Piece, Reply, addressed, source_of
-from sitl_mock.protocols.session import MESSAGES, Session
+from sitl_mock.protocols.session import MESSAGES, PX4_OWN_ID_ONLY, Session
 from sitl_mock.protocols.signing_setup import SigningSetup
 from sitl_mock.protocols.standard_modes import (
     ModeEntry,
@@ -50,10 +58,12 @@ __all__ = [
     "ARDUPILOT_PARAMETER_RULES",
     "ARDUPILOT_STREAM_RULES",
     "MESSAGES",
+    "PX4_BROADCAST",
     "PX4_CAPABILITIES",
     "PX4_GCS_HZ",
     "PX4_MISSION_RULES",
     "PX4_ONBOARD_HZ",
+    "PX4_OWN_ID_ONLY",
     "PX4_PARAMETER_RULES",
     "PX4_STREAM_RULES",
     "Capability",

@@ -25,6 +25,7 @@ MISSION_FRAME: Final = 2  # the fields are no coordinates
 MAX_TRACKED: Final = 64  # a flood of command numbers cannot grow the table
 
 MAV_FRAME_GLOBAL: Final = 0
+PX4_BROADCAST: Final = frozenset({512, 519})  # PX4 obeys only requests when they are addressed to system 0
 
 
 class Result(IntEnum):

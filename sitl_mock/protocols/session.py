@@ -32,6 +32,9 @@ MESSAGES: dict[str, tuple[str, ...]] = {
 }
 """Which messages each protocol takes."""
 
+PX4_OWN_ID_ONLY: frozenset[str] = frozenset({"parameters", "missions", "ftp"})
+"""Protocols of PX4 that ignore messages to system 0."""
+
 
 class Session:
     """The protocols of one link.
@@ -39,23 +42,30 @@ class Session:
     Args:
         system_id: Own system id.
         component_id: Own component id.
+        own_id_only: Protocols, by name, that ignore messages to system 0.
         pieces: Protocols by their name in ``MESSAGES``; those left out ignore their messages.
 
     Raises:
         KeyError: A name that is not in ``MESSAGES``.
     """
 
-    def __init__(self, system_id: int, component_id: int, **pieces: Piece) -> None:
+    def __init__(
+        self, system_id: int, component_id: int, *, own_id_only: frozenset[str] = frozenset(), **pieces: Piece
+    ) -> None:
         self._ids = (system_id, component_id)
+        self._own_id_only = frozenset(kind for name in own_id_only for kind in MESSAGES[name])
         self._pieces: tuple[Piece, ...] = tuple(pieces.values())
         self._by_message = {kind: piece for name, piece in pieces.items() for kind in MESSAGES[name]}
 
     def handle(self, now_s: float, message: Message) -> list[Reply] | None:
         """Take one message; None if it belongs to no protocol here, [] if it is for another vehicle."""
-        piece = self._by_message.get(message.get_type())
+        kind = message.get_type()
+        piece = self._by_message.get(kind)
         if piece is None:
             return None
-        return piece.handle(now_s, message) if addressed(message, *self._ids) else []
+        if not addressed(message, *self._ids) or (kind in self._own_id_only and message.target_system == 0):
+            return []
+        return piece.handle(now_s, message)
 
     def advance(self, now_s: float) -> list[Reply]:
         """Return what is due by now from all protocols."""
