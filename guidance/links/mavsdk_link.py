@@ -153,11 +153,13 @@ class MavsdkLink:
         except ValueError:
             self._dropped["refused"] += 1
             return
-        if name == "PARAM_VALUE" and self._is_unreadable(fields) and self._parameters is not None:
-            if self._conversation.awaits_parameter(fields["param_id"]):
-                self._parameters.read(fields["param_id"])
-        else:
-            self._conversation.hear(name, fields, received_s)
+        if self._parameters is not None and name == "PARAM_VALUE":
+            if self._is_unreadable(fields):
+                if self._conversation.awaits_parameter(fields["param_id"]):
+                    self._parameters.read(fields["param_id"])
+                return
+            self._parameters.done(fields["param_id"])
+        self._conversation.hear(name, fields, received_s)
 
     def _is_unreadable(self, fields: Mapping[str, Any]) -> bool:
         lost = fields.get("param_value", 0.0) is None

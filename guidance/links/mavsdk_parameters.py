@@ -28,8 +28,11 @@ class IntegerParameters:
             self._deliver(name, self._param.get_param_int(name))
         except ParamError:
             self.failed += 1
-        finally:
-            self._reading.discard(name)
+            self.done(name)
+
+    def done(self, name: str) -> None:
+        """The answer was taken: the next request asks again."""
+        self._reading.discard(name)
 
     def close(self) -> None:
         """Forget what waits, and wait for the one that is being read (3 s at most, MAVSDK's own patience)."""

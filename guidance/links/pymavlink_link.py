@@ -11,6 +11,7 @@ from guidance.links import signing
 from guidance.links.arrivals import Clock
 from guidance.links.codec import is_bytewise
 from guidance.links.conversation import HEARD, Conversation
+from guidance.links.dialect import CRC_EXTRA, IDS, NAMES
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire
 from guidance.links.signing import SigningKey
@@ -19,10 +20,6 @@ from guidance.telemetry import Message, Request, Setpoint
 MAV_TYPE_ONBOARD_CONTROLLER: Final = 18
 MAV_AUTOPILOT_INVALID: Final = 8
 MAV_STATE_ACTIVE: Final = 4
-
-_CRC_EXTRA: Final = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
-_NAMES: Final = {number: message.msgname for number, message in dialect.mavlink_map.items()}
-_IDS: Final = {name: number for number, name in _NAMES.items()}
 
 
 class PymavlinkLink:
@@ -50,7 +47,7 @@ class PymavlinkLink:
         if signing_key is not None:
             signing.arm(self._mavlink, signing_key, unix_s)
         self._unix_offset_s = unix_s - clock()
-        self._framer = Framer(_CRC_EXTRA)
+        self._framer = Framer(CRC_EXTRA)
         self._dropped: Counter[str] = Counter()
         self._conversation = Conversation(self._send, system_id=system_id, component_id=component_id, own=own)
         self._closed = False
@@ -78,7 +75,7 @@ class PymavlinkLink:
         if (frame.system_id, frame.component_id) != self._from:
             self._dropped["foreign"] += 1
             return
-        name = _NAMES[frame.message_id]
+        name = NAMES[frame.message_id]
         if name not in HEARD:
             self._dropped["unused"] += 1
             return
@@ -105,7 +102,7 @@ class PymavlinkLink:
         return {**fields, "param_integer": value}
 
     def _send(self, name: str, fields: dict[str, Any]) -> None:
-        message_class = dialect.mavlink_map[_IDS[name]]
+        message_class = dialect.mavlink_map[IDS[name]]
         packed = {key: value.encode() if isinstance(value, str) else value for key, value in fields.items()}
         if self._signed:
             now_ticks = signing.ticks(self._unix_offset_s + self._clock())

@@ -1,0 +1,63 @@
+"""One wire for several readers: a vehicle's link and the source of its target on the same port, say."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from guidance.links.port import Wire
+
+MOST_WAITING: Final = 1024
+
+
+class WireShare:
+    """One reader's share: it sees everything that arrives, and sends on the same wire."""
+
+    def __init__(self, wire: Wire, shares: list["WireShare"]) -> None:
+        self._wire = wire
+        self._shares = shares
+        self._waiting: deque[tuple[float, bytes]] = deque()
+        self._dropped = 0
+        shares.append(self)
+
+    @property
+    def stream(self) -> bool:
+        """As the wire's."""
+        return self._wire.stream
+
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """Everything that arrived since this reader's last call; what the others have not read waits for them."""
+        for piece in self._wire.receive():
+            for share in self._shares:
+                share.keep(piece)
+        taken = list(self._waiting)
+        self._waiting.clear()
+        return taken
+
+    def keep(self, piece: tuple[float, bytes]) -> None:
+        """Put a piece by for this reader; the oldest goes when there is no room."""
+        if len(self._waiting) >= MOST_WAITING:
+            self._waiting.popleft()
+            self._dropped += 1
+        self._waiting.append(piece)
+
+    def send(self, frame: bytes) -> None:
+        """Send on the common wire."""
+        if self in self._shares:
+            self._wire.send(frame)
+
+    def counters(self) -> Mapping[str, int]:
+        """The wire's, and what this reader was too slow for."""
+        return {**self._wire.counters(), "share_dropped": self._dropped}
+
+    def close(self) -> None:
+        """Leave; the last one out closes the wire."""
+        if self in self._shares:
+            self._shares.remove(self)
+            if not self._shares:
+                self._wire.close()
+
+
+def share(wire: Wire, readers: int) -> list[WireShare]:
+    """Split a wire among readers, all in the same thread."""
+    shares: list[WireShare] = []
+    return [WireShare(wire, shares) for _ in range(readers)]

@@ -1,0 +1,94 @@
+"""From a configuration's words to a source of target reports. Importing this imports every wire library."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Final, NamedTuple
+
+from guidance.errors import ConfigError
+from guidance.frames import LocalFrame
+from guidance.links.arrivals import Clock
+from guidance.links.endpoint import parse
+from guidance.links.opening import open_wire
+from guidance.links.port import TargetSource, Wire
+from guidance.links.targets import json_report
+from guidance.links.targets.adsb_vehicle import AdsbVehicle
+from guidance.links.targets.follow_target import FollowTarget
+from guidance.links.targets.global_position import GlobalPositionInt
+from guidance.links.targets.mavlink_source import Carrier, MavlinkTarget
+from guidance.links.targets.odometry import Odometry
+from guidance.links.targets.open_drone_id import OpenDroneIdLocation
+from guidance.links.targets.ros_pose import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_key
+from guidance.links.targets.zenoh_source import Reader, ZenohTarget
+
+
+class TargetIdentity(NamedTuple):
+    """Who the target is, as far as its carrier asks: a MAVLink system, an aircraft's address, a relayed identity."""
+
+    system_id: int | None = None
+    component_id: int | None = None
+    icao_address: int | None = None
+    id_or_mac: bytes | None = None
+
+
+def _adsb(frame: LocalFrame, identity: TargetIdentity) -> Carrier:
+    if identity.icao_address is None:
+        raise ConfigError("target.icao_address is missing: ADSB_VEHICLE needs the aircraft's address")
+    return AdsbVehicle(frame, identity.icao_address)
+
+
+MAVLINK: Final[Mapping[str, Callable[[LocalFrame, TargetIdentity], Carrier]]] = {
+    "follow_target": lambda _frame, _identity: FollowTarget(),
+    "global_position": lambda _frame, _identity: GlobalPositionInt(),
+    "odometry": lambda frame, _identity: Odometry(frame),
+    "open_drone_id": lambda frame, identity: OpenDroneIdLocation(frame, identity.id_or_mac),
+    "adsb": _adsb,
+}
+"""Carriers on a MAVLink wire, by the name a configuration gives them."""
+
+ZENOH: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, Reader]]]] = {
+    "json": lambda frame, key: (key, partial(json_report.report, frame=frame, source=key)),
+    "ros_pose": lambda frame, topic: (rmw_key(topic, POSE_TYPE), RosPose(frame).pose_stamped),
+    "ros_odometry": lambda frame, topic: (rmw_key(topic, ODOMETRY_TYPE), RosPose(frame).odometry),
+}
+"""Payloads on a Zenoh key, likewise; the URL's path is the key, or the ROS topic."""
+
+
+def open_target(
+    kind: str,
+    url: str,
+    *,
+    clock: Clock,
+    frame: LocalFrame,
+    identity: TargetIdentity,
+    wire: Wire | None = None,
+    timeout_s: float = 5.0,
+) -> TargetSource:
+    """Open the source of reports called `kind` at `url`.
+
+    Args:
+        kind: A key of `MAVLINK` or `ZENOH`.
+        url: As for links; for `ZENOH` kinds zenoh://host:port/key.
+        clock: Monotonic seconds; arrival times are its.
+        frame: The target's declared local frame, for the datum and for positions in metres.
+        identity: Who the target is.
+        wire: Used in place of `url` for `MAVLINK` kinds, where the vehicle's link shares its wire.
+        timeout_s: Bound of connecting, in real time.
+
+    Raises:
+        ConfigError: If an argument is wrong or missing.
+        LinkError: If the wire cannot be opened.
+    """
+    if kind in ZENOH:
+        endpoint = parse(url)
+        if endpoint.scheme != "zenoh" or not endpoint.namespace:
+            raise ConfigError(f"target.url = {url!r}: {kind} needs zenoh://host:port/key")
+        key, read = ZENOH[kind](frame, endpoint.namespace)
+        router = f"tcp/{endpoint.host}:{endpoint.port}"
+        return ZenohTarget(clock, key, read, endpoint=router, timeout_s=timeout_s)
+    if kind not in MAVLINK:
+        raise ConfigError(f"target.kind = {kind!r}: allowed are {', '.join((*MAVLINK, *ZENOH))}")
+    if identity.system_id is None:
+        raise ConfigError(f"target.system_id is missing: {kind} hears one pinned MAVLink system only")
+    carrier = MAVLINK[kind](frame, identity)
+    used = wire if wire is not None else open_wire(url, clock=clock, timeout_s=timeout_s)
+    return MavlinkTarget(used, carrier, system_id=identity.system_id, component_id=identity.component_id)

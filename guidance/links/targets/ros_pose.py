@@ -1,0 +1,108 @@
+"""ROS 2 poses as rmw_zenoh carries them: geometry_msgs/PoseStamped and nav_msgs/Odometry in CDR.
+
+* Position: metres east, north, up (REP 103) about the origin of `frame`, whose altitude is above mean sea level.
+* Velocity: PoseStamped has none. Odometry's twist is in the child frame, forward-left-up of the body, and is turned
+  by the pose's orientation.
+* Accuracy: Odometry's covariances, row by row, the largest of the three axes; zero for unknown.
+* Clock: `header.stamp`, the sender's; zero for none.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from guidance.frames import LocalFrame, ned_from_game
+from guidance.links.targets.cdr import CdrReader
+from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
+from guidance.links.targets.rotation import rotate
+from guidance.telemetry import TargetReport, Vector
+
+POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
+ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
+_DIAGONAL: Final = (0, 7, 14)  # of a 6 x 6 matrix, row by row
+
+
+def rmw_key(topic: str, dds_type: str) -> str:
+    """The Zenoh key that rmw_zenoh publishes a topic on, whatever the ROS domain and the type's hash."""
+    return f"*/{topic.strip('/')}/{dds_type}/*"
+
+
+class _Header(NamedTuple):
+    stamp_s: float
+    frame_id: str
+
+
+def _header(reader: CdrReader) -> _Header:
+    seconds, nanoseconds, frame_id = reader.int32(), reader.uint32(), reader.string()
+    stamp_s = seconds + nanoseconds / 1e9
+    return _Header(stamp_s if stamp_s != 0.0 else math.nan, frame_id)
+
+
+def _finite(vector: tuple[float, ...], most: float) -> Vector:
+    x, y, z = vector
+    if not (abs(x) < most and abs(y) < most and abs(z) < most):  # NaN fails this too
+        raise Refused("position")
+    return x, y, z
+
+
+@dataclass(frozen=True, slots=True)
+class RosPose:
+    """Reads either type. `frame` is what ROS's `frame_id` stands for; poses in another frame are refused."""
+
+    frame: LocalFrame
+    frame_id: str = "map"
+
+    def pose_stamped(self, payload: bytes, received_s: float) -> TargetReport:
+        """A geometry_msgs/PoseStamped.
+
+        Raises:
+            Refused: If the bytes are not one, or it is in another frame.
+        """
+        reader = CdrReader(payload)
+        header = _header(reader)
+        position = _finite(reader.float64(3), 1e6)
+        reader.float64(4)
+        return self._report(header, received_s, position, UNKNOWN_VELOCITY, math.nan, math.nan)
+
+    def odometry(self, payload: bytes, received_s: float) -> TargetReport:
+        """A nav_msgs/Odometry.
+
+        Raises:
+            Refused: If the bytes are not one, or it is in another frame.
+        """
+        reader = CdrReader(payload)
+        header = _header(reader)
+        reader.string()
+        position = _finite(reader.float64(3), 1e6)
+        x, y, z, w = reader.float64(4)
+        pose_variance = reader.float64(36)
+        vx, vy, vz = reader.float64(3)
+        reader.float64(3)
+        twist_variance = reader.float64(36)
+        velocity_enu = rotate((w, x, y, z), (vx, vy, vz))
+        return self._report(
+            header,
+            received_s,
+            position,
+            ned_from_game(velocity_enu) if math.isfinite(sum(velocity_enu)) else UNKNOWN_VELOCITY,
+            standard_deviation(*(pose_variance[index] for index in _DIAGONAL)),
+            standard_deviation(*(twist_variance[index] for index in _DIAGONAL)),
+        )
+
+    def _report(
+        self, header: _Header, received_s: float, enu_m: Vector, velocity_ned: Vector, sd_m: float, sd_m_s: float
+    ) -> TargetReport:
+        if header.frame_id != self.frame_id:
+            raise Refused("frame")
+        latitude, longitude, altitude = self.frame.wgs84_from_ned(ned_from_game(enu_m))
+        return TargetReport(
+            received_s=received_s,
+            sent_s=header.stamp_s,
+            source="ROS 2",
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=finite_altitude(altitude.metres),
+            velocity_ned_m_s=velocity_ned,
+            position_sd_m=sd_m,
+            velocity_sd_m_s=sd_m_s,
+        )
