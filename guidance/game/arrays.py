@@ -1,10 +1,12 @@
 """The one place that knows which array library holds the numbers, and how a vector is taken apart and put together.
 
-Kernels work on components, (x, y, z) as separate arrays of the leading shape, with nothing but + − × ÷, √, comparison and
-selection. Each of those is correctly rounded in IEEE arithmetic, alone or in a SIMD lane, so that one state and a million
-give the same bits; a sum over the last axis, `hypot`, `sin` or a BLAS dot product would not promise that.
+Kernels work on components, x, y and z as separate arrays of the leading shape, with nothing but + − × ÷, √, comparison
+and selection. IEEE arithmetic rounds each of those correctly, alone or in a SIMD lane, so that one state and a million
+give the same bits. A sum over the last axis, `hypot`, `sin` or a BLAS dot product would not promise that, and a single
+state, whose components are NumPy scalars, would pay ten times as much for each of its operations.
 """
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,6 +15,9 @@ from array_api_compat import device as device_of
 
 Array: TypeAlias = Any
 """An array of any library of the Python array API: NumPy, PyTorch, JAX."""
+
+Library: TypeAlias = Any
+"""The functions of such a library."""
 
 Real: TypeAlias = Any
 """A number, or an array with one number for each game of a batch."""
@@ -24,54 +29,72 @@ Space: TypeAlias = tuple[Any, Any, Any]
 """The x, y and z components of a vector."""
 
 
-def namespace(*arrays: Array) -> Any:  # noqa: ANN401 - a module has no narrower type
-    """Return the array library of the arguments; plain NumPy without a look-up, for the sake of a 20 ms loop."""
+def namespace(*arrays: Array) -> Library:
+    """Return the array library of the arguments; NumPy without a look-up, for the sake of a 20 ms loop."""
     for array in arrays:
         if type(array) is not np.ndarray:
             return array_namespace(*arrays)
     return np
 
 
-def is_numpy(xp: Any) -> bool:  # noqa: ANN401 - a module has no narrower type
+def is_numpy(xp: Library) -> bool:
     """Say whether the library is NumPy itself."""
     return xp is np or bool(is_numpy_namespace(xp))
 
 
 def component(array: Array, index: int) -> Array:
-    """Take one component, (..., 3) → (...). A single state gives a NumPy scalar, ten times quicker than a 0-d array."""
+    """Take one component, (..., 3) → (...); of a single NumPy state a scalar."""
     return array[..., index][()] if isinstance(array, np.ndarray) else array[..., index]
 
 
-def select(xp: Any, condition: Array, yes: Real, no: Real) -> Array:  # noqa: ANN401
-    """Choose elementwise, as `where` does. A single state skips the array machinery and picks the very same value."""
+def select(xp: Library, condition: Array, yes: Real, no: Real) -> Array:
+    """Choose elementwise, as `where` does; a single NumPy state picks the very same number without it."""
     if isinstance(condition, (np.bool_, bool)):
         return yes if condition else no
     return xp.where(condition, yes, no)
 
 
 def positive_part(value: Array) -> Array:
-    """Return max(value, 0) by exact arithmetic, without a library call; NaN stays NaN."""
+    """Return max(value, 0), exactly and without a library call; NaN stays NaN."""
     return 0.5 * (value + abs(value))
 
 
-def larger(xp: Any, a: Array, b: Array) -> Array:  # noqa: ANN401
+def larger(xp: Library, a: Array, b: Array) -> Array:
     """Return the larger of two numbers elementwise."""
     return select(xp, a > b, a, b)
 
 
-def norm2(xp: Any, v: Plane) -> Array:  # noqa: ANN401
+def dot2(a: Plane, b: Plane) -> Array:
+    """Scalar product of two plane vectors."""
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def norm2(xp: Library, v: Plane) -> Array:
     """Length of a plane vector."""
     return xp.sqrt(v[0] * v[0] + v[1] * v[1])
 
 
-def unit2(xp: Any, v: Plane, length: Array) -> Plane:  # noqa: ANN401
-    """Direction of a plane vector of known length; the x axis where the length is zero, so that it stays finite."""
+def unit2(xp: Library, v: Plane, length: Array) -> Plane:
+    """Direction of a plane vector of known length; the x axis where that is zero, so that it stays finite."""
     some = length > 0
     inverse = 1.0 / select(xp, some, length, 1.0)
     return select(xp, some, v[0] * inverse, 1.0), v[1] * inverse
 
 
-def pack(xp: Any, shape: tuple[int, ...], like: Array, *components: Real) -> Array:  # noqa: ANN401
+def select2(xp: Library, condition: Array, yes: Plane, no: Plane) -> Plane:
+    """Choose between two plane vectors."""
+    return select(xp, condition, yes[0], no[0]), select(xp, condition, yes[1], no[1])
+
+
+def bounded2(xp: Library, v: Plane, bound: Real) -> Plane:
+    """Shorten a plane vector to a bound, keeping its direction."""
+    length = norm2(xp, v)
+    long = length > bound
+    scale = select(xp, long, bound / select(xp, long, length, 1.0), 1.0)
+    return v[0] * scale, v[1] * scale
+
+
+def pack(xp: Library, shape: tuple[int, ...], like: Array, *components: Real) -> Array:
     """Put components together into (*shape, n), in the precision and on the device of `like`."""
     if is_numpy(xp):
         packed = np.empty((*shape, len(components)), dtype=like.dtype)
@@ -81,11 +104,19 @@ def pack(xp: Any, shape: tuple[int, ...], like: Array, *components: Real) -> Arr
     return xp.stack([spread(xp, shape, like, part) for part in components], axis=-1)
 
 
-def spread(xp: Any, shape: tuple[int, ...], like: Array, value: Real) -> Array:  # noqa: ANN401
+def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Array:
     """Spread a number or an array over the leading shape, in the precision and on the device of `like`."""
     if is_numpy(xp):
         filled = np.empty(shape, dtype=like.dtype)
         filled[...] = value
         return filled
-    where = {} if is_jax_array(like) else {"device": device_of(like)}
-    return xp.broadcast_to(xp.asarray(value, dtype=like.dtype, **where), shape)
+    return xp.broadcast_to(constant(xp, like, value), shape)
+
+
+def constant(xp: Library, like: Array, value: Real | Sequence[float]) -> Array:
+    """Return a value as an array in the precision and on the device of `like`; an array stays as it is."""
+    if hasattr(value, "dtype"):
+        return value
+    if is_numpy(xp) or is_jax_array(like):
+        return xp.asarray(value, dtype=like.dtype)
+    return xp.asarray(value, dtype=like.dtype, device=device_of(like))

@@ -2,20 +2,23 @@
 
 import math
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Real
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
-def require_fields(record: Any, *, zero_allowed: bool = False) -> None:  # noqa: ANN401
-    """Check every field of a frozen record."""
+
+def require_fields(record: "DataclassInstance", *, zero_allowed: bool = False) -> None:
+    """Refuse a record with a number out of range."""
     for field in fields(record):
         require(field.name, getattr(record, field.name), zero_allowed=zero_allowed)
 
 
 def require(name: str, value: Real, *, zero_allowed: bool = False) -> None:
-    """Refuse a number out of range by its name; arrays are judged row by row in `solve`."""
+    """Refuse a number out of range by its name. Arrays are judged row by row in `solve`."""
     if is_array(value):
         return
     if not is_finite(value) or value < 0 or (value == 0 and not zero_allowed):
@@ -23,13 +26,25 @@ def require(name: str, value: Real, *, zero_allowed: bool = False) -> None:
         raise ConfigError(f"{name} = {value!r}: must be a finite number, {allowed}")
 
 
+def require_pair(name: str, pair: object) -> None:
+    """Refuse what is not two finite numbers."""
+    if not isinstance(pair, tuple) or len(pair) != 2 or not all(is_finite(part) for part in pair):
+        raise ConfigError(f"{name} = {pair!r}: must be a tuple of two finite numbers (x, y), m/s")
+
+
 def is_finite(value: Real) -> bool:
-    return not isinstance(value, (str, bytes, type(None))) and math.isfinite(value)
+    """Say whether a value is a finite number."""
+    try:
+        return math.isfinite(value)
+    except TypeError:
+        return False
 
 
 def is_array(value: Real) -> bool:
-    return hasattr(value, "shape") and value.shape != ()
+    """Say whether a parameter holds one number for each row of a batch."""
+    return getattr(value, "shape", ()) != ()
 
 
-def is_number(value: Real) -> bool:
-    return not is_array(value)
+def is_zero(value: Real) -> bool:
+    """Say whether a parameter is switched off; an array of them never is."""
+    return not is_array(value) and bool(value == 0)

@@ -1,22 +1,20 @@
 """The catalogue of strategies, by name, for either player: the paper's optimum, its baselines, and standing still.
 
-A policy is a function `policy(game, pursuer, evader, target=None, evader_velocity_m_s=None)` of arrays (..., 3) that returns
-a velocity over the ground, (..., 3), m/s. It keeps no memory. Every baseline moves at full speed (section V of the paper).
+A policy is a function of a game and of arrays (..., 3), with no memory. Every baseline moves at full speed, as in
+section V of the paper.
 """
+# ruff: noqa: ARG001 - every strategy takes the same arguments, whether or not it looks at them
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from types import MappingProxyType
 from typing import Protocol
 
-import numpy as np
-
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, component, is_numpy, namespace, norm2, pack, select, unit2
+from guidance.game.arrays import Array, component, namespace, norm2, pack, select, unit2
 from guidance.game.game import Game
 from guidance.game.play import take_apart
 from guidance.game.reach import steer
-from guidance.game.solve import leading_shape, solve
+from guidance.game.solve import leading_shape, quiet, solve
 from guidance.game.tad import guard_time
 
 
@@ -102,24 +100,24 @@ def _needed(target: Array | None) -> Array:
 
 def _fly_straight(game: Game, pursuer: Array, evader: Array, aim: Array, seen: Array | None) -> Array:
     """Fly the pursuer to the disc around `aim` as if that stood still; hold, or follow `seen`, once it is there."""
-    shape = leading_shape({"pursuer": pursuer, "evader": evader, "aim": aim})
+    shape = leading_shape(game, {"pursuer": pursuer, "evader": evader, "aim": aim})
     xp = namespace(pursuer, evader, aim)
-    with np.errstate(all="ignore") if is_numpy(xp) else nullcontext():
+    with quiet(xp):
         state = take_apart(xp, game, pursuer, evader, seen)
         goal = (component(aim, 0) - state.evader[0], component(aim, 1) - state.evader[1])
         to = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
         gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
-        flown = steer(xp, game, to, gap, guard_time(xp, game, state, goal), state.z, state.drift)
-    return pack(xp, shape, pursuer, *flown)
+        flown = steer(xp, game, to, gap, guard_time(xp, game, state, goal), state.z, state.seen)
+        return pack(xp, shape, pursuer, *flown)
 
 
 def _run(game: Game, evader: Array, point: Array, *, away: bool) -> Array:
-    """Run the evader from or to a point at full speed; from right below it along the x axis, and at it no further."""
-    shape = leading_shape({"evader": evader, "point": point})
+    """Run the evader from or to a point: from right below it along the x axis, and no further than to it."""
+    shape = leading_shape(game, {"evader": evader, "point": point})
     xp = namespace(evader, point)
-    with np.errstate(all="ignore") if is_numpy(xp) else nullcontext():
+    with quiet(xp):
         way = (component(point, 0) - component(evader, 0), component(point, 1) - component(evader, 1))
         length = norm2(xp, way)
         direction = unit2(xp, way, length)
         pace = -game.evader_speed_m_s if away else select(xp, length > 0, game.evader_speed_m_s, 0.0)
-    return pack(xp, shape, evader, pace * direction[0], pace * direction[1], 0.0)
+        return pack(xp, shape, evader, pace * direction[0], pace * direction[1], 0.0)

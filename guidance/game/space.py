@@ -1,0 +1,75 @@
+"""The evader of the paper's remark, which moves in all three dimensions: the Apollonius sphere.
+
+P, E and T lie in one plane and neither player gains by leaving it, so the game is the planar one (z_P = 0) played in
+that plane; its circle is the sphere's section. The state is folded into it, with the first axis from E to T (PE: from P
+to E), solved there, and the answer unfolded.
+"""
+
+from guidance.game.arrays import Array, Library, Space, component, select
+from guidance.game.game import Game
+from guidance.game.pe import pursuit
+from guidance.game.play import Play, State
+from guidance.game.tad import defence
+
+
+def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, seen: Array | None) -> Play:
+    """Play the game of an evader in space; see `solve` for what the answer means."""
+    evader = _components(E)
+    to_evader = _minus(evader, _components(P))
+    first, far = _unit(xp, to_evader if T is None else _minus(_components(T), evader))
+    along = _dot(to_evader, first)
+    rest = (
+        to_evader[0] - along * first[0],
+        to_evader[1] - along * first[1],
+        to_evader[2] - along * first[2],
+    )
+    second, across = _unit(xp, rest)
+    nought = 0.0 * along
+    distance = xp.sqrt(along * along + across * across)
+    state = State((nought, nought), nought, (along, across), distance, nought, (nought, nought))
+    play = pursuit(xp, game, state) if T is None else defence(xp, game, state, (far, nought))
+
+    def unfold(v: Space) -> Space:
+        return (
+            v[0] * first[0] + v[1] * second[0],
+            v[0] * first[1] + v[1] * second[1],
+            v[0] * first[2] + v[1] * second[2],
+        )
+
+    run = unfold(play.meeting)
+    meeting = (evader[0] + run[0], evader[1] + run[1], evader[2] + run[2])
+    flown = unfold(play.pursuer)
+    if seen is not None:
+        flown = _follow(xp, game, play.time <= 0, _components(seen), flown)
+    return play._replace(meeting=meeting, pursuer=flown, evader=unfold(play.evader))
+
+
+def _follow(xp: Library, game: Game, caught: Array, seen: Space, flown: Space) -> Space:
+    """Keep with a captured evader, at no more than its speed bound."""
+    direction, length = _unit(xp, seen)
+    pace = select(xp, length > game.evader_speed_m_s, game.evader_speed_m_s, length)
+    return (
+        select(xp, caught, pace * direction[0], flown[0]),
+        select(xp, caught, pace * direction[1], flown[1]),
+        select(xp, caught, pace * direction[2], flown[2]),
+    )
+
+
+def _components(v: Array) -> Space:
+    return component(v, 0), component(v, 1), component(v, 2)
+
+
+def _minus(a: Space, b: Space) -> Space:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _dot(a: Space, b: Space) -> Array:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _unit(xp: Library, v: Space) -> tuple[Space, Array]:
+    """Direction and length; the x axis where the length is zero."""
+    length = xp.sqrt(_dot(v, v))
+    some = length > 0
+    inverse = 1.0 / select(xp, some, length, 1.0)
+    return (select(xp, some, v[0] * inverse, 1.0), v[1] * inverse, v[2] * inverse), length
