@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from guidance.errors import ConfigError
+from guidance.frames import Projection
 from guidance.telemetry import Command
 
 MAV_CMD_NAV_LAND = 21
@@ -38,15 +39,29 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class AutopilotProfile:
-    """One flavour. `custom_modes` maps a mode to HEARTBEAT.custom_mode, `streams_hz` a message id to the rate asked.
+    """One flavour.
 
-    `mode_parameters` are DO_SET_MODE's second and third, and `unused` fills parameters that are not given.
+    Attributes:
+        name: As in configurations.
+        autopilot_id: MAV_AUTOPILOT in HEARTBEAT.
+        custom_modes: HEARTBEAT.custom_mode of each mode.
+        mode_parameters: DO_SET_MODE's second and third parameter for each mode.
+        arming_mode: Asked for before arming, so that taking off starts from a mode of ours.
+        projection: The autopilot's own map between degrees and metres.
+        unused: What fills a command's parameters that are not given.
+        takeoff_frame: Datum of NAV_TAKEOFF's altitude.
+        stream_before_guided: Whether setpoints must flow before the guided mode is granted.
+        loss_parameter: The parameter that says how long the autopilot waits for setpoints.
+        setpoint_timeout_s: Its default.
+        streams_hz: Rate to ask of each message id.
     """
 
     name: str
     autopilot_id: int
     custom_modes: Mapping[Mode, int]
     mode_parameters: Mapping[Mode, tuple[int, int]]
+    arming_mode: Mode
+    projection: Projection
     unused: float
     takeoff_frame: int
     stream_before_guided: bool
@@ -141,6 +156,8 @@ PX4 = AutopilotProfile(
         Mode.RETURN: (4, 5),
         Mode.LAND: (4, 6),
     },
+    arming_mode=Mode.HOLD,
+    projection=Projection.PX4,
     unused=_NAN,
     takeoff_frame=MAV_FRAME_GLOBAL,
     stream_before_guided=True,
@@ -154,6 +171,8 @@ ARDUCOPTER = AutopilotProfile(
     autopilot_id=3,
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_parameters={Mode.GUIDED: (4, 0), Mode.HOLD: (17, 0), Mode.RETURN: (6, 0), Mode.LAND: (9, 0)},
+    arming_mode=Mode.GUIDED,
+    projection=Projection.ARDUPILOT,
     unused=0.0,
     takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
     stream_before_guided=False,
@@ -161,6 +180,22 @@ ARDUCOPTER = AutopilotProfile(
     setpoint_timeout_s=3.0,
     streams_hz=_STREAMS_HZ,
 )
+
+ROVER = AutopilotProfile(
+    name="rover",
+    autopilot_id=3,
+    custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
+    mode_parameters={Mode.GUIDED: (15, 0), Mode.HOLD: (4, 0), Mode.RETURN: (11, 0)},
+    arming_mode=Mode.GUIDED,
+    projection=Projection.ARDUPILOT,
+    unused=0.0,
+    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    stream_before_guided=False,
+    loss_parameter="FS_TIMEOUT",
+    setpoint_timeout_s=3.0,
+    streams_hz={LOCAL_POSITION_NED: 20.0, GLOBAL_POSITION_INT: 20.0},
+)
+"""The ground vehicle that plays the evader in mocked flights (ArduRover's numbers)."""
 
 PROFILES: Mapping[str, AutopilotProfile] = {profile.name: profile for profile in (PX4, ARDUCOPTER)}
 

@@ -5,7 +5,6 @@ sends what closes the gap: the wanted velocity, plus what the vehicle is still m
 accelerate as hard as the envelope lets it), plus a slow integral against the steady error.
 """
 
-import math
 from dataclasses import dataclass
 
 from guidance.telemetry import Vector
@@ -62,17 +61,6 @@ def serve(
         command.append(wanted + gains.lead * error + summed)
         integral.append(summed)
     return (command[0], command[1], command[2]), ServoMemory((integral[0], integral[1], integral[2]))
-
-
-def closing_speed(gap_m: float, *, fastest_m_s: float, braking_m_s2: float, reaction_s: float) -> float:
-    """Fastest speed at which a gap may be closed so that braking ends at zero: v t + v²/(2a) = gap, m/s.
-
-    Non-negative; `fastest_m_s` where the gap is wide enough.
-    """
-    if gap_m <= 0.0:
-        return 0.0
-    lag = braking_m_s2 * reaction_s
-    return min(fastest_m_s, math.sqrt(lag * lag + 2.0 * braking_m_s2 * gap_m) - lag)
 
 
 def _clip(value: float, limit: float) -> float:

@@ -5,7 +5,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from guidance.telemetry import CommandAck, Heartbeat, LandedState, LocalPosition, Message, Odometry, StatusText
+from guidance.frames import Amsl, LocalFrame, Projection
+from guidance.telemetry import (
+    Attitude,
+    CommandAck,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Message,
+    Odometry,
+    Origin,
+    StatusText,
+)
 
 LANDED_ON_GROUND = 1
 
@@ -40,6 +52,12 @@ class VehicleState:
         return heartbeat is not None and heartbeat.armed
 
     @property
+    def yaw_rad(self) -> float:
+        """Heading of the last ATTITUDE, radians from north; zero until it was heard."""
+        attitude = self.last(Attitude)
+        return 0.0 if attitude is None else attitude.yaw_rad
+
+    @property
     def on_ground(self) -> bool:
         """On the ground, as the last EXTENDED_SYS_STATE has it; False until it was heard."""
         landed = self.last(LandedState)
@@ -70,3 +88,22 @@ def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
 
 def _finite(message: LocalPosition) -> bool:
     return all(map(math.isfinite, (*message.position_ned_m, *message.velocity_ned_m_s)))
+
+
+def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | None:
+    """Return where the vehicle's local frame lies on Earth; None until HOME_POSITION was heard.
+
+    GPS_GLOBAL_ORIGIN is the estimator's word; without it the origin is reckoned from home, which need not be there.
+    """
+    home, origin = state.last(Home), state.last(Origin)
+    if home is None:
+        return None
+    home_amsl = Amsl(home.altitude_amsl_m)
+    if origin is not None:
+        return LocalFrame(
+            origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), home_amsl, projection=projection
+        )
+    about_home = LocalFrame(home.latitude_deg, home.longitude_deg, home_amsl, projection=projection)
+    north_m, east_m, down_m = home.position_ned_m
+    latitude_deg, longitude_deg, altitude = about_home.wgs84_from_ned((-north_m, -east_m, -down_m))
+    return LocalFrame(latitude_deg, longitude_deg, altitude, home_amsl, projection=projection)

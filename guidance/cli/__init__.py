@@ -1,10 +1,30 @@
 """The `guidance` command: one module a sub-command, registered here by name."""
 
+import sys
+
 import typer
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode="markdown")
+from guidance.cli.fly import fly
+from guidance.errors import GuidanceError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    help="Closed-form pursuit guidance: fly it, solve it, check it against the paper.",
+)
+app.command()(fly)
+
+
+@app.callback()
+def _root() -> None:
+    """Closed-form pursuit guidance: fly it, solve it, check it against the paper."""
 
 
 def main() -> None:
-    """Run the command line."""
-    app()
+    """Run the command line. What the user can mend ends with one message and an exit code, not with a traceback."""
+    try:
+        app()
+    except GuidanceError as error:
+        print(f"error: {error}", file=sys.stderr)  # noqa: T201 - the last word of a command
+        sys.exit(error.exit_code)

@@ -1,0 +1,49 @@
+"""`guidance fly`: a pursuit, flown."""
+
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+
+def fly(
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario file, or the name of one that comes along: pe, tad.", show_default=True)
+    ] = "pe",
+    fast: Annotated[
+        bool, typer.Option("--fast", help="Fly in virtual time, in one process, as fast as the processor goes.")
+    ] = False,
+    link: Annotated[str, typer.Option(help="Which client flies: mavsdk or pymavlink (real time only).")] = "mavsdk",
+    port: Annotated[int, typer.Option(help="TCP port of the Zenoh session on loopback; 0 picks a free one.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the record and the picture; default flights/<scenario>-<number>.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the mock's noise, instead of the scenario's.")] = None,
+) -> None:
+    """Fly a pursuit against the mock autopilot and show how it compares with the game's value.
+
+    Starts the mock (a PX4-flavoured copter and a ground rover) as a child process on a loopback Zenoh session, connects
+    as to a real vehicle, arms, takes off, flies to the scenario's start, plays the game at 50 Hz over MAVLink until the
+    stand-off disc around the evader is reached, holds, lands and disarms. Writes the record (MCAP) and a picture (PNG).
+
+    Examples:
+        guidance fly                                  the paper's PE game, in real time
+
+        guidance fly config/scenarios/tad.toml        the paper's TAD game
+
+        guidance fly --fast                           the same flight in virtual time
+
+        guidance fly --link pymavlink                 with pymavlink instead of MAVSDK
+    """
+    from guidance.scenarios.command import fly_scenario  # noqa: PLC0415 - matplotlib, zenoh and mavsdk take a second
+
+    signal.signal(signal.SIGTERM, _terminated)
+    started_s = time.perf_counter()
+    raise typer.Exit(fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, started_s=started_s))
+
+
+def _terminated(*_: object) -> NoReturn:
+    sys.exit(128 + signal.SIGTERM)

@@ -1,0 +1,22 @@
+"""The flight's state machine: a table of transitions, what an event is read from, and the step that joins them."""
+
+from guidance.flight.machine import ORDERS, Flight, Happening, Inputs, Outputs
+from guidance.flight.readiness import Check
+from guidance.flight.settings import AfterCapture, FlightSettings
+from guidance.flight.table import FINAL, TRANSITIONS, Event, State, next_state
+
+__all__ = [
+    "FINAL",
+    "ORDERS",
+    "TRANSITIONS",
+    "AfterCapture",
+    "Check",
+    "Event",
+    "Flight",
+    "FlightSettings",
+    "Happening",
+    "Inputs",
+    "Outputs",
+    "State",
+    "next_state",
+]

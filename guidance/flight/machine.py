@@ -1,0 +1,213 @@
+"""The flight: what was heard and ordered goes in, what to say to the vehicle comes out. No clock, no I/O.
+
+One step a guidance cycle: fold what was heard, find what happened, follow the table, and let the state say what goes
+out. The step is the same in real time, in virtual time and in replay.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, Mode
+from guidance.flight.detect import Scene, events
+from guidance.flight.readiness import Check, checks
+from guidance.flight.settings import AfterCapture, FlightSettings
+from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, TRANSITIONS, Event, State, next_state
+from guidance.flight.tracking import Tracking
+from guidance.telemetry import Heartbeat, Home, LocalPosition, Message, Request, Setpoint, TargetReport
+from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
+from guidance.vehicle import VehicleState, observe
+
+REPEAT_S = 1.5
+"""A request whose effect is not seen is made again after this time."""
+
+STREAM_FIRST_S = 0.3
+"""How long a hover is streamed before the guided mode is asked for (PX4 refuses it without a stream)."""
+
+ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
+
+_MODE_OF_STATE = {
+    State.ENTERING: Mode.GUIDED,
+    State.HOLDING: Mode.HOLD,
+    State.RETURNING: Mode.RETURN,
+    State.LANDING: Mode.LAND,
+}
+
+
+class Inputs(NamedTuple):
+    """All that one cycle sees, read once. `now_s` is the injected clock's; orders are of `ORDERS`."""
+
+    now_s: float
+    messages: Sequence[Message] = ()
+    reports: Sequence[TargetReport] = ()
+    orders: Sequence[Event] = ()
+
+
+class Happening(NamedTuple):
+    """An event and what it did: `before` and `after` are equal where an order had no effect."""
+
+    now_s: float
+    event: Event
+    before: State
+    after: State
+
+
+class Outputs(NamedTuple):
+    """What one cycle decided. No setpoint means silence."""
+
+    state: State
+    setpoint: Setpoint | None
+    requests: tuple[Request, ...]
+    happenings: tuple[Happening, ...]
+    certificate: Certificate | None
+
+
+class Flight:
+    """One flight of one vehicle."""
+
+    def __init__(self, settings: FlightSettings) -> None:
+        self.settings = settings
+        self.state = State.CONNECTING
+        self.vehicle = VehicleState()
+        self.tracking = Tracking(settings.tick, settings.profile)
+        self._memory = TickMemory()
+        self._certificate: Certificate | None = None
+        self._last_s: float | None = None
+        self._since_s = 0.0
+        self._requested_s = float("-inf")
+        self._resets_seen = 0
+        self._reboots_seen = 0
+
+    def checks(self, now_s: float) -> tuple[Check, ...]:
+        """Show the readiness rows as they stand."""
+        return checks(self.vehicle, self.settings.profile, now_s, battery_minimum=self.settings.battery_minimum)
+
+    @property
+    def mode_name(self) -> str:
+        """The autopilot's mode as HEARTBEAT shows it, for people."""
+        mode = self._mode()
+        return "unknown" if mode is None else str(mode)
+
+    def step(self, inputs: Inputs) -> Outputs:
+        """Run one cycle."""
+        now_s = inputs.now_s
+        dt_s = 0.0 if self._last_s is None else now_s - self._last_s
+        if self._last_s is None:
+            self._since_s = now_s
+        self._last_s = now_s
+
+        self.vehicle = observe(self.vehicle, inputs.messages)
+        self.tracking.observe(self.vehicle, inputs.reports)
+        happenings = tuple(self._follow(inputs, dt_s))
+        requests = tuple(self._requests(now_s))
+        setpoint = self._setpoint(now_s, dt_s)
+        return Outputs(self.state, setpoint, requests, happenings, self._certificate)
+
+    def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
+        for order in inputs.orders:
+            yield self._change(inputs.now_s, self._order(order))
+        scene = self._scene(inputs.now_s, dt_s)
+        for event in events(scene):
+            yield self._change(inputs.now_s, event)
+            return  # the gravest only: the state it leads to is judged by the next cycle
+
+    def _order(self, order: Event) -> Event:
+        if order not in ORDERS:
+            raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
+        # A vehicle that a pilot has brought up already is taken over in its hold, without arming or climbing.
+        aloft = order is Event.START and self.vehicle.armed and not self.vehicle.on_ground
+        return Event.ALOFT if aloft else order
+
+    def _change(self, now_s: float, event: Event) -> Happening:
+        before, after = self.state, next_state(self.state, event)
+        if after is not before:
+            self.state, self._since_s, self._requested_s = after, now_s, float("-inf")
+            self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
+            self._certificate = None
+            if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
+                self._memory = TickMemory()
+        elif (before, event) in TRANSITIONS:
+            self._since_s = now_s
+        return Happening(now_s, event, before, after)
+
+    def _scene(self, now_s: float, dt_s: float) -> Scene:
+        return Scene(
+            now_s=now_s,
+            dt_s=dt_s,
+            state=self.state,
+            since_s=self._since_s,
+            settings=self.settings,
+            vehicle=self.vehicle,
+            resets_seen=self._resets_seen,
+            reboots_seen=self._reboots_seen,
+            target_age_s=self.tracking.age_s(now_s),
+            start_ned_m=self._start_ned_m(),
+            certificate=self._certificate,
+        )
+
+    def _start_ned_m(self) -> tuple[float, float, float] | None:
+        start, frame = self.settings.start_game_m, self.tracking.game_frame
+        return None if start is None or frame is None else frame.position_to_ned(start)
+
+    def _mode(self) -> Mode | None:
+        heartbeat = self.vehicle.last(Heartbeat)
+        return None if heartbeat is None else self.settings.profile.mode_of(heartbeat.custom_mode)
+
+    def _requests(self, now_s: float) -> Iterator[Request]:
+        if self.state in FINAL or now_s - self._requested_s < REPEAT_S:
+            return
+        if self.state is State.ENTERING and now_s - self._since_s < STREAM_FIRST_S:
+            return
+        self._requested_s = now_s
+        profile = self.settings.profile
+        if self.state is State.CHECKING:
+            yield from profile.stream_requests()
+            yield profile.request_message(HOME_POSITION)
+            yield profile.request_message(GPS_GLOBAL_ORIGIN)
+        elif self.state is State.ARMING:
+            yield profile.set_mode(profile.arming_mode)
+            yield profile.arm()
+        elif self.state is State.CLIMBING:
+            yield from self._takeoff()
+        elif self.state is State.POSITIONING:
+            yield from self._reposition()
+        elif self.state in _MODE_OF_STATE and self._mode() is not _MODE_OF_STATE[self.state]:
+            yield profile.set_mode(_MODE_OF_STATE[self.state])
+
+    def _takeoff(self) -> Iterator[Request]:
+        home = self.vehicle.last(Home)
+        if home is not None and self.vehicle.on_ground:
+            yield self.settings.profile.takeoff(
+                height_m=self.settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m
+            )
+
+    def _reposition(self) -> Iterator[Request]:
+        start, frame = self._start_ned_m(), self.tracking.local_frame
+        if start is not None and frame is not None:
+            latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(start)
+            yield self.settings.profile.reposition(
+                latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
+            )
+
+    def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
+        leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED
+        local = self.vehicle.last(LocalPosition)
+        if local is None or not (self.state in SETPOINT_STATES or leaving):
+            return None
+        inputs = TickInputs(
+            dt_s=dt_s,
+            position_ned_m=local.position_ned_m,
+            velocity_ned_m_s=local.velocity_ned_m_s,
+            telemetry_age_s=now_s - local.received_s,
+            yaw_rad=self.vehicle.yaw_rad,
+            target=self.tracking.target(now_s),
+            game_frame=self.tracking.game_frame,
+        )
+        playing = self.state is State.ENGAGED or (
+            self.state is State.ON_STATION and self.settings.after_capture is AfterCapture.SHADOW
+        )
+        cycle = play if playing and inputs.target is not None else hover
+        output = cycle(inputs, self.settings.tick, self._memory)
+        self._memory = output.memory
+        if output.certificate is not None:
+            self._certificate = output.certificate
+        return output.setpoint

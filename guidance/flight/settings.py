@@ -1,0 +1,56 @@
+"""What a flight needs to know beforehand, and how long each of its phases may take."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+from guidance.autopilots import AutopilotProfile
+from guidance.flight.table import State
+from guidance.telemetry import Vector
+from guidance.tick import TickSettings
+
+
+class AfterCapture(StrEnum):
+    """What to do at the stand-off disc."""
+
+    HOLD = "hold"  # hover where it was reached
+    SHADOW = "shadow"  # keep station on the moving target
+
+
+_LIMITS_S: Mapping[State, float] = MappingProxyType(
+    {
+        State.CONNECTING: 30.0,
+        State.CHECKING: 90.0,
+        State.ARMING: 15.0,
+        State.CLIMBING: 90.0,
+        State.POSITIONING: 180.0,
+        State.ENTERING: 10.0,
+        State.PAUSED: 10.0,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FlightSettings:
+    """One flight.
+
+    Attributes:
+        profile: Which autopilot.
+        tick: Everything a guidance cycle needs.
+        takeoff_height_m: Above home.
+        start_game_m: Where the autopilot flies to before standing by, in the game frame; None stays above the take-off.
+        after_capture: What to do at the stand-off disc.
+        battery_minimum: Battery remaining (0 to 1) below which the flight returns.
+        settle_s: How long everything must be well again before a paused game goes on.
+        limits_s: Longest stay in a state, where there is a limit.
+    """
+
+    profile: AutopilotProfile
+    tick: TickSettings
+    takeoff_height_m: float
+    start_game_m: Vector | None = None
+    after_capture: AfterCapture = AfterCapture.HOLD
+    battery_minimum: float = 0.2
+    settle_s: float = 1.0
+    limits_s: Mapping[State, float] = field(default_factory=lambda: _LIMITS_S)

@@ -1,0 +1,163 @@
+"""What `guidance fly` does around the flight: the folder, the record, the live line, the summary, the picture."""
+
+import contextlib
+import itertools
+import json
+import time
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from guidance.errors import ConfigError
+from guidance.scenarios.fly import FlightResult, Progress, fly, outcome
+from guidance.scenarios.model import Scenario, load_scenario
+from guidance.scenarios.world import World
+from guidance.service.clock import Clock, MonotonicClock, VirtualClock
+from guidance.service.record import Recorder
+
+LINKS = ("mavsdk", "pymavlink")
+REDRAW_S = 0.1
+
+
+def fly_scenario(
+    name: str, *, fast: bool, link: str, port: int, out: Path | None, seed: int | None, started_s: float
+) -> int:
+    """Fly a scenario by name or path; return the exit code: 0 when the game ended as it should have.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    if link not in LINKS:
+        raise ConfigError(f"--link {link}: allowed are {', '.join(LINKS)}")
+    if not 0 <= port <= 65535:
+        raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
+    path, scenario = load_scenario(name)
+    if seed is not None:
+        scenario = scenario.model_copy(update={"seed": seed})
+    console = Console()
+    folder = out if out is not None else next_folder(Path("flights"), path.stem)
+    console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {'virtual time' if fast else link})")
+    clock: Clock = VirtualClock() if fast else MonotonicClock()
+    with _recorder(folder / "record.mcap", scenario) as recorder, _line(console) as show:
+        flying_s = time.perf_counter()
+        with _world(scenario, clock, fast=fast, link=link, port=port) as world:
+            result = fly(scenario, world, clock, recorder, show)
+        result.wall_s = time.perf_counter() - flying_s
+    if recorder.failed is not None:
+        console.print(f"[yellow]the record is incomplete: {recorder.failed}[/yellow]")
+    _report(console, result, folder, fast=fast, startup_s=flying_s - started_s)
+    return 0 if result.captured else 4
+
+
+def next_folder(parent: Path, stem: str) -> Path:
+    """Return the first of `parent/stem-001`, `-002`, … that is not there yet."""
+    return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
+
+
+@contextlib.contextmanager
+def _recorder(path: Path, scenario: Scenario) -> Iterator[Recorder]:
+    metadata = {
+        "scenario": json.dumps(scenario.model_dump(mode="json")),
+        "seed": str(scenario.seed),
+        "guidance": version("pursuit-guidance"),
+    }
+    try:
+        recorder = Recorder(path, metadata)
+    except OSError as error:
+        raise ConfigError(
+            f"--out {path.parent}: cannot be written ({error.strerror}); choose another folder"
+        ) from error
+    try:
+        yield recorder
+    finally:
+        recorder.close()
+
+
+@contextlib.contextmanager
+def _world(scenario: Scenario, clock: Clock, *, fast: bool, link: str, port: int) -> Iterator[World]:
+    world: World
+    if fast:
+        from guidance.scenarios.fast import FastWorld  # noqa: PLC0415 - only one of the worlds is ever needed
+
+        world = FastWorld(scenario, clock)
+    else:
+        from guidance.scenarios.live import LiveWorld  # noqa: PLC0415
+
+        world = LiveWorld(scenario, clock, link=link, port=port)
+    try:
+        yield world
+    finally:
+        world.close()
+
+
+@contextlib.contextmanager
+def _line(console: Console) -> Iterator[Any]:
+    """Show one live line, redrawn ten times a second; where there is no terminal, a plain line at every change."""
+    drawn_s = 0.0
+    shown = ""
+    with Live(console=console, auto_refresh=False, transient=True) as live:
+
+        def show(progress: Progress) -> None:
+            nonlocal drawn_s, shown
+            if not console.is_terminal:
+                if str(progress.state) != shown:
+                    shown = str(progress.state)
+                    console.print(f"{progress.now_s:7.1f} s  {shown}")
+                return
+            if time.perf_counter() - drawn_s >= REDRAW_S:
+                drawn_s = time.perf_counter()
+                live.update(Text(_words(progress)), refresh=True)
+
+        yield show
+
+
+def _words(progress: Progress) -> str:
+    words = f"{progress.now_s:7.1f} s  {progress.state:<12}  mode {progress.mode:<8}"
+    certificate = progress.certificate
+    if certificate is None:
+        return words
+    return (
+        f"{words}  range {certificate.gap_m:6.1f} m  height {certificate.height_gap_m:6.1f} m"
+        f"  value to go {certificate.value:6.2f}  meeting in {certificate.meeting_time_s:5.1f} s"
+    )
+
+
+def _report(console: Console, result: FlightResult, folder: Path, *, fast: bool, startup_s: float) -> None:
+    from guidance.scenarios.picture import draw  # noqa: PLC0415 - matplotlib takes a second
+
+    console.print(_table(result))
+    if fast:
+        speed = result.duration_s / result.wall_s
+        console.print(
+            f"{result.duration_s:.1f} s of flight in {result.wall_s:.2f} s: {speed:.0f} times faster than real time"
+            f" (start-up {startup_s:.1f} s apart)"
+        )
+    draw(result, folder / "flight.png")
+    console.print(f"record   {folder / 'record.mcap'}", soft_wrap=True, highlight=False)
+    console.print(f"picture  {folder / 'flight.png'}", soft_wrap=True, highlight=False)
+
+
+def _table(result: FlightResult) -> Table:
+    pe = result.scenario.target is None
+    unit, what = ("s", "capture time") if pe else ("m", "evader's final distance to T")
+    table = Table(title=f"{outcome(result)}, {what}", title_justify="left", show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(justify="right")
+    rows = {
+        "value predicted at engagement": f"{result.predicted:.2f} {unit}",
+        "flown": f"{result.achieved:.2f} {unit}",
+        "flown / predicted": f"{result.ratio:.3f}",
+        "game lasted": f"{result.capture_time_s:.2f} s",
+        "setpoints sent": f"{result.setpoints_sent}",
+        "late ticks": f"{result.late_ticks} of {result.cycles}",
+        "flight ended": f"{result.ended}, after {result.duration_s:.1f} s",
+    }
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table

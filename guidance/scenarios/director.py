@@ -1,0 +1,59 @@
+"""Who gives the orders in a mocked flight, in place of the person at the ground station."""
+
+from collections.abc import Sequence
+
+from guidance.flight import FINAL, Event, Outputs, State
+
+_LINGER_S = 2.0
+
+
+class Director:
+    """Start when all is ready, engage when both stand by, land when the game is over or has lasted too long."""
+
+    def __init__(self, *, hold_s: float, time_limit_s: float) -> None:
+        self._hold_s = hold_s
+        self._time_limit_s = time_limit_s
+        self._state = State.CONNECTING
+        self._since_s = 0.0
+        self.engaged_s: float | None = None
+        self.captured_s: float | None = None
+        self.timed_out = False
+
+    @property
+    def playing(self) -> bool:
+        """From engagement until capture; the evader plays in this time, also while the pursuer pauses."""
+        return self.engaged_s is not None and self._state in {State.ENGAGED, State.PAUSED}
+
+    @property
+    def finished(self) -> bool:
+        """The flight has come to its end."""
+        return self._state in FINAL
+
+    def follow(self, now_s: float, outputs: Outputs) -> None:
+        """Take note of what a cycle did."""
+        if outputs.state is not self._state:
+            self._state, self._since_s = outputs.state, now_s
+        if self._state is State.ENGAGED and self.engaged_s is None:
+            self.engaged_s = now_s
+        if self._state is State.ON_STATION and self.captured_s is None:
+            self.captured_s = now_s
+
+    def orders(self, now_s: float, *, evader_ready: bool, target_fresh: bool) -> Sequence[Event]:
+        """Give the orders for this cycle."""
+        waited_s = now_s - self._since_s
+        match self._state:
+            case State.READY if evader_ready:
+                return (Event.START,)
+            case State.STANDING_BY if evader_ready and target_fresh and self.engaged_s is None:
+                return (Event.ENGAGE,)
+            case State.ON_STATION if waited_s >= self._hold_s:
+                return (Event.LAND,)
+            case State.HOLDING | State.STANDING_BY if waited_s >= _LINGER_S:
+                return (Event.LAND,)
+            case State.ENGAGED | State.PAUSED if self._overtime(now_s):
+                self.timed_out = True
+                return (Event.LAND,)
+        return ()
+
+    def _overtime(self, now_s: float) -> bool:
+        return self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s

@@ -1,0 +1,110 @@
+"""The evader of a mocked flight: a ground vehicle, commanded over MAVLink like any other, playing a policy."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, ROVER, Mode
+from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
+from guidance.game import EVADER_POLICIES, Game
+from guidance.links.port import VehicleLink
+from guidance.telemetry import GlobalPosition, Heartbeat, LocalPosition, Message, Setpoint
+from guidance.vehicle import VehicleState, local_frame, observe
+
+REPEAT_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class EvaderSettings:
+    """What the evader plays.
+
+    Attributes:
+        game: The game it believes in; its own point capture unless told otherwise.
+        policy: A name of `guidance.game.EVADER_POLICIES`.
+        target_game_m: The place it wants to reach, in the game frame; None in the PE game.
+        site: Latitude and longitude in degrees and altitude of the game frame's zero.
+    """
+
+    game: Game
+    policy: str
+    target_game_m: Vector | None
+    site: tuple[float, float, Amsl]
+
+
+class EvaderPilot:
+    """Readies the evader's vehicle, waits, and plays once the game has begun."""
+
+    def __init__(self, link: VehicleLink, settings: EvaderSettings) -> None:
+        self._link = link
+        self._settings = settings
+        self._policy = EVADER_POLICIES[settings.policy]
+        self._requested_s = float("-inf")
+        self.vehicle = VehicleState()
+        self.messages: Sequence[Message] = ()
+
+    @property
+    def ready(self) -> bool:
+        """Armed, guided, and its place on Earth known."""
+        heartbeat = self.vehicle.last(Heartbeat)
+        guided = heartbeat is not None and ROVER.mode_of(heartbeat.custom_mode) is Mode.GUIDED
+        return guided and self.vehicle.armed and self.position_game_m() is not None
+
+    def position_game_m(self) -> Vector | None:
+        """Where its own telemetry has it in the game frame, None until heard."""
+        frame = self._game_frame()
+        local = self.vehicle.last(LocalPosition)
+        return None if frame is None or local is None else frame.position_from_ned(local.position_ned_m)
+
+    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
+        """Run one cycle: listen, and either ready the vehicle, or play, or stand still."""
+        self.messages = self._link.receive()
+        self.vehicle = observe(self.vehicle, self.messages)
+        if not self.ready:
+            self._make_ready(now_s)
+            return
+        position = self.position_game_m()
+        if playing and pursuer_game_m is not None and position is not None:
+            self._link.send_setpoint(Setpoint(self._velocity_ned_m_s(pursuer_game_m, position)))
+        else:
+            self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
+
+    def stop(self) -> None:
+        """Disarm the vehicle: it stands on the ground."""
+        self._link.request(ROVER.disarm())
+
+    def _make_ready(self, now_s: float) -> None:
+        if now_s - self._requested_s < REPEAT_S:
+            return
+        self._requested_s = now_s
+        for request in (
+            *ROVER.stream_requests(),
+            ROVER.request_message(HOME_POSITION),
+            ROVER.request_message(GPS_GLOBAL_ORIGIN),
+            ROVER.set_mode(Mode.GUIDED),
+            ROVER.arm(),
+        ):
+            self._link.request(request)
+
+    def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector) -> Vector:
+        target = self._settings.target_game_m
+        velocity = self._policy(
+            self._settings.game,
+            np.array(pursuer_game_m),
+            np.array((evader_game_m[0], evader_game_m[1], 0.0)),
+            None if target is None else np.array(target),
+        )
+        x, y, _ = (float(part) for part in velocity)
+        return ned_from_game((x, y, 0.0))
+
+    def _game_frame(self) -> GameFrame | None:
+        frame = local_frame(self.vehicle, ROVER.projection)
+        if frame is None:
+            return None
+        latitude_deg, longitude_deg, altitude = self._settings.site
+        return GameFrame(frame.ned_from_wgs84(latitude_deg, longitude_deg, altitude))
+
+
+def reported(messages: Sequence[Message]) -> list[GlobalPosition]:
+    """Pick the evader's own position reports, which are what the pursuer's target source hears."""
+    return [message for message in messages if isinstance(message, GlobalPosition)]

@@ -1,0 +1,163 @@
+"""One mocked flight from connecting to disarming, in whichever world and on whichever clock."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from guidance.flight import Event, Flight, Happening, Outputs, State
+from guidance.frames import Vector
+from guidance.scenarios.director import Director
+from guidance.scenarios.evader import EvaderPilot
+from guidance.scenarios.model import Scenario
+from guidance.scenarios.settings import evader_settings, flight_settings
+from guidance.scenarios.world import World
+from guidance.service.clock import Clock
+from guidance.service.cycle import Cycle
+from guidance.service.record import Recorder
+from guidance.telemetry import LocalPosition
+from guidance.tick import Certificate
+
+TICK_S = 0.02
+"""50 Hz: the rate at which setpoints are computed and sent."""
+
+MISSION_LIMIT_S = 900.0
+
+
+class Progress(NamedTuple):
+    """What the live line shows."""
+
+    now_s: float
+    state: State
+    mode: str
+    certificate: Certificate | None
+
+
+class Sample(NamedTuple):
+    """One point of both tracks, in the game frame."""
+
+    now_s: float
+    state: State
+    pursuer_m: Vector
+    evader_m: Vector
+
+
+@dataclass(slots=True)
+class FlightResult:
+    """What a flight came to.
+
+    `predicted` is the game's value at engagement (s in PE, m in TAD) and `achieved` what was flown, NaN where it did
+    not come to that.
+    """
+
+    scenario: Scenario
+    ended: State
+    predicted: float = math.nan
+    achieved: float = math.nan
+    capture_time_s: float = math.nan
+    meeting_point_m: Vector | None = None
+    engaged_pursuer_m: Vector | None = None
+    engaged_evader_m: Vector | None = None
+    captured: bool = False
+    timed_out: bool = False
+    setpoints_sent: int = 0
+    late_ticks: int = 0
+    cycles: int = 0
+    duration_s: float = 0.0
+    wall_s: float = 0.0
+    samples: list[Sample] = field(default_factory=list)
+    happenings: list[Happening] = field(default_factory=list)
+
+    @property
+    def ratio(self) -> float:
+        """Achieved over predicted."""
+        return self.achieved / self.predicted if self.predicted else math.nan
+
+
+def fly(
+    scenario: Scenario,
+    world: World,
+    clock: Clock,
+    recorder: Recorder | None,
+    progress: Callable[[Progress], None],
+) -> FlightResult:
+    """Fly a scenario to its end.
+
+    Raises:
+        ConfigError: If the scenario names what does not exist.
+        LinkError: If the world ends before the flight does.
+    """
+    flight = Flight(flight_settings(scenario))
+    cycle = Cycle(flight, world.pursuer, world.target, recorder)
+    evader = EvaderPilot(world.evader, evader_settings(scenario))
+    director = Director(hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s)
+    result = FlightResult(scenario, State.CONNECTING)
+
+    due_s = start_s = clock.now_s()
+    while not director.finished and due_s - start_s < MISSION_LIMIT_S:
+        clock.sleep_until(due_s)
+        world.advance()
+        now_s = clock.now_s()
+        result.late_ticks += now_s - due_s > TICK_S
+        due_s = max(due_s + TICK_S, now_s)  # a late tick is not made up for by two at once
+
+        pursuer_m = _pursuer_game_m(flight)
+        evader.step(now_s, pursuer_m, playing=director.playing)
+        fresh = flight.tracking.age_s(now_s) < 0.5
+        outputs = cycle.run(now_s, director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh))
+        director.follow(now_s, outputs)
+        _note(result, now_s, outputs, pursuer_m, evader.position_game_m())
+        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate))
+
+    evader.stop()
+    result.duration_s = clock.now_s() - start_s
+    result.setpoints_sent = cycle.setpoints_sent
+    result.timed_out = director.timed_out
+    _score(result, director)
+    return result
+
+
+def _pursuer_game_m(flight: Flight) -> Vector | None:
+    local, frame = flight.vehicle.last(LocalPosition), flight.tracking.game_frame
+    return None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
+
+
+def _note(
+    result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
+) -> None:
+    result.cycles += 1
+    result.ended = outputs.state
+    result.happenings.extend(outputs.happenings)
+    if pursuer_m is not None and evader_m is not None:
+        result.samples.append(Sample(now_s, outputs.state, pursuer_m, evader_m))
+    certificate = outputs.certificate
+    if certificate is None:
+        return
+    if math.isnan(result.predicted):
+        result.predicted = certificate.value
+        result.meeting_point_m = certificate.meeting_point_game_m
+        result.engaged_pursuer_m, result.engaged_evader_m = certificate.pursuer_game_m, certificate.evader_game_m
+    if certificate.captured and not result.captured:
+        result.captured = True
+        result.achieved = _distance_to_target(result.scenario, certificate.evader_game_m)
+
+
+def _distance_to_target(scenario: Scenario, evader_m: Vector) -> float:
+    return math.nan if scenario.target is None else math.dist(evader_m[:2], scenario.target.position_m)
+
+
+def _score(result: FlightResult, director: Director) -> None:
+    if director.engaged_s is None or director.captured_s is None:
+        return
+    result.capture_time_s = director.captured_s - director.engaged_s
+    if result.scenario.target is None:
+        result.achieved = result.capture_time_s
+
+
+def outcome(result: FlightResult) -> str:
+    """Say in a few words how the game ended."""
+    if result.captured:
+        return "captured"
+    if any(happening.event is Event.ESCAPED for happening in result.happenings):
+        return "evader reached its target"
+    return "time limit reached" if result.timed_out else f"not captured ({result.ended})"

@@ -1,0 +1,106 @@
+"""From a scenario file to what the flight, the tick and the evader need."""
+
+import math
+from collections.abc import Collection
+
+from guidance.autopilots import profile
+from guidance.errors import ConfigError
+from guidance.flight import AfterCapture, FlightSettings
+from guidance.frames import Amsl
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, SpeedSet, StandOff
+from guidance.limits import Envelope
+from guidance.limits import StandOff as StandOffLimit
+from guidance.scenarios.evader import EvaderSettings
+from guidance.scenarios.model import Scenario
+from guidance.tick import TickSettings
+
+# The limits keep this much out of the way of the disc that the game is played to, so that they bind only when something
+# is wrong.
+_STANDOFF_SLACK_M = 1.0
+
+
+def site(scenario: Scenario) -> tuple[float, float, Amsl]:
+    """Return where the game frame has its zero: on the evader's plane."""
+    where = scenario.site
+    return where.latitude_deg, where.longitude_deg, Amsl(where.altitude_amsl_m + scenario.evader.height_m)
+
+
+def speed_set(scenario: Scenario) -> SpeedSet:
+    """Return the pursuer's speeds as the game knows them."""
+    pursuer = scenario.pursuer
+    if pursuer.speed_set == "ball":
+        return Ball(pursuer.speed_m_s)
+    return Cylinder(pursuer.speed_m_s, pursuer.climb_m_s, pursuer.descent_m_s)
+
+
+def standoff(scenario: Scenario) -> StandOff:
+    """Return the terminal disc, its height above the evader's plane."""
+    return StandOff(scenario.standoff.radius_m, scenario.standoff.height_m - scenario.evader.height_m)
+
+
+def game(scenario: Scenario) -> Game:
+    """Return the game of a scenario, as both players know it."""
+    return Game(speed_set(scenario), scenario.evader.speed_m_s, standoff=standoff(scenario))
+
+
+def target_game_m(scenario: Scenario) -> tuple[float, float, float] | None:
+    """Return the place that the evader wants to reach, in the game frame."""
+    return None if scenario.target is None else (*scenario.target.position_m, 0.0)
+
+
+def flight_settings(scenario: Scenario) -> FlightSettings:
+    """Return the pursuer's flight.
+
+    Raises:
+        ConfigError: If a policy's name is not in the catalogue.
+    """
+    pursuer = scenario.pursuer
+    _check_policy("pursuer.policy", pursuer.policy, PURSUER_POLICIES)
+    x, y, z = pursuer.position_m
+    envelope = Envelope(
+        floor_m=scenario.envelope.floor_m,
+        ceiling_m=scenario.envelope.ceiling_m,
+        speed_m_s=1.5 * pursuer.speed_m_s,
+        climb_m_s=pursuer.climb_m_s,
+        descent_m_s=pursuer.descent_m_s,
+        acceleration_m_s2=4.0,
+        vertical_acceleration_m_s2=2.0,
+        jerk_m_s3=20.0,
+        yaw_rate_rad_s=math.radians(45.0),
+        fence_radius_m=scenario.envelope.fence_radius_m,
+        stand_off=StandOffLimit(
+            radius_m=max(0.5, scenario.standoff.radius_m - _STANDOFF_SLACK_M),
+            height_m=max(0.5, standoff(scenario).height_m - _STANDOFF_SLACK_M),
+        ),
+    )
+    return FlightSettings(
+        profile=profile(pursuer.autopilot),
+        tick=TickSettings(
+            speed_set=speed_set(scenario),
+            policy=pursuer.policy,
+            declared_evader_speed_m_s=scenario.evader.speed_m_s,
+            standoff=standoff(scenario),
+            tolerance_m=scenario.standoff.tolerance_m,
+            envelope=envelope,
+            target_game_m=target_game_m(scenario),
+            site=site(scenario),
+        ),
+        takeoff_height_m=pursuer.takeoff_height_m,
+        start_game_m=(x, y, z - scenario.evader.height_m),
+        after_capture=AfterCapture.HOLD,
+    )
+
+
+def evader_settings(scenario: Scenario) -> EvaderSettings:
+    """Return the evader's play.
+
+    Raises:
+        ConfigError: If its policy's name is not in the catalogue.
+    """
+    _check_policy("evader.policy", scenario.evader.policy, EVADER_POLICIES)
+    return EvaderSettings(game(scenario), scenario.evader.policy, target_game_m(scenario), site(scenario))
+
+
+def _check_policy(key: str, name: str, catalogue: Collection[str]) -> None:
+    if name not in catalogue:
+        raise ConfigError(f"{key} = {name!r}: allowed are {', '.join(sorted(catalogue))}")

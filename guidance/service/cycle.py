@@ -1,0 +1,61 @@
+"""One cycle of the daemon: read everything once, step the flight, say what it decided, and keep a record of it all."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from guidance.flight import Event, Flight, Inputs, Outputs
+from guidance.links.port import TargetSource, VehicleLink
+from guidance.service.record import Recorder
+
+HEARTBEAT_S = 1.0
+
+
+class Cycle:
+    """The loop's body, the same in real and in virtual time."""
+
+    def __init__(self, flight: Flight, link: VehicleLink, target: TargetSource, recorder: Recorder | None) -> None:
+        self.flight = flight
+        self._link = link
+        self._target = target
+        self._recorder = recorder
+        self._heartbeat_s = float("-inf")
+        self.setpoints_sent = 0
+
+    def run(self, now_s: float, orders: Sequence[Event] = ()) -> Outputs:
+        """Run one cycle at `now_s`."""
+        inputs = Inputs(now_s, self._link.receive(), self._target.receive(), orders)
+        if now_s - self._heartbeat_s >= HEARTBEAT_S:
+            self._heartbeat_s = now_s
+            self._link.send_heartbeat()
+        outputs = self.flight.step(inputs)
+        # The setpoint first: everything else can wait a millisecond.
+        if outputs.setpoint is not None:
+            self._link.send_setpoint(outputs.setpoint)
+            self.setpoints_sent += 1
+        for request in outputs.requests:
+            self._link.request(request)
+        if self._recorder is not None:
+            self._keep(self._recorder, inputs, outputs)
+        return outputs
+
+    def _keep(self, recorder: Recorder, inputs: Inputs, outputs: Outputs) -> None:
+        recorder.tick(inputs.now_s, row(inputs, outputs))
+        for happening in outputs.happenings:
+            detail = f"{happening.before} -> {happening.after}"
+            recorder.event(happening.now_s, str(happening.event), detail)
+
+
+def row(inputs: Inputs, outputs: Outputs) -> dict[str, Any]:
+    """Lay one cycle out as a JSON row: the inputs as read, and what was decided from them."""
+    return {
+        "now_s": inputs.now_s,
+        "state": str(outputs.state),
+        "inputs": {
+            "messages": [{"kind": type(message).__name__, **message._asdict()} for message in inputs.messages],
+            "reports": inputs.reports,
+            "orders": [str(order) for order in inputs.orders],
+        },
+        "requests": outputs.requests,
+        "setpoint": outputs.setpoint,
+        "certificate": outputs.certificate,
+    }

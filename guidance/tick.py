@@ -1,0 +1,292 @@
+"""One guidance cycle on one page: where both are ▸ the game ▸ the strategy ▸ the approach ▸ the servo ▸ the limits.
+
+Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
+from guidance.game import PURSUER_POLICIES, Game, Solution, SpeedSet, StandOff, solve
+from guidance.game.game import horizontal_speed
+from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
+from guidance.limits import Memory as LimitMemory
+from guidance.limits.stopping import approach_speed
+from guidance.servo import ServoGains, ServoMemory, serve
+from guidance.telemetry import Setpoint
+
+
+@dataclass(frozen=True, slots=True)
+class TickSettings:
+    """What every cycle of a flight needs.
+
+    Attributes:
+        speed_set: The pursuer's speeds in the game.
+        policy: A name of `guidance.game.PURSUER_POLICIES`.
+        declared_evader_speed_m_s: What the evader says it never exceeds.
+        standoff: The terminal disc: radius around the evader, height above its plane.
+        tolerance_m: How near to the disc, horizontally and vertically each, counts as reached.
+        envelope: The limits.
+        gains: Of the velocity servo.
+        target_game_m: The place the evader wants to reach, in the game frame (TAD); None in the PE game.
+        site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
+        target_timeout_s: Age of the target's last report from which it counts as lost.
+    """
+
+    speed_set: SpeedSet
+    policy: str
+    declared_evader_speed_m_s: float
+    standoff: StandOff
+    tolerance_m: float
+    envelope: Envelope
+    gains: ServoGains = field(default_factory=ServoGains)
+    target_game_m: Vector | None = None
+    site: tuple[float, float, Amsl] | None = None
+    target_timeout_s: float = 1.5
+
+
+class TargetNow(NamedTuple):
+    """The evader as estimated for now: NED metres and m/s, a bound on its speed, and the age of what that rests on."""
+
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    speed_bound_m_s: float
+    age_s: float
+
+
+class TickInputs(NamedTuple):
+    """One cycle's view of the world, read once."""
+
+    dt_s: float
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    telemetry_age_s: float
+    yaw_rad: float
+    target: TargetNow | None
+    game_frame: GameFrame | None
+
+
+class TickMemory(NamedTuple):
+    """What one cycle leaves to the next."""
+
+    servo: ServoMemory = ServoMemory()
+    limits: LimitMemory | None = None
+    height: AltitudeHold | None = None
+    yaw_rad: float | None = None
+
+
+class Certificate(NamedTuple):
+    """What the game says at this cycle, and what became of it.
+
+    `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD); `margin_s` is
+    zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and `height_gap_m` the height above the
+    disc. `command_ned_m_s` left the limits that are named in `acted`.
+    """
+
+    winner: int
+    value: float
+    margin_s: float
+    meeting_point_game_m: Vector
+    meeting_time_s: float
+    speed_ratio: float
+    target_age_s: float
+    pursuer_game_m: Vector
+    evader_game_m: Vector
+    gap_m: float
+    height_gap_m: float
+    wanted_ned_m_s: Vector
+    command_ned_m_s: Vector
+    acted: tuple[str, ...]
+    captured: bool
+    strayed: bool
+    evader_arrived: bool
+    no_game: bool
+    outside_fence: bool
+
+
+class TickOutput(NamedTuple):
+    """The setpoint to send, the certificate (None for a hover), and the memory for the next cycle."""
+
+    setpoint: Setpoint
+    certificate: Certificate | None
+    memory: TickMemory
+
+
+class _Gaps(NamedTuple):
+    """To the stand-off disc: horizontally to its rim (negative inside), and the height above it; unit vector to E."""
+
+    ground_m: float
+    height_m: float
+    towards_north: float
+    towards_east: float
+
+
+def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> TickOutput:
+    """Play the game for one cycle.
+
+    Raises:
+        ValueError: If there is no target or no game frame; the flight hovers then instead.
+    """
+    target, frame = inputs.target, inputs.game_frame
+    if target is None or frame is None:
+        raise ValueError("play needs a target and a game frame; hover without them")
+    pursuer, evader = frame.position_from_ned(inputs.position_ned_m), frame.position_from_ned(target.position_ned_m)
+    gaps = _gaps(inputs.position_ned_m, target.position_ned_m, settings.standoff)
+    try:
+        game = Game(settings.speed_set, target.speed_bound_m_s, standoff=settings.standoff)
+    except ConfigError:  # the target is too fast for this vehicle: no game, and no extrapolation of one
+        output = hover(inputs, settings, memory)
+        return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
+    solution, wanted_game = _strategy(game, settings, pursuer, evader, game_from_ned(target.velocity_ned_m_s))
+    wanted = _approach(ned_from_game(wanted_game), target.velocity_ned_m_s, gaps, settings)
+    served, servo = serve(wanted, inputs.velocity_ned_m_s, memory.servo, settings.gains, dt_s=inputs.dt_s)
+    yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
+    limited = _limit(Setpoint(served, yaw_rad=yaw_rad), inputs, settings, memory)
+    return TickOutput(
+        limited.setpoint,
+        _certify(inputs, settings, game, solution, pursuer, evader, gaps, wanted, limited),
+        TickMemory(servo, limited.memory, None, yaw_rad),
+    )
+
+
+def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> TickOutput:
+    """Stop and keep the height and the heading, within the limits."""
+    yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
+    held = hold_altitude(
+        memory.height,
+        down_m=inputs.position_ned_m[2],
+        wanted_down_m=None,
+        envelope=settings.envelope,
+        dt_s=inputs.dt_s,
+    )
+    still = Setpoint((0.0, 0.0, held.velocity_down_m_s), yaw_rad=yaw_rad)
+    limited = _limit(still, inputs, settings, memory)
+    return TickOutput(limited.setpoint, None, TickMemory(ServoMemory(), limited.memory, held.memory, yaw_rad))
+
+
+def _strategy(
+    game: Game, settings: TickSettings, pursuer: Vector, evader: Vector, evader_velocity: Vector
+) -> tuple[Solution, Vector]:
+    P, E, seen = np.array(pursuer), np.array(evader), np.array(evader_velocity)
+    T = None if settings.target_game_m is None else np.array(settings.target_game_m)
+    solution = solve(game, P, E, T, evader_velocity_m_s=seen)
+    velocity = solution.pursuer_velocity_m_s
+    if settings.policy != "optimal":
+        velocity = PURSUER_POLICIES[settings.policy](game, P, E, T, seen)
+    x, y, z = (float(part) for part in velocity)
+    return solution, (x, y, z)
+
+
+def _gaps(position_ned_m: Vector, target_ned_m: Vector, standoff: StandOff) -> _Gaps:
+    north, east = target_ned_m[0] - position_ned_m[0], target_ned_m[1] - position_ned_m[1]
+    distance_m = math.hypot(north, east)
+    scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
+    height_m = target_ned_m[2] - position_ned_m[2] - standoff.height_m
+    return _Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
+
+
+def _approach(wanted_ned: Vector, target_velocity_ned: Vector, gaps: _Gaps, settings: TickSettings) -> Vector:
+    """Slow the closing down near the disc, so that it is reached without overshoot; what is not closing is kept.
+
+    The game closes at full speed to the very rim. A vehicle has to stop closing there: along the line of sight it may
+    be faster than the evader only by the speed from which it can still brake, and inside the rim it keeps pace.
+    """
+    gains, envelope = settings.gains, settings.envelope
+    north, east, down = wanted_ned
+    to_north, to_east = gaps.towards_north, gaps.towards_east
+    wanted_closing = north * to_north + east * to_east
+    pace = target_velocity_ned[0] * to_north + target_velocity_ned[1] * to_east
+    allowed = pace + approach_speed(gaps.ground_m, gains.braking_m_s2, gains.reaction_s)
+    if wanted_closing > allowed:
+        north -= (wanted_closing - allowed) * to_north
+        east -= (wanted_closing - allowed) * to_east
+    fastest = approach_speed(abs(gaps.height_m), envelope.vertical_braking_m_s2, gains.reaction_s)
+    return (north, east, max(-fastest, min(fastest, down)))
+
+
+def _limit(command: Setpoint, inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Limited:
+    target = inputs.target
+    situation = Situation(
+        inputs.position_ned_m,
+        inputs.velocity_ned_m_s,
+        inputs.yaw_rad,
+        None if target is None else target.position_ned_m,
+        None if target is None else target.velocity_ned_m_s,
+    )
+    return limit(command, situation, settings.envelope, memory.limits, inputs.dt_s)
+
+
+def _certify(
+    inputs: TickInputs,
+    settings: TickSettings,
+    game: Game,
+    solution: Solution,
+    pursuer: Vector,
+    evader: Vector,
+    gaps: _Gaps,
+    wanted: Vector,
+    limited: Limited,
+) -> Certificate:
+    meeting_x, meeting_y, meeting_z = (float(part) for part in solution.meeting_point_m)
+    near_m = settings.tolerance_m
+    reached = gaps.ground_m <= near_m and abs(gaps.height_m) <= near_m
+    at = settings.target_game_m
+    return Certificate(
+        winner=int(solution.winner),
+        value=float(solution.value),
+        margin_s=float(solution.margin_s),
+        meeting_point_game_m=(meeting_x, meeting_y, meeting_z),
+        meeting_time_s=float(solution.meeting_time_s),
+        speed_ratio=float(horizontal_speed(game.pursuer) / game.evader_speed_m_s),
+        target_age_s=inputs.target.age_s if inputs.target is not None else math.inf,
+        pursuer_game_m=pursuer,
+        evader_game_m=evader,
+        gap_m=gaps.ground_m,
+        height_gap_m=gaps.height_m,
+        wanted_ned_m_s=wanted,
+        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
+        acted=tuple(str(one) for one in limited.acted),
+        captured=reached,
+        strayed=gaps.ground_m > 3.0 * near_m or abs(gaps.height_m) > 3.0 * near_m,
+        evader_arrived=at is not None and not reached and math.dist(at[:2], evader[:2]) <= near_m,
+        no_game=False,
+        outside_fence=_outside(inputs.position_ned_m, settings.envelope),
+    )
+
+
+def _no_game(
+    inputs: TickInputs, settings: TickSettings, pursuer: Vector, evader: Vector, gaps: _Gaps, setpoint: Setpoint
+) -> Certificate:
+    nowhere = (math.nan, math.nan, math.nan)
+    return Certificate(
+        winner=0,
+        value=math.nan,
+        margin_s=math.nan,
+        meeting_point_game_m=nowhere,
+        meeting_time_s=math.nan,
+        speed_ratio=math.nan,
+        target_age_s=inputs.target.age_s if inputs.target is not None else math.inf,
+        pursuer_game_m=pursuer,
+        evader_game_m=evader,
+        gap_m=gaps.ground_m,
+        height_gap_m=gaps.height_m,
+        wanted_ned_m_s=nowhere,
+        command_ned_m_s=setpoint.velocity_ned_m_s,
+        acted=(),
+        captured=False,
+        strayed=False,
+        evader_arrived=False,
+        no_game=True,
+        outside_fence=_outside(inputs.position_ned_m, settings.envelope),
+    )
+
+
+def _outside(position_ned_m: Vector, envelope: Envelope) -> bool:
+    """Whether the vehicle has left the fence: the limits should have kept it in."""
+    north, east = (position_ned_m[axis] - envelope.home_ned_m[axis] for axis in (0, 1))
+    beyond = envelope.fence_radius_m is not None and math.hypot(north, east) > envelope.fence_radius_m
+    return beyond or (envelope.fence_polygon is not None and not envelope.fence_polygon.contains(position_ned_m[:2]))

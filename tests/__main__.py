@@ -1,0 +1,41 @@
+"""`python -m tests`: everything that must hold before a change lands. Stops at the first step that fails."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+BIN = Path(sys.executable).parent
+
+STEPS = {
+    "format": [BIN / "ruff", "format", "--check", "."],
+    "lint": [BIN / "ruff", "check", "."],
+    "types": [BIN / "mypy"],
+    "layers": [BIN / "lint-imports"],
+    "tests": [sys.executable, "-m", "pytest", "-q", "--cov", "--cov-report=term"],
+}
+
+
+def main() -> int:
+    chosen = sys.argv[1:] or list(STEPS)
+    unknown = set(chosen) - set(STEPS)
+    if unknown:
+        print(f"unknown step {', '.join(sorted(unknown))}: allowed are {', '.join(STEPS)}", file=sys.stderr)
+        return 2
+    for name in chosen:
+        command = [str(part) for part in STEPS[name]]
+        print(f"── {name}: {' '.join(command[1:] if command[0] == sys.executable else command)}", flush=True)
+        started = time.perf_counter()
+        code = subprocess.run(command, cwd=ROOT, check=False).returncode
+        print(
+            f"── {name}: {'ok' if code == 0 else f'failed ({code})'} in {time.perf_counter() - started:.1f} s",
+            flush=True,
+        )
+        if code:
+            return code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
