@@ -1,0 +1,1 @@
+"""The ArduPilot flavours: ArduCopter and Rover."""

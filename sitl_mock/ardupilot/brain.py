@@ -1,0 +1,216 @@
+"""ArduPilot's decisions over one craft, a copter or a rover.
+
+There is no intention beside the mode: whatever changes it, a client, the pilot or a failsafe, changes it for good.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+from sitl_mock.ardupilot import commands, guided, safety
+from sitl_mock.ardupilot.rig import Rig
+from sitl_mock.craft import Craft, Landed
+from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.missions import MissionFlight
+from sitl_mock.modes import Need
+from sitl_mock.protocols import Command, CommandAnswer, PlanStore
+from sitl_mock.world import Vector
+
+CHECK_S: Final = 0.1
+_STOPPED: Final = Setpoint(Kind.STOPPED)
+_IDLING: Final = Setpoint(Kind.IDLING)
+_LANDED_S: Final = 1.0
+
+
+class ArduPilot:
+    """The flavour's decisions over one craft.
+
+    Attributes:
+        mode: Name of the mode that is flown.
+        guided: Last setpoint in GUIDED, None while there is none.
+        takeoff_m: Down coordinate of the take-off in GUIDED, NaN when it is over.
+        entered_m: Where the mode began.
+        stage: Part of RTL.
+        handled: Failsafe triggers that have acted; they act again after they have gone.
+    """
+
+    def __init__(self, craft: Craft, plans: PlanStore, rig: Rig) -> None:
+        self.craft = craft
+        self.plans = plans
+        self.rig = rig
+        self.mission = MissionFlight(plans, skip_home=True)
+        self.by_name = rig.modes.by_name()
+        self.by_number = rig.modes.by_number()
+        self.after = rig.modes.after()
+        self.mode = rig.first_mode
+        self.guided: Setpoint | None = None
+        self.stream_s = -math.inf
+        self.takeoff_m = math.nan
+        self.entered_m: Vector = craft.position_m
+        self.entered_yaw_rad = craft.yaw_rad
+        self.stage = ""
+        self.stage_s = 0.0
+        self.speed_m_s = math.nan
+        self.there: frozenset[Need] = frozenset()
+        self.handled: set[str] = set()
+        self.in_failsafe = False
+        self._check_s = -math.inf
+
+    # What the others see
+
+    @property
+    def custom_mode(self) -> int:
+        """HEARTBEAT.custom_mode."""
+        return self.by_name[self.mode].number
+
+    @property
+    def intended_mode(self) -> int:
+        """CURRENT_MODE.intended_custom_mode: the mode."""
+        return self.custom_mode
+
+    @property
+    def base_mode(self) -> int:
+        """HEARTBEAT.base_mode."""
+        return self.by_name[self.mode].base_mode | (128 if self.craft.armed else 0)
+
+    @property
+    def system_status(self) -> int:
+        """HEARTBEAT.system_status: boot, standby, active, critical."""
+        if self.in_failsafe:
+            return 5
+        if not self.craft.estimator.altitude_valid:
+            return 1
+        return 4 if self.craft.armed else 3
+
+    @property
+    def landed_state(self) -> int:
+        """EXTENDED_SYS_STATE.landed_state."""
+        if self.craft.on_ground:
+            return Landed.ON_GROUND
+        if self.mode == "GUIDED" and math.isfinite(self.takeoff_m):
+            return Landed.TAKEOFF
+        return Landed.LANDING if self.mode == "LAND" or self.stage == "land" else Landed.IN_AIR
+
+    @property
+    def ready_to_arm(self) -> bool:
+        """The PREARM bit of SYS_STATUS."""
+        return not safety.refusals(self)
+
+    # What comes in
+
+    def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
+        """Obey or refuse a command."""
+        return commands.execute(self, now_s, command)
+
+    def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
+        """Take a SET_MODE message."""
+        mode = self.by_number.get(custom_mode)
+        if base_mode & 1 and mode is not None:
+            self.request(now_s, mode.name)
+
+    def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
+        """Take a setpoint, in GUIDED only; it ends a take-off."""
+        if self.mode != "GUIDED" or self.craft.conditions.offboard_refused:
+            return
+        setpoint = guided.read(self.craft, message)
+        if setpoint is not None:
+            self.guided = setpoint
+            self.stream_s = now_s
+            if not self.craft.on_ground:
+                self.takeoff_m = math.nan
+
+    def switch(self, now_s: float, mode: str) -> None:
+        """Take the pilot's mode switch."""
+        self.request(now_s, mode)
+
+    def request(self, now_s: float, mode: str) -> bool:
+        """Ask for a mode; a refusal leaves the old one."""
+        del now_s
+        self._look()
+        missing = self.by_name[mode].needs - self.there
+        refused = mode == "GUIDED" and self.craft.conditions.offboard_refused
+        if refused or (missing and (self.craft.armed or not self.rig.flies or Need.MISSION in missing)):
+            self.craft.say(safety.WARNING, f"Mode change to {mode} failed: requires position")
+            return False
+        self.enter(mode)
+        return True
+
+    def enter(self, mode: str) -> None:
+        """Begin a mode, asked for or not."""
+        if mode == self.mode:
+            return
+        self.mode = mode
+        self.guided = None
+        self.takeoff_m = math.nan
+        self.stage = ""
+        self.speed_m_s = math.nan
+        self.entered_m = self.craft.position_m
+        self.entered_yaw_rad = self.craft.yaw_rad
+        if mode == "AUTO":
+            self.mission.start()
+
+    # What is decided
+
+    def tick(self, now_s: float) -> Setpoint:
+        """Check when it is time, then say what the motors shall do."""
+        if now_s >= self._check_s + CHECK_S - 1e-9:
+            self._check_s = now_s
+            self._check()
+        if not self.craft.armed:
+            return _STOPPED
+        return self.rig.flights[self.mode](self)
+
+    def guided_setpoint(self) -> Setpoint:
+        """GUIDED: the last setpoint, or a stop when it is older than the timeout."""
+        rig, craft = self.rig, self.craft
+        if self.guided is None:
+            return Setpoint(Kind.BRAKE)
+        timeout_s = float(craft.parameters[rig.guided_timeout]) if rig.guided_timeout else rig.guided_timeout_s
+        follows_place = self.guided.kind is Kind.TRAVEL
+        if not follows_place and craft.now_s - self.stream_s > timeout_s:
+            return guided.STOP
+        return self.guided
+
+    def mission_over(self) -> None:
+        """AUTO has come to its end."""
+        if self.mission.over == "return":
+            self.enter(self.after["AUTO", "mission asks to return"])
+        elif self.mission.over == "finished" and (not self.rig.flies or not self.craft.on_ground):
+            self.enter(self.after["AUTO", "mission finished in the air"])
+
+    def disarm(self) -> None:
+        """Motors off."""
+        self.craft.disarm()
+        self.handled.clear()
+        self.in_failsafe = False
+        self.takeoff_m = math.nan
+
+    def _look(self) -> None:
+        self.there = safety.available(self.craft, self.plans)
+
+    def _check(self) -> None:
+        craft = self.craft
+        if craft.home_m is None and craft.estimator.global_valid:
+            craft.home_m = craft.position_m
+        self._look()
+        if craft.armed:
+            safety.act(self)
+            self._disarm_by_itself()
+
+    def _disarm_by_itself(self) -> None:
+        craft = self.craft
+        if not self.rig.flies or not craft.on_ground:
+            return
+        landing = self.mode in {"LAND", "RTL", "SMART_RTL", "AUTO"}
+        if craft.flew and landing and craft.standing_s > _LANDED_S:
+            self.disarm()
+            return
+        delay_s = float(craft.parameters["DISARM_DELAY"])
+        idle_s = craft.now_s - max(craft.armed_s, craft.landed_s)
+        if delay_s > 0.0 and idle_s > delay_s and not math.isfinite(self.takeoff_m):
+            self.disarm()
+
+    @property
+    def idling(self) -> Setpoint:
+        """Motors turning on the ground."""
+        return _IDLING

@@ -1,0 +1,119 @@
+"""What each ArduCopter mode flies, as a setpoint for the dynamics (default parameters, `mode_*.cpp`)."""
+
+import math
+from typing import Final
+
+from sitl_mock.ardupilot.brain import ArduPilot
+from sitl_mock.ardupilot.modes import COPTER_MODES
+from sitl_mock.ardupilot.rig import Rig
+from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.setpoints import turned
+from sitl_mock.world import Vector
+
+_NAN = math.nan
+_REACHED_M: Final = 0.5
+_STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
+_LAND_SLOW_BELOW_M: Final = 10.0  # LAND_ALT_LOW
+
+
+def _guided(brain: ArduPilot) -> Setpoint:
+    """A take-off first, then the stream; a velocity alone does not leave the ground."""
+    craft = brain.craft
+    if math.isfinite(brain.takeoff_m):
+        if craft.flew and abs(craft.position_m[2] - brain.takeoff_m) < _REACHED_M:
+            brain.takeoff_m = _NAN
+        else:
+            north, east, _ = brain.entered_m
+            return Setpoint(Kind.TRAVEL, (north, east, brain.takeoff_m), yaw_rad=brain.entered_yaw_rad)
+    return brain.idling if craft.on_ground else brain.guided_setpoint()
+
+
+def _land_over(brain: ArduPilot, north_m: float, east_m: float) -> Setpoint:
+    craft = brain.craft
+    height = craft.ground_m - craft.position_m[2]
+    slow = float(craft.parameters["LAND_SPEED"]) * 0.01
+    speed = float(craft.parameters["WPNAV_SPEED_DN"]) * 0.01 if height > _LAND_SLOW_BELOW_M else slow
+    return Setpoint(Kind.TRAVEL, (north_m, east_m, _NAN), (_NAN, _NAN, speed), yaw_rad=brain.entered_yaw_rad)
+
+
+def _land(brain: ArduPilot) -> Setpoint:
+    if brain.craft.on_ground:
+        return brain.idling
+    return _land_over(brain, brain.entered_m[0], brain.entered_m[1])
+
+
+def _return(brain: ArduPilot) -> Setpoint:
+    """Climb to RTL_ALT, fly home, wait RTL_LOIT_TIME, land."""
+    craft = brain.craft
+    if craft.on_ground:
+        return brain.idling
+    home = craft.home_m or brain.entered_m
+    north, east, down = craft.position_m
+    height_m = min(home[2] - float(craft.parameters["RTL_ALT"]) * 0.01, brain.entered_m[2])
+    if not brain.stage:
+        brain.stage = "climb"
+    if brain.stage == "climb" and down - height_m < _REACHED_M:
+        brain.stage = "return"
+    if brain.stage == "return" and math.hypot(north - home[0], east - home[1]) < 1.0:
+        brain.stage, brain.stage_s = "wait", craft.now_s
+    if brain.stage == "wait" and craft.now_s - brain.stage_s > float(craft.parameters["RTL_LOIT_TIME"]) * 1e-3:
+        brain.stage = "land"
+    if brain.stage == "land":
+        return _land_over(brain, home[0], home[1])
+    place: Vector = (brain.entered_m[0], brain.entered_m[1]) if brain.stage == "climb" else home[:2]  # type: ignore[assignment]  # completed below
+    return Setpoint(Kind.TRAVEL, (place[0], place[1], height_m))
+
+
+def _brake(brain: ArduPilot) -> Setpoint:
+    return brain.idling if brain.craft.on_ground else Setpoint(Kind.BRAKE)
+
+
+def _by_stick(brain: ArduPilot) -> Setpoint:
+    """Sticks as velocities. The simulator's radio rests with the throttle stick down, so the copter sinks."""
+    craft = brain.craft
+    sticks = craft.pilot.sticks
+    throttle = sticks.throttle if craft.pilot.known else -1.0
+    climb = float(craft.parameters["PILOT_SPEED_UP"]) * 0.01
+    if craft.on_ground and throttle <= 0.1:
+        return brain.idling
+    level = turned((sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0), craft.yaw_rad)
+    return Setpoint(
+        Kind.TRAVEL,
+        velocity_ned_m_s=(level[0], level[1], -throttle * climb),
+        yaw_rate_rad_s=sticks.yaw * math.radians(202.5),
+    )
+
+
+def _auto(brain: ArduPilot) -> Setpoint:
+    craft = brain.craft
+    leg = brain.mission.leg(craft, brain.entered_m)
+    if brain.mission.over:
+        brain.mission_over()
+        return _brake(brain)
+    if leg.landing:
+        return brain.idling if craft.on_ground else _land_over(brain, leg.position_m[0], leg.position_m[1])
+    if craft.on_ground and not leg.taking_off:
+        return brain.idling
+    return Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
+
+
+COPTER: Final = Rig(
+    modes=COPTER_MODES,
+    first_mode="STABILIZE",
+    hold_mode="LAND",
+    flights={
+        "STABILIZE": _by_stick,
+        "ACRO": _by_stick,
+        "ALT_HOLD": _by_stick,
+        "AUTO": _auto,
+        "GUIDED": _guided,
+        "LOITER": _by_stick,
+        "RTL": _return,
+        "LAND": _land,
+        "POSHOLD": _by_stick,
+        "BRAKE": _brake,
+        "SMART_RTL": _return,
+    },
+    flies=True,
+    guided_timeout="GUID_TIMEOUT",
+)

@@ -1,0 +1,97 @@
+"""The ArduPilot flavours, put together."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from sitl_mock import parameters_arducopter, parameters_rover
+from sitl_mock.ardupilot.brain import ArduPilot
+from sitl_mock.ardupilot.copter import COPTER
+from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
+from sitl_mock.ardupilot.rover import ROVER
+from sitl_mock.craft import Craft
+from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, Rover, Vehicle, arducopter_quadrotor
+from sitl_mock.estimator import ARDUPILOT_NOISE
+from sitl_mock.flavour import Flavour
+from sitl_mock.protocols import (
+    ARDUPILOT_HZ,
+    ARDUPILOT_MISSION_RULES,
+    ARDUPILOT_PARAMETER_RULES,
+    ARDUPILOT_STREAM_RULES,
+    PlanStore,
+    ardupilot_identity,
+)
+
+
+def copter_plant(parameters: Mapping[str, float]) -> Vehicle:
+    """The quadrotor; its own motions obey WPNAV_*, GUIDED velocities do not (measured)."""
+    travel = replace(
+        ARDUCOPTER_TRAVEL,
+        speed_m_s=float(parameters["WPNAV_SPEED"]) * 0.01,
+        climb_m_s=float(parameters["WPNAV_SPEED_UP"]) * 0.01,
+        sink_m_s=float(parameters["WPNAV_SPEED_DN"]) * 0.01,
+        accel_m_s2=float(parameters["WPNAV_ACCEL"]) * 0.01,
+        accel_z_m_s2=float(parameters["WPNAV_ACCEL_Z"]) * 0.01,
+    )
+    return arducopter_quadrotor(travel=travel)
+
+
+def rover_plant(parameters: Mapping[str, float]) -> Vehicle:
+    """The rover; GUIDED velocities may exceed CRUISE_SPEED."""
+    return Rover(
+        accel_m_s2=float(parameters["ATC_ACCEL_MAX"]) or 2.0,
+        turn_rate_max_rad_s=math.radians(float(parameters["ATC_STR_RAT_MAX"])) or math.radians(90.0),
+    )
+
+
+def copter_brain(craft: Craft, plans: PlanStore) -> ArduPilot:
+    """An ArduCopter."""
+    return ArduPilot(craft, plans, COPTER)
+
+
+def rover_brain(craft: Craft, plans: PlanStore) -> ArduPilot:
+    """A Rover."""
+    return ArduPilot(craft, plans, ROVER)
+
+
+_RATES: Final = {"onboard": ARDUPILOT_HZ, "gcs": ARDUPILOT_HZ}
+
+ARDUCOPTER: Final = Flavour(
+    name="arducopter",
+    title="ArduCopter 4.5 quadrotor",
+    autopilot=3,
+    vehicle_type=2,
+    modes=COPTER_MODES,
+    parameters=parameters_arducopter.PARAMETERS,
+    parameter_rules=ARDUPILOT_PARAMETER_RULES,
+    stream_rules=ARDUPILOT_STREAM_RULES,
+    mission_rules=ARDUPILOT_MISSION_RULES,
+    rates_hz=_RATES,
+    identity=ardupilot_identity,
+    plant=copter_plant,
+    brain=copter_brain,
+    noise=ARDUPILOT_NOISE,
+    ready_s=39.0,
+    texts=True,
+)
+
+ROVER_FLAVOUR: Final = Flavour(
+    name="rover",
+    title="ArduPilot Rover 4.5",
+    autopilot=3,
+    vehicle_type=10,
+    modes=ROVER_MODES,
+    parameters=parameters_rover.PARAMETERS,
+    parameter_rules=ARDUPILOT_PARAMETER_RULES,
+    stream_rules=ARDUPILOT_STREAM_RULES,
+    mission_rules=ARDUPILOT_MISSION_RULES,
+    rates_hz=_RATES,
+    identity=ardupilot_identity,
+    plant=rover_plant,
+    brain=rover_brain,
+    noise=ARDUPILOT_NOISE,
+    ready_s=20.0,
+    texts=True,
+    ground_vehicle=True,
+)

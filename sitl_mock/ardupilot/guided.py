@@ -1,0 +1,95 @@
+"""Which setpoints ArduPilot takes in GUIDED (ArduCopter and Rover `GCS_Mavlink.cpp`, measured 4.5.7).
+
+A field is ignored as a whole when any of its three bits is set. What makes no sense means "stop", and nothing is said.
+"""
+
+import math
+from typing import Any, Final
+
+from sitl_mock.craft import Craft
+from sitl_mock.dynamics import IGNORED, ZERO, Kind, Setpoint
+from sitl_mock.setpoints import (
+    BODY_NED,
+    BODY_OFFSET_NED,
+    FORCE,
+    GLOBAL_FRAMES,
+    IGNORE_ACCELERATION,
+    IGNORE_POSITION,
+    IGNORE_VELOCITY,
+    LOCAL_NED,
+    LOCAL_OFFSET_NED,
+    Target,
+    added,
+    read_global,
+    read_local,
+    turned,
+)
+from sitl_mock.world import Vector
+
+STOP: Final = Setpoint(Kind.STREAM, velocity_ned_m_s=ZERO)
+_FASTEST_M_S: Final = 1000.0
+_BODY: Final = frozenset({BODY_NED, BODY_OFFSET_NED})
+_FROM_HERE: Final = frozenset({LOCAL_OFFSET_NED, BODY_NED, BODY_OFFSET_NED})
+_LOCAL: Final = frozenset({LOCAL_NED}) | _FROM_HERE
+
+
+def read(craft: Craft, message: Any) -> Setpoint | None:  # noqa: ANN401 - pymavlink has no types
+    """Return the setpoint in a message, STOP where it makes no sense, or None where ArduPilot ignores it."""
+    kind = message.get_type()
+    if kind == "SET_POSITION_TARGET_LOCAL_NED":
+        target = read_local(message)
+        return _read(craft, target) if target.frame in _LOCAL else None
+    if kind == "SET_POSITION_TARGET_GLOBAL_INT":
+        target = read_global(message, craft.frame, craft.home_m)
+        return _read(craft, target) if target.frame in GLOBAL_FRAMES else None
+    return None
+
+
+def _read(craft: Craft, target: Target) -> Setpoint:
+    mask = target.type_mask
+    if mask & FORCE:
+        return STOP
+    position = IGNORED if mask & IGNORE_POSITION else _placed(craft, target)
+    velocity = _axes(craft, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
+    acceleration = _axes(craft, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
+    given = [
+        value
+        for vector, ignored in (
+            (position, mask & IGNORE_POSITION),
+            (velocity, mask & IGNORE_VELOCITY),
+            (acceleration, mask & IGNORE_ACCELERATION),
+        )
+        if not ignored
+        for value in vector
+    ]
+    if not given or not all(math.isfinite(value) for value in given):
+        return STOP
+    if not mask & IGNORE_VELOCITY and math.hypot(*velocity) > _FASTEST_M_S:
+        return STOP
+    if mask & IGNORE_VELOCITY and not mask & IGNORE_POSITION:
+        return Setpoint(Kind.TRAVEL, position, yaw_rad=_finite(target.yaw_rad))
+    return Setpoint(
+        Kind.STREAM,
+        position,
+        velocity,
+        acceleration,
+        yaw_rad=_finite(target.yaw_rad),
+        yaw_rate_rad_s=_finite(target.yaw_rate_rad_s),
+    )
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+def _axes(craft: Craft, target: Target, vector: Vector, ignored: int) -> Vector:
+    if ignored:
+        return IGNORED
+    return turned(vector, craft.yaw_rad) if target.frame in _BODY else vector
+
+
+def _placed(craft: Craft, target: Target) -> Vector:
+    position = target.position_m
+    if target.frame in _BODY:
+        position = turned(position, craft.yaw_rad)
+    return added(position, craft.position_m) if target.frame in _FROM_HERE else position

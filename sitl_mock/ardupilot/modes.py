@@ -1,0 +1,94 @@
+"""ArduPilot's modes and what it changes by itself, one table a vehicle (ArduCopter `mode.h`, Rover `mode.h`, measured 4.5.7)."""
+
+from typing import Final
+
+from sitl_mock.modes import Mode, ModeTable, Need, Transition
+
+_NONE: frozenset[Need] = frozenset()
+_POSITION = frozenset({Need.LOCAL_POSITION})
+_HOME = _POSITION | {Need.HOME}
+_MANUAL, _GUIDED = 1 | 16 | 64, 1 | 8 | 16 | 64  # MAV_MODE_FLAG: custom, guided, stabilize, manual input
+
+COPTER_MODES: Final = ModeTable(
+    title="ArduCopter",
+    modes=(
+        Mode("STABILIZE", 0, _NONE, True, _MANUAL, "sticks are tilt and thrust, level when free"),
+        Mode("ACRO", 1, _NONE, True, _MANUAL, "sticks are body rates"),
+        Mode("ALT_HOLD", 2, _NONE, True, _MANUAL, "throttle stick is climb rate"),
+        Mode("AUTO", 3, _POSITION | {Need.MISSION}, False, _GUIDED, "flies the uploaded mission"),
+        Mode(
+            "GUIDED",
+            4,
+            _NONE,
+            True,
+            _GUIDED,
+            "follows SET_POSITION_TARGET; stops when the stream does, and stays GUIDED",
+        ),
+        Mode("LOITER", 5, _POSITION, True, _GUIDED, "sticks are velocities"),
+        Mode("RTL", 6, _HOME, False, _GUIDED, "climbs, returns home, lands"),
+        Mode("LAND", 9, _NONE, False, _MANUAL, "lands here"),
+        Mode("POSHOLD", 16, _POSITION, True, _GUIDED, "sticks are tilt, holds when free"),
+        Mode("BRAKE", 17, _POSITION, False, _GUIDED, "stops and stays"),
+        Mode("SMART_RTL", 21, _HOME, False, _GUIDED, "returns; flown as RTL here"),
+    ),
+    transitions=(
+        Transition("AUTO", "mission finished in the air", "LOITER"),
+        Transition("AUTO", "mission asks to return", "RTL"),
+        Transition("any", "radio lost, FS_THR_ENABLE = 1", "RTL"),
+        Transition("any", "radio lost, FS_THR_ENABLE = 2", "RTL"),
+        Transition("any", "radio lost, FS_THR_ENABLE = 3", "LAND"),
+        Transition("any", "ground station lost, FS_GCS_ENABLE = 1", "RTL"),
+        Transition("any", "ground station lost, FS_GCS_ENABLE = 2", "RTL"),
+        Transition("any", "ground station lost, FS_GCS_ENABLE = 5", "LAND"),
+        Transition("any", "estimator lost, FS_EKF_ACTION = 1", "LAND"),
+        Transition("any", "estimator lost, FS_EKF_ACTION = 2", "ALT_HOLD"),
+        Transition("any", "estimator lost, FS_EKF_ACTION = 3", "LAND"),
+        Transition("any", "battery low, BATT_FS_LOW_ACT = 1", "LAND"),
+        Transition("any", "battery low, BATT_FS_LOW_ACT = 2", "RTL"),
+        Transition("any", "battery critical, BATT_FS_CRT_ACT = 1", "LAND"),
+        Transition("any", "battery critical, BATT_FS_CRT_ACT = 2", "RTL"),
+        Transition("any", "fence breached, FENCE_ACTION = 1", "RTL"),
+        Transition("any", "fence breached, FENCE_ACTION = 2", "LAND"),
+        Transition("any", "fence breached, FENCE_ACTION = 4", "BRAKE"),
+        Transition("RTL", "cannot run", "LAND"),
+        Transition("BRAKE", "cannot run", "LAND"),
+    ),
+    rules=(
+        "One honest answer to DO_SET_MODE: ACCEPTED or FAILED; a mode that does not exist is FAILED.",
+        "GUIDED is accepted at any time, without a stream. A velocity does not take off; NAV_TAKEOFF does, armed and in GUIDED.",
+        "After GUID_TIMEOUT without a setpoint the velocity is zero; the mode stays GUIDED, and nothing is said.",
+        "A failsafe changes the mode for good: nothing goes back by itself.",
+    ),
+)
+
+ROVER_MODES: Final = ModeTable(
+    title="ArduPilot Rover",
+    modes=(
+        Mode("MANUAL", 0, _NONE, True, 1 | 64, "sticks are speed and steering"),
+        Mode("HOLD", 4, _NONE, True, 1, "stands"),
+        Mode("LOITER", 5, _POSITION, True, 1 | 8, "stays here"),
+        Mode("AUTO", 10, _POSITION | {Need.MISSION}, True, 1 | 8, "drives the uploaded mission"),
+        Mode("RTL", 11, _HOME, True, 1 | 8, "drives home"),
+        Mode("GUIDED", 15, _POSITION, True, 1 | 8, "follows SET_POSITION_TARGET; stops when the stream does"),
+    ),
+    transitions=(
+        Transition("AUTO", "mission finished in the air", "HOLD"),
+        Transition("AUTO", "mission asks to return", "RTL"),
+        Transition("any", "radio lost, FS_THR_ENABLE = 1", "RTL"),
+        Transition("any", "ground station lost, FS_GCS_ENABLE = 1", "RTL"),
+        Transition("any", "estimator lost, FS_EKF_ACTION = 1", "HOLD"),
+        Transition("any", "battery low, BATT_FS_LOW_ACT = 1", "RTL"),
+        Transition("any", "battery low, BATT_FS_LOW_ACT = 2", "HOLD"),
+        Transition("any", "battery critical, BATT_FS_CRT_ACT = 1", "RTL"),
+        Transition("any", "battery critical, BATT_FS_CRT_ACT = 2", "HOLD"),
+        Transition("any", "fence breached, FENCE_ACTION = 1", "RTL"),
+        Transition("any", "fence breached, FENCE_ACTION = 2", "HOLD"),
+        Transition("RTL", "cannot run", "HOLD"),
+        Transition("LOITER", "cannot run", "HOLD"),
+    ),
+    rules=(
+        "One honest answer to DO_SET_MODE: ACCEPTED or FAILED.",
+        "GUIDED needs a position. Velocities are followed by turning the nose; 3 s without a setpoint and it stops, "
+        "staying in GUIDED.",
+    ),
+)

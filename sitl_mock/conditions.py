@@ -1,0 +1,130 @@
+"""Conditions that can be put upon a vehicle from outside: the hooks of faults, and of tests.
+
+A condition is a name and a value; it holds until it is changed. Those that happen once (a mode switch, a jump) are
+events and are gone when the vehicle has taken them.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from sitl_mock.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One condition: what it does, its value at rest, and how a value is checked."""
+
+    meaning: str
+    rest: Any
+    parse: Callable[[Any], Any]
+    event: bool = False
+
+
+def _number(low: float, high: float) -> Callable[[Any], float]:
+    def parse(value: Any) -> float:  # noqa: ANN401 - anything may come from a file
+        number = float(value)
+        if not low <= number <= high:
+            raise ValueError(f"a number from {low:g} to {high:g}")
+        return number
+
+    return parse
+
+
+def _flag(value: Any) -> bool:  # noqa: ANN401 - anything may come from a file
+    if not isinstance(value, bool):
+        raise ValueError("true or false")  # noqa: TRY004 - one kind of error for every wrong value
+    return value
+
+
+def _vector(size: int) -> Callable[[Any], tuple[float, ...]]:
+    def parse(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - anything may come from a file
+        numbers = tuple(float(item) for item in value)
+        if len(numbers) != size:
+            raise ValueError(f"{size} numbers")
+        return numbers
+
+    return parse
+
+
+def _text(value: Any) -> str:  # noqa: ANN401 - anything may come from a file
+    return str(value)
+
+
+CONDITIONS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "pilot_mode": Kind("the pilot switches to this mode (its name)", "", _text, event=True),
+        "sticks": Kind(
+            "a radio is there, sticks at roll, pitch, throttle, yaw in [-1, 1]", (0.0, 0.0, 0.0, 0.0), _vector(4)
+        ),
+        "rc": Kind("a radio is there, sticks centred; false: it is lost", None, _flag),
+        "gcs_lost": Kind("heartbeats of ground stations are not heard", False, _flag),
+        "arm_refused": Kind("arming is refused with this reason", "", _text),
+        "offboard_refused": Kind("OFFBOARD or GUIDED is refused", False, _flag),
+        "ekf_jump_m": Kind("the position estimate jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True),
+        "ekf_yaw_jump_deg": Kind("the heading estimate jumps", 0.0, _number(-180.0, 180.0), event=True),
+        "gps_lost": Kind("the receiver has no fix", False, _flag),
+        "eph_m": Kind("horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)),
+        "estimator_invalid": Kind("position and velocity estimates are invalid", False, _flag),
+        "fence_breach": Kind("the fence counts as breached", False, _flag),
+        "battery": Kind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
+        "wind_m_s": Kind("wind towards north, east, down", (0.0, 0.0, 0.0), _vector(3)),
+        "push_m_s": Kind("the vehicle's velocity jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True),
+        "telemetry_frozen": Kind("states stop updating, heartbeats go on", False, _flag),
+        "silent": Kind("nothing is sent at all", False, _flag),
+        "reboot": Kind("the autopilot restarts, in flight too; its clock starts again", True, _flag, event=True),
+        "time_jump_s": Kind("time since boot jumps", 0.0, _number(-1e7, 1e7), event=True),
+    }
+)
+
+
+def parse(name: str, value: Any) -> Any:  # noqa: ANN401 - anything may come from a file
+    """Check one condition.
+
+    Raises:
+        ConfigError: The name is unknown, or the value is not one of those allowed.
+    """
+    kind = CONDITIONS.get(name)
+    if kind is None:
+        raise ConfigError(f"condition {name!r} is not known; allowed are {', '.join(CONDITIONS)}")
+    try:
+        return kind.parse(value)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"condition {name} = {value!r}: allowed is {error} ({kind.meaning})") from None
+
+
+@dataclass(slots=True)
+class Conditions:
+    """The conditions that hold on one vehicle now, and the events not yet taken."""
+
+    rc: bool | None = None
+    sticks: tuple[float, float, float, float] | None = None
+    gcs_lost: bool = False
+    arm_refused: str = ""
+    offboard_refused: bool = False
+    gps_lost: bool = False
+    eph_m: float = 0.0
+    estimator_invalid: bool = False
+    fence_breach: bool = False
+    wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    telemetry_frozen: bool = False
+    silent: bool = False
+    events: list[tuple[str, Any]] = field(default_factory=list)
+
+    def put(self, name: str, value: Any) -> None:  # noqa: ANN401 - anything may come from a file
+        """Set a condition, or queue an event.
+
+        Raises:
+            ConfigError: The name is unknown, or the value is not one of those allowed.
+        """
+        checked = parse(name, value)
+        if CONDITIONS[name].event:
+            self.events.append((name, checked))
+        else:
+            setattr(self, name, checked)
+
+    def take(self) -> list[tuple[str, Any]]:
+        """Return the events that came since the last call."""
+        events, self.events = self.events, []
+        return events

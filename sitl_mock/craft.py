@@ -1,0 +1,112 @@
+"""What every flavour shares: one vehicle's body, beliefs, power, pilot and voice. The flavour's brain decides over it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from sitl_mock.battery import Battery
+from sitl_mock.conditions import Conditions
+from sitl_mock.dynamics import Body, Euler
+from sitl_mock.estimator import Estimator
+from sitl_mock.pilot import Peers, Pilot
+from sitl_mock.world import LocalFrame, Vector
+
+
+class Severity(IntEnum):
+    """MAV_SEVERITY, those that autopilots use."""
+
+    EMERGENCY = 0
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+
+
+class Landed(IntEnum):
+    """MAV_LANDED_STATE."""
+
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+@dataclass(slots=True)
+class Craft:
+    """One vehicle.
+
+    Attributes:
+        frame: The local frame of the estimator.
+        parameters: Values by name.
+        body: True motion, in the local frame.
+        position_m: Estimated position (north, east, down of the local frame).
+        velocity_m_s: Estimated velocity.
+        attitude: Estimated attitude.
+        home_m: Home in the local frame, None while it is not set.
+        booted_s: When the autopilot was switched on.
+        armed_s: When it was armed; minus infinity while disarmed.
+        landed_s: Since when it has stood on the ground; plus infinity in the air.
+        flew: It has left the ground since it was armed.
+    """
+
+    frame: LocalFrame
+    parameters: Mapping[str, int | float]
+    body: Body
+    estimator: Estimator
+    conditions: Conditions
+    attitude: Euler
+    position_m: Vector
+    ground_m: float
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    home_m: Vector | None = None
+    booted_s: float = 0.0
+    armed: bool = False
+    armed_s: float = -math.inf
+    landed_s: float = -math.inf
+    flew: bool = False
+    now_s: float = 0.0
+    pilot: Pilot = field(default_factory=Pilot)
+    peers: Peers = field(default_factory=Peers)
+    battery: Battery = field(default_factory=Battery)
+    texts: list[tuple[int, str]] = field(default_factory=list)
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it stands."""
+        return self.body.on_ground
+
+    @property
+    def yaw_rad(self) -> float:
+        """Estimated heading."""
+        return self.attitude.yaw_rad
+
+    def say(self, severity: Severity, text: str) -> None:
+        """Queue a STATUSTEXT."""
+        self.texts.append((int(severity), text))
+
+    def arm(self) -> None:
+        """Motors on; home is here."""
+        self.armed = True
+        self.armed_s = self.now_s
+        self.flew = False
+        self.home_m = self.position_m
+
+    def disarm(self) -> None:
+        """Motors off."""
+        self.armed = False
+        self.armed_s = -math.inf
+
+    def track_landing(self) -> None:
+        """Note since when the vehicle has been standing."""
+        if not self.body.on_ground:
+            self.landed_s = math.inf
+            self.flew = self.flew or self.armed
+        elif self.landed_s == math.inf:
+            self.landed_s = self.now_s
+
+    @property
+    def standing_s(self) -> float:
+        """For how long it has been standing; negative infinity in the air."""
+        return self.now_s - self.landed_s

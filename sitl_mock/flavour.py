@@ -1,0 +1,91 @@
+"""What does not change in a vehicle: who it is, its rates, its parameters, its dynamics and its brain."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from sitl_mock.brain import Brain
+from sitl_mock.craft import Craft
+from sitl_mock.dynamics import Vehicle
+from sitl_mock.errors import ConfigError
+from sitl_mock.estimator import Noise
+from sitl_mock.modes import ModeTable
+from sitl_mock.protocols import (
+    Identity,
+    MissionRules,
+    Parameter,
+    ParameterRules,
+    PlanStore,
+    StreamRules,
+)
+
+
+@dataclass(frozen=True)
+class Flavour:
+    """One kind of vehicle.
+
+    Attributes:
+        name: As on the command line.
+        title: As in the documentation.
+        autopilot: MAV_AUTOPILOT.
+        vehicle_type: MAV_TYPE.
+        modes: The table of modes.
+        parameters: Their definitions.
+        parameter_rules: How parameters are asked for and set.
+        stream_rules: How rates are asked for.
+        mission_rules: How plans are uploaded.
+        rates_hz: Streams without being asked, by kind of link (onboard, gcs).
+        identity: AUTOPILOT_VERSION of a vehicle with a number.
+        plant: The dynamics under present parameters.
+        brain: Makes the brain of a craft.
+        noise: Size of the estimator's error.
+        ready_s: From boot until it can be armed.
+        texts: STATUSTEXT goes out on the links.
+        own_id_only: Protocols that ignore messages to system 0.
+        broadcast: Commands that are obeyed when sent to system 0; None for all.
+        ground_vehicle: It cannot start in the air.
+        radio: A radio is always there, resting with the throttle stick down.
+    """
+
+    name: str
+    title: str
+    autopilot: int
+    vehicle_type: int
+    modes: ModeTable
+    parameters: Iterable[Parameter]
+    parameter_rules: ParameterRules
+    stream_rules: StreamRules
+    mission_rules: MissionRules
+    rates_hz: Mapping[str, Mapping[str, float]]
+    identity: Callable[[int], Identity]
+    plant: Callable[[Mapping[str, float]], Vehicle]
+    brain: Callable[[Craft, PlanStore], Brain]
+    noise: Noise
+    ready_s: float
+    texts: bool
+    own_id_only: frozenset[str] = frozenset()
+    broadcast: frozenset[int] | None = None
+    ground_vehicle: bool = False
+
+
+NAMES = ("px4", "arducopter", "rover")
+
+
+def flavour(name: str) -> Flavour:
+    """Return a flavour by name; only what it needs is imported.
+
+    Raises:
+        ConfigError: There is no such flavour.
+    """
+    if name == "px4":
+        from sitl_mock.px4 import PX4  # noqa: PLC0415 - half of the time to the first HEARTBEAT is imports
+
+        return PX4
+    if name == "arducopter":
+        from sitl_mock.ardupilot.flavours import ARDUCOPTER  # noqa: PLC0415 - as above
+
+        return ARDUCOPTER
+    if name == "rover":
+        from sitl_mock.ardupilot.flavours import ROVER_FLAVOUR  # noqa: PLC0415 - as above
+
+        return ROVER_FLAVOUR
+    raise ConfigError(f"flavour = {name!r}: allowed are {', '.join(NAMES)}")

@@ -1,0 +1,161 @@
+"""Flying an uploaded mission, leg by leg; what a leg means to the motors is the flavour's."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from sitl_mock.craft import Craft
+from sitl_mock.protocols import PlanItem, PlanStore
+from sitl_mock.world import Vector
+
+WAYPOINT: Final = 16
+LOITER_UNLIMITED: Final = 17
+LOITER_TIME: Final = 19
+RETURN: Final = 20
+LAND: Final = 21
+TAKEOFF: Final = 22
+DO_JUMP: Final = 177
+DO_CHANGE_SPEED: Final = 178
+_PLACES: Final = frozenset({WAYPOINT, LOITER_UNLIMITED, 18, LOITER_TIME, LAND, TAKEOFF, 82})
+_RELATIVE_FRAMES: Final = frozenset({3, 6, 10, 11})
+_HEIGHT_REACHED_M: Final = 0.8
+
+
+class Leg(NamedTuple):
+    """Where the present item leads to."""
+
+    position_m: Vector
+    yaw_rad: float = math.nan
+    speed_m_s: float = math.nan
+    landing: bool = False
+    taking_off: bool = False
+
+
+def flyable(items: Sequence[PlanItem]) -> bool:
+    """Whether there is anything in a mission that moves the vehicle."""
+    return any(item.command in _PLACES or item.command == RETURN for item in items)
+
+
+@dataclass(slots=True)
+class MissionFlight:
+    """Progress through the mission in a plan store.
+
+    Attributes:
+        plans: Where the mission is.
+        current: Sequence number of the present item.
+        reached: Sequence numbers reached and not yet reported.
+        over: "" while flying, else why the mission ended: finished, return, landed.
+    """
+
+    plans: PlanStore
+    skip_home: bool = False
+    current: int = 0
+    speed_m_s: float = math.nan
+    over: str = ""
+    reached: list[int] = field(default_factory=list)
+    _revision: int = -1
+    _hold_until_s: float = math.inf
+    _jumps: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Items in the mission."""
+        return len(self.plans.mission.items)
+
+    def set_current(self, seq: int) -> bool:
+        """Go on at an item; False if there is none with that number."""
+        if not 0 <= seq < self.count:
+            return False
+        self.current = seq
+        self.over = ""
+        self._hold_until_s = math.inf
+        return True
+
+    def start(self) -> None:
+        """Begin or resume: a finished or a new mission starts at its first item."""
+        if self.over or self._revision != self.plans.mission.revision or self.current >= self.count:
+            self.current = 1 if self.skip_home and self.count > 1 else 0
+            self.speed_m_s = math.nan
+            self._jumps.clear()
+        self._revision = self.plans.mission.revision
+        self.over = ""
+        self._hold_until_s = math.inf
+
+    def leg(self, craft: Craft, entered_m: Vector) -> Leg:
+        """Return the leg to fly now, going on to the next item when one is reached."""
+        stay = Leg(craft.position_m if craft.on_ground else entered_m)
+        if self._revision != self.plans.mission.revision:
+            self.start()
+        for _ in range(self.count + 1):
+            item = self._item()
+            if item is None:
+                self.over = self.over or "finished"
+                return stay
+            if item.command not in _PLACES:
+                self._do(item)
+                if self.over:
+                    return stay
+                continue
+            leg = self._leg_to(craft, item)
+            if not self._reached(craft, item, leg):
+                return leg
+            self._next(item)
+        self.over = "finished"
+        return stay
+
+    def _item(self) -> PlanItem | None:
+        items = self.plans.mission.items
+        return items[self.current] if self.current < len(items) else None
+
+    def _do(self, item: PlanItem) -> None:
+        """Take an item that is no place: change speed, jump, return; others are passed over."""
+        if item.command == RETURN:
+            self.over = "return"
+            self.reached.append(item.seq)
+            return
+        if item.command == DO_CHANGE_SPEED and item.param2 > 0.0:
+            self.speed_m_s = item.param2
+        if item.command == DO_JUMP:
+            done = self._jumps.get(item.seq, 0)
+            if done < item.param2 and 0 <= int(item.param1) < self.count:
+                self._jumps[item.seq] = done + 1
+                self.current = int(item.param1)
+                return
+        self.current += 1
+
+    def _next(self, item: PlanItem) -> None:
+        self.reached.append(item.seq)
+        self._hold_until_s = math.inf
+        self.current += 1
+
+    def _leg_to(self, craft: Craft, item: PlanItem) -> Leg:
+        here, origin = craft.position_m, craft.frame.origin
+        altitude = item.z
+        if item.frame in _RELATIVE_FRAMES:
+            altitude += origin.alt_amsl_m - (craft.home_m[2] if craft.home_m else 0.0)
+        place = craft.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
+        if not math.isfinite(place[0] + place[1]) or (item.x == 0 and item.y == 0):
+            place = (here[0], here[1], place[2])
+        if item.command == TAKEOFF and craft.on_ground:
+            place = (here[0], here[1], place[2])
+        yaw = math.radians(item.param4) if math.isfinite(item.param4) and item.param4 != 0.0 else math.nan
+        return Leg(place, yaw, self.speed_m_s, landing=item.command == LAND, taking_off=item.command == TAKEOFF)
+
+    def _reached(self, craft: Craft, item: PlanItem, leg: Leg) -> bool:
+        if item.command == LOITER_UNLIMITED:
+            return False
+        if item.command == LAND:
+            if craft.flew and craft.on_ground and craft.standing_s > 1.0:
+                self.over = "landed"
+                return True
+            return False
+        north, east, down = (a - b for a, b in zip(leg.position_m, craft.position_m, strict=True))
+        radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else 2.0
+        level = item.command == TAKEOFF or math.hypot(north, east) < radius_m
+        if not (craft.flew and level and abs(down) < max(_HEIGHT_REACHED_M, min(radius_m, 2.0))):
+            return False
+        hold_s = item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0
+        if self._hold_until_s == math.inf:
+            self._hold_until_s = craft.now_s + hold_s
+        return craft.now_s >= self._hold_until_s

@@ -1,0 +1,85 @@
+"""How a flavour's modes are written down: one literal table, which the code obeys and the documentation is drawn from."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+
+class Need(StrEnum):
+    """What a mode needs before it can run."""
+
+    PILOT = "pilot's sticks"
+    ALTITUDE = "altitude"
+    LOCAL_POSITION = "local position"
+    GLOBAL_POSITION = "global position"
+    HOME = "home"
+    MISSION = "mission"
+    STREAM = "setpoint stream"
+
+
+class Mode(NamedTuple):
+    """One mode: its name, its number in HEARTBEAT.custom_mode, what it needs, and whether one may arm in it."""
+
+    name: str
+    number: int
+    needs: frozenset[Need]
+    may_arm: bool
+    base_mode: int
+    meaning: str
+
+
+class Transition(NamedTuple):
+    """What moves a vehicle between modes by itself: in `mode`, when `event` comes, it goes on in `after`."""
+
+    mode: str
+    event: str
+    after: str
+
+
+@dataclass(frozen=True)
+class ModeTable:
+    """The modes of a flavour.
+
+    Attributes:
+        title: Name of the flavour.
+        modes: Every mode that a client may ask for.
+        transitions: What the vehicle does by itself.
+        rules: How a request is answered, in words; one line a rule.
+    """
+
+    title: str
+    modes: Sequence[Mode]
+    transitions: Sequence[Transition]
+    rules: Sequence[str]
+
+    def by_name(self) -> Mapping[str, Mode]:
+        """Return the modes by name."""
+        return {mode.name: mode for mode in self.modes}
+
+    def by_number(self) -> Mapping[int, Mode]:
+        """Return the modes by HEARTBEAT.custom_mode; where two share a number the first is meant."""
+        return {mode.number: mode for mode in reversed(self.modes)}
+
+    def after(self) -> Mapping[tuple[str, str], str]:
+        """Return the transitions as a mapping from (mode, event) to the next mode."""
+        return {(row.mode, row.event): row.after for row in self.transitions}
+
+    def markdown(self) -> Iterator[str]:
+        """Draw the table, line by line."""
+        yield f"### {self.title}"
+        yield ""
+        yield "| mode | custom_mode | needs | may arm | meaning |"
+        yield "|---|---|---|---|---|"
+        for mode in self.modes:
+            needs = ", ".join(sorted(mode.needs)) or "nothing"
+            number = f"0x{mode.number:08X}" if mode.number > 0xFF else str(mode.number)
+            yield f"| {mode.name} | {number} | {needs} | {'yes' if mode.may_arm else 'no'} | {mode.meaning} |"
+        yield ""
+        yield "| in | when | goes to |"
+        yield "|---|---|---|"
+        for row in self.transitions:
+            yield f"| {row.mode} | {row.event} | {row.after} |"
+        yield ""
+        for rule in self.rules:
+            yield f"- {rule}"

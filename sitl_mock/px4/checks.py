@@ -1,0 +1,72 @@
+"""What PX4 looks at ten times a second: what each mode needs, what is wrong, and whether it may arm."""
+
+import math
+from collections.abc import Mapping
+
+from sitl_mock.craft import Craft
+from sitl_mock.fence import violated
+from sitl_mock.missions import flyable
+from sitl_mock.modes import Mode, Need
+from sitl_mock.protocols import PlanStore
+
+
+def available(craft: Craft, plans: PlanStore, stream_s: float) -> frozenset[Need]:
+    """Return what is there now. `stream_s` is when the last accepted setpoint came."""
+    estimator, parameters, now_s = craft.estimator, craft.parameters, craft.now_s
+    streaming = now_s - stream_s <= parameters["COM_OF_LOSS_T"] and not craft.conditions.offboard_refused
+    there = {
+        Need.PILOT: craft.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
+        Need.ALTITUDE: estimator.altitude_valid,
+        Need.LOCAL_POSITION: estimator.position_valid,
+        Need.GLOBAL_POSITION: estimator.global_valid,
+        Need.HOME: craft.home_m is not None,
+        Need.MISSION: flyable(plans.mission.items),
+        Need.STREAM: streaming and estimator.position_valid,
+    }
+    return frozenset(need for need, met in there.items() if met)
+
+
+def wrong(craft: Craft, plans: PlanStore, *, pilot_counts: bool) -> frozenset[str]:
+    """Return the names of the failsafe triggers that are present. `pilot_counts`: a radio was there at arming."""
+    now_s, parameters = craft.now_s, craft.parameters
+    charge = craft.battery.remaining
+    ground_age_s = now_s - craft.peers.ground_s
+    present = {
+        "manual control lost": pilot_counts and not craft.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
+        "ground station lost": craft.conditions.gcs_lost
+        or (math.isfinite(ground_age_s) and ground_age_s > parameters["COM_DL_LOSS_T"]),
+        "geofence violated": craft.conditions.fence_breach or _fence(craft, plans, parameters),
+        "battery low": charge < parameters["BAT_LOW_THR"],
+        "battery critical": charge < parameters["BAT_CRIT_THR"],
+        "battery emergency": charge < parameters["BAT_EMERGEN_THR"],
+    }
+    return frozenset(name for name, is_present in present.items() if is_present)
+
+
+def _fence(craft: Craft, plans: PlanStore, parameters: Mapping[str, int | float]) -> bool:
+    if craft.home_m is None or not craft.estimator.global_valid:
+        return False
+    far_m, high_m = parameters["GF_MAX_HOR_DIST"], parameters["GF_MAX_VER_DIST"]
+    (n, e, d), (home_n, home_e, home_d) = craft.position_m, craft.home_m
+    if 0.0 < far_m < math.hypot(n - home_n, e - home_e) or 0.0 < high_m < home_d - d:
+        return True
+    return violated(plans.fence.items, craft.frame, craft.position_m)
+
+
+def refusals(craft: Craft, mode: Mode, there: frozenset[Need]) -> list[str]:
+    """Return why PX4 would not arm in a mode, in its own words; empty if it would."""
+    reasons = []
+    if craft.conditions.arm_refused:
+        reasons.append(craft.conditions.arm_refused)
+    if Need.ALTITUDE not in there:
+        reasons.append("Preflight Fail: ekf2 missing data")
+    elif Need.LOCAL_POSITION not in there and craft.parameters["COM_ARM_WO_GPS"] == 0:
+        reasons.append("Preflight Fail: GNSS data missing")
+    if craft.battery.remaining < craft.parameters["BAT_CRIT_THR"]:
+        reasons.append("Preflight Fail: low battery")
+    if not mode.may_arm:
+        reasons.append(f"Mode {mode.name} prevents arming")
+    missing = mode.needs - there
+    if missing:
+        reasons.append(f"Mode {mode.name} is not available: no {', '.join(sorted(missing))}")
+    return reasons

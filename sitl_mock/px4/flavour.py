@@ -1,0 +1,81 @@
+"""The PX4 flavour, put together."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from sitl_mock.dynamics import PX4_TRAVEL, Px4Gains, Vehicle, px4_quadrotor
+from sitl_mock.estimator import PX4_NOISE
+from sitl_mock.flavour import Flavour
+from sitl_mock.parameters_px4 import PARAMETERS
+from sitl_mock.protocols import (
+    PX4_BROADCAST,
+    PX4_GCS_HZ,
+    PX4_MISSION_RULES,
+    PX4_ONBOARD_HZ,
+    PX4_OWN_ID_ONLY,
+    PX4_PARAMETER_RULES,
+    PX4_STREAM_RULES,
+    px4_identity,
+)
+from sitl_mock.px4.brain import Px4
+from sitl_mock.px4.modes import MODES
+
+_GAINS: Final = {
+    "xy_p_1_s": "MPC_XY_P",
+    "z_p_1_s": "MPC_Z_P",
+    "xy_vel_p_1_s": "MPC_XY_VEL_P_ACC",
+    "xy_vel_i_1_s2": "MPC_XY_VEL_I_ACC",
+    "xy_vel_d": "MPC_XY_VEL_D_ACC",
+    "z_vel_p_1_s": "MPC_Z_VEL_P_ACC",
+    "z_vel_i_1_s2": "MPC_Z_VEL_I_ACC",
+    "xy_vel_max_m_s": "MPC_XY_VEL_MAX",
+    "up_max_m_s": "MPC_Z_VEL_MAX_UP",
+    "down_max_m_s": "MPC_Z_VEL_MAX_DN",
+    "thrust_min": "MPC_THR_MIN",
+    "spool_s": "COM_SPOOLUP_TIME",
+    "ramp_s": "MPC_TKO_RAMP_T",
+}
+_TRAVEL: Final = {
+    "speed_m_s": "MPC_XY_CRUISE",
+    "climb_m_s": "MPC_Z_V_AUTO_UP",
+    "sink_m_s": "MPC_Z_V_AUTO_DN",
+    "accel_m_s2": "MPC_ACC_HOR",
+    "brake_m_s2": "MPC_ACC_HOR_MAX",
+    "accel_z_m_s2": "MPC_ACC_UP_MAX",
+    "jerk_m_s3": "MPC_JERK_AUTO",
+    "jerk_z_m_s3": "MPC_JERK_AUTO",
+}
+
+
+def plant(parameters: Mapping[str, float]) -> Vehicle:
+    """The quadrotor under these parameters."""
+    gains = {name: float(parameters[parameter]) for name, parameter in _GAINS.items()}
+    limits = {name: float(parameters[parameter]) for name, parameter in _TRAVEL.items()}
+    return px4_quadrotor(
+        Px4Gains(tilt_max_rad=math.radians(float(parameters["MPC_TILTMAX_AIR"])), **gains),
+        replace(PX4_TRAVEL, **limits),
+    )
+
+
+PX4: Final = Flavour(
+    name="px4",
+    title="PX4 1.17 quadrotor",
+    autopilot=12,
+    vehicle_type=2,
+    modes=MODES,
+    parameters=PARAMETERS,
+    parameter_rules=PX4_PARAMETER_RULES,
+    stream_rules=PX4_STREAM_RULES,
+    mission_rules=PX4_MISSION_RULES,
+    rates_hz={"onboard": PX4_ONBOARD_HZ, "gcs": PX4_GCS_HZ},
+    identity=px4_identity,
+    plant=plant,
+    brain=Px4,
+    noise=PX4_NOISE,
+    ready_s=5.0,
+    texts=False,
+    own_id_only=PX4_OWN_ID_ONLY,
+    broadcast=PX4_BROADCAST,
+)

@@ -1,0 +1,94 @@
+"""Which setpoints PX4 takes, as measured on v1.17 and read in `mavlink_receiver.cpp`.
+
+A message with at least one finite axis is proof of life, in every mode. It is followed only in OFFBOARD. An axis that
+nothing controls, or half of a horizontal pair, makes the controller stand still while OFFBOARD is kept.
+"""
+
+import math
+from typing import Any, Final
+
+from sitl_mock.craft import Craft
+from sitl_mock.dynamics import IGNORED, Kind, Setpoint
+from sitl_mock.dynamics.values import GRAVITY_M_S2
+from sitl_mock.setpoints import (
+    BODY_NED,
+    FORCE,
+    GLOBAL_FRAMES,
+    LOCAL_NED,
+    Target,
+    any_finite,
+    read_global,
+    read_local,
+    turned,
+)
+
+STAND: Final = Setpoint(Kind.BRAKE)
+
+
+def read(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
+    """Return the setpoint in a message, or why it is none."""
+    if message.get_type() == "SET_ATTITUDE_TARGET":
+        return _attitude(craft, message)
+    if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
+        target = read_global(message, craft.frame, craft.home_m)
+        return _judged(craft, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES)
+    target = read_local(message)
+    return _judged(craft, target, "SET_POSITION_TARGET_LOCAL_NED", target.frame in {LOCAL_NED, BODY_NED})
+
+
+def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpoint | str:  # noqa: FBT001
+    if not frame_known:
+        return f"{name} coordinate frame {target.frame} unsupported"
+    if target.type_mask & FORCE:
+        return f"{name} force not supported"
+    if not any_finite(target.position_m, target.velocity_m_s, target.acceleration_m_s2):
+        return f"{name} invalid"
+    position, velocity, acceleration = target.position_m, target.velocity_m_s, target.acceleration_m_s2
+    if target.frame == BODY_NED:
+        position = IGNORED
+        velocity = turned(velocity, craft.yaw_rad)
+        acceleration = turned(acceleration, craft.yaw_rad)
+    if not _followable(position, velocity, acceleration):
+        return STAND
+    return Setpoint(
+        Kind.STREAM,
+        _finite(position),
+        _finite(velocity),
+        _finite(acceleration),
+        yaw_rad=target.yaw_rad,
+        yaw_rate_rad_s=target.yaw_rate_rad_s,
+    )
+
+
+def _finite(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    n, e, d = vector
+    return (
+        n if math.isfinite(n) else math.nan,
+        e if math.isfinite(e) else math.nan,
+        d if math.isfinite(d) else math.nan,
+    )
+
+
+def _followable(*vectors: tuple[float, float, float]) -> bool:
+    """Whether every axis is controlled by something and the horizontal axes come in pairs."""
+    paired = all(math.isfinite(vector[0]) == math.isfinite(vector[1]) for vector in vectors)
+    return paired and all(any(math.isfinite(vector[axis]) for vector in vectors) for axis in range(3))
+
+
+def _attitude(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
+    """Attitude and thrust as the acceleration they make; thrust 0.5 hovers."""
+    if message.type_mask & 0xC0:
+        return "SET_ATTITUDE_TARGET body rates only are not supported by this mock"
+    w, x, y, z = message.q
+    norm_2 = w * w + x * x + y * y + z * z
+    if not (math.isfinite(norm_2 + message.thrust) and norm_2 > 1e-6):
+        return "SET_ATTITUDE_TARGET invalid"
+    lift = message.thrust / 0.5 * GRAVITY_M_S2 / norm_2
+    acceleration = (
+        -lift * 2.0 * (x * z + w * y),
+        -lift * 2.0 * (y * z - w * x),
+        GRAVITY_M_S2 - lift * (w * w - x * x - y * y + z * z),
+    )
+    yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    del craft
+    return Setpoint(Kind.STREAM, IGNORED, IGNORED, acceleration, yaw_rad=yaw)

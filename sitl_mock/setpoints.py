@@ -1,0 +1,88 @@
+"""SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT to a setpoint in the local frame, NaN where an axis is ignored.
+
+What a flavour makes of it (which frames it takes, which masks mean "stop") is the flavour's; the arithmetic is here.
+"""
+
+import math
+from typing import Any, Final, NamedTuple
+
+from sitl_mock.world import LocalFrame, Vector
+
+LOCAL_NED: Final = 1
+LOCAL_OFFSET_NED: Final = 7
+BODY_NED: Final = 8
+BODY_OFFSET_NED: Final = 9
+GLOBAL_AMSL: Final = frozenset({0, 5})
+GLOBAL_RELATIVE: Final = frozenset({3, 6})
+GLOBAL_FRAMES: Final = GLOBAL_AMSL | GLOBAL_RELATIVE | {10, 11}
+
+IGNORE_POSITION: Final = 0x007
+IGNORE_VELOCITY: Final = 0x038
+IGNORE_ACCELERATION: Final = 0x1C0
+FORCE: Final = 0x200
+IGNORE_YAW: Final = 0x400
+IGNORE_YAW_RATE: Final = 0x800
+
+
+class Target(NamedTuple):
+    """A setpoint as it was sent, in the axes of its frame; ignored values are NaN."""
+
+    frame: int
+    type_mask: int
+    position_m: Vector
+    velocity_m_s: Vector
+    acceleration_m_s2: Vector
+    yaw_rad: float
+    yaw_rate_rad_s: float
+
+
+def _kept(values: Vector, mask: int, first_bit: int) -> Vector:
+    x, y, z = values
+    return (
+        math.nan if mask >> first_bit & 1 else x,
+        math.nan if mask >> first_bit + 1 & 1 else y,
+        math.nan if mask >> first_bit + 2 & 1 else z,
+    )
+
+
+def read_local(message: Any) -> Target:  # noqa: ANN401 - pymavlink has no types
+    """Read a SET_POSITION_TARGET_LOCAL_NED."""
+    return _read(message, (message.x, message.y, message.z))
+
+
+def read_global(message: Any, frame: LocalFrame, home_m: Vector | None) -> Target:  # noqa: ANN401 - as above
+    """Read a SET_POSITION_TARGET_GLOBAL_INT; relative heights count from home."""
+    alt_m = message.alt
+    if message.coordinate_frame in GLOBAL_RELATIVE:
+        alt_m += frame.origin.alt_amsl_m - (home_m[2] if home_m is not None else 0.0)
+    return _read(message, frame.to_local(message.lat_int * 1e-7, message.lon_int * 1e-7, alt_m))
+
+
+def _read(message: Any, position_m: Vector) -> Target:  # noqa: ANN401 - as above
+    mask = message.type_mask
+    return Target(
+        frame=message.coordinate_frame,
+        type_mask=mask,
+        position_m=_kept(position_m, mask, 0),
+        velocity_m_s=_kept((message.vx, message.vy, message.vz), mask, 3),
+        acceleration_m_s2=_kept((message.afx, message.afy, message.afz), mask, 6),
+        yaw_rad=math.nan if mask & IGNORE_YAW else message.yaw,
+        yaw_rate_rad_s=math.nan if mask & IGNORE_YAW_RATE else message.yaw_rate,
+    )
+
+
+def turned(vector: Vector, yaw_rad: float) -> Vector:
+    """Turn forward, right, down into north, east, down by the heading."""
+    forward, right, down = vector
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    return (forward * cosine - right * sine, forward * sine + right * cosine, down)
+
+
+def added(first: Vector, second: Vector) -> Vector:
+    """Add two vectors."""
+    return (first[0] + second[0], first[1] + second[1], first[2] + second[2])
+
+
+def any_finite(*vectors: Vector) -> bool:
+    """Whether at least one component is a finite number."""
+    return any(math.isfinite(value) for vector in vectors for value in vector)

@@ -1,0 +1,239 @@
+"""Messages about motion: each builder returns the message's fields in the order of declaration."""
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+from sitl_mock.dynamics import Kind
+from sitl_mock.dynamics.values import GRAVITY_M_S2
+from sitl_mock.telemetry.report import Report, heading_cdeg, int16, quaternion
+
+Fields = tuple[Any, ...]
+
+_NAN = math.nan
+_UNKNOWN_COVARIANCE: Final = (_NAN,) * 21
+_EMPTY_Q: Final = (0.0, 0.0, 0.0, 0.0)
+_LOCAL_NED, _BODY_FRD = 1, 12
+_HOVER_THRUST: Final = 0.5
+_FIELD_GAUSS: Final = (0.21, 0.01, 0.43)
+
+
+def attitude(report: Report) -> Fields:
+    """ATTITUDE."""
+    return (report.boot_ms, *report.craft.attitude)
+
+
+def attitude_quaternion(report: Report) -> Fields:
+    """ATTITUDE_QUATERNION."""
+    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.craft.attitude
+    return (report.boot_ms, *quaternion(roll, pitch, yaw), roll_rate, pitch_rate, yaw_rate, _EMPTY_Q)
+
+
+def local_position_ned(report: Report) -> Fields:
+    """LOCAL_POSITION_NED."""
+    craft = report.craft
+    return (report.boot_ms, *craft.position_m, *craft.velocity_m_s)
+
+
+def global_position_int(report: Report) -> Fields:
+    """GLOBAL_POSITION_INT."""
+    craft = report.craft
+    lat, lon, alt = report.place
+    v_n, v_e, v_d = craft.velocity_m_s
+    return (
+        report.boot_ms,
+        round(lat * 1e7),
+        round(lon * 1e7),
+        round(alt * 1e3),
+        round(report.relative_m * 1e3),
+        int16(v_n * 100.0),
+        int16(v_e * 100.0),
+        int16(v_d * 100.0),
+        heading_cdeg(craft.attitude.yaw_rad),
+    )
+
+
+def odometry(report: Report) -> Fields:
+    """ODOMETRY: position in the local frame, velocity in the body's."""
+    craft = report.craft
+    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = craft.attitude
+    w, x, y, z = attitude_q = quaternion(roll, pitch, yaw)
+    v_n, v_e, v_d = craft.velocity_m_s
+    forward = (w * w + x * x - y * y - z * z) * v_n + 2.0 * (x * y + w * z) * v_e + 2.0 * (x * z - w * y) * v_d
+    right = 2.0 * (x * y - w * z) * v_n + (w * w - x * x + y * y - z * z) * v_e + 2.0 * (y * z + w * x) * v_d
+    down = 2.0 * (x * z + w * y) * v_n + 2.0 * (y * z - w * x) * v_e + (w * w - x * x - y * y + z * z) * v_d
+    estimator = craft.estimator
+    return (
+        report.boot_us,
+        _LOCAL_NED,
+        _BODY_FRD,
+        *craft.position_m,
+        attitude_q,
+        forward,
+        right,
+        down,
+        roll_rate,
+        pitch_rate,
+        yaw_rate,
+        _UNKNOWN_COVARIANCE,
+        _UNKNOWN_COVARIANCE,
+        estimator.reset_counter,
+        3,
+        100 if estimator.position_valid else 0,
+    )
+
+
+def altitude(report: Report) -> Fields:
+    """ALTITUDE."""
+    craft = report.craft
+    up = -craft.position_m[2]
+    amsl = craft.frame.origin.alt_amsl_m + up
+    return (report.boot_us, amsl, amsl, up, report.relative_m, _NAN, _NAN)
+
+
+def vfr_hud(report: Report) -> Fields:
+    """VFR_HUD."""
+    craft = report.craft
+    v_n, v_e, v_d = craft.velocity_m_s
+    speed = math.hypot(v_n, v_e)
+    height = craft.frame.origin.alt_amsl_m - craft.position_m[2]
+    throttle = min(100, int(100.0 * _throttle(report)))
+    return (speed, speed, heading_cdeg(craft.yaw_rad) // 100, throttle, height, -v_d)
+
+
+def _throttle(report: Report) -> float:
+    return report.craft.body.thrust_m_s2 * _HOVER_THRUST / GRAVITY_M_S2 if report.craft.armed else 0.0
+
+
+def attitude_target(report: Report) -> Fields:
+    """ATTITUDE_TARGET; the attitude loop's lag is left out."""
+    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.craft.attitude
+    return (
+        report.boot_ms,
+        0,
+        quaternion(roll, pitch, yaw),
+        roll_rate,
+        pitch_rate,
+        yaw_rate,
+        min(1.0, _throttle(report)),
+    )
+
+
+def position_target_local_ned(report: Report) -> Fields:
+    """POSITION_TARGET_LOCAL_NED: the setpoint in force; PX4 puts NaN where there is none."""
+    setpoint = report.setpoint
+    if setpoint.kind in {Kind.STOPPED, Kind.IDLING}:
+        return (report.boot_ms, _LOCAL_NED, 0, *(_NAN,) * 11)
+    return (
+        report.boot_ms,
+        _LOCAL_NED,
+        0,
+        *setpoint.position_ned_m,
+        *setpoint.velocity_ned_m_s,
+        *setpoint.acceleration_ned_m_s2,
+        setpoint.yaw_rad,
+        setpoint.yaw_rate_rad_s,
+    )
+
+
+def position_target_global_int(report: Report) -> Fields:
+    """POSITION_TARGET_GLOBAL_INT."""
+    setpoint = report.setpoint
+    north, east, down = (
+        here if math.isnan(there) else there
+        for there, here in zip(setpoint.position_ned_m, report.craft.position_m, strict=True)
+    )
+    lat, lon, alt = report.craft.frame.to_geodetic(north, east, down)
+    return (
+        report.boot_ms,
+        0,
+        0,
+        round(lat * 1e7),
+        round(lon * 1e7),
+        alt,
+        *setpoint.velocity_ned_m_s,
+        *setpoint.acceleration_ned_m_s2,
+        setpoint.yaw_rad,
+        setpoint.yaw_rate_rad_s,
+    )
+
+
+def _felt(report: Report) -> tuple[float, float, float]:
+    """Specific force along the body's axes, with the thrust along -z and the ground's push while standing."""
+    craft = report.craft
+    return (0.0, 0.0, -(GRAVITY_M_S2 if craft.on_ground else craft.body.thrust_m_s2))
+
+
+def highres_imu(report: Report) -> Fields:
+    """HIGHRES_IMU."""
+    craft = report.craft
+    pressure = _pressure_hpa(report)
+    height = craft.frame.origin.alt_amsl_m - craft.position_m[2]
+    rates = craft.attitude[3:]
+    return (report.boot_us, *_felt(report), *rates, *_FIELD_GAUSS, pressure, 0.0, height, 25.0, 0xFFF, 0)
+
+
+def _pressure_hpa(report: Report) -> float:
+    height = report.craft.frame.origin.alt_amsl_m - report.craft.position_m[2]
+    return float(1013.25 * max(0.0, 1.0 - 2.25577e-5 * height) ** 5.25588)
+
+
+def raw_imu(report: Report) -> Fields:
+    """RAW_IMU: milli-g, milliradian a second, milligauss."""
+    x, y, z = (int16(value * 1000.0 / GRAVITY_M_S2) for value in _felt(report))
+    rates = (int16(value * 1000.0) for value in report.craft.attitude[3:])
+    return (report.boot_us, x, y, z, *rates, *(int(value * 1000) for value in _FIELD_GAUSS), 0, 2500)
+
+
+def scaled_imu2(report: Report) -> Fields:
+    """SCALED_IMU2."""
+    return (report.boot_ms, *raw_imu(report)[1:10], 2500)
+
+
+def scaled_pressure(report: Report) -> Fields:
+    """SCALED_PRESSURE."""
+    return (report.boot_ms, _pressure_hpa(report), 0.0, 2500, 0)
+
+
+def ahrs2(report: Report) -> Fields:
+    """AHRS2: the second estimator agrees."""
+    roll, pitch, yaw = report.craft.attitude[:3]
+    lat, lon, alt = report.place
+    return (roll, pitch, yaw, alt, round(lat * 1e7), round(lon * 1e7))
+
+
+def ahrs(report: Report) -> Fields:
+    """AHRS."""
+    del report
+    return (0.0, 0.0, 0.0, 0.0, 0.0, 0.003, 0.003)
+
+
+def distance_sensor(report: Report) -> Fields:
+    """DISTANCE_SENSOR: a lidar that looks down."""
+    craft = report.craft
+    height_cm = int(min(max((craft.ground_m - craft.body.position_ned_m[2]) * 100.0, 0.0), 65535.0))
+    return (report.boot_ms, 10, 5000, height_cm, 0, 0, 25, 255, 0.0, 0.0, _EMPTY_Q, 0)
+
+
+MOTION: Mapping[str, Callable[[Report], Fields]] = MappingProxyType(
+    {
+        "ATTITUDE": attitude,
+        "ATTITUDE_QUATERNION": attitude_quaternion,
+        "LOCAL_POSITION_NED": local_position_ned,
+        "GLOBAL_POSITION_INT": global_position_int,
+        "ODOMETRY": odometry,
+        "ALTITUDE": altitude,
+        "VFR_HUD": vfr_hud,
+        "ATTITUDE_TARGET": attitude_target,
+        "POSITION_TARGET_LOCAL_NED": position_target_local_ned,
+        "POSITION_TARGET_GLOBAL_INT": position_target_global_int,
+        "HIGHRES_IMU": highres_imu,
+        "RAW_IMU": raw_imu,
+        "SCALED_IMU2": scaled_imu2,
+        "SCALED_PRESSURE": scaled_pressure,
+        "AHRS": ahrs,
+        "AHRS2": ahrs2,
+        "DISTANCE_SENSOR": distance_sensor,
+    }
+)

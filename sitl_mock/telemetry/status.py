@@ -1,0 +1,286 @@
+"""Messages about everything but motion: each builder returns the message's fields in the order of declaration."""
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+from sitl_mock.dynamics.values import GRAVITY_M_S2
+from sitl_mock.telemetry.report import Report, heading_cdeg
+
+Fields = tuple[Any, ...]
+
+_GYRO, _ACCEL, _MAG, _BARO, _GPS = 0x1, 0x2, 0x4, 0x8, 0x20
+_RC, _AHRS, _BATTERY, _PREARM = 0x10000, 0x200000, 0x2000000, 0x10000000
+_SENSORS: Final = _GYRO | _ACCEL | _MAG | _BARO
+_NO_CELL: Final = 0xFFFF
+_PWM_LOW, _PWM_HIGH = 1000, 2000
+
+
+def heartbeat(report: Report) -> Fields:
+    """HEARTBEAT."""
+    brain, flavour = report.brain, report.flavour
+    return (
+        flavour.vehicle_type,
+        flavour.autopilot,
+        brain.base_mode,
+        brain.custom_mode,
+        brain.system_status,
+        3,
+    )
+
+
+def sys_status(report: Report) -> Fields:
+    """SYS_STATUS: sensors, the GPS bit with the position, the RC bit with the radio, PREARM with the arming checks."""
+    craft = report.craft
+    battery, estimator = craft.battery, craft.estimator
+    present = _SENSORS | _GPS | _BATTERY | _AHRS | _PREARM | (_RC if craft.pilot.known else 0)
+    health = _SENSORS | _BATTERY
+    health |= _GPS if estimator.gps_ok else 0
+    health |= _AHRS if estimator.position_valid else 0
+    health |= _RC if craft.pilot.fresh(craft.now_s, 0.5) else 0
+    health |= _PREARM if report.brain.ready_to_arm else 0
+    return (
+        present,
+        present,
+        health,
+        350,
+        int(battery.voltage_v * 1000.0),
+        int(battery.current_a * 100.0),
+        round(battery.remaining * 100.0),
+        *(0,) * 9,
+    )
+
+
+def extended_sys_state(report: Report) -> Fields:
+    """EXTENDED_SYS_STATE."""
+    return (0, report.brain.landed_state)
+
+
+def battery_status(report: Report) -> Fields:
+    """BATTERY_STATUS."""
+    battery = report.craft.battery
+    cell_mv = int(battery.cell_v * 1000.0)
+    voltages = (cell_mv,) * battery.cells + (_NO_CELL,) * (10 - battery.cells)
+    share = battery.remaining
+    state = 1 if share > 0.15 else 2 if share > 0.07 else 3 if share > 0.05 else 4
+    return (
+        0,
+        0,
+        0,
+        2500,
+        voltages,
+        int(battery.current_a * 100.0),
+        int(battery.consumed_mah),
+        -1,
+        round(share * 100.0),
+        0,
+        state,
+        (0, 0, 0, 0),
+        0,
+        0,
+    )
+
+
+def home_position(report: Report) -> Fields | None:
+    """HOME_POSITION, or nothing while there is no home."""
+    craft = report.craft
+    if craft.home_m is None:
+        return None
+    lat, lon, alt = craft.frame.to_geodetic(*craft.home_m)
+    half = 0.5 * craft.yaw_rad
+    facing = (math.cos(half), 0.0, 0.0, math.sin(half))
+    return (
+        round(lat * 1e7),
+        round(lon * 1e7),
+        round(alt * 1e3),
+        *craft.home_m,
+        facing,
+        0.0,
+        0.0,
+        0.0,
+        report.boot_us,
+    )
+
+
+def gps_global_origin(report: Report) -> Fields | None:
+    """GPS_GLOBAL_ORIGIN, or nothing while there is no position."""
+    craft = report.craft
+    if not craft.estimator.global_valid and craft.home_m is None:
+        return None
+    lat, lon, alt = craft.frame.origin
+    return (round(lat * 1e7), round(lon * 1e7), round(alt * 1e3), report.boot_us)
+
+
+def gps_raw_int(report: Report) -> Fields:
+    """GPS_RAW_INT: the true place, as the receiver sees it."""
+    craft = report.craft
+    if not craft.estimator.gps_ok:
+        return (report.boot_us, 0, 0, 0, 0, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0, 0, 0, 0, 0, 0, 0)
+    body = craft.body
+    lat, lon, alt = craft.frame.to_geodetic(*body.position_ned_m)
+    v_n, v_e, _ = body.velocity_ned_m_s
+    eph_mm = int(min(craft.estimator.eph_m, 4e6) * 1000.0)
+    return (
+        report.boot_us,
+        3,
+        round(lat * 1e7),
+        round(lon * 1e7),
+        round(alt * 1e3),
+        min(eph_mm // 5, 0xFFFE),
+        min(eph_mm // 4, 0xFFFE),
+        min(int(math.hypot(v_n, v_e) * 100.0), 0xFFFE),
+        heading_cdeg(math.atan2(v_e, v_n)),
+        14,
+        round(alt * 1e3) + 47_000,
+        eph_mm,
+        eph_mm * 3 // 2,
+        200,
+        0,
+        0,
+    )
+
+
+def estimator_status(report: Report) -> Fields:
+    """ESTIMATOR_STATUS."""
+    estimator = report.craft.estimator
+    flags = 1  # attitude
+    flags |= 2 | 4 | 8 if estimator.position_valid else 0  # velocities and relative position
+    flags |= 16 if estimator.global_valid else 0
+    flags |= 32 | 64 if estimator.altitude_valid else 0
+    flags |= 0 if estimator.position_valid else 128
+    return (report.boot_us, flags, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, estimator.eph_m, 0.6)
+
+
+def ekf_status_report(report: Report) -> Fields:
+    """EKF_STATUS_REPORT."""
+    estimator = report.craft.estimator
+    flags = 1 | (32 if estimator.altitude_valid else 0)
+    flags |= 2 | 4 | 8 if estimator.position_valid else 128
+    flags |= 16 | 512 if estimator.global_valid else 0
+    bad = 0.0 if estimator.position_valid else 1.0
+    return (flags, 0.05 + bad, 0.02 + bad, 0.02, 0.02, 0.0, 0.0)
+
+
+def system_time(report: Report) -> Fields:
+    """SYSTEM_TIME."""
+    return (report.unix_us if report.craft.estimator.gps_ok else 0, report.boot_ms)
+
+
+def ping(report: Report) -> Fields:
+    """PING, a request to everybody."""
+    report.sequence = (report.sequence + 1) & 0xFFFFFFFF
+    return (report.boot_us, report.sequence, 0, 0)
+
+
+def timesync(report: Report) -> Fields:
+    """TIMESYNC, a request."""
+    return (0, report.boot_us * 1000)
+
+
+def mission_current(report: Report) -> Fields:
+    """MISSION_CURRENT."""
+    mission = report.brain.mission
+    count = mission.count
+    active = report.brain.mode in {"MISSION", "AUTO"}
+    if not count:
+        state = 1
+    elif mission.over:
+        state = 5
+    else:
+        state = 3 if active else 2
+    return (min(mission.current, max(count - 1, 0)), count if count else 0xFFFF, state, 1 if active else 2)
+
+
+def current_mode(report: Report) -> Fields:
+    """CURRENT_MODE, with the intention beside it."""
+    return (0, report.brain.custom_mode, report.brain.intended_mode)
+
+
+def rc_channels(report: Report) -> Fields:
+    """RC_CHANNELS; no channel while there is no radio."""
+    pilot = report.craft.pilot
+    if not pilot.fresh(report.craft.now_s, 0.5):
+        return (report.boot_ms, 0, *(0xFFFF,) * 18, 255)
+    sticks = pilot.sticks
+    raw = tuple(round(1500.0 + 500.0 * value) for value in (sticks.roll, sticks.pitch, sticks.throttle, sticks.yaw))
+    return (report.boot_ms, 8, *raw, *(1500,) * 4, *(0xFFFF,) * 10, 200)
+
+
+def servo_output_raw(report: Report) -> Fields:
+    """SERVO_OUTPUT_RAW: the mean throttle on four motors."""
+    craft = report.craft
+    share = min(1.0, 0.5 * craft.body.thrust_m_s2 / GRAVITY_M_S2) if craft.armed else 0.0
+    pulse = int(_PWM_LOW + (_PWM_HIGH - _PWM_LOW) * share)
+    return (report.boot_us & 0xFFFFFFFF, 0, *(pulse,) * 4, *(0,) * 12)
+
+
+def wind_cov(report: Report) -> Fields:
+    """WIND_COV."""
+    wind = report.craft.conditions.wind_m_s
+    height = report.craft.frame.origin.alt_amsl_m - report.craft.position_m[2]
+    return (report.boot_us, *wind, 0.2, 0.2, height, 0.5, 0.5)
+
+
+def wind(report: Report) -> Fields:
+    """WIND (ArduPilot): where it comes from."""
+    north, east, down = report.craft.conditions.wind_m_s
+    return (math.degrees(math.atan2(-east, -north)) % 360.0, math.hypot(north, east), down)
+
+
+def fence_status(report: Report) -> Fields:
+    """FENCE_STATUS."""
+    breached = report.craft.conditions.fence_breach
+    return (int(breached), int(breached), 3 if breached else 0, report.boot_ms if breached else 0, 0)
+
+
+def power_status(report: Report) -> Fields:
+    """POWER_STATUS."""
+    del report
+    return (5000, 0, 0)
+
+
+def nav_controller_output(report: Report) -> Fields:
+    """NAV_CONTROLLER_OUTPUT."""
+    craft = report.craft
+    roll, pitch, yaw = (math.degrees(value) for value in craft.attitude[:3])
+    goal = report.setpoint.position_ned_m
+    north, east = goal[0] - craft.position_m[0], goal[1] - craft.position_m[1]
+    away = int(min(math.hypot(north, east), 65535.0)) if math.isfinite(north + east) else 0
+    bearing = int(math.degrees(math.atan2(east, north))) if away else int(yaw)
+    error = craft.position_m[2] - goal[2]
+    return (roll, pitch, int(yaw), bearing, away, error if math.isfinite(error) else 0.0, 0.0, 0.0)
+
+
+def vibration(report: Report) -> Fields:
+    """VIBRATION."""
+    level = 0.02 if report.craft.armed else 0.0
+    return (report.boot_us, level, level, level, 0, 0, 0)
+
+
+STATUS: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
+    {
+        "HEARTBEAT": heartbeat,
+        "SYS_STATUS": sys_status,
+        "EXTENDED_SYS_STATE": extended_sys_state,
+        "BATTERY_STATUS": battery_status,
+        "HOME_POSITION": home_position,
+        "GPS_GLOBAL_ORIGIN": gps_global_origin,
+        "GPS_RAW_INT": gps_raw_int,
+        "ESTIMATOR_STATUS": estimator_status,
+        "EKF_STATUS_REPORT": ekf_status_report,
+        "SYSTEM_TIME": system_time,
+        "PING": ping,
+        "TIMESYNC": timesync,
+        "MISSION_CURRENT": mission_current,
+        "CURRENT_MODE": current_mode,
+        "RC_CHANNELS": rc_channels,
+        "SERVO_OUTPUT_RAW": servo_output_raw,
+        "WIND_COV": wind_cov,
+        "WIND": wind,
+        "FENCE_STATUS": fence_status,
+        "POWER_STATUS": power_status,
+        "NAV_CONTROLLER_OUTPUT": nav_controller_output,
+        "VIBRATION": vibration,
+    }
+)

@@ -1,0 +1,69 @@
+"""Where the vehicle stands on Earth: a local north-east-down frame around a point of WGS-84.
+
+A vehicle's LOCAL_POSITION_NED counts from the origin of its own estimator, which is where it was switched on unless
+told otherwise; `GPS_GLOBAL_ORIGIN` and `HOME_POSITION` announce the two points.
+"""
+
+import math
+from typing import NamedTuple
+
+_SEMI_MAJOR_M = 6378137.0
+_FLATTENING = 1.0 / 298.257223563
+_ECCENTRICITY_2 = _FLATTENING * (2.0 - _FLATTENING)
+
+Vector = tuple[float, float, float]
+
+
+class Home(NamedTuple):
+    """A point on Earth: latitude and longitude (WGS-84, degrees), height above mean sea level (metres)."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+
+
+DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
+"""The field in Zurich where PX4's simulations start."""
+
+
+class LocalFrame:
+    """North, east, down in metres around an origin, with WGS-84's radii of curvature there.
+
+    Height is what an autopilot's is: the difference of altitudes, not the distance to the tangent plane. Within 10 km
+    of the origin horizontal positions agree with the tangent plane to better than a metre, within 1 km to a centimetre.
+    """
+
+    __slots__ = ("_east_m_per_deg", "_north_m_per_deg", "origin")
+
+    def __init__(self, origin: Home) -> None:
+        self.origin = origin
+        sine = math.sin(math.radians(origin.lat_deg))
+        root = math.sqrt(1.0 - _ECCENTRICITY_2 * sine * sine)
+        meridian_m = _SEMI_MAJOR_M * (1.0 - _ECCENTRICITY_2) / root**3
+        normal_m = _SEMI_MAJOR_M / root
+        degree = math.radians(1.0)
+        self._north_m_per_deg = (meridian_m + origin.alt_amsl_m) * degree
+        self._east_m_per_deg = (normal_m + origin.alt_amsl_m) * math.cos(math.radians(origin.lat_deg)) * degree
+
+    def to_geodetic(self, north_m: float, east_m: float, down_m: float) -> Home:
+        """Turn local metres into latitude, longitude (degrees) and height above mean sea level (metres)."""
+        origin = self.origin
+        return Home(
+            origin.lat_deg + north_m / self._north_m_per_deg,
+            origin.lon_deg + east_m / self._east_m_per_deg,
+            origin.alt_amsl_m - down_m,
+        )
+
+    def to_local(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Vector:
+        """Turn latitude, longitude (degrees) and height above mean sea level (metres) into local metres."""
+        origin = self.origin
+        return (
+            (lat_deg - origin.lat_deg) * self._north_m_per_deg,
+            (lon_deg - origin.lon_deg) * self._east_m_per_deg,
+            origin.alt_amsl_m - alt_amsl_m,
+        )
+
+
+def wrap_pi(angle_rad: float) -> float:
+    """Bring an angle into [-π, π)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
