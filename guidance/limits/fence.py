@@ -6,44 +6,49 @@ from guidance.frames import Vector
 from guidance.limits.envelope import Envelope
 from guidance.limits.limiter import Limiter
 from guidance.limits.polygon import Point
-from guidance.limits.stopping import Stop
+from guidance.limits.situation import Situation
+from guidance.limits.stopping import Stop, drift_ned_m
 from guidance.limits.wall import Wall, wall
 
+_ON_THE_LINE_M = 0.01
 
-def polygon_walls(position_ned_m: Vector, envelope: Envelope, stop: Stop) -> tuple[Wall, ...]:
+
+def polygon_walls(situation: Situation, envelope: Envelope, stop: Stop) -> tuple[Wall, ...]:
     """Inside, every edge is a wall at its nearest point: braking straight ahead crosses none, convex or not.
 
-    Outside (or within the margin), the nearest edge forbids what leads further out, and the way in is free.
+    Outside (or within the margin), the nearest edge forbids what leads further out, and the way in is free. Close to
+    an edge its own normal is the wall's, on either side of it: on the line itself the nearest point has no direction,
+    and in a corner a hair's breadth outside one edge the other one still holds.
     """
     polygon = envelope.fence_polygon
     if polygon is None:
         return ()
-    point = _about_home(position_ned_m, envelope)
+    point, drift = _about_home(situation, envelope), drift_ned_m(situation.velocity_ned_m_s, envelope)
     offsets = [(north - point[0], east - point[1]) for north, east in polygon.nearest_points(point)]
     distances = [math.hypot(*offset) for offset in offsets]
-    if not polygon.contains(point):
-        index = min(range(len(distances)), key=distances.__getitem__)
-        (north, east), distance_m = offsets[index], distances[index]
-        outward = (-north / distance_m, -east / distance_m) if distance_m > 0.0 else polygon.outward(index)
-        return (wall(Limiter.FENCE_POLYGON, (*outward, 0.0), 0.0, stop),)
-    return tuple(
-        wall(
-            Limiter.FENCE_POLYGON,
-            (*((north / distance_m, east / distance_m) if distance_m > 0.0 else polygon.outward(index)), 0.0),
-            distance_m - envelope.fence_margin_m,
-            stop,
-        )
-        for index, ((north, east), distance_m) in enumerate(zip(offsets, distances, strict=True))
-    )
+    inside = polygon.contains(point)
+    reach_m = math.inf if inside else min(distances) + _ON_THE_LINE_M
+    found = []
+    for index, ((north, east), distance_m) in enumerate(zip(offsets, distances, strict=True)):
+        if distance_m > reach_m:
+            continue
+        if distance_m <= _ON_THE_LINE_M:
+            outward = polygon.outward(index)
+            gap_m = north * outward[0] + east * outward[1]
+        else:
+            gap_m = distance_m if inside else -distance_m
+            outward = (north / gap_m, east / gap_m)
+        found.append(wall(Limiter.FENCE_POLYGON, (*outward, 0.0), gap_m - envelope.fence_margin_m, stop, drift))
+    return tuple(found)
 
 
-def keep_in_circle(velocity_ned_m_s: Vector, position_ned_m: Vector, envelope: Envelope, stop: Stop) -> Vector:
+def keep_in_circle(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope, stop: Stop) -> Vector:
     """The vehicle would come to rest within the circle, or outside no further out than it is.
 
     The stop point is moved onto the circle where it lies beyond: along the fence the path is bent inwards, and the
     speed over the ground never rises.
     """
-    limit_m, point = _circle(position_ned_m, envelope)
+    limit_m, point = _circle(situation, envelope)
     north, east = _stop_point(velocity_ned_m_s, point, stop)
     reached_m = math.hypot(north, east)
     if reached_m <= limit_m:
@@ -56,17 +61,17 @@ def keep_in_circle(velocity_ned_m_s: Vector, position_ned_m: Vector, envelope: E
     )
 
 
-def outward_wall(position_ned_m: Vector, envelope: Envelope) -> Wall:
+def outward_wall(situation: Situation, envelope: Envelope) -> Wall:
     """The circle as a wall to accelerations, once it acts on the velocity."""
-    north, east = _about_home(position_ned_m, envelope)
+    north, east = _about_home(situation, envelope)
     distance_m = math.hypot(north, east)
     outward = (north / distance_m, east / distance_m, 0.0) if distance_m > 0.0 else (0.0, 0.0, 0.0)
     return Wall(Limiter.FENCE_RADIUS, outward, 0.0)
 
 
-def shrink_to_circle(velocity_ned_m_s: Vector, position_ned_m: Vector, envelope: Envelope, stop: Stop) -> Vector:
+def shrink_to_circle(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope, stop: Stop) -> Vector:
     """Scale the velocity over the ground down, direction kept, until the stop point is within the circle."""
-    limit_m, point = _circle(position_ned_m, envelope)
+    limit_m, point = _circle(situation, envelope)
     if math.hypot(*_stop_point(velocity_ned_m_s, point, stop)) <= limit_m:
         return velocity_ned_m_s
     # |point + share · travel|² = limit²; point itself is within the limit, so that one root lies in [0, 1].
@@ -78,15 +83,20 @@ def shrink_to_circle(velocity_ned_m_s: Vector, position_ned_m: Vector, envelope:
     return (share * velocity_ned_m_s[0], share * velocity_ned_m_s[1], velocity_ned_m_s[2])
 
 
-def _circle(position_ned_m: Vector, envelope: Envelope) -> tuple[float, Point]:
-    point = _about_home(position_ned_m, envelope)
+def _circle(situation: Situation, envelope: Envelope) -> tuple[float, Point]:
+    point = _about_home(situation, envelope)
     if envelope.fence_radius_m is None:
         return math.inf, point
-    return max(envelope.fence_radius_m - envelope.fence_margin_m, math.hypot(*point)), point
+    drift, distance_m = drift_ned_m(situation.velocity_ned_m_s, envelope), math.hypot(*point)
+    drift_m = max(0.0, math.hypot(point[0] + drift[0], point[1] + drift[1]) - distance_m)
+    return max(envelope.fence_radius_m - envelope.fence_margin_m - drift_m, distance_m), point
 
 
-def _about_home(position_ned_m: Vector, envelope: Envelope) -> Point:
-    return (position_ned_m[0] - envelope.home_ned_m[0], position_ned_m[1] - envelope.home_ned_m[1])
+def _about_home(situation: Situation, envelope: Envelope) -> Point:
+    return (
+        situation.position_ned_m[0] - envelope.home_ned_m[0],
+        situation.position_ned_m[1] - envelope.home_ned_m[1],
+    )
 
 
 def _stop_point(velocity_ned_m_s: Vector, point: Point, stop: Stop) -> Point:

@@ -26,8 +26,8 @@ def walls(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) ->
     seconds = stop(velocity_ned_m_s, envelope)
     return (
         *stand_off_walls(velocity_ned_m_s, situation, envelope),
-        *polygon_walls(situation.position_ned_m, envelope, seconds),
-        *floor_and_ceiling(situation.position_ned_m, envelope, seconds),
+        *polygon_walls(situation, envelope, seconds),
+        *floor_and_ceiling(situation, envelope, seconds),
     )
 
 
@@ -37,7 +37,7 @@ def keep_within(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelo
     The sliding keeps as much of the motion as may be; the scaling makes it exact where limits meet in a corner. Speed
     over the ground and vertical speed never rise.
     """
-    seconds, position = stop(velocity_ned_m_s, envelope), situation.position_ned_m
+    seconds = stop(velocity_ned_m_s, envelope)
     obstacles = walls(velocity_ned_m_s, situation, envelope)
     leaning: list[Wall] = []
     velocity = velocity_ned_m_s
@@ -45,13 +45,13 @@ def keep_within(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelo
         if leans(velocity, one):
             leaning.append(one)
             velocity = slide(velocity, one)
-    inside = keep_in_circle(velocity, position, envelope, seconds)
+    inside = keep_in_circle(velocity, situation, envelope, seconds)
     if inside is not velocity:
-        leaning.append(outward_wall(position, envelope))
+        leaning.append(outward_wall(situation, envelope))
         velocity = inside
     for one in obstacles:
         velocity = shrink(velocity, one)
-    return Allowed(shrink_to_circle(velocity, position, envelope, seconds), tuple(leaning))
+    return Allowed(shrink_to_circle(velocity, situation, envelope, seconds), tuple(leaning))
 
 
 def full_speed_walls(velocity_ned_m_s: Vector, envelope: Envelope) -> tuple[Wall, ...]:

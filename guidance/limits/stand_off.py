@@ -6,8 +6,8 @@ from guidance.frames import Vector
 from guidance.limits.envelope import Envelope
 from guidance.limits.limiter import Limiter
 from guidance.limits.situation import Situation
-from guidance.limits.stopping import Stop, stop
-from guidance.limits.wall import Wall
+from guidance.limits.stopping import drift_ned_m, stop
+from guidance.limits.wall import Wall, wall
 
 _STILL: Vector = (0.0, 0.0, 0.0)
 
@@ -29,21 +29,18 @@ def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: En
 
     flight = situation.target_velocity_ned_m_s or _STILL
     fleeing_m_s = max(0.0, flight[0] * toward[0] + flight[1] * toward[1])
-    closing = (
-        velocity_ned_m_s[0] - fleeing_m_s * toward[0],
-        velocity_ned_m_s[1] - fleeing_m_s * toward[1],
-        velocity_ned_m_s[2],
-    )
-    seconds = stop(closing, envelope)
-    fleeing_m = fleeing_m_s * seconds.ground_s
+    wall_velocity = (fleeing_m_s * toward[0], fleeing_m_s * toward[1], 0.0)
+    seconds = stop(_less(velocity_ned_m_s, wall_velocity), envelope)
+    drift = drift_ned_m(_less(situation.velocity_ned_m_s, wall_velocity), envelope)
 
     gap_m = math.hypot(beside_m, above_m)
-    if gap_m > 0.0:
-        level, steep = beside_m / gap_m, above_m / gap_m
-        return (_wall(level, steep, toward, seconds, gap_m + level * fleeing_m),)
-    return (_wall(1.0, 0.0, toward, seconds, fleeing_m), _wall(0.0, 1.0, toward, seconds, 0.0))
+    normals = [(beside_m / gap_m, above_m / gap_m)] if gap_m > 0.0 else [(1.0, 0.0), (0.0, 1.0)]
+    found = []
+    for level, steep in normals:
+        one = wall(Limiter.STAND_OFF, (level * toward[0], level * toward[1], steep), gap_m, seconds, drift)
+        found.append(one._replace(distance_m=one.distance_m + level * fleeing_m_s * seconds.ground_s))
+    return tuple(found)
 
 
-def _wall(level: float, steep: float, toward: tuple[float, float], seconds: Stop, distance_m: float) -> Wall:
-    ground_s = level * seconds.ground_s
-    return Wall(Limiter.STAND_OFF, (toward[0] * ground_s, toward[1] * ground_s, steep * seconds.vertical_s), distance_m)
+def _less(velocity: Vector, other: Vector) -> Vector:
+    return (velocity[0] - other[0], velocity[1] - other[1], velocity[2] - other[2])

@@ -27,10 +27,15 @@ class Wall(NamedTuple):
         return self._replace(distance_m=0.0)
 
 
-def wall(limiter: Limiter, normal_ned: Vector, distance_m: float, stop: Stop) -> Wall:
-    """Build a wall from a unit normal and the distance to what is forbidden (beyond it: a distance of 0)."""
+def wall(limiter: Limiter, normal_ned: Vector, distance_m: float, stop: Stop, drift_ned_m: Vector) -> Wall:
+    """Build a wall from a unit normal, the distance to what is forbidden (≤ 0 beyond it) and the vehicle's drift."""
     north, east, down = normal_ned
-    return Wall(limiter, (north * stop.ground_s, east * stop.ground_s, down * stop.vertical_s), max(distance_m, 0.0))
+    drift_m = max(0.0, north * drift_ned_m[0] + east * drift_ned_m[1]) + max(0.0, down * drift_ned_m[2])
+    return Wall(
+        limiter,
+        (north * stop.ground_s, east * stop.ground_s, down * stop.vertical_s),
+        max(distance_m - drift_m, 0.0),
+    )
 
 
 def slide(velocity_ned_m_s: Vector, wall: Wall) -> Vector:
