@@ -1,0 +1,153 @@
+"""Gradients of the values, for every game in the plane: what a metre of either player, or of the target, is worth.
+
+With t_P(X) the pursuer's time to have an evader at X captured and t_E(X) the evader's time to X, a value is the extremum of
+an objective over the edge t_P = t_E of the evader's region. Its multiplier λ gives the gradient at once (the envelope
+theorem): PE, objective t_E: ∇_P V = λ ∇_P t_P and ∇_E V = (1 − λ) ∇_E t_E with λ = 1/(1 − v n·∇_X t_P); TAD, objective
+‖X − T‖: ∇_P V = λ ∇_P t_P, ∇_E V = −λ ∇_E t_E. In the paper's game these are its ∂V/∂x_P … ∂V/∂y_E of sections III and IV.
+"""
+
+from typing import NamedTuple
+
+from guidance.errors import ConfigError
+from guidance.game.arrays import (
+    Array,
+    Library,
+    Plane,
+    Space,
+    component,
+    dot2,
+    namespace,
+    norm2,
+    pack,
+    positive_part,
+    select,
+    select2,
+    unit2,
+)
+from guidance.game.game import Cylinder, Game
+from guidance.game.play import State, take_apart
+from guidance.game.reach import level_time, vertical_speed
+from guidance.game.solve import Solution, leading_shape, quiet, solve
+
+
+class Gradient(NamedTuple):
+    """Derivatives of a value with respect to the positions, each (..., 3); per metre."""
+
+    pursuer: Array
+    evader: Array
+    target: Array
+
+
+def value_gradient(game: Game, pursuer: Array, evader: Array, target: Array | None = None) -> Gradient:
+    """Return the gradient of `solve(...).value`; zero for the target in PE, and for what the value does not depend on.
+
+    Args:
+        game: what is played.
+        pursuer: position P, (..., 3), m.
+        evader: position E, (..., 3), m.
+        target: position T, (..., 3), m, or None for PE.
+
+    Raises:
+        ConfigError: as `solve`; or the evader moves in space.
+    """
+    if game.evader_space == "space":
+        raise ConfigError("evader_space = 'space': differentiate this one with guidance.game.hji")
+    given = {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
+    shape = leading_shape(game, given)
+    xp = namespace(*given.values())
+    solution = solve(game, pursuer, evader, target)
+    with quiet(xp):
+        state = take_apart(xp, game, pursuer, evader, None)
+        by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, target)
+    return Gradient(
+        pack(xp, shape, pursuer, *by_pursuer),
+        pack(xp, shape, pursuer, *by_evader, 0.0),
+        pack(xp, shape, pursuer, *by_target, 0.0),
+    )
+
+
+def _by_regime(
+    xp: Library, game: Game, state: State, solution: Solution, target: Array | None
+) -> tuple[Space, Plane, Plane]:
+    meeting = (component(solution.meeting_point_m, 0), component(solution.meeting_point_m, 1))
+    run = (meeting[0] - state.evader[0], meeting[1] - state.evader[1])
+    t = solution.meeting_time_s
+    n = unit2(xp, run, norm2(xp, run))
+    p, lift = _by_meeting_point(xp, game, state, run, t)
+    v = game.evader_speed_m_s
+    if target is None:
+        weight = 1.0 / (1.0 - v * dot2(n, p))
+        pull = (weight - 1.0) / v
+        return _pursuer(weight, p, lift), (pull * n[0], pull * n[1]), (0.0 * t, 0.0 * t)
+    adrift = game.target_velocity_m_s
+    to_target = (component(target, 0) - state.evader[0], component(target, 1) - state.evader[1])
+    left = (run[0] - to_target[0] - adrift[0] * t, run[1] - to_target[1] - adrift[1] * t)
+    f = unit2(xp, left, norm2(xp, left))
+    carried = dot2(f, adrift) / v
+    objective = (f[0] - carried * n[0], f[1] - carried * n[1])
+    normal = (p[0] - n[0] / v, p[1] - n[1] / v)
+    weight = -dot2(objective, normal) / dot2(normal, normal)
+    pull = carried + weight / v
+    lost = solution.winner < 0
+    short = _short(xp, game, state, run, t)
+    return (
+        _select3(xp, lost, short[0], _pursuer(weight, p, lift)),
+        select2(xp, lost, short[1], (pull * n[0], pull * n[1])),
+        select2(xp, lost, short[2], (-f[0], -f[1])),
+    )
+
+
+def _pursuer(weight: Array, p: Plane, lift: Array) -> Space:
+    return -weight * p[0], -weight * p[1], weight * lift
+
+
+def _select3(xp: Library, condition: Array, yes: Space, no: Space) -> Space:
+    return *select2(xp, condition, (yes[0], yes[1]), (no[0], no[1])), select(xp, condition, yes[2], no[2])
+
+
+def _sign(xp: Library, z: Array) -> Array:
+    return select(xp, z > 0, 1.0, -1.0)
+
+
+def _by_meeting_point(xp: Library, game: Game, state: State, run: Plane, t: Array) -> tuple[Plane, Array]:
+    """Return ∇_X t_P in the plane and ∂t_P/∂z_P, s/m, at the end of the evader's run."""
+    wind = game.wind_m_s
+    y = (state.to_evader[0] + run[0] - wind[0] * t, state.to_evader[1] + run[1] - wind[1] * t)
+    length = norm2(xp, y)
+    e = unit2(xp, y, length)
+    if isinstance(game.pursuer, Cylinder):
+        rate = 1.0 / (game.pursuer.horizontal_m_s + dot2(e, wind))
+        above = t <= positive_part(level_time(xp, game, game.pursuer, state.z))
+        lift = _sign(xp, state.z) / vertical_speed(xp, game.pursuer, state.z)
+        return select2(xp, above, (0.0, 0.0), (rate * e[0], rate * e[1])), select(xp, above, lift, 0.0)
+    reach = positive_part(length - game.standoff.radius_m)
+    distance = norm2(xp, (reach, state.z))
+    rate = 1.0 / (game.pursuer.speed_m_s * distance + reach * dot2(e, wind))
+    return (rate * reach * e[0], rate * reach * e[1]), rate * state.z
+
+
+def _short(xp: Library, game: Game, state: State, goal: Plane, t: Array) -> tuple[Space, Plane, Plane]:
+    """Return the gradients of the distance that the pursuer is short of where the evader wins, at its arrival t."""
+    wind, adrift, v = game.wind_m_s, game.target_velocity_m_s, game.evader_speed_m_s
+    y = (state.to_evader[0] + goal[0] - wind[0] * t, state.to_evader[1] + goal[1] - wind[1] * t)
+    length = norm2(xp, y)
+    e, n = unit2(xp, y, length), unit2(xp, goal, norm2(xp, goal))
+    beside, above = length - game.standoff.radius_m, abs(state.z)
+    if isinstance(game.pursuer, Cylinder):
+        fall = vertical_speed(xp, game.pursuer, state.z)
+        beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * t
+        above = positive_part(above - game.capture_radius_m - fall * t)
+    beside = positive_part(beside)
+    distance = norm2(xp, (beside, above))
+    share, rise = beside / distance, above / distance
+    if isinstance(game.pursuer, Cylinder):
+        closing = share * game.pursuer.horizontal_m_s + rise * fall
+    else:
+        closing = game.pursuer.speed_m_s
+    by_time = share * (dot2(e, adrift) - dot2(e, wind)) - closing
+    later = by_time / (v - dot2(n, adrift))
+    return (
+        (-share * e[0], -share * e[1], rise * _sign(xp, state.z)),
+        (-later * n[0], -later * n[1]),
+        (share * e[0] + later * n[0], share * e[1] + later * n[1]),
+    )
