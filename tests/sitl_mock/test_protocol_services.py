@@ -1,0 +1,306 @@
+"""The small protocols: time, identity, home, modes, FTP, texts, and the session that holds them together."""
+
+import math
+import struct
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as dialect
+
+from sitl_mock.protocols import (
+    ARDUPILOT_CAPABILITIES,
+    MESSAGES,
+    PX4_CAPABILITIES,
+    PX4_OWN_ID_ONLY,
+    Capability,
+    CommandAnswer,
+    CommandProtocol,
+    FtpError,
+    FtpRefusal,
+    HomeProtocol,
+    ModeEntry,
+    Place,
+    Session,
+    StandardMode,
+    StatusTexts,
+    TimeProtocol,
+    addressed,
+    ardupilot_identity,
+    available_modes,
+    available_modes_monitor,
+    current_mode,
+    gps_global_origin,
+    home_position,
+    px4_identity,
+)
+
+# -- time --------------------------------------------------------------------------------------------------------------
+
+
+def test_a_question_for_the_time_is_answered_with_the_own_clock_and_the_askers_stamp(wire):
+    client = wire(TimeProtocol(1, 1))
+    client.now_s = 12.5
+    (answer,) = client.send("TIMESYNC", 0, 987_654_321)
+    assert (answer.tc1, answer.ts1) == (12_500_000_000, 987_654_321)
+
+
+def test_an_answer_to_the_own_question_gives_offset_and_round_trip(wire):
+    time = TimeProtocol(1, 1)
+    client = wire(time)
+    client.now_s = 10.0
+    (question,) = client.read([time.ask(10.0)])
+    assert (question.tc1, question.ts1) == (0, 10_000_000_000)
+    client.now_s = 10.2  # the peer's clock was 1000 s ahead when it answered half way, at 10.1
+    assert client.send("TIMESYNC", int(1010.1e9), question.ts1) == []
+    assert (time.round_trip_s, time.offset_s) == (pytest.approx(0.2), pytest.approx(1000.0))
+
+
+def test_an_answer_to_somebody_elses_question_or_a_second_one_is_ignored(wire):
+    time = TimeProtocol(1, 1)
+    client = wire(time)
+    client.send("TIMESYNC", 5, 6)
+    assert time.offset_s is None
+    client.read([time.ask(1.0)])
+    client.send("TIMESYNC", int(3e9), int(1e9))
+    first = time.offset_s
+    client.send("TIMESYNC", int(9e9), int(1e9))
+    assert time.offset_s == first
+
+
+def test_a_broadcast_ping_is_answered_to_the_sender_and_an_answer_is_not_answered(wire):
+    client = wire(TimeProtocol(1, 1), client=(42, 191))
+    (answer,) = client.send("PING", 123_456, 7, 0, 0)
+    assert (answer.time_usec, answer.seq, answer.target_system, answer.target_component) == (123_456, 7, 42, 191)
+    assert client.send("PING", 123_456, 7, 1, 1) == []
+    assert client.send("HEARTBEAT", 6, 8, 0, 0, 4, 3) == client.wait(2.0) == []
+
+
+# -- identity ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("identity", "version"), [(px4_identity(0xABC), (1, 17, 0)), (ardupilot_identity(0xABC), (4, 5, 7))]
+)
+def test_the_version_message_tells_version_and_number_of_the_vehicle(wire, identity, version):
+    (message,) = wire(None).read([identity.autopilot_version()])
+    packed = message.flight_sw_version
+    assert ((packed >> 24), (packed >> 16) & 255, (packed >> 8) & 255, packed & 255) == (*version, 255)
+    assert message.uid == 0xABC
+    assert int.from_bytes(bytes(message.uid2), "little") == 0xABC
+
+
+def test_capabilities_are_what_the_protocols_do():
+    for capabilities in (PX4_CAPABILITIES, ARDUPILOT_CAPABILITIES):
+        assert Capability.FTP not in capabilities
+        wanted = Capability.MISSION_INT | Capability.COMMAND_INT | Capability.MAVLINK2 | Capability.MISSION_FENCE
+        assert wanted in capabilities
+    assert Capability.PARAM_ENCODE_BYTEWISE in PX4_CAPABILITIES
+    assert Capability.PARAM_ENCODE_C_CAST not in PX4_CAPABILITIES
+    assert Capability.PARAM_ENCODE_C_CAST in ARDUPILOT_CAPABILITIES
+
+
+# -- home and origin ---------------------------------------------------------------------------------------------------
+
+ZURICH = Place(47.397742, 8.545594, 488.25)
+
+
+def test_home_and_origin_are_told_in_integers_to_the_centimetre(wire):
+    home, origin = wire(None).read([home_position(ZURICH, (1.0, 2.0, -3.0), 5.0), gps_global_origin(ZURICH, 5.0)])
+    for message in (home, origin):
+        assert (message.latitude, message.longitude, message.altitude) == (473_977_420, 85_455_940, 488_250)
+        assert message.time_usec == 5_000_000
+    assert (home.x, home.y, home.z) == (1.0, 2.0, -3.0)
+    assert list(home.q) == [1.0, 0.0, 0.0, 0.0]
+    assert math.isnan(home.approach_x)
+
+
+def test_an_origin_that_is_taken_is_confirmed_with_equal_values(wire):
+    taken = []
+    client = wire(HomeProtocol(lambda now_s, place: not taken.append(place), lambda now_s, place: True))
+    (answer,) = client.send("SET_GPS_GLOBAL_ORIGIN", 1, 473_977_420, 85_455_940, 488_250)
+    assert (answer.get_type(), answer.latitude, answer.longitude, answer.altitude) == (
+        "GPS_GLOBAL_ORIGIN",
+        473_977_420,
+        85_455_940,
+        488_250,
+    )
+    assert taken == [pytest.approx(ZURICH)]
+
+
+def test_an_origin_that_is_refused_or_nowhere_is_not_confirmed(wire):
+    client = wire(HomeProtocol(lambda now_s, place: False, lambda now_s, place: False))
+    assert client.send("SET_GPS_GLOBAL_ORIGIN", 1, 473_977_420, 85_455_940, 488_250) == []
+    eager = wire(HomeProtocol(lambda now_s, place: True, lambda now_s, place: True))
+    assert eager.send("SET_GPS_GLOBAL_ORIGIN", 1, 900_000_001, 0, 0) == []
+    assert eager.send("SET_GPS_GLOBAL_ORIGIN", 1, 0, -1_800_000_001, 0) == []
+    assert eager.send("PING", 1, 1, 0, 0) == eager.wait(1.0) == []
+
+
+def test_home_can_be_set_by_its_message(wire):
+    taken = []
+    client = wire(HomeProtocol(lambda now_s, place: True, lambda now_s, place: not taken.append(place)))
+    assert client.send("SET_HOME_POSITION", 1, 473_977_420, 85_455_940, 488_250, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0) == []
+    assert taken == [pytest.approx(ZURICH)]
+
+
+# -- modes -------------------------------------------------------------------------------------------------------------
+
+MODES = (
+    ModeEntry("Position", 0x030000, StandardMode.POSITION_HOLD),
+    ModeEntry("Hold", 0x03040000),
+    ModeEntry("Offboard", 0x060000, properties=1),
+)
+
+
+def test_all_modes_or_one_of_them_are_listed(wire):
+    client = wire(None)
+    every = client.read(available_modes(MODES, 0))
+    assert [(m.mode_index, m.number_modes, m.mode_name) for m in every] == [
+        (1, 3, "Position"),
+        (2, 3, "Hold"),
+        (3, 3, "Offboard"),
+    ]
+    assert [(m.standard_mode, m.custom_mode, m.properties) for m in every][2] == (0, 0x060000, 1)
+    assert [m.mode_name for m in client.read(available_modes(MODES, 2))] == ["Hold"]
+    assert available_modes(MODES, 4) == []
+
+
+def test_the_current_mode_names_its_standard_mode(wire):
+    mode, other, monitor = wire(None).read(
+        [current_mode(MODES, 0x030000, 0x03040000), current_mode(MODES, 99), available_modes_monitor(300)]
+    )
+    assert (mode.standard_mode, mode.custom_mode, mode.intended_custom_mode) == (1, 0x030000, 0x03040000)
+    assert (other.standard_mode, other.custom_mode) == (0, 99)
+    assert monitor.seq == 44
+
+
+# -- FTP ---------------------------------------------------------------------------------------------------------------
+
+
+def ftp(client, opcode, sequence=7, session=0, data=b""):
+    head = struct.pack("<HBBBBBBI", sequence, session, opcode, len(data), 0, 0, 0, 0)
+    return client.send("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list((head + data).ljust(251, b"\0")))
+
+
+@pytest.mark.parametrize(
+    ("opcode", "error"),
+    [
+        (4, FtpError.FILE_NOT_FOUND),
+        (3, FtpError.FILE_NOT_FOUND),
+        (5, FtpError.INVALID_SESSION),
+        (15, FtpError.INVALID_SESSION),
+        (0, FtpError.UNKNOWN_COMMAND),
+        (77, FtpError.UNKNOWN_COMMAND),
+    ],
+)
+def test_a_request_for_a_file_is_refused_at_once_with_the_next_sequence(wire, opcode, error):
+    client = wire(FtpRefusal(), client=(42, 191))
+    (answer,) = ftp(client, opcode, sequence=0xFFFF, data=b"@PARAM/param.pck")
+    assert (answer.target_network, answer.target_system, answer.target_component) == (0, 42, 191)
+    sequence, _, kind, size, asked, _, _, _ = struct.unpack("<HBBBBBBI", bytes(answer.payload[:12]))
+    assert (sequence, kind, size, asked, answer.payload[12]) == (0, 129, 1, opcode, error)
+
+
+@pytest.mark.parametrize("opcode", [1, 2])
+def test_closing_what_was_never_open_succeeds(wire, opcode):
+    (answer,) = ftp(wire(FtpRefusal()), opcode)
+    assert (answer.payload[3], answer.payload[4], answer.payload[5]) == (128, 0, opcode)
+
+
+def test_answers_are_not_answered(wire):
+    client = wire(FtpRefusal())
+    assert ftp(client, 128) == ftp(client, 129) == client.send("PING", 1, 1, 0, 0) == client.wait(1.0) == []
+
+
+# -- STATUSTEXT --------------------------------------------------------------------------------------------------------
+
+
+def assembled(messages):
+    """Put chunks together as the message's definition says: until one that does not fill its field."""
+    text = b""
+    for chunk, message in enumerate(messages):
+        assert message.chunk_seq == chunk
+        raw = message._text_raw
+        text += raw
+        if len(raw) < 50:
+            assert chunk == len(messages) - 1
+            return text
+    raise AssertionError("no chunk ends the text")
+
+
+def test_a_short_text_is_one_message_without_an_id(wire):
+    (message,) = wire(None).read(StatusTexts().replies(4, "x" * 50))
+    assert (message.severity, message.text, message.id, message.chunk_seq) == (4, "x" * 50, 0, 0)
+
+
+@given(st.text(alphabet=st.characters(min_codepoint=32, max_codepoint=0x17F), min_size=51, max_size=400))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_long_text_comes_back_whole_from_its_chunks(wire, text):
+    assert assembled(wire(None).read(StatusTexts().replies(6, text))) == text.encode()
+
+
+def test_long_texts_have_ids_that_differ_and_are_never_zero(wire):
+    texts, client = StatusTexts(), wire(None)
+    ids = [{message.id for message in client.read(texts.replies(6, "y" * 100))} for _ in range(3)]
+    assert ids == [{1}, {2}, {3}]
+    texts._last_id = 0xFFFF
+    assert {message.id for message in client.read(texts.replies(6, "y" * 100))} == {1}
+
+
+def test_a_text_without_end_is_cut_to_256_chunks():
+    assert len(StatusTexts().replies(6, "z" * 20_000)) == 256
+
+
+# -- session -----------------------------------------------------------------------------------------------------------
+
+
+def session(executed, **options):
+    command = CommandProtocol(
+        1, 1, lambda now_s, c: executed.append(c) or [CommandAnswer(0), CommandAnswer(0, delay_s=1)]
+    )
+    return Session(1, 1, command=command, time=TimeProtocol(1, 1), ftp=FtpRefusal(), **options)
+
+
+def test_a_session_gives_each_message_to_its_protocol_and_the_rest_back(wire):
+    executed = []
+    held = session(executed)
+    client = wire(held)
+    assert client.send("COMMAND_LONG", 1, 1, 400, 0, *[0.0] * 7)[0].get_type() == "COMMAND_ACK"
+    assert client.send("TIMESYNC", 0, 5)[0].get_type() == "TIMESYNC"
+    assert client.wait(1.1)[0].get_type() == "COMMAND_ACK"
+    setpoint = client.as_received(_heartbeat())
+    assert held.handle(0.0, setpoint) is None
+    assert len(executed) == 1
+
+
+def _heartbeat():
+    return dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+
+
+def test_a_session_drops_what_is_meant_for_another(wire):
+    client = wire(session([]))
+    assert client.send("FILE_TRANSFER_PROTOCOL", 0, 2, 1, [0] * 251) == []
+    assert client.send("FILE_TRANSFER_PROTOCOL", 0, 1, 2, [0] * 251) == []
+    assert len(client.send("FILE_TRANSFER_PROTOCOL", 0, 0, 0, [0] * 251)) == 1
+
+
+def test_px4_ignores_parameters_missions_and_ftp_to_system_zero(wire):
+    client = wire(session([], own_id_only=PX4_OWN_ID_ONLY))
+    assert client.send("FILE_TRANSFER_PROTOCOL", 0, 0, 0, [0] * 251) == []
+    assert len(client.send("FILE_TRANSFER_PROTOCOL", 0, 1, 0, [0] * 251)) == 1
+    assert len(client.send("PING", 1, 1, 0, 0)) == 1
+
+
+def test_a_protocol_with_an_unknown_name_is_refused():
+    with pytest.raises(KeyError, match="telepathy"):
+        Session(1, 1, telepathy=FtpRefusal())
+
+
+def test_no_message_belongs_to_two_protocols():
+    names = [name for group in MESSAGES.values() for name in group]
+    assert len(names) == len(set(names))
+
+
+def test_a_message_without_a_target_is_for_everybody():
+    assert addressed(_heartbeat(), 1, 1)
