@@ -80,6 +80,8 @@ class RequestQueue:
             lane[0].next_send_s = now_s + IN_PROGRESS_PATIENCE_S
             return
         lane.popleft()
+        if not lane:
+            del self.waiting["command", command]
 
     def awaits_parameter(self, name: str) -> bool:
         """Whether we asked for it and have no answer yet."""

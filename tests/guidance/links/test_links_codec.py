@@ -1,0 +1,88 @@
+"""Fields to values, from what pymavlink and what MAVSDK's JSON call them."""
+
+import json
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common as dialect
+
+from guidance.links.codec import DECODERS, decode, parameter
+from guidance.telemetry import GlobalPosition, Heartbeat, Home, LocalPosition, SystemStatus
+
+
+def as_json(fields: dict) -> dict:
+    """What MAVSDK hands over: NaN as null."""
+    plain = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in fields.items()}
+    return json.loads(json.dumps(plain))
+
+
+def test_every_message_that_is_decoded_exists_with_these_fields_in_the_dialect():
+    names = {message.msgname: message for message in dialect.mavlink_map.values()}
+    for name in DECODERS:
+        zeros = dict.fromkeys(names[name].fieldnames, 0) | {"lat": 1, "latitude": 1}
+        assert decode(name, zeros, 3.0).received_s == 3.0
+
+
+def test_a_heartbeat_says_mode_and_armed():
+    fields = dialect.MAVLink_heartbeat_message(2, 12, 128 | 29, 6 << 16, 4, 3).to_dict()
+    assert decode("HEARTBEAT", fields, 1.0) == Heartbeat(1.0, 6 << 16, True, 4, 12)
+    assert not decode("HEARTBEAT", {**fields, "base_mode": 29}, 1.0).armed
+
+
+def test_units_become_metres_seconds_and_degrees():
+    position = dialect.MAVLink_global_position_int_message(2500, 473977418, -85455939, 488125, 20250, 150, -25, 75, 0)
+    assert decode("GLOBAL_POSITION_INT", position.to_dict(), 9.0) == GlobalPosition(
+        9.0, 2.5, 47.3977418, -8.5455939, 488.125, 20.25, (1.5, -0.25, 0.75)
+    )
+    local = dialect.MAVLink_local_position_ned_message(1500, 1.0, 2.0, -3.0, 0.5, -0.5, 0.25).to_dict()
+    expected = LocalPosition(9.0, 1.5, (1.0, 2.0, -3.0), (0.5, -0.5, 0.25))
+    assert decode("LOCAL_POSITION_NED", local, 9.0) == decode("LOCAL_POSITION_NED", as_json(local), 9.0) == expected
+
+
+@pytest.mark.parametrize("field", ["x", "y", "z", "vx", "vy", "vz"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, None])
+def test_a_local_position_that_is_not_finite_is_none(field, bad):
+    fields = dialect.MAVLink_local_position_ned_message(1, 1, 2, 3, 4, 5, 6).to_dict() | {field: bad}
+    with pytest.raises(ValueError, match="not finite"):
+        decode("LOCAL_POSITION_NED", fields, 0.0)
+
+
+@pytest.mark.parametrize(("lat", "lon"), [(0, 0), (2**31 - 1, 2**31 - 1), (900000001, 1), (1, 1800000001)])
+@pytest.mark.parametrize("name", ["GLOBAL_POSITION_INT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"])
+def test_places_that_are_none_are_refused(name, lat, lon):
+    message = next(message for message in dialect.mavlink_map.values() if message.msgname == name)
+    fields = dict.fromkeys(message.fieldnames, 0) | {"lat": lat, "latitude": lat, "lon": lon, "longitude": lon}
+    with pytest.raises(ValueError, match=r"fix|globe"):
+        decode(name, fields, 0.0)
+
+
+def test_a_home_without_a_local_position_is_still_a_home():
+    fields = dialect.MAVLink_home_position_message(470000000, 80000000, 488000, *[math.nan] * 3, [1, 0, 0, 0], 0, 0, 0)
+    home = decode("HOME_POSITION", as_json(fields.to_dict()), 0.0)
+    assert isinstance(home, Home)
+    assert home.altitude_amsl_m == 488.0
+    assert all(map(math.isnan, home.position_ned_m))
+
+
+@pytest.mark.parametrize(("percent", "expected"), [(-1, math.nan), (0, 0.0), (55, 0.55), (100, 1.0), (101, math.nan)])
+def test_an_unknown_battery_is_nan_and_never_full(percent, expected):
+    fields = dict.fromkeys(dialect.MAVLink_sys_status_message.fieldnames, 0) | {"battery_remaining": percent}
+    status = decode("SYS_STATUS", fields, 0.0)
+    assert isinstance(status, SystemStatus)
+    assert status.battery_remaining == pytest.approx(expected, nan_ok=True)
+
+
+@given(st.integers(-(2**31), 2**31 - 1))
+def test_px4_integers_are_bytes_in_a_float_and_ardupilots_are_numbers(value):
+    (as_float,) = struct.unpack("<f", struct.pack("<i", value))
+    fields = {"param_id": "P", "param_type": 6, "param_value": as_float}
+    if math.isnan(as_float):
+        assert math.isnan(parameter(fields, 0.0, autopilot=12).value)
+    else:
+        assert parameter(fields, 0.0, autopilot=12).value == value
+    assert parameter({**fields, "param_integer": value}, 0.0, autopilot=12).value == value
+    assert parameter({**fields, "param_value": 7.0}, 0.0, autopilot=3).value == 7.0
+    assert parameter({**fields, "param_type": 9, "param_value": 7.5}, 0.0, autopilot=12).value == 7.5

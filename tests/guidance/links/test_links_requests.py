@@ -1,0 +1,99 @@
+import pytest
+
+from guidance.links.requests import RequestQueue
+from guidance.telemetry import Command, ParameterRequest
+
+ZEROS = (0.0,) * 7
+ARM = Command(400, (1.0, *ZEROS[1:]))
+
+
+def sends(queue: RequestQueue, *times_s: float) -> list:
+    return [(time_s, request, attempt) for time_s in times_s for request, attempt in queue.due(time_s)]
+
+
+def ticks(until_s: float, step_s: float = 0.1) -> list[float]:
+    return [round(n * step_s, 3) for n in range(round(until_s / step_s) + 1)]
+
+
+def test_a_command_goes_out_four_times_half_a_second_apart_and_then_counts_as_unanswered():
+    queue = RequestQueue()
+    queue.add(ARM)
+    assert sends(queue, *ticks(5.0)) == [(0.0, ARM, 0), (0.5, ARM, 1), (1.0, ARM, 2), (1.5, ARM, 3)]
+    assert queue.unanswered == 1
+    assert queue.waiting == {}
+
+
+@pytest.mark.parametrize("result", [0, 1, 2, 3, 4])
+def test_an_answer_ends_the_repeats_whatever_it_says(result):
+    queue = RequestQueue()
+    queue.add(ARM)
+    assert len(sends(queue, 0.0)) == 1
+    queue.acknowledged(400, result, 0.1)
+    assert sends(queue, *ticks(5.0)) == []
+    assert queue.unanswered == 0
+
+
+def test_an_answer_to_something_else_ends_nothing():
+    queue = RequestQueue()
+    queue.add(ARM)
+    sends(queue, 0.0)
+    queue.acknowledged(176, 0, 0.1)
+    assert len(sends(queue, 0.5)) == 1
+
+
+def test_an_answer_from_before_the_request_was_sent_is_not_its():
+    queue = RequestQueue()
+    queue.add(ARM)
+    queue.acknowledged(400, 0, 0.0)
+    assert len(sends(queue, 0.0)) == 1
+
+
+def test_in_progress_is_waited_for_and_not_repeated():
+    queue = RequestQueue()
+    queue.add(ARM)
+    sends(queue, 0.0)
+    queue.acknowledged(400, 5, 0.1)
+    assert sends(queue, *ticks(9.0)) == []
+    assert queue.unanswered == 0
+    sends(queue, 10.2)
+    assert queue.unanswered == 1
+
+
+def test_a_new_mode_takes_the_place_of_the_one_that_waits_at_once():
+    queue = RequestQueue()
+    offboard, hold = Command(176, (1, 6, *ZEROS[2:])), Command(176, (1, 4, 3, *ZEROS[3:]))
+    queue.add(offboard)
+    assert sends(queue, 0.0) == [(0.0, offboard, 0)]
+    queue.add(hold)
+    assert sends(queue, 0.02) == [(0.02, hold, 0)]
+    assert all(request == hold for _, request, _ in sends(queue, *ticks(3.0)))
+
+
+def test_stream_requests_queue_one_behind_another():
+    queue = RequestQueue()
+    streams = [Command(511, (float(message), 20000.0, *ZEROS[2:])) for message in (30, 32, 33)]
+    for stream in streams:
+        queue.add(stream)
+    sent = []
+    for tick in range(3):
+        sent += [request for request, _ in queue.due(0.02 * tick)]
+        queue.acknowledged(511, 0, 0.02 * tick + 0.01)
+    assert sent == streams
+    assert queue.waiting == {}
+
+
+def test_parameters_wait_side_by_side_and_are_answered_by_name():
+    queue = RequestQueue()
+    queue.add(ParameterRequest("A"))
+    queue.add(ParameterRequest("B"))
+    assert len(sends(queue, 0.0)) == 2
+    queue.parameter_came("A")
+    assert queue.awaits_parameter("B")
+    assert [request.name for _, request, _ in sends(queue, 0.5)] == ["B"]
+
+
+def test_the_queue_is_bounded():
+    queue = RequestQueue()
+    for message in range(200):
+        queue.add(Command(511, (float(message), *ZEROS[1:])))
+    assert queue.refused == 200 - 64
