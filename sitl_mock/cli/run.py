@@ -1,0 +1,69 @@
+"""`sitl-mock run`: a fleet in real time until told to stop."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sitl_mock.errors import ConfigError
+
+if TYPE_CHECKING:
+    from sitl_mock.config import FleetConfig
+
+
+def run(
+    vehicles: Annotated[
+        list[str] | None,
+        typer.Option(help="How many (of --flavour), or `flavour:name[@north,east,down]`, once for each vehicle."),
+    ] = None,
+    flavour: Annotated[str, typer.Option(help="px4, arducopter or rover, where --vehicles is a number.")] = "px4",
+    fleet: Annotated[Path | None, typer.Option(help="TOML file with the vehicles, instead of --vehicles.")] = None,
+    zenoh: Annotated[
+        str | None, typer.Option(help="Zenoh endpoint to listen on: tcp/127.0.0.1:7447; port 0 takes a free one.")
+    ] = None,
+    zenoh_connect: Annotated[str | None, typer.Option(help="Zenoh router to connect to instead of listening.")] = None,
+    udp: Annotated[
+        int | None, typer.Option(help="First port of the onboard links; vehicle i sends to PORT + i.", min=1, max=65000)
+    ] = None,
+    gcs: Annotated[
+        int | None, typer.Option(help="Port of a ground station; every vehicle sends to it.", min=1, max=65535)
+    ] = None,
+    ready_after_s: Annotated[
+        float | None, typer.Option(help="From boot until arming is possible; as measured if not given.", min=0.0)
+    ] = None,
+    noise: Annotated[bool, typer.Option(help="Estimation error as measured on the real autopilots.")] = True,
+    seed: Annotated[int, typer.Option(help="Seed of all randomness.", min=0)] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Say `ready` as one line of JSON.")] = False,
+    parent_pipe: Annotated[
+        bool, typer.Option("--parent-pipe", help="End when standard input closes: an orphaned child ends by itself.")
+    ] = False,
+) -> None:
+    """Fly a fleet in real time, over Zenoh and UDP, until SIGTERM or Ctrl-C.
+
+    `sitl-mock run --vehicles px4:uav1 --vehicles rover:target@30,0,0 --zenoh tcp/127.0.0.1:7447`
+
+    `sitl-mock run --vehicles 20 --flavour px4 --udp 14540`
+
+    `sitl-mock run --fleet fleet.toml --zenoh tcp/127.0.0.1:0 --json --parent-pipe`
+
+    Over Zenoh a client opens a session with `namespace: "uav1"` and uses the keys `mavlink_raw/in` (towards the
+    vehicle) and `mavlink_raw/out`, one packet a sample.
+    """
+    from sitl_mock.serving import Wires, serve  # noqa: PLC0415 - nothing of it is needed for `--help`
+
+    given = {"ready_after_s": ready_after_s, "noise": noise}
+    config = _configured(vehicles or [], flavour, fleet, {k: v for k, v in given.items() if v is not None}, seed)
+    serve(config, Wires(zenoh, zenoh_connect, udp, gcs), as_json=as_json, parent_pipe=parent_pipe)
+
+
+def _configured(
+    specs: list[str], flavour: str, fleet: Path | None, common: dict[str, object], seed: int
+) -> "FleetConfig":
+    from sitl_mock.config import checked, parse_vehicles, read_fleet  # noqa: PLC0415 - as above
+
+    if fleet is not None:
+        if specs:
+            raise ConfigError(f"--fleet {fleet} and --vehicles {specs[0]}: give one of them")
+        return read_fleet(fleet)
+    vehicles = [{**common, **vehicle} for vehicle in parse_vehicles(specs or ["1"], flavour)]
+    return checked({"seed": seed, "vehicle": vehicles}, "--vehicles")

@@ -1,0 +1,159 @@
+"""A fleet served in real time: opens its endpoints, says that it is ready, runs until told to stop, closes everything."""
+
+import contextlib
+import gc
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from types import FrameType
+
+from sitl_mock.config import FleetConfig
+from sitl_mock.errors import ConfigError
+from sitl_mock.fleet import build
+from sitl_mock.transports import Endpoint, run
+from sitl_mock.transports.udp import UdpEndpoint
+from sitl_mock.vehicle import MockVehicle
+
+PX4_LOCAL_OFFSET = 40
+"""PX4's simulation listens 40 ports above the one it sends to: 14580 beside 14540."""
+GCS_LOCAL_PORT = 18570
+
+
+@dataclass(frozen=True)
+class Wires:
+    """Over what a fleet is served.
+
+    Attributes:
+        zenoh: Endpoint to listen on; port 0 takes a free one.
+        zenoh_connect: Endpoint to connect to instead.
+        udp: First port of the onboard links; vehicle i sends to udp + i and listens on udp + 40 + i.
+        gcs: Port of a ground station, to which every vehicle sends from 18570 + i.
+    """
+
+    zenoh: str | None = None
+    zenoh_connect: str | None = None
+    udp: int | None = None
+    gcs: int | None = None
+
+
+@dataclass(slots=True)
+class Stop:
+    """Whether a signal asked to stop, and what wakes the loop when one does."""
+
+    wake_fileno: int
+    asked: bool = False
+
+    def ask(self, number: int, frame: FrameType | None) -> None:
+        """Take a signal."""
+        del number, frame
+        self.asked = True
+
+
+def serve(config: FleetConfig, wires: Wires, *, as_json: bool = False, parent_pipe: bool = False) -> None:
+    """Serve a fleet until SIGTERM, SIGINT or, with parent_pipe, the end of standard input.
+
+    Raises:
+        ConfigError: There is nothing to serve over, or the fleet is wrong.
+        TransportError: An endpoint cannot be opened.
+    """
+    if wires == Wires():
+        raise ConfigError("nothing to fly over: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
+    with contextlib.ExitStack() as stack:
+        stop = stack.enter_context(_stop_signals())
+        unix_us = time.time_ns() // 1000 - time.monotonic_ns() // 1000
+        vehicles = build(config, unix_us=unix_us, ground_link=wires.gcs is not None)
+        endpoints = _opened(wires, list(vehicles), stack)
+        _say_ready(vehicles, endpoints, as_json=as_json)
+        watched = [stop.wake_fileno]
+        if parent_pipe:
+            watched.append(sys.stdin.fileno())
+        gc.collect()
+        gc.freeze()  # a full collection would delay a cycle by milliseconds
+
+        def ended() -> bool:
+            return stop.asked or (parent_pipe and _at_end(sys.stdin.fileno()))
+
+        run(vehicles, endpoints, time.monotonic, ended, watched)
+
+
+def _opened(wires: Wires, names: Sequence[str], stack: contextlib.ExitStack) -> list[Endpoint]:
+    """Open the endpoints; the stack closes them."""
+    endpoints: list[Endpoint] = []
+    if wires.udp is not None:
+        first = wires.udp
+        ports = {name: (first + PX4_LOCAL_OFFSET + index, first + index) for index, name in enumerate(names)}
+        endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("onboard", ports, time.monotonic))))
+    if wires.gcs is not None:
+        ports = {name: (GCS_LOCAL_PORT + index, wires.gcs) for index, name in enumerate(names)}
+        endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("gcs", ports, time.monotonic))))
+    if wires.zenoh is not None or wires.zenoh_connect is not None:
+        from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP alone shall not load Zenoh
+            ZenohEndpoint,
+            with_port,
+        )
+
+        connect = wires.zenoh_connect is not None
+        endpoint = wires.zenoh_connect or with_port(wires.zenoh or "")
+        mode = "client" if connect else "router"
+        opened = ZenohEndpoint(names, endpoint, mode=mode, connect=connect)
+        endpoints.append(stack.enter_context(contextlib.closing(opened)))
+    return endpoints
+
+
+def _say_ready(vehicles: dict[str, MockVehicle], endpoints: Sequence[Endpoint], *, as_json: bool) -> None:
+    """Tell a parent or a person where each vehicle can be reached."""
+    told = [
+        {
+            "name": name,
+            "flavour": vehicle.flavour.name,
+            "system_id": vehicle.system_id,
+            "endpoints": [each.describe()[name] for each in endpoints],
+        }
+        for name, vehicle in vehicles.items()
+    ]
+    if as_json:
+        lines = [json.dumps({"event": "ready", "vehicles": told})]
+    else:
+        lines = [
+            f"{each['name']}: {each['flavour']}, system id {each['system_id']}, {', '.join(each['endpoints'])}"
+            for each in told
+        ]
+        lines.append("ready")
+    sys.stdout.write("\n".join(lines) + "\n")
+    sys.stdout.flush()
+
+
+@contextlib.contextmanager
+def _stop_signals() -> Iterator[Stop]:
+    """SIGTERM and SIGINT set a flag and wake the loop."""
+    reader, writer = socket.socketpair()
+    reader.setblocking(False)
+    writer.setblocking(False)
+    stop = Stop(reader.fileno())
+    old_wakeup = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    old = {number: signal.signal(number, stop.ask) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield stop
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(old_wakeup)
+        reader.close()
+        writer.close()
+
+
+def _at_end(fileno: int) -> bool:
+    """Whether a pipe has been closed at its other end; what comes through it is thrown away."""
+    while select.select([fileno], [], [], 0.0)[0]:
+        try:
+            if not os.read(fileno, 4096):
+                return True
+        except OSError:
+            return True
+    return False

@@ -1,0 +1,75 @@
+"""Moving a fleet in real time: wake on the 10 ms grid and whenever something comes."""
+
+import select
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from sitl_mock.transports.endpoint import Endpoint
+from sitl_mock.vehicle import TICK_S, MockVehicle
+
+Clock = Callable[[], float]
+
+STALL_S: Final = 1.0
+"""After a stall longer than this (a suspended process) the time in between is left out."""
+
+
+@dataclass(slots=True)
+class Loop:
+    """The state of the loop: vehicles, endpoints, and how far the clock of the vehicles is behind the caller's."""
+
+    vehicles: Mapping[str, MockVehicle]
+    endpoints: Sequence[Endpoint]
+    clock: Clock
+    left_out_s: float = 0.0
+    last_s: float = 0.0
+
+    def cycle(self) -> None:
+        """Take what has come, move every vehicle to now, send what they say."""
+        inbox: dict[str, dict[str, list[bytes]]] = defaultdict(lambda: defaultdict(list))
+        for endpoint in self.endpoints:
+            for arrival in endpoint.receive():
+                inbox[arrival.vehicle][arrival.link].append(arrival.data)
+        now_s = self._now()
+        for name, vehicle in self.vehicles.items():
+            for link, frames in vehicle.step_links(now_s, inbox.get(name, {})).items():
+                if frames:
+                    for endpoint in self.endpoints:
+                        endpoint.send(name, link, frames)
+
+    def _now(self) -> float:
+        now_s = self.clock() - self.left_out_s
+        if self.last_s and now_s - self.last_s > STALL_S:
+            self.left_out_s += now_s - self.last_s - TICK_S
+            now_s = self.last_s + TICK_S
+        self.last_s = now_s
+        return now_s
+
+
+def run(
+    vehicles: Mapping[str, MockVehicle],
+    endpoints: Sequence[Endpoint],
+    clock: Clock,
+    stop: Callable[[], bool],
+    watched: Sequence[int] = (),
+) -> None:
+    """Run until `stop()` is true.
+
+    Args:
+        vehicles: By name.
+        endpoints: What carries their frames.
+        clock: Monotonic seconds.
+        stop: Asked after every wake.
+        watched: More file descriptors to wake for; `stop` reads them.
+    """
+    loop = Loop(vehicles, endpoints, clock)
+    poller = select.poll()
+    for fileno in (*(fileno for endpoint in endpoints for fileno in endpoint.filenos()), *watched):
+        poller.register(fileno, select.POLLIN)
+    started_s = clock()
+    while not stop():
+        loop.cycle()
+        since_s = clock() - started_s
+        wait_s = TICK_S - since_s % TICK_S
+        poller.poll(wait_s * 1e3)

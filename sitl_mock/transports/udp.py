@@ -1,0 +1,120 @@
+"""MAVLink over UDP as PX4's simulation does it: sends to a fixed port, and to whoever has sent to it."""
+
+import contextlib
+import socket
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from sitl_mock.errors import TransportError
+from sitl_mock.transports.endpoint import Arrival
+
+Address = tuple[str, int]
+
+MAX_PEERS: Final = 8
+PEER_FORGOTTEN_S: Final = 60.0
+_DATAGRAM_MAX: Final = 2048
+_READS_MAX: Final = 256
+_HOST: Final = "127.0.0.1"
+
+
+class UdpEndpoint:
+    """One socket a vehicle.
+
+    Args:
+        link: Name of the vehicles' link that these sockets carry.
+        ports: Vehicle name to (own port, port it sends to); own port 0 takes a free one, target port 0 none.
+        clock: Seconds, to forget peers by.
+
+    Raises:
+        TransportError: A port is taken.
+    """
+
+    def __init__(self, link: str, ports: dict[str, tuple[int, int]], clock: Callable[[], float]) -> None:
+        self.dropped = 0
+        self._link = link
+        self._clock = clock
+        self._sockets: dict[str, socket.socket] = {}
+        self._fixed: dict[str, Address | None] = {}
+        self._peers: dict[str, dict[Address, float]] = {}
+        try:
+            for name, (own, target) in ports.items():
+                self._sockets[name] = _bound(own)
+                self._fixed[name] = (_HOST, target) if target else None
+                self._peers[name] = {}
+        except TransportError:
+            self.close()
+            raise
+
+    def filenos(self) -> Sequence[int]:
+        """One a vehicle."""
+        return [each.fileno() for each in self._sockets.values()]
+
+    def receive(self) -> Sequence[Arrival]:
+        """Everything that has come, and who sent it is a peer now."""
+        arrivals = []
+        for name, each in self._sockets.items():
+            for _ in range(_READS_MAX):
+                try:
+                    data, address = each.recvfrom(_DATAGRAM_MAX)
+                except BlockingIOError:
+                    break
+                except OSError:
+                    self.dropped += 1
+                    continue
+                self._learn(name, address)
+                arrivals.append(Arrival(name, self._link, data))
+        return arrivals
+
+    def send(self, vehicle: str, link: str, frames: Sequence[bytes]) -> None:
+        """One datagram a frame, as PX4 sends them; to the fixed port and to every peer."""
+        if link != self._link:
+            return
+        each = self._sockets[vehicle]
+        targets = self._targets(vehicle)
+        for frame in frames:
+            for target in targets:
+                try:
+                    each.sendto(frame, target)
+                except OSError:
+                    self.dropped += 1
+
+    def describe(self) -> dict[str, str]:
+        """Vehicle name to its own address."""
+        return {name: f"udp://{_HOST}:{each.getsockname()[1]}" for name, each in self._sockets.items()}
+
+    def close(self) -> None:
+        """Close every socket."""
+        for each in self._sockets.values():
+            with contextlib.suppress(OSError):
+                each.close()
+        self._sockets = {}
+
+    def _learn(self, name: str, address: Address) -> None:
+        peers = self._peers[name]
+        if address == self._fixed[name]:
+            return
+        if address not in peers and len(peers) >= MAX_PEERS:
+            del peers[min(peers, key=peers.__getitem__)]
+        peers[address] = self._clock()
+
+    def _targets(self, name: str) -> list[Address]:
+        peers, fixed = self._peers[name], self._fixed[name]
+        if peers:
+            oldest_s = self._clock() - PEER_FORGOTTEN_S
+            for address in [address for address, heard_s in peers.items() if heard_s < oldest_s]:
+                del peers[address]
+        return [*([fixed] if fixed else []), *peers]
+
+
+def _bound(port: int) -> socket.socket:
+    each = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    each.setblocking(False)
+    try:
+        each.bind((_HOST, port))
+    except OSError as error:
+        each.close()
+        raise TransportError(
+            f"UDP port {port} on {_HOST} cannot be opened: {error.strerror}; "
+            "end the program that has it, or choose another with --udp or --gcs"
+        ) from None
+    return each

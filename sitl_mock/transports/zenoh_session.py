@@ -1,0 +1,162 @@
+"""Raw MAVLink over one Zenoh session: `<vehicle>/mavlink_raw/in` towards the vehicle, `.../out` from it.
+
+One packet a sample. The session is closed to the world unless told otherwise: one endpoint, no multicast, no gossip,
+no shared memory. A client opens its own session with `namespace: "<vehicle>"` and the same endpoint.
+"""
+
+import json
+import socket
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import zenoh
+
+from sitl_mock.errors import TransportError
+from sitl_mock.transports.endpoint import Arrival
+
+QUEUE_MAX: Final = 4096
+_LINK: Final = "onboard"
+
+
+def configuration(mode: str, endpoint: str, *, connect: bool) -> zenoh.Config:
+    """A closed session: listens on one endpoint, or connects to it."""
+    listens, connects = ([], [endpoint]) if connect else ([endpoint], [])
+    return zenoh.Config.from_json5(
+        json.dumps(
+            {
+                "mode": mode,
+                "listen": {"endpoints": listens},
+                "connect": {"endpoints": connects, "timeout_ms": 3000, "exit_on_failure": True},
+                "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+                "transport": {"shared_memory": {"enabled": False}},
+            }
+        )
+    )
+
+
+class ZenohEndpoint:
+    """All vehicles on one session.
+
+    Args:
+        vehicles: Their names, which are the namespaces of their keys.
+        endpoint: Where to listen or connect, for example tcp/127.0.0.1:7447.
+        mode: router, peer or client.
+        connect: Connect to the endpoint instead of listening on it.
+        link: Name of the vehicles' link that is carried.
+
+    Raises:
+        TransportError: The endpoint cannot be opened.
+    """
+
+    def __init__(
+        self, vehicles: Sequence[str], endpoint: str, *, mode: str = "router", connect: bool = False, link: str = _LINK
+    ) -> None:
+        self.dropped = 0
+        self._link = link
+        self._endpoint = endpoint
+        self._queue: deque[Arrival] = deque()
+        self._wake_from, self._wake_to = socket.socketpair()
+        self._wake_from.setblocking(False)
+        self._wake_to.setblocking(False)
+        try:
+            self._session = zenoh.open(configuration(mode, endpoint, connect=connect))
+        except zenoh.ZError as error:
+            self._close_wake()
+            raise TransportError(_reason(endpoint, str(error), connect=connect)) from None
+        raw = zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")
+        self._publishers = {
+            name: self._session.declare_publisher(
+                f"{name}/mavlink_raw/out",
+                encoding=raw,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.REAL_TIME,
+                express=True,
+            )
+            for name in vehicles
+        }
+        self._subscribers = [
+            self._session.declare_subscriber(
+                f"{name}/mavlink_raw/in", self._taker(name), allowed_origin=zenoh.Locality.REMOTE
+            )
+            for name in vehicles
+        ]
+
+    @property
+    def session(self) -> zenoh.Session:
+        """The session, for other things that live on it (the faults' queryable)."""
+        return self._session
+
+    def filenos(self) -> Sequence[int]:
+        """Readable when a sample has come."""
+        return [self._wake_from.fileno()]
+
+    def receive(self) -> Sequence[Arrival]:
+        """Everything that has come."""
+        try:
+            while self._wake_from.recv(4096):
+                pass
+        except BlockingIOError:
+            pass
+        queue = self._queue
+        return [queue.popleft() for _ in range(len(queue))]
+
+    def send(self, vehicle: str, link: str, frames: Sequence[bytes]) -> None:
+        """One sample a frame."""
+        if link != self._link:
+            return
+        put = self._publishers[vehicle].put
+        for frame in frames:
+            put(frame)
+
+    def describe(self) -> dict[str, str]:
+        """Vehicle name to its keys."""
+        return {name: f"{self._endpoint} {name}/mavlink_raw" for name in self._publishers}
+
+    def close(self) -> None:
+        """Undeclare and close; without this the interpreter would hang at exit."""
+        if not self._session.is_closed():
+            for subscriber in self._subscribers:
+                subscriber.undeclare()
+            self._session.close()
+        self._close_wake()
+
+    def _taker(self, name: str) -> Callable[[Any], None]:
+        queue, link = self._queue, self._link
+
+        def take(sample: Any) -> None:  # noqa: ANN401 - zenoh.Sample, from a thread of the session
+            if len(queue) >= QUEUE_MAX:
+                self.dropped += 1
+                return
+            queue.append(Arrival(name, link, bytes(sample.payload)))
+            try:
+                self._wake_to.send(b"\0")
+            except OSError:
+                return  # full: the loop is awake already; closed: nobody listens any more
+
+        return take
+
+    def _close_wake(self) -> None:
+        self._wake_from.close()
+        self._wake_to.close()
+
+
+def free_port() -> int:
+    """A TCP port on loopback that is free now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _reason(endpoint: str, text: str, *, connect: bool) -> str:
+    if "Address already in use" in text:
+        return f"zenoh endpoint {endpoint} is in use: end the program that listens there, or choose another port"
+    if connect:
+        return f"zenoh endpoint {endpoint} cannot be reached: start a router there, or listen instead of connecting"
+    short = text.split(" at ", maxsplit=1)[0]
+    return f"zenoh endpoint {endpoint} cannot be opened: {short}; give one such as tcp/127.0.0.1:7447"
+
+
+def with_port(endpoint: str) -> str:
+    """The endpoint with a free port where it says port 0."""
+    return f"{endpoint[:-1]}{free_port()}" if endpoint.endswith(":0") else endpoint
