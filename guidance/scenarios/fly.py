@@ -106,6 +106,9 @@ def fly(
         fresh = flight.tracking.age_s(now_s) < 0.5
         outputs = cycle.run(now_s, director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh))
         director.follow(now_s, outputs)
+        if recorder is not None:
+            for passed in world.drain():
+                recorder.frame(*passed)
         _note(result, now_s, outputs, pursuer_m, evader.position_game_m())
         progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate))
 

@@ -1,7 +1,9 @@
 """The two worlds a mocked flight takes place in: this process and a moved clock, or a child process and real time."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
+from guidance.links.tap import Passed
 from guidance.links.port import TargetSource, VehicleLink
 
 
@@ -18,6 +20,10 @@ class World(Protocol):
         Raises:
             LinkError: If the world has ended: the mock autopilot died, say.
         """
+        ...
+
+    def drain(self) -> Sequence[Passed]:
+        """Return the raw frames that passed since the last call, for the record."""
         ...
 
     def close(self) -> None:

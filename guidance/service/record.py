@@ -7,10 +7,12 @@ second. A record that cannot be written never disturbs the flight: recording sto
 import json
 import math
 from collections.abc import Mapping
+from io import BytesIO, FileIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from mcap.writer import CompressionType, Writer
+from typing_extensions import Buffer
 
 CHUNK_BYTES = 8 * 1024
 
@@ -50,8 +52,8 @@ class Recorder:
         self.path = path
         self.failed: str | None = None
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._stream: IO[bytes] = path.open("wb", buffering=0)
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._stream = path.open("wb", buffering=0)
+        self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library="guidance")
         self._writer.add_metadata("run", dict(metadata))
         self._channels: dict[str, int] = {}
@@ -98,6 +100,25 @@ class Recorder:
             self._sequence += 1
         except OSError as error:
             self.failed = str(error)
+
+
+class _Whole(BytesIO):
+    """Every write goes to the file at once and whole; the library would put a buffer around a raw file."""
+
+    def __init__(self, raw: FileIO) -> None:
+        super().__init__()
+        self._raw = raw
+
+    def write(self, data: Buffer) -> int:
+        """Write all of it, or raise OSError."""
+        rest = memoryview(data).cast("B")
+        while rest:
+            rest = rest[self._raw.write(rest) or 0 :]
+        return memoryview(data).nbytes
+
+    def tell(self) -> int:
+        """Where the file stands."""
+        return self._raw.tell()
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any value of a row

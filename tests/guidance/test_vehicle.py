@@ -1,0 +1,82 @@
+import math
+
+import pytest
+
+from guidance.autopilots import PX4
+from guidance.frames import Projection
+from guidance.telemetry import Attitude, CommandAck, Heartbeat, Home, LandedState, LocalPosition, Odometry, Origin
+from guidance.vehicle import VehicleState, local_frame, observe
+
+
+def local(received_s, boot_s, position=(0.0, 0.0, -10.0), velocity=(0.0, 0.0, 0.0)):
+    return LocalPosition(received_s, boot_s, position, velocity)
+
+
+def test_nothing_heard_has_infinite_age_and_is_neither_armed_nor_on_the_ground():
+    state = VehicleState()
+    assert state.age_s(Heartbeat, 5.0) == math.inf
+    assert not state.armed
+    assert not state.on_ground
+    assert state.yaw_rad == 0.0
+    assert state.last(LocalPosition) is None
+
+
+def test_the_latest_message_of_each_kind_is_kept_with_its_age():
+    state = observe(VehicleState(), [Heartbeat(1.0, 0, True, 4, 12), Attitude(1.5, 0.1, 0.3), LandedState(2.0, 1)])
+    assert state.armed
+    assert state.on_ground
+    assert state.yaw_rad == 0.3
+    assert state.age_s(Heartbeat, 4.0) == 3.0
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("axis", range(6))
+def test_a_local_position_that_is_not_finite_is_passed_over(bad, axis):
+    numbers = [0.0] * 6
+    numbers[axis] = bad
+    state = observe(VehicleState(), [local(1.0, 1.0), local(1.1, 1.1, tuple(numbers[:3]), tuple(numbers[3:]))])
+    assert state.last(LocalPosition) == local(1.0, 1.0)
+
+
+def test_repeated_and_older_local_positions_are_passed_over():
+    state = observe(VehicleState(), [local(1.0, 1.0), local(1.1, 1.0, (9.0, 9.0, 9.0)), local(1.2, 0.9)])
+    assert state.last(LocalPosition) == local(1.0, 1.0)
+    assert state.reboots == 0
+
+
+def test_a_clock_that_starts_again_is_a_reboot():
+    state = observe(VehicleState(), [local(10.0, 100.0), local(10.1, 0.5)])
+    assert state.reboots == 1
+    assert state.last(LocalPosition) == local(10.1, 0.5)
+
+
+def test_a_changed_reset_counter_is_a_jump_and_the_first_one_is_not():
+    state = observe(VehicleState(), [Odometry(1.0, 7), Odometry(1.1, 7)])
+    assert state.resets == 0
+    assert observe(state, [Odometry(1.2, 8), Odometry(1.3, 8)]).resets == 1
+
+
+def test_an_acknowledgement_is_not_a_state():
+    assert observe(VehicleState(), [CommandAck(1.0, 400, 0)]).latest == {}
+
+
+def test_the_fold_leaves_the_old_state_as_it_was():
+    before = observe(VehicleState(), [Odometry(1.0, 7)])
+    observe(before, [Odometry(1.1, 8)])
+    assert before.last(Odometry) == Odometry(1.0, 7)
+
+
+def test_the_local_frame_is_the_estimators_origin_not_home():
+    home = Home(1.0, 47.4, 8.5, 500.0, (30.0, 40.0, -2.0))
+    state = observe(VehicleState(), [home])
+    frame = local_frame(state, Projection.PX4)
+    assert frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, frame.home) == pytest.approx(
+        (30.0, 40.0, -2.0), abs=2e-3
+    )
+    told = local_frame(observe(state, [Origin(1.1, 47.3, 8.4, 400.0)]), Projection.PX4)
+    assert (told.latitude_deg, told.longitude_deg, told.altitude.metres) == (47.3, 8.4, 400.0)
+    assert told.home.metres == 500.0
+
+
+def test_no_frame_before_home_is_known():
+    assert local_frame(observe(VehicleState(), [Origin(1.0, 47.3, 8.4, 400.0)]), PX4.projection) is None
