@@ -8,7 +8,15 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from sitl_mock.dynamics.shaping import Reference, advance, approach_one, approach_pair, shape_one, shape_pair
+from sitl_mock.dynamics.shaping import (
+    Reference,
+    advance,
+    approach_gain_1_s,
+    approach_one,
+    approach_pair,
+    shape_one,
+    shape_pair,
+)
 from sitl_mock.dynamics.travel import TravelLimits, travel
 from sitl_mock.dynamics.values import GRAVITY_M_S2, ZERO, Body, Demand, Estimate, Kind, Ned, Setpoint, wrap_rad
 
@@ -94,12 +102,14 @@ class ArduControl:
         f_n, f_e, f_d = (0.0 if math.isnan(a) else a for a in setpoint.acceleration_ned_m_s2)
         limits = self.travel_limits
         if not math.isnan(to_n + to_e):
-            near = approach_pair((to_n - p_n, to_e - p_e), limits.speed_m_s, gains.accel_m_s2, limits.settle_1_s)
+            gain_1_s = approach_gain_1_s(gains.accel_m_s2, gains.jerk_m_s3, limits.settle_1_s)
+            near = approach_pair((to_n - p_n, to_e - p_e), limits.speed_m_s, gains.accel_m_s2, gain_1_s)
             n, e = n + near[0], e + near[1]
         gain = self._overspeed(v_d)
         accel_z, jerk_z = gains.accel_z_m_s2 * gain, gains.jerk_z_m_s3 * gain
         if not math.isnan(to_d):
-            d += approach_one(to_d - p_d, limits.climb_m_s, limits.sink_m_s, accel_z, limits.settle_1_s)
+            gain_1_s = approach_gain_1_s(accel_z, jerk_z, limits.settle_1_s)
+            d += approach_one(to_d - p_d, limits.climb_m_s, limits.sink_m_s, accel_z, gain_1_s)
         accel, jerk = gains.accel_m_s2, gains.jerk_m_s3
         pair = shape_pair((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), accel, jerk, jerk / accel, dt_s)
         down = shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, jerk_z / accel_z, dt_s)

@@ -1,5 +1,6 @@
 """A multicopter: one control law on one airframe, stepped as a pure function."""
 
+import math
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -86,7 +87,7 @@ class Multicopter(Generic[MemoryT]):
         body = motion.body
         estimate = self.estimate(body, around)
         pending, memory = self._memory(motion, estimate)
-        count = max(1, -int(-dt_s // self.step_max_s + 1e-9))
+        count = max(1, math.ceil(dt_s / self.step_max_s - 1e-9))
         inner_s = dt_s / count
         for left in range(count, 0, -1):
             pending = take(pending, setpoint, self.setpoint_delay_s, inner_s)

@@ -75,24 +75,28 @@ def shape_one(
     return acceleration + min(max(change, -most), most)
 
 
+def approach_gain_1_s(accel_max: float, jerk_max: float, settle_1_s: float) -> float:
+    """Gain from distance to speed that neither the settling of the speed nor the jerk turns into an overrun."""
+    return min(0.25 * settle_1_s, 0.4 * jerk_max / accel_max)
+
+
 def approach_pair(
-    to_go: tuple[float, float], speed_max: float, accel_max: float, settle_1_s: float
+    to_go: tuple[float, float], speed_max: float, accel_max: float, gain_1_s: float
 ) -> tuple[float, float]:
     """Velocity towards a place `to_go` away, braking in time.
 
-    The linear end is four times slower than `settle_1_s` of the loop under it, so that it does not overshoot, and half
-    of the acceleration is planned with, so that jerk-limited braking does not overrun the place.
+    Half of the acceleration is planned with, so that jerk-limited braking does not overrun the place.
     """
     distance = math.hypot(*to_go)
     if distance < 1e-9:
         return 0.0, 0.0
-    speed = min(root_law(distance, 0.25 * settle_1_s, 0.5 * accel_max), speed_max)
+    speed = min(root_law(distance, gain_1_s, 0.5 * accel_max), speed_max)
     return to_go[0] * speed / distance, to_go[1] * speed / distance
 
 
-def approach_one(to_go: float, up_max: float, down_max: float, accel_max: float, settle_1_s: float) -> float:
+def approach_one(to_go: float, up_max: float, down_max: float, accel_max: float, gain_1_s: float) -> float:
     """Vertical velocity (down positive) towards a height `to_go` away, braking in time."""
-    speed = root_law(abs(to_go), 0.25 * settle_1_s, 0.5 * accel_max)
+    speed = root_law(abs(to_go), gain_1_s, 0.5 * accel_max)
     return min(speed, down_max) if to_go > 0.0 else -min(speed, up_max)
 
 

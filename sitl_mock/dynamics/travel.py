@@ -3,7 +3,15 @@
 import math
 from dataclasses import dataclass
 
-from sitl_mock.dynamics.shaping import Reference, advance, approach_one, approach_pair, shape_one, shape_pair
+from sitl_mock.dynamics.shaping import (
+    Reference,
+    advance,
+    approach_gain_1_s,
+    approach_one,
+    approach_pair,
+    shape_one,
+    shape_pair,
+)
 from sitl_mock.dynamics.values import Kind, Ned, Setpoint
 
 
@@ -54,12 +62,15 @@ def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s:
         wanted = (_zero_if_ignored(along_n), _zero_if_ignored(along_e))
     else:
         cruise = _or(setpoint.speed_m_s, limits.speed_m_s)
-        wanted = approach_pair((to_n - p_n, to_e - p_e), cruise, accel, limits.settle_1_s)
+        wanted = approach_pair(
+            (to_n - p_n, to_e - p_e), cruise, accel, approach_gain_1_s(accel, limits.jerk_m_s3, limits.settle_1_s)
+        )
     if braking or math.isnan(to_d):
         wanted_d = _zero_if_ignored(along_d)
     else:
         climb, sink = _or(setpoint.climb_m_s, limits.climb_m_s), _or(setpoint.sink_m_s, limits.sink_m_s)
-        wanted_d = approach_one(to_d - p_d, climb, sink, limits.accel_z_m_s2, limits.settle_1_s)
+        gain_1_s = approach_gain_1_s(limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s)
+        wanted_d = approach_one(to_d - p_d, climb, sink, limits.accel_z_m_s2, gain_1_s)
 
     pair = shape_pair(wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, limits.settle_1_s, dt_s)
     down = shape_one(wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s, dt_s)

@@ -1,0 +1,88 @@
+"""Reading a log of velocity commands and the velocities that answered them (CSV)."""
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl_mock.errors import ConfigError
+
+_TIME = "t_s"
+_COMMANDS = ("cmd_n_m_s", "cmd_e_m_s", "cmd_d_m_s")
+_VELOCITIES = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+_POSITIONS = ("pos_n_m", "pos_e_m", "pos_d_m")
+COLUMNS = (_TIME, *_COMMANDS, *_VELOCITIES, *_POSITIONS)
+"""What a file has to have; other columns are ignored, the order does not matter."""
+
+_ROWS_LEAST = 10
+
+
+@dataclass(frozen=True)
+class StepLog:
+    """Commands and the answers to them, one row a sample.
+
+    Attributes:
+        time_s: Increasing times, shape (rows,).
+        command_ned_m_s: Velocity setpoint in force from this row on, shape (rows, 3).
+        velocity_ned_m_s: Velocity reported (LOCAL_POSITION_NED), shape (rows, 3).
+        position_ned_m: Position reported, shape (rows, 3).
+    """
+
+    time_s: NDArray[np.float64]
+    command_ned_m_s: NDArray[np.float64]
+    velocity_ned_m_s: NDArray[np.float64]
+    position_ned_m: NDArray[np.float64]
+
+
+def read_step_log(path: Path) -> StepLog:
+    """Read a log.
+
+    Raises:
+        ConfigError: The file cannot be read, a column is missing, a cell is not a finite number, or time goes back;
+            the message names the file, the column and the row (1 is the header).
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as lines:
+            table = _numbers(path, lines)
+    except OSError as error:
+        msg = f"{path} cannot be read: {error.strerror}"
+        raise ConfigError(msg) from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        msg = f"{path} is not a CSV file of UTF-8 text: {error}"
+        raise ConfigError(msg) from error
+    if len(table) < _ROWS_LEAST:
+        msg = f"{path} has {len(table)} rows of data; at least {_ROWS_LEAST} are needed"
+        raise ConfigError(msg)
+    rows = np.array(table)
+    back = np.flatnonzero(np.diff(rows[:, 0]) <= 0.0)
+    if back.size:
+        row = int(back[0]) + 1
+        before, after = rows[row - 1, 0], rows[row, 0]
+        msg = f"{path}, row {row + 2}, column {_TIME}: {after:g} does not come after {before:g}; times must increase"
+        raise ConfigError(msg)
+    return StepLog(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10])
+
+
+def _numbers(path: Path, lines: TextIO) -> list[list[float]]:
+    reader = csv.DictReader(lines)
+    header = reader.fieldnames or ()
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        msg = f"{path} lacks the column {', '.join(missing)}; needed are {', '.join(COLUMNS)}"
+        raise ConfigError(msg)
+    return [[_number(path, number, name, row[name]) for name in COLUMNS] for number, row in enumerate(reader, start=2)]
+
+
+def _number(path: Path, row: int, name: str, cell: str | None) -> float:
+    try:
+        value = float(cell or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        msg = f"{path}, row {row}, column {name}: {cell!r} is not a finite number"
+        raise ConfigError(msg)
+    return value

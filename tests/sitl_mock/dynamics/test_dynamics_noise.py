@@ -1,0 +1,51 @@
+"""Wind and estimator errors: seeded, with the spread they claim."""
+
+from random import Random
+
+import numpy as np
+import pytest
+
+from sitl_mock.dynamics import PX4_WANDER, ZERO, Errors, Wind
+
+
+def run_wander(seed: int, steps: int, dt_s: float) -> tuple[np.ndarray, np.ndarray]:
+    random, errors, places, speeds = Random(seed), Errors(), [], []
+    for _ in range(steps):
+        errors = PX4_WANDER.after(errors, random, dt_s)
+        places.append(errors.position_ned_m)
+        speeds.append(errors.velocity_ned_m_s)
+    return np.array(places), np.array(speeds)
+
+
+@pytest.mark.parametrize("dt_s", [0.05, 0.2])
+def test_the_estimators_error_has_the_measured_spread_at_any_step(dt_s):
+    places, speeds = run_wander(1, round(8000 / dt_s), dt_s)
+    assert places.std(axis=0) == pytest.approx([0.13, 0.21, 0.31], rel=0.12)
+    assert speeds.std(axis=0) == pytest.approx([0.17, 0.30, 0.16], rel=0.12)
+
+
+def test_position_error_and_integrated_velocity_error_part():
+    places, speeds = run_wander(2, 750, 0.1)
+    parted = np.abs(places[-1] - places[0] - speeds.sum(axis=0) * 0.1)
+    assert parted.max() > 1.0
+
+
+def test_a_seed_repeats_its_errors_and_another_does_not():
+    assert np.array_equal(run_wander(3, 50, 0.1)[0], run_wander(3, 50, 0.1)[0])
+    assert not np.array_equal(run_wander(3, 50, 0.1)[0], run_wander(4, 50, 0.1)[0])
+
+
+@pytest.mark.parametrize("dt_s", [0.02, 0.5])
+def test_gusts_have_the_claimed_spread_at_any_step(dt_s):
+    wind, random, gust, seen = Wind((2.0, 0.0, 0.0), 1.5, 2.0), Random(5), ZERO, []
+    for _ in range(round(4000 / dt_s)):
+        gust = wind.gust_after(gust, random, dt_s)
+        seen.append(wind.blowing(gust))
+    blown = np.array(seen)
+    assert blown.mean(axis=0) == pytest.approx([2.0, 0.0, 0.0], abs=0.2)
+    assert blown.std(axis=0) == pytest.approx([1.5, 1.5, 0.5], rel=0.1)
+
+
+def test_without_gusts_the_wind_is_steady():
+    wind = Wind((1.0, -2.0, 0.5))
+    assert wind.blowing(wind.gust_after(ZERO, Random(1), 0.1)) == (1.0, -2.0, 0.5)
