@@ -20,9 +20,10 @@ class Apollonius(NamedTuple):
 
 
 def apollonius_circle(pursuer: Array, evader: Array, speed_ratio: Real) -> Apollonius:
-    """Return the circle in the evader's plane, eqs. (5) and (6): c = (δ² E − P_xy)/(δ² − 1), r² = z²/(δ² − 1) + …
+    """Return the circle in the evader's plane, of the points (x, y, 0) with ‖X − P‖ = δ‖X − E‖.
 
-    It is the section of `apollonius_sphere` with the plane.
+    Its centre is (δ² E − P_xy)/(δ² − 1), its radius √(z²/(δ² − 1) + δ² d²/(δ² − 1)²): the section of
+    `apollonius_sphere` with the plane.
 
     Args:
         pursuer: position P, (..., 3), m.
@@ -61,7 +62,7 @@ def apollonius_sphere(pursuer: Array, evader: Array, speed_ratio: Real) -> Apoll
 
 
 def barrier(pursuer: Array, evader: Array, target: Array, speed_ratio: Real) -> Array:
-    """Return B = δ²‖E − T‖² − ‖P − T‖², m² (section IV-A): positive where the pursuer wins, negative where the evader does.
+    """Return B = δ²‖E − T‖² − ‖P − T‖², m² (section IV-A): positive where the pursuer wins, else the evader.
 
     It belongs to the paper's own game; `Solution.margin_s` is the same line drawn in every game, in seconds.
     """

@@ -74,6 +74,12 @@ def norm2(xp: Library, v: Plane) -> Array:
     return xp.sqrt(v[0] * v[0] + v[1] * v[1])
 
 
+def norm3(xp: Library, vectors: Array) -> Array:
+    """Length of vectors, (..., 3) → (...)."""
+    x, y, z = (component(vectors, index) for index in range(3))
+    return xp.sqrt(x * x + y * y + z * z)
+
+
 def unit2(xp: Library, v: Plane, length: Array) -> Plane:
     """Direction of a plane vector of known length; the x axis where that is zero, so that it stays finite."""
     some = length > 0

@@ -1,9 +1,10 @@
 """Gradients of the values, for every game in the plane: what a metre of either player, or of the target, is worth.
 
-With t_P(X) the pursuer's time to have an evader at X captured and t_E(X) the evader's time to X, a value is the extremum of
-an objective over the edge t_P = t_E of the evader's region. Its multiplier λ gives the gradient at once (the envelope
-theorem): PE, objective t_E: ∇_P V = λ ∇_P t_P and ∇_E V = (1 − λ) ∇_E t_E with λ = 1/(1 − v n·∇_X t_P); TAD, objective
-‖X − T‖: ∇_P V = λ ∇_P t_P, ∇_E V = −λ ∇_E t_E. In the paper's game these are its ∂V/∂x_P … ∂V/∂y_E of sections III and IV.
+With t_P(X) the pursuer's time to have an evader at X captured and t_E(X) the evader's time to X, a value is the
+extremum of an objective over the edge t_P = t_E of the evader's region, and its multiplier λ gives the gradient at once
+(the envelope theorem). PE, objective t_E: ∇_P V = λ ∇_P t_P and ∇_E V = (1 − λ) ∇_E t_E, with λ = 1/(1 − v n·∇_X t_P).
+TAD, objective ‖X − T‖: ∇_P V = λ ∇_P t_P and ∇_E V = −λ ∇_E t_E. In the paper's game these are its derivatives
+∂V/∂x_P … ∂V/∂y_E of sections III and IV.
 """
 
 from typing import NamedTuple

@@ -3,9 +3,9 @@
     min over one player, max over the other, of  V̇ + running cost,   V̇ = ∇_P V·(u + w) + ∇_E V·v + ∇_T V·v_T
 
 PE: the pursuer minimises, the evader maximises, the running cost is 1 (seconds per second). TAD, the pursuer wins: it
-maximises the final distance and the evader minimises it, without running cost; the evader wins: the other way round, the
-value being what the pursuer is short of. The extreme point of a speed set in a direction is known in closed form, so the
-residual needs nothing but the gradient, by finite differences or by the array library's automatic differentiation.
+maximises the final distance and the evader minimises it, without running cost; the evader wins: the other way round,
+the value being what the pursuer is short of. The extreme point of a speed set in a direction is known in closed form,
+so that the residual needs nothing but the gradient, by finite differences or by automatic differentiation.
 """
 
 from collections.abc import Callable

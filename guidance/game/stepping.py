@@ -1,0 +1,163 @@
+"""How a rollout advances: up to the end of a game exactly, or as the published tables were made.
+
+A step of `Exact` is never longer than a share of the time in which the end could possibly come: the distance to the
+capture, or from the evader to its target, over the speed at which it can shrink at most. So no end is stepped over,
+however short the encounter, and the steps close in on it until it is a nanosecond away; "the first sample below ε"
+would carry the error of a whole step. Between, a Runge-Kutta step of fourth order follows the curve of a pure pursuit.
+
+`Paper` is the stepping behind the published tables: explicit Euler at 0.01 s, capture at the first sample with
+‖P − E‖ < 0.01 m, time counted in samples (one more than the steps), the final distance read at the pursuer.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, NamedTuple, TypeAlias
+
+from guidance.errors import ConfigError
+from guidance.game.arrays import Array, Library, constant, norm3, select
+from guidance.game.checks import require
+from guidance.game.game import Game
+from guidance.game.terminal import NANOSECOND_S, look_ahead
+
+SHARE = {1: 1.0, 4: 0.5}
+"""Share of the least time to the end that a step of an order may take; Runge-Kutta must not look past the end."""
+
+SPARE_STEPS = 10_000
+"""Steps that a game may take to close in on its end, beyond those of its duration."""
+
+
+class End(IntEnum):
+    """How a game ended."""
+
+    RUNNING = 0
+    CAPTURED = 1
+    ARRIVED = 2
+    TIME_UP = 3
+    NO_ANSWER = 4
+    """A state or a velocity is not finite."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Adaptive steps of at most `step_s`, by Runge-Kutta (order 4) or with the velocity kept over the step (order 1).
+
+    Raises:
+        ConfigError: the step is not positive, or the order neither 1 nor 4.
+    """
+
+    step_s: float = 0.01
+    order: Literal[1, 4] = 4
+
+    def __post_init__(self) -> None:
+        require("step_s", self.step_s)
+        if self.order not in (1, 4):
+            raise ConfigError(f"order = {self.order!r}: must be 1 or 4")
+
+
+@dataclass(frozen=True, slots=True)
+class Paper:
+    """The stepping of the published tables.
+
+    Raises:
+        ConfigError: a number is not positive.
+    """
+
+    step_s: float = 0.01
+    capture_m: float = 0.01
+
+    def __post_init__(self) -> None:
+        require("step_s", self.step_s)
+        require("capture_m", self.capture_m)
+
+
+class Sample(NamedTuple):
+    """A moment of a batch of games: time (...), positions (..., 3) of P, E and T, and how each game has ended."""
+
+    time_s: Array
+    pursuer_m: Array
+    evader_m: Array
+    target_m: Array | None
+    end: Array
+
+
+Velocities: TypeAlias = Callable[[Array, Array, Array | None, Array], tuple[Array, Array]]
+
+
+def exact_samples(
+    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Exact, duration_s: float
+) -> Iterator[Sample]:
+    """Step up to the end and no further."""
+    seen, share = 0.0 * sample.evader_m, SHARE[stepping.order]
+    for _ in range(math.ceil(duration_s / stepping.step_s) + SPARE_STEPS):
+        ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
+        sample = sample._replace(end=_judge(xp, sample, ahead.capture_s, ahead.arrival_s, duration_s))
+        yield sample
+        running = sample.end == End.RUNNING
+        if not bool(xp.any(running)):
+            return
+        h = duration_s - sample.time_s
+        for least_s in ahead:
+            limit = share * least_s
+            h = select(xp, limit < h, limit, h)
+        h = select(xp, running, select(xp, h < stepping.step_s, h, stepping.step_s), 0.0)
+        sample, seen = _advance(xp, game, sample, velocities, h, seen, stepping.order)
+    yield sample._replace(end=select(xp, sample.end == End.RUNNING, int(End.TIME_UP), sample.end))
+
+
+def _judge(xp: Library, sample: Sample, capture_s: Array, arrival_s: Array, duration_s: float) -> Array:
+    """Say which games have ended now; capture comes before arrival where both are now."""
+    now = select(xp, sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
+    now = select(xp, arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
+    now = select(xp, capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
+    now = select(xp, capture_s - capture_s == 0, now, int(End.NO_ANSWER))
+    return select(xp, sample.end == End.RUNNING, now, sample.end)
+
+
+def published_samples(
+    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Paper, duration_s: float
+) -> Iterator[Sample]:
+    """Step and look afterwards, as the published simulation does."""
+    seen = 0.0 * sample.evader_m
+    count = math.ceil(duration_s / stepping.step_s)
+    for index in range(1, count + 1):
+        near = norm3(xp, sample.pursuer_m - sample.evader_m) < stepping.capture_m
+        now = select(xp, near, int(End.CAPTURED), int(End.TIME_UP if index == count else End.RUNNING))
+        running = sample.end == End.RUNNING
+        time = select(xp, running, index * stepping.step_s, sample.time_s)
+        sample = sample._replace(end=select(xp, running, now, sample.end), time_s=time)
+        yield sample
+        running = sample.end == End.RUNNING
+        if not bool(xp.any(running)):
+            return
+        h = select(xp, running, stepping.step_s, 0.0)
+        sample, seen = _advance(xp, game, sample, velocities, h, seen, 1)
+
+
+def _advance(
+    xp: Library, game: Game, sample: Sample, velocities: Velocities, h: Array, seen: Array, order: int
+) -> tuple[Sample, Array]:
+    """Advance every game by its own h, and return what was then seen of the evader's velocity."""
+    drift = constant(xp, sample.pursuer_m, (*game.target_velocity_m_s, 0.0))
+    step = h[..., None] if hasattr(h, "shape") else h
+    P, E, T = sample.pursuer_m, sample.evader_m, sample.target_m
+
+    def at(share: float, slope: tuple[Array, Array]) -> tuple[Array, Array]:
+        then = None if T is None else T + share * step * drift
+        return velocities(P + share * step * slope[0], E + share * step * slope[1], then, seen)
+
+    first = velocities(P, E, T, seen)
+    mean = first
+    if order == 4:
+        second = at(0.5, first)
+        third = at(0.5, second)
+        last = at(1.0, third)
+        mean = tuple((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, last, strict=True))
+    moved = sample._replace(
+        time_s=sample.time_s + h,
+        pursuer_m=P + step * mean[0],
+        evader_m=E + step * mean[1],
+        target_m=None if T is None else T + step * drift,
+    )
+    return moved, first[1]
