@@ -39,7 +39,6 @@ class Counts:
         incompatible: MAVLink 2 frames with a flag that must be understood and is not.
         unknown_id: Frames whose message id is not in the dialect.
         truncated: Frames cut off by the end of a datagram.
-        undecodable: Frames with a right CRC that make no message.
         unsigned: Frames without the signature that is required.
         wrong_key: Signatures that do not match the key.
         replayed: Timestamps that do not rise.
@@ -53,7 +52,6 @@ class Counts:
     incompatible: int = 0
     unknown_id: int = 0
     truncated: int = 0
-    undecodable: int = 0
     unsigned: int = 0
     wrong_key: int = 0
     replayed: int = 0
@@ -162,8 +160,6 @@ class Decoder:
             if not verdict.accepted:
                 return verdict.value
         message = _message(buffer, at, frame)
-        if message is None:
-            return "undecodable"
         message._signed = verdict is Verdict.GOOD  # noqa: SLF001 - the attributes pymavlink's own decoder fills
         return message
 
@@ -226,10 +222,7 @@ def _message(buffer: bytes, at: int, frame: _Frame) -> Message:
     size = spec.size
     held = len(payload)
     full = payload if held == size else payload.ljust(size, b"\0") if held < size else payload[:size]
-    try:
-        message = spec.message_class(*spec.unpack_payload(full))
-    except (ValueError, TypeError, IndexError):
-        return None
+    message = spec.message_class(*spec.unpack_payload(full))  # takes every value that the wire can carry
     message._header = dialect.MAVLink_header(  # noqa: SLF001 - the attributes pymavlink's own decoder fills
         frame.message_id, frame.incompat, 0, held, frame.sequence, frame.system, frame.component
     )

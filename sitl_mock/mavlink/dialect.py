@@ -65,8 +65,6 @@ def _scalar_packer(wire: struct.Struct, to_wire: tuple[int, ...]) -> Callable[[S
     pack = wire.pack
     if to_wire == tuple(range(len(to_wire))):
         return lambda values: pack(*values)
-    if len(to_wire) == 1:
-        return lambda values: pack(values[0])
     reorder = itemgetter(*to_wire)
     count = len(to_wire)
 
@@ -108,9 +106,8 @@ def _unpacker(
     if all(length == 0 and kind != "char" for kind, length in kinds):
         if to_declared == tuple(range(len(to_declared))):
             return unpack
-        if len(to_declared) > 1:
-            reorder = itemgetter(*to_declared)
-            return lambda payload: reorder(unpack(payload))
+        reorder = itemgetter(*to_declared)
+        return lambda payload: reorder(unpack(payload))
     starts: list[slice | int] = []
     at = 0
     for kind, length in kinds:

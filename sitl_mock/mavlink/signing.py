@@ -16,6 +16,7 @@ BLOCK_LENGTH: Final = 13
 KEY_LENGTH: Final = 32
 EPOCH_2015_UNIX_S: Final = 1_420_070_400.0
 UNITS_PER_S: Final = 100_000
+LAST_TIMESTAMP: Final = 2**48 - 1
 NEW_STREAM_WINDOW: Final = 60 * UNITS_PER_S  # a new stream may start at most a minute behind
 MAX_STREAMS: Final = 16  # MAVLINK_MAX_SIGNING_STREAMS of the C library: a flood of ids cannot grow the table
 UNSIGNED_ALWAYS: Final = frozenset({109})  # RADIO_STATUS comes from the radio itself, which has no key
@@ -81,7 +82,7 @@ class Signing:
         if secret_key is not None and len(secret_key) != KEY_LENGTH:
             raise ValueError(f"signing key has {len(secret_key)} bytes; it needs exactly {KEY_LENGTH}")
         self.secret_key = secret_key
-        self.timestamp = max(self.timestamp, timestamp)
+        self.timestamp = max(self.timestamp, min(timestamp, LAST_TIMESTAMP))
         self.streams.clear()
 
     def advance_to(self, unix_s: float) -> None:
@@ -92,7 +93,7 @@ class Signing:
         """Return the 13 bytes to append to a frame that ends with its CRC, and move the clock on by one."""
         if self.secret_key is None:
             return b""
-        self.timestamp += 1
+        self.timestamp = min(self.timestamp + 1, LAST_TIMESTAMP)
         head = bytes((link_id,)) + self.timestamp.to_bytes(6, "little")
         return head + _digest(self.secret_key, frame + head)
 

@@ -10,7 +10,7 @@ from sitl_mock.protocols.command import (
     read_command,
 )
 from sitl_mock.protocols.ftp import FtpError, FtpRefusal
-from sitl_mock.protocols.home import HomeProtocol, Place, gps_global_origin, home_position
+from sitl_mock.protocols.home import HomeProtocol, Place, gps_global_origin, home_position, on_earth
 from sitl_mock.protocols.identity import (
     ARDUPILOT_CAPABILITIES,
     PX4_CAPABILITIES,
@@ -108,6 +108,7 @@ __all__ = [
     "current_mode",
     "gps_global_origin",
     "home_position",
+    "on_earth",
     "px4_identity",
     "read_command",
     "source_of",

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
     from sitl_mock.protocols.reply import Reply
 
+HIGHEST_M: Final = 100_000.0
 NO_ROTATION: Final = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -59,7 +60,7 @@ class HomeProtocol:
         if kind not in {"SET_GPS_GLOBAL_ORIGIN", "SET_HOME_POSITION"}:
             return []
         place = Place(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
-        if abs(place.latitude_deg) > 90.0 or abs(place.longitude_deg) > 180.0:
+        if not on_earth(place):
             return []
         if kind == "SET_HOME_POSITION":
             self._set_home(now_s, place)
@@ -69,6 +70,12 @@ class HomeProtocol:
     def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
         """Return nothing: home is a stream of the vehicle."""
         return []
+
+
+def on_earth(place: Place) -> bool:
+    """Whether a place is one where a vehicle can be; false for anything that is not finite."""
+    latitude_deg, longitude_deg, altitude_m = place
+    return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0 and abs(altitude_m) <= HIGHEST_M
 
 
 def _integers(place: Place) -> tuple[int, int, int]:

@@ -41,7 +41,7 @@ class StreamRules:
     unknown_interval: Result = Result.FAILED
     unknown_request: Result = Result.DENIED
     shortest_s: float = 0.001
-    longest_s: float = math.inf
+    longest_s: float = 2147.0  # MESSAGE_INTERVAL holds 2^31 µs
     groups: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 

@@ -154,6 +154,12 @@ def test_a_key_of_another_length_is_refused(length):
         Signing(bytes(length))
 
 
+def test_without_a_key_there_is_no_block_and_nothing_to_check():
+    signing = Signing()
+    assert signing.block(b"frame", 1) == b""
+    assert signing.check(b"frame", signed=True, system=1, component=1, message_id=0) is Verdict.UNCHECKED
+
+
 def test_verdicts_that_let_a_frame_pass_are_two():
     assert {verdict for verdict in Verdict if verdict.accepted} == {Verdict.GOOD, Verdict.UNCHECKED}
 
@@ -169,6 +175,13 @@ def test_a_ground_station_sets_the_key_and_from_then_on_only_its_frames_count(wi
     decoder = Decoder(signing=signing)
     assert decoder.feed(heartbeat(client(None))) == []
     assert len(decoder.feed(heartbeat(client(timestamp=4001)))) == 1
+
+
+def test_a_timestamp_beyond_48_bits_is_held_at_the_last_one(wire):
+    signing = Signing()
+    wire(SigningSetup(signing)).send("SETUP_SIGNING", 1, 1, list(KEY), 2**64 - 1)
+    assert signing.timestamp == 2**48 - 1
+    assert Encoder(1, 1, signing=signing).pack("HEARTBEAT", *HEARTBEAT)[-12:-6] == b"\xff" * 6
 
 
 def test_a_key_of_zeros_switches_signing_off(wire):

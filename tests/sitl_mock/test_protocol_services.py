@@ -134,6 +134,7 @@ def test_an_origin_that_is_refused_or_nowhere_is_not_confirmed(wire):
     eager = wire(HomeProtocol(lambda now_s, place: True, lambda now_s, place: True))
     assert eager.send("SET_GPS_GLOBAL_ORIGIN", 1, 900_000_001, 0, 0) == []
     assert eager.send("SET_GPS_GLOBAL_ORIGIN", 1, 0, -1_800_000_001, 0) == []
+    assert eager.send("SET_GPS_GLOBAL_ORIGIN", 1, 0, 0, 100_000_001) == []
     assert eager.send("PING", 1, 1, 0, 0) == eager.wait(1.0) == []
 
 

@@ -129,6 +129,9 @@ def test_intervals_are_kept_within_the_flavours_limits():
     assert streams.interval_us(message_id("ATTITUDE")) == 1000
     streams.set_interval(0.0, message_id("ATTITUDE"), 10**9)
     assert streams.interval_us(message_id("ATTITUDE")) == 60_000_000
+    patient = px4()
+    assert patient.set_interval(0.0, message_id("ATTITUDE"), 3e38) == Result.ACCEPTED
+    assert patient.interval_us(message_id("ATTITUDE")) < 2**31
 
 
 @pytest.mark.parametrize("streams", [px4(), copter()])
