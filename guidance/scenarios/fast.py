@@ -1,20 +1,20 @@
 """The virtual-time world: both mock vehicles stepped in this process, whole MAVLink frames handed to and fro."""
 
+import tomllib
 from collections.abc import Sequence
 
 from guidance.links import MemoryWire
+from guidance.links.port import TargetSource, VehicleLink
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.tap import Passed, TappedWire
 from guidance.links.targets.global_position import GlobalPositionInt
 from guidance.links.targets.mavlink_source import MavlinkTarget
-from guidance.scenarios.fleet import EVADER_ID, PURSUER_ID, MockSpec, mock_specs
+from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID, fleet_toml
 from guidance.scenarios.model import Scenario
 from guidance.service.clock import Clock
+from sitl_mock.config import checked
+from sitl_mock.fleet import build
 from sitl_mock.vehicle import MockVehicle
-from sitl_mock.world import Home
-
-READY_AFTER_S = 3.0
-"""The mocks' boot is cut short: nobody watches it."""
 
 
 class FastWorld:
@@ -22,23 +22,22 @@ class FastWorld:
 
     def __init__(self, scenario: Scenario, clock: Clock) -> None:
         self._clock = clock
-        pursuer_spec, evader_spec = mock_specs(scenario)
-        self._pursuer = _Mock(scenario, pursuer_spec, clock)
-        self._evader = _Mock(scenario, evader_spec, clock)
-        self._wires = (self._pursuer.wire, self._evader.wire)
-        self.pursuer = PymavlinkLink(self._pursuer.wire, clock.now_s, system_id=PURSUER_ID)
-        self.evader = PymavlinkLink(self._evader.wire, clock.now_s, system_id=EVADER_ID)
-        self.target = MavlinkTarget(self._evader.listener(), GlobalPositionInt(), system_id=EVADER_ID)
+        self.vehicles = build(checked(tomllib.loads(fleet_toml(scenario)), scenario.title))
+        self._mocks = {name: _Mock(name, vehicle, clock) for name, vehicle in self.vehicles.items()}
+        pursuer, evader = self._mocks[PURSUER], self._mocks[EVADER]
+        self.pursuer: VehicleLink = PymavlinkLink(pursuer.wire, clock.now_s, system_id=PURSUER_ID)
+        self.evader: VehicleLink = PymavlinkLink(evader.wire, clock.now_s, system_id=EVADER_ID)
+        self.target: TargetSource = MavlinkTarget(evader.listener(), GlobalPositionInt(), system_id=EVADER_ID)
 
     def advance(self) -> None:
         """Step both vehicles."""
         now_s = self._clock.now_s()
-        self._pursuer.advance(now_s)
-        self._evader.advance(now_s)
+        for mock in self._mocks.values():
+            mock.advance(now_s)
 
     def drain(self) -> Sequence[Passed]:
         """All frames that passed since the last call, of one vehicle after the other."""
-        return [passed for wire in self._wires for passed in wire.drain()]
+        return [passed for mock in self._mocks.values() for passed in mock.wire.drain()]
 
     def close(self) -> None:
         """Close the wires."""
@@ -50,21 +49,11 @@ class FastWorld:
 class _Mock:
     """One vehicle and the wires that lead to it."""
 
-    def __init__(self, scenario: Scenario, spec: MockSpec, clock: Clock) -> None:
-        site = scenario.site
-        self._vehicle = MockVehicle(
-            spec.flavour,
-            system_id=spec.system_id,
-            home=Home(site.latitude_deg, site.longitude_deg, site.altitude_amsl_m),
-            start_ned=spec.start_ned_m,
-            yaw_deg=spec.yaw_deg,
-            seed=scenario.seed,
-            parameters=spec.parameters,
-            ready_after_s=READY_AFTER_S,
-        )
+    def __init__(self, name: str, vehicle: MockVehicle, clock: Clock) -> None:
+        self._vehicle = vehicle
         self._clock = clock
         ours, self._end = MemoryWire.pair(clock.now_s)
-        self.wire = TappedWire(ours, clock.now_s, spec.name)
+        self.wire = TappedWire(ours, clock.now_s, name)
         self._listeners: list[MemoryWire] = []
 
     def listener(self) -> MemoryWire:

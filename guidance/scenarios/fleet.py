@@ -1,39 +1,52 @@
-"""The two vehicles of a mocked flight: who they are and where they stand, for either world."""
+"""The two mock vehicles of a flight, as the mock's own configuration: one text for both worlds."""
 
-from dataclasses import dataclass
+from typing import Final
 
-from guidance.frames import Vector
 from guidance.scenarios.model import Scenario
 
+PURSUER, EVADER = "pursuer", "evader"
 PURSUER_ID, EVADER_ID = 1, 2
 
+READY_AFTER_S: Final = 3.0
+"""The mocks' boot is cut short (a real ArduCopter takes 39 s): nobody learns from watching it."""
 
-@dataclass(frozen=True, slots=True)
-class MockSpec:
-    """One mock vehicle: its namespace on the wire, flavour, MAVLink system id and where it stands at first.
-
-    `start_ned_m` counts from the site's point; `parameters` differ from the autopilot's defaults.
-    """
-
-    name: str
-    flavour: str
-    system_id: int
-    start_ned_m: Vector
-    yaw_deg: float
-    parameters: dict[str, float]
+_BESIDE_M: Final = 2.0
+"""The pursuer takes off this far beside its start, so that it has somewhere to fly to."""
 
 
-def mock_specs(scenario: Scenario) -> tuple[MockSpec, MockSpec]:
-    """Return the pursuer, on the ground near below its start, and the evader, at its own.
+def fleet_toml(scenario: Scenario) -> str:
+    """Return the fleet: the pursuer on the ground near below its start, and the evader at its own.
 
     The pursuer's autopilot is set to the vertical speeds that the scenario says it has.
     """
-    x, y, _ = scenario.pursuer.position_m
-    limits = {}
-    if scenario.pursuer.autopilot == "px4":
-        limits = {"MPC_Z_VEL_MAX_UP": scenario.pursuer.climb_m_s, "MPC_Z_VEL_MAX_DN": scenario.pursuer.descent_m_s}
-    ex, ey = scenario.evader.position_m
+    site, pursuer, evader = scenario.site, scenario.pursuer, scenario.evader
+    x, y, _ = pursuer.position_m
+    ex, ey = evader.position_m
+    limits = ""
+    if pursuer.autopilot == "px4":
+        limits = (
+            "[vehicle.parameters]\n"
+            f"MPC_Z_VEL_MAX_UP = {float(pursuer.climb_m_s)!r}\n"
+            f"MPC_Z_VEL_MAX_DN = {float(pursuer.descent_m_s)!r}\n"
+        )
     return (
-        MockSpec("pursuer", scenario.pursuer.autopilot, PURSUER_ID, (y - 2.0, x, 0.0), 0.0, limits),
-        MockSpec("evader", "rover", EVADER_ID, (ey, ex, -scenario.evader.height_m), 0.0, {}),
+        f"seed = {scenario.seed}\n"
+        "[home]\n"
+        f"lat_deg = {site.latitude_deg!r}\n"
+        f"lon_deg = {site.longitude_deg!r}\n"
+        f"alt_amsl_m = {site.altitude_amsl_m!r}\n"
+        f"{_vehicle(PURSUER, pursuer.autopilot, PURSUER_ID, (y - _BESIDE_M, x, 0.0))}{limits}"
+        f"{_vehicle(EVADER, 'rover', EVADER_ID, (ey, ex, -evader.height_m))}"
+    )
+
+
+def _vehicle(name: str, flavour: str, system_id: int, start_ned_m: tuple[float, float, float]) -> str:
+    start = ", ".join(repr(float(part)) for part in start_ned_m)
+    return (
+        "[[vehicle]]\n"
+        f'name = "{name}"\n'
+        f'flavour = "{flavour}"\n'
+        f"system_id = {system_id}\n"
+        f"start_ned_m = [{start}]\n"
+        f"ready_after_s = {READY_AFTER_S!r}\n"
     )
