@@ -18,7 +18,18 @@ from sitl_mock.dynamics.shaping import (
     shape_pair,
 )
 from sitl_mock.dynamics.travel import TravelLimits, travel
-from sitl_mock.dynamics.values import GRAVITY_M_S2, ZERO, Body, Demand, Estimate, Kind, Ned, Setpoint, wrap_rad
+from sitl_mock.dynamics.values import (
+    GRAVITY_M_S2,
+    ZERO,
+    Body,
+    Demand,
+    Estimate,
+    Kind,
+    Ned,
+    Setpoint,
+    wrap_rad,
+    zero_where_ignored,
+)
 
 
 @dataclass(frozen=True)
@@ -88,18 +99,18 @@ class ArduControl:
             reference = self._shaped(started, setpoint, dt_s)
         else:
             reference = travel(self.travel_limits, started, setpoint, dt_s)
-        reference, integral, demand = self._track(reference, memory.integral_ned_m_s2, body, estimate, dt_s)
         heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
+        reference, integral, lean, thrust = self._track(reference, memory.integral_ned_m_s2, body, estimate, dt_s)
         fresh = ArduMemory(setpoint.kind, reference, integral, spooled_s, heading_rad)
-        return fresh, demand._replace(yaw_rate_rad_s=yaw_rate_rad_s)
+        return fresh, Demand(*lean, thrust, yaw_rate_rad_s)
 
     def _shaped(self, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
         """The GUIDED reference one step further: acceleration and jerk are limited, speed is not."""
         gains = self.gains
         (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
         to_n, to_e, to_d = setpoint.position_ned_m
-        n, e, d = (0.0 if math.isnan(v) else v for v in setpoint.velocity_ned_m_s)
-        f_n, f_e, f_d = (0.0 if math.isnan(a) else a for a in setpoint.acceleration_ned_m_s2)
+        n, e, d = zero_where_ignored(setpoint.velocity_ned_m_s)
+        f_n, f_e, f_d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
         limits = self.travel_limits
         if not math.isnan(to_n + to_e):
             gain_1_s = approach_gain_1_s(gains.accel_m_s2, gains.jerk_m_s3, limits.settle_1_s)
@@ -122,7 +133,7 @@ class ArduControl:
 
     def _track(
         self, reference: Reference, integral: Ned, body: Body, estimate: Estimate, dt_s: float
-    ) -> tuple[Reference, Ned, Demand]:
+    ) -> tuple[Reference, Ned, tuple[float, float], float]:
         """P on position, PID on velocity with the reference fed forward, lean limit with anti-windup."""
         gains = self.gains
         (r_n, r_e, r_d), (w_n, w_e, w_d), (f_n, f_e, f_d) = reference
@@ -155,7 +166,7 @@ class ArduControl:
         per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
         # Angle boost: the lift is kept by the lean the body really has.
         up = math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
-        return reference, (i_n, i_e, i_d), Demand(a_n * per, a_e * per, lift / max(up, 0.3), 0.0)
+        return reference, (i_n, i_e, i_d), (a_n * per, a_e * per), lift / max(up, 0.3)
 
     def _yaw(self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference) -> tuple[float, float]:
         """The heading wanted and the yaw rate asked for: nose to the direction of travel where yaw is ignored."""

@@ -20,6 +20,7 @@ from sitl_mock.dynamics.values import (
     Ned,
     Setpoint,
     wrap_rad,
+    zero_where_ignored,
 )
 
 
@@ -127,28 +128,27 @@ class Px4Control:
         )
 
     def _stream_velocity(self, estimate: Estimate, setpoint: Setpoint) -> tuple[Ned, Ned]:
-        """Velocity after position control and truncation, and the acceleration fed forward."""
+        """Velocity after position control and truncation (NaN: not controlled), and the acceleration fed forward."""
         n, a_n = self._axis(setpoint, estimate, 0, self.gains.xy_p_1_s)
         e, a_e = self._axis(setpoint, estimate, 1, self.gains.xy_p_1_s)
         d, a_d = self._axis(setpoint, estimate, 2, self.gains.z_p_1_s)
-        if math.isnan(n + e + d):
+        if math.isnan(a_n + a_e + a_d):
             # An axis with nothing to follow makes PX4 stand still with OFFBOARD kept.
             return ZERO, ZERO
         return self._truncated(n, e, d), (a_n, a_e, a_d)
 
     @staticmethod
     def _axis(setpoint: Setpoint, estimate: Estimate, axis: int, gain: float) -> tuple[float, float]:
+        """Velocity and acceleration of one axis; both NaN where the setpoint has nothing for it."""
         to, along, push = (
             setpoint.position_ned_m[axis],
             setpoint.velocity_ned_m_s[axis],
             setpoint.acceleration_ned_m_s2[axis],
         )
-        forward = 0.0 if math.isnan(push) else push
         if math.isnan(to):
-            if math.isnan(along) and not math.isnan(push):
-                return estimate.velocity_ned_m_s[axis], forward
-            return along, forward
-        return (0.0 if math.isnan(along) else along) + gain * (to - estimate.position_ned_m[axis]), forward
+            return along, (0.0 if math.isnan(push) and not math.isnan(along) else push)
+        velocity = (0.0 if math.isnan(along) else along) + gain * (to - estimate.position_ned_m[axis])
+        return velocity, (0.0 if math.isnan(push) else push)
 
     def _truncated(self, n: float, e: float, d: float) -> Ned:
         gains = self.gains
@@ -172,7 +172,9 @@ class Px4Control:
     ) -> tuple[Ned, tuple[float, float], float]:
         """PID on velocity, thrust and tilt limits with vertical first, anti-windup by what could be produced."""
         gains = self.gains
-        err_n, err_e, err_d = wanted[0] - velocity[0], wanted[1] - velocity[1], wanted[2] - velocity[2]
+        err_n, err_e, err_d = zero_where_ignored(
+            (wanted[0] - velocity[0], wanted[1] - velocity[1], wanted[2] - velocity[2])
+        )
         i_n, i_e, i_d = integral
         a_n = gains.xy_vel_p_1_s * err_n + i_n - gains.xy_vel_d * acceleration[0] + forward[0]
         a_e = gains.xy_vel_p_1_s * err_e + i_e - gains.xy_vel_d * acceleration[1] + forward[1]

@@ -4,7 +4,17 @@ import math
 from dataclasses import dataclass
 
 from sitl_mock.dynamics.airframe import body_at
-from sitl_mock.dynamics.values import Body, Estimate, Kind, Motion, Ned, Setpoint, Surroundings, wrap_rad
+from sitl_mock.dynamics.values import (
+    Body,
+    Estimate,
+    Kind,
+    Motion,
+    Ned,
+    Setpoint,
+    Surroundings,
+    wrap_rad,
+    zero_where_ignored,
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +102,7 @@ class Rover:
         """Horizontal velocity wanted, after the place and the speed limit."""
         if setpoint.kind <= Kind.IDLING or setpoint.kind is Kind.BRAKE:
             return 0.0, 0.0
-        n, e = (0.0 if math.isnan(v) else v for v in setpoint.velocity_ned_m_s[:2])
+        n, e, _ = zero_where_ignored(setpoint.velocity_ned_m_s)
         to_n, to_e = setpoint.position_ned_m[:2]
         if not math.isnan(to_n + to_e):
             here = self.estimate(body, around).position_ned_m

@@ -12,7 +12,7 @@ from sitl_mock.dynamics.shaping import (
     shape_one,
     shape_pair,
 )
-from sitl_mock.dynamics.values import Kind, Ned, Setpoint
+from sitl_mock.dynamics.values import ZERO, Kind, Setpoint, zero_where_ignored
 
 
 @dataclass(frozen=True)
@@ -46,27 +46,23 @@ def _or(value: float, default: float) -> float:
     return default if math.isnan(value) else value
 
 
-def _zero_if_ignored(value: float) -> float:
-    return 0.0 if math.isnan(value) else value
-
-
 def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
     """The reference one step of `dt_s` further along a TRAVEL or BRAKE setpoint."""
     braking = setpoint.kind is Kind.BRAKE
     accel = limits.brake_m_s2 if braking else limits.accel_m_s2
     (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
     to_n, to_e, to_d = setpoint.position_ned_m
-    along_n, along_e, along_d = (0.0, 0.0, 0.0) if braking else setpoint.velocity_ned_m_s
+    along_n, along_e, along_d = ZERO if braking else zero_where_ignored(setpoint.velocity_ned_m_s)
 
     if braking or math.isnan(to_n) or math.isnan(to_e):
-        wanted = (_zero_if_ignored(along_n), _zero_if_ignored(along_e))
+        wanted = (along_n, along_e)
     else:
         cruise = _or(setpoint.speed_m_s, limits.speed_m_s)
         wanted = approach_pair(
             (to_n - p_n, to_e - p_e), cruise, accel, approach_gain_1_s(accel, limits.jerk_m_s3, limits.settle_1_s)
         )
     if braking or math.isnan(to_d):
-        wanted_d = _zero_if_ignored(along_d)
+        wanted_d = along_d
     else:
         climb, sink = _or(setpoint.climb_m_s, limits.climb_m_s), _or(setpoint.sink_m_s, limits.sink_m_s)
         gain_1_s = approach_gain_1_s(limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s)
@@ -75,8 +71,3 @@ def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s:
     pair = shape_pair(wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, limits.settle_1_s, dt_s)
     down = shape_one(wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s, dt_s)
     return advance(reference, (*pair, down), dt_s)
-
-
-def reference_from(position_ned_m: Ned, velocity_ned_m_s: Ned) -> Reference:
-    """A reference that starts from where and how fast the vehicle is."""
-    return Reference(position_ned_m, velocity_ned_m_s)

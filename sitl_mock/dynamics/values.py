@@ -142,3 +142,9 @@ def attitude_of(body: Body) -> Euler:
         pitch_rate_rad_s=-(body.lean_rate_n_rad_s * cos_yaw + body.lean_rate_e_rad_s * sin_yaw),
         yaw_rate_rad_s=body.yaw_rate_rad_s,
     )
+
+
+def zero_where_ignored(axes: Ned) -> Ned:
+    """The same axes with 0 for those that are ignored (NaN)."""
+    n, e, d = axes
+    return 0.0 if math.isnan(n) else n, 0.0 if math.isnan(e) else e, 0.0 if math.isnan(d) else d

@@ -181,3 +181,12 @@ def test_a_setpoint_without_a_vertical_axis_stands_still(fly):
 def test_a_position_setpoint_is_flown_to_and_held(fly):
     order = Setpoint(Kind.STREAM, position_ned_m=(10.0, -5.0, -25.0))
     assert fly(px4_quadrotor(), order, 60.0).position[-1] == pytest.approx([10.0, -5.0, -25.0], abs=0.05)
+
+
+def test_an_acceleration_alone_is_flown_without_a_velocity_limit(fly):
+    # Balances the drag at 6 m/s up, which is twice what velocity setpoints reach.
+    order = Setpoint(Kind.STREAM, acceleration_ned_m_s2=(0.0, 2.0, -6.0))
+    trace = fly(px4_quadrotor(), order, 10.0)
+    assert trace.velocity[-1, 2] == pytest.approx(-6.0, abs=0.1)
+    # Tilt is by gravity and the lift pulls along it, so the side is (g + 6) / g of what was asked, less the D term.
+    assert trace.velocity[-1, 1] == pytest.approx(2.0 * (9.80665 + 6.0) / 9.80665, abs=0.15)
