@@ -11,7 +11,7 @@ from sitl_mock.ardupilot import safety
 from sitl_mock.craft import Severity
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import flyable
-from sitl_mock.protocols import Command, CommandAnswer, Result
+from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 
 if TYPE_CHECKING:
     from sitl_mock.ardupilot.brain import ArduPilot
@@ -144,7 +144,7 @@ def _set_home(brain: ArduPilot, now_s: float, command: Command) -> Answers:
     if use_current == 1.0:
         craft.home_m = craft.position_m
         return ACCEPTED
-    if not math.isfinite(lat + lon + alt):
+    if not on_earth(Place(lat, lon, alt)):
         return DENIED
     craft.home_m = craft.frame.to_local(lat, lon, alt)
     return ACCEPTED

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.craft import Severity
 from sitl_mock.missions import flyable
-from sitl_mock.protocols import Command, CommandAnswer, Result
+from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 from sitl_mock.px4 import checks
 from sitl_mock.px4.modes import BY_NAME, BY_NUMBER
 
@@ -147,7 +147,7 @@ def _set_home(px4: Px4, now_s: float, command: Command) -> Answers:
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0:
         craft.home_m = craft.position_m
-    elif math.isfinite(lat + lon + alt):
+    elif on_earth(Place(lat, lon, alt)):
         craft.home_m = craft.frame.to_local(lat, lon, alt)
     else:
         return DENIED
