@@ -1,0 +1,103 @@
+"""The interacting multiple model filter over the two motions: mix ▸ move ▸ correct.
+
+Source: Blom & Bar-Shalom (1988); Bar-Shalom, Li & Kirubarajan (2001), 11.6.6. The switching is a Markov chain in
+continuous time, so that 1 Hz and 50 Hz reports mean the same. Before mixing, the steady model borrows the turning
+model's turn rate, which it has none of its own of (unbiased mixing: Yuan, Lian & Zhou, 2012).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.estimate.motion import STATES, Array, step
+from guidance.estimate.settings import TrackSettings
+
+
+class Modes(NamedTuple):
+    """Both models' states (2, 5) and covariances (2, 5, 5), and the probability that the target is turning."""
+
+    mean: Array
+    covariance: Array
+    turning: float
+
+
+def begin(measured: Array, noise: Array, settings: TrackSettings) -> Modes:
+    """Both models from a first report of position (2,) or position and velocity (4,) with its covariance."""
+    known = len(measured)
+    mean = np.zeros(STATES)
+    covariance = np.eye(STATES) * settings.prior_speed_sd_m_s**2
+    mean[:known], covariance[:known, :known] = measured, noise
+    covariance[4, 4] = settings.turn_rate_sd_rad_s**2
+    turning = settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s)
+    return Modes(np.array([mean, mean]), np.array([covariance, covariance]), turning)
+
+
+def advance(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
+    """Mix and move both models on by dt; for no time, the same modes."""
+    if dt_s <= 0.0:
+        return modes
+    mixed = _mix(modes, dt_s, settings)
+    moved = step(mixed.mean, dt_s, settings)
+    covariance = moved.jacobian @ mixed.covariance @ moved.jacobian.transpose(0, 2, 1) + moved.noise
+    return Modes(moved.mean, covariance, mixed.turning)
+
+
+def innovate(modes: Modes, measured: Array, noise: Array) -> float:
+    """Normalised innovation squared of a report against the mixture: νᵀS⁻¹ν, χ² in as many things as it measures."""
+    known = len(measured)
+    mean, covariance = combine(modes)
+    difference = measured - mean[:known]
+    return float(difference @ np.linalg.solve(covariance[:known, :known] + noise, difference))
+
+
+def correct(modes: Modes, measured: Array, noise: Array) -> Modes:
+    """Take in a report of position (2,) or position and velocity (4,)."""
+    known = len(measured)
+    difference = (measured - modes.mean[:, :known])[:, :, None]
+    expected = modes.covariance[:, :known, :known] + noise
+    inverse = np.linalg.inv(expected)
+    gain = modes.covariance[:, :, :known] @ inverse
+    covariance = modes.covariance - gain @ modes.covariance[:, :known, :]
+    covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
+    distance = (difference.transpose(0, 2, 1) @ (inverse @ difference))[:, 0, 0]
+    steady, turning = (distance + np.log(np.linalg.det(expected))).tolist()
+    mean = modes.mean + (gain @ difference)[:, :, 0]
+    return Modes(mean, covariance, _posterior(modes.turning, 0.5 * (steady - turning)))
+
+
+def combine(modes: Modes) -> tuple[Array, Array]:
+    """Mean (5,) and covariance (5, 5) of the mixture."""
+    steady, turning = 1.0 - modes.turning, modes.turning
+    weights = np.array([steady, turning])
+    apart = modes.mean[1] - modes.mean[0]
+    spread = (steady * turning * apart)[:, None] * apart
+    return weights @ modes.mean, (weights @ modes.covariance.reshape(2, -1)).reshape(STATES, STATES) + spread
+
+
+def _mix(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
+    begins, ends = 1.0 / settings.steady_time_s, 1.0 / settings.turning_time_s
+    gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
+    was_steady, was_turning = 1.0 - modes.turning, modes.turning
+    turning = was_steady * begins * gone + was_turning * (1.0 - ends * gone)
+    to_steady = was_turning * ends * gone / (1.0 - turning)
+    to_turning = was_turning * (1.0 - ends * gone) / turning
+    weights = np.array([[1.0 - to_steady, to_steady], [1.0 - to_turning, to_turning]])
+
+    mean, covariance = modes.mean.copy(), modes.covariance.copy()
+    mean[0, 4] = mean[1, 4]
+    covariance[0, 4, :] = covariance[0, :, 4] = 0.0
+    covariance[0, 4, 4] = covariance[1, 4, 4]
+    apart = mean[1] - mean[0]
+    spread = np.array([[[(1.0 - to_steady) * to_steady]], [[(1.0 - to_turning) * to_turning]]]) * (
+        apart[:, None] * apart
+    )
+    flat = weights @ covariance.reshape(2, -1)
+    return Modes(weights @ mean, flat.reshape(covariance.shape) + spread, turning)
+
+
+def _posterior(turning: float, log_ratio: float) -> float:
+    """Bayes on two hypotheses, kept off 0 and 1: a model that is ruled out for ever can never come back."""
+    odds = math.log(turning / (1.0 - turning)) + log_ratio
+    probability = 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
+    return min(1.0 - 1e-9, max(1e-9, probability))

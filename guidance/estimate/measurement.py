@@ -1,0 +1,71 @@
+"""A report of the target made ready for the filter: local metres, our clock, and honest spreads."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.estimate.motion import Array
+from guidance.estimate.settings import TrackSettings
+from guidance.frames import Altitude, Amsl, LocalFrame, Vector
+from guidance.telemetry import TargetReport
+
+
+class Measurement(NamedTuple):
+    """Position (NED, m), velocity (NED, m/s) or None where it is not known, and when it was true on our clock."""
+
+    time_s: float
+    received_s: float
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector | None
+    position_sd_m: float
+    velocity_sd_m_s: float
+
+    def is_finite(self) -> bool:
+        """Whether everything in it is a number of a size that can be."""
+        numbers = (*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()), *self[4:])
+        return all(abs(number) < 1e8 for number in numbers) and min(self[4:]) > 0.0
+
+    def plane(self) -> tuple[Array, Array]:
+        """What is measured in the plane, (2,) or with a velocity (4,), and its covariance."""
+        place = self.position_sd_m**2
+        if self.velocity_ned_m_s is None:
+            return np.array(self.position_ned_m[:2]), np.array([[place, 0.0], [0.0, place]])
+        rate = self.velocity_sd_m_s**2
+        return (
+            np.array(self.position_ned_m[:2] + self.velocity_ned_m_s[:2]),
+            np.array([[place, 0, 0, 0], [0, place, 0, 0], [0, 0, rate, 0], [0, 0, 0, rate]], dtype=np.float64),
+        )
+
+
+def measure(
+    report: TargetReport, frame: LocalFrame, time_s: float, settings: TrackSettings, altitude: Altitude | None = None
+) -> Measurement | None:
+    """Bring a report into the local frame. None if its altitude cannot be brought into the frame's datum.
+
+    A velocity of which any part is NaN is not known, and none is invented; a spread that is not given, or not
+    positive, is the setting's.
+
+    Args:
+        report: As the source gave it.
+        frame: The vehicle's local frame.
+        time_s: When it was true, on our clock.
+        settings: For spreads that are not given.
+        altitude: In place of the report's altitude above mean sea level.
+    """
+    try:
+        position = frame.ned_from_wgs84(
+            report.latitude_deg, report.longitude_deg, altitude or Amsl(report.altitude_amsl_m)
+        )
+    except ConfigError:
+        return None
+    known = not any(math.isnan(part) for part in report.velocity_ned_m_s)
+    return Measurement(
+        time_s,
+        report.received_s,
+        position,
+        report.velocity_ned_m_s if known else None,
+        report.position_sd_m if report.position_sd_m > 0.0 else settings.position_sd_m,
+        report.velocity_sd_m_s if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,
+    )

@@ -1,0 +1,195 @@
+"""The target's track: `update(track, measurement)` takes a report in or drops it, with the reason counted.
+
+A track is a value: update returns a new one. Besides the estimate it holds the last seconds of accepted reports with
+the estimate after each, so that a late report is put in its place in time and the later ones are taken in again; and
+a rival, fed by outliers, that takes over once several in a row agree with it.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from guidance.estimate import height as vertical
+from guidance.estimate import imm
+from guidance.estimate.height import Height
+from guidance.estimate.imm import Modes
+from guidance.estimate.measurement import Measurement
+from guidance.estimate.outcome import Outcome
+from guidance.estimate.settings import TrackSettings
+
+# χ² at a probability of 1e-4 of refusing a good report, by the number of things measured.
+_GATE = {2: 18.42, 4: 23.51}
+_SAME_TIME_S = 1e-4
+
+
+class Estimate(NamedTuple):
+    """Where the target was at a time of our clock, in the plane and in height, and when that was last heard of."""
+
+    time_s: float
+    received_s: float
+    modes: Modes
+    height: Height
+
+
+class Accepted(NamedTuple):
+    """A report that was taken in, and the estimate after it."""
+
+    measurement: Measurement
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """Everything that is remembered of a target.
+
+    Attributes:
+        history: Accepted reports of the last seconds, oldest first; empty before the first one.
+        rival: A track that outliers agree on, not yet believed.
+        outcome: What became of the last report.
+        counts: How many reports ended with each outcome.
+        nis: Normalised innovation squared of the last report that was compared with the estimate.
+    """
+
+    history: tuple[Accepted, ...] = ()
+    rival: "Track | None" = None
+    outcome: Outcome | None = None
+    counts: Mapping[Outcome, int] = field(default_factory=dict)
+    nis: float = float("nan")
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The newest estimate, None before the first report."""
+        return self.history[-1].estimate if self.history else None
+
+
+def update(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
+    """Take a report in, or drop it and count why."""
+    refused = _refusal(track, measurement, settings)
+    if refused is not None:
+        return _ended(track, refused)
+    estimate = track.estimate
+    if estimate is None:
+        return _ended(_begun(track, measurement, settings), Outcome.STARTED)
+    if measurement.received_s - estimate.received_s > settings.silence_s:
+        return _ended(_begun(track, measurement, settings), Outcome.REACQUIRED)
+
+    earlier = len(track.history)
+    while track.history[earlier - 1].measurement.time_s > measurement.time_s:
+        earlier -= 1
+    taken, nis = _take(track.history[earlier - 1].estimate, measurement, settings)
+    if taken is None:
+        return _outlier(replace(track, nis=nis), measurement, settings)
+    history = _replayed((*track.history[:earlier], Accepted(measurement, taken)), track.history[earlier:], settings)
+    outcome = Outcome.REORDERED if earlier < len(track.history) else Outcome.ACCEPTED
+    return Track(_recent(history, settings), None, outcome, _counted(track, outcome), nis)
+
+
+def dropped(track: Track, outcome: Outcome) -> Track:
+    """Count a report that never became a measurement."""
+    return _ended(track, outcome)
+
+
+def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estimate:
+    """Move an estimate on to a later time; an earlier one leaves it as it is."""
+    dt_s = time_s - estimate.time_s
+    if dt_s <= 0.0:
+        return estimate
+    return Estimate(
+        time_s,
+        estimate.received_s,
+        imm.advance(estimate.modes, dt_s, settings),
+        vertical.advance(estimate.height, dt_s, settings.height_noise_m2_s3),
+    )
+
+
+def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) -> Outcome | None:
+    velocity = measurement.velocity_ned_m_s
+    if not measurement.is_finite():
+        return Outcome.NOT_FINITE
+    if velocity is not None and math.hypot(*velocity) > settings.largest_speed_m_s:
+        return Outcome.IMPLAUSIBLE
+    age_s = measurement.received_s - measurement.time_s
+    if age_s > settings.stale_s:
+        return Outcome.STALE
+    if age_s < -settings.future_s:
+        return Outcome.FUTURE
+    return _repetition(track, measurement)
+
+
+def _repetition(track: Track, measurement: Measurement) -> Outcome | None:
+    for one in reversed(track.history):
+        since_s = measurement.time_s - one.measurement.time_s
+        if abs(since_s) < _SAME_TIME_S:
+            return Outcome.DUPLICATE
+        if since_s > 0.0:
+            return None
+    return Outcome.TOO_OLD if track.history else None
+
+
+def _replayed(
+    history: tuple[Accepted, ...], later: tuple[Accepted, ...], settings: TrackSettings
+) -> tuple[Accepted, ...]:
+    """Take the later reports in again; one that no longer fits is left out."""
+    for one in later:
+        again, _ = _take(history[-1].estimate, one.measurement, settings)
+        if again is not None:
+            history = (*history, Accepted(one.measurement, again))
+    return history
+
+
+def _recent(history: tuple[Accepted, ...], settings: TrackSettings) -> tuple[Accepted, ...]:
+    """Leave out what is older than the history reaches back; the newest always stays."""
+    oldest_s = history[-1].measurement.time_s - settings.history_s
+    first = 0
+    while history[first].measurement.time_s < oldest_s:
+        first += 1
+    return history[first:]
+
+
+def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
+    velocity = measurement.velocity_ned_m_s
+    height = Height(
+        measurement.position_ned_m[2],
+        0.0 if velocity is None else velocity[2],
+        measurement.position_sd_m**2,
+        0.0,
+        (settings.prior_speed_sd_m_s if velocity is None else measurement.velocity_sd_m_s) ** 2,
+    )
+    modes = imm.begin(*measurement.plane(), settings)
+    first = Accepted(measurement, Estimate(measurement.time_s, measurement.received_s, modes, height))
+    return replace(track, history=(first,), rival=None)
+
+
+def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -> tuple[Estimate | None, float]:
+    """The estimate with a report taken in, None if the report is an outlier; and its NIS."""
+    moved = advance(before, measurement.time_s, settings)
+    measured, noise = measurement.plane()
+    nis = imm.innovate(moved.modes, measured, noise)
+    if nis > _GATE[len(measured)]:
+        return None, nis
+    height = vertical.correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
+    if measurement.velocity_ned_m_s is not None:
+        height = vertical.correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
+    received_s = max(before.received_s, measurement.received_s)
+    return Estimate(moved.time_s, received_s, imm.correct(moved.modes, measured, noise), height), nis
+
+
+def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
+    """Feed the rival; once enough outliers agree, it is the track."""
+    rival = track.rival
+    if rival is not None:
+        rival = update(rival, measurement, settings)
+    if rival is None or rival.outcome is not Outcome.ACCEPTED:
+        rival = _begun(Track(), measurement, settings)
+    if len(rival.history) < settings.jump_reports:
+        return _ended(replace(track, rival=rival), Outcome.OUTLIER)
+    return _ended(replace(track, history=rival.history, rival=None), Outcome.JUMPED)
+
+
+def _ended(track: Track, outcome: Outcome) -> Track:
+    return replace(track, outcome=outcome, counts=_counted(track, outcome))
+
+
+def _counted(track: Track, outcome: Outcome) -> Mapping[Outcome, int]:
+    return {**track.counts, outcome: track.counts.get(outcome, 0) + 1}
