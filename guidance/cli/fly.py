@@ -42,7 +42,12 @@ def fly(
 
     signal.signal(signal.SIGTERM, _terminated)
     started_s = time.perf_counter()
-    raise typer.Exit(fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, started_s=started_s))
+    try:
+        code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, started_s=started_s)
+    except KeyboardInterrupt:
+        typer.echo("interrupted: the mock was ended, and the record so far can be read", err=True)
+        code = 128 + signal.SIGINT
+    raise typer.Exit(code)
 
 
 def _terminated(*_: object) -> NoReturn:

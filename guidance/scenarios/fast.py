@@ -2,9 +2,9 @@
 
 import tomllib
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from guidance.links import MemoryWire
-from guidance.links.port import TargetSource, VehicleLink
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.tap import Passed, TappedWire
 from guidance.links.targets.global_position import GlobalPositionInt
@@ -15,6 +15,9 @@ from guidance.service.clock import Clock
 from sitl_mock.config import checked
 from sitl_mock.fleet import build
 from sitl_mock.vehicle import MockVehicle
+
+if TYPE_CHECKING:
+    from guidance.links.port import TargetSource, VehicleLink
 
 
 class FastWorld:

@@ -97,7 +97,7 @@ class _MockProcess:
         command = [sys.executable, "-m", "sitl_mock", "run", "--fleet", str(path), "--json", "--parent-pipe"]
         self._log = (folder / "mock.log").open("w+b")
         self._port = port
-        self._child = subprocess.Popen(  # noqa: S603
+        self._child = subprocess.Popen(
             [*command, "--zenoh", f"tcp/127.0.0.1:{port}"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

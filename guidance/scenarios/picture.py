@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from guidance.flight import State
@@ -12,10 +13,6 @@ from guidance.frames import Vector
 from guidance.game import Game, StandOff, solve
 from guidance.scenarios.fly import FlightResult, outcome
 from guidance.scenarios.settings import game, target_game_m
-
-mpl.use("Agg")
-
-from matplotlib import pyplot as plt
 
 Array = NDArray[np.float64]
 
@@ -32,9 +29,11 @@ def draw(result: FlightResult, path: Path) -> None:
     Raises:
         OSError: If the file cannot be written.
     """
-    figure = plt.figure(figsize=(12.0, 6.4), layout="constrained")
-    space = figure.add_subplot(1, 2, 1, projection="3d")
-    plan = figure.add_subplot(1, 2, 2)
+    figure = Figure(figsize=(12.0, 6.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(1, 3, width_ratios=[1.0, 0.06, 0.9])
+    space = figure.add_subplot(grid[0], projection="3d")
+    plan = figure.add_subplot(grid[2])
     before, playing = _split(result)
     for axes, columns in ((space, [0, 1, 2]), (plan, [0, 1])):
         _tracks(axes, before, playing, columns)
@@ -44,7 +43,6 @@ def draw(result: FlightResult, path: Path) -> None:
     figure.suptitle(f"{result.scenario.title}: {outcome(result)}, {_score(result)}")
     figure.legend(*plan.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     figure.savefig(path, dpi=130)
-    plt.close(figure)
 
 
 def isochron(a_game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181) -> Array:
@@ -119,9 +117,12 @@ def _disc(axes: Any, result: FlightResult, dimensions: int) -> None:  # noqa: AN
 
 
 def _label_space(axes: Any) -> None:  # noqa: ANN401
-    axes.set(xlabel="x east, m", ylabel="y north, m", zlabel="z up, m")
+    axes.set(xlabel="x east, m", zlabel="z up, m")
+    axes.set_ylabel("y north, m", labelpad=10.0)
+    axes.locator_params(nbins=5)
     axes.set_zlim(bottom=0.0)
-    axes.set_aspect("equal")
+    spans = [high - low for low, high in (axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d())]
+    axes.set_box_aspect(spans, zoom=0.95)  # equal scales, and room for the labels
     axes.view_init(elev=22.0, azim=-60.0)
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from guidance.links.tap import Passed
 from guidance.links.port import TargetSource, VehicleLink
+from guidance.links.tap import Passed
 
 
 class World(Protocol):
