@@ -5,6 +5,7 @@ import sys
 import typer
 
 from guidance.cli.fly import fly
+from guidance.cli.paper import paper
 from guidance.errors import GuidanceError
 
 app = typer.Typer(
@@ -14,6 +15,7 @@ app = typer.Typer(
     help="Closed-form pursuit guidance: fly it, solve it, check it against the paper.",
 )
 app.command()(fly)
+app.command()(paper)
 
 
 @app.callback()

@@ -28,7 +28,7 @@ from guidance.game.arrays import (
 from guidance.game.game import Cylinder, Game
 from guidance.game.play import State, take_apart
 from guidance.game.reach import level_time, vertical_speed
-from guidance.game.solve import Solution, leading_shape, quiet, solve
+from guidance.game.solution import Solution, leading_shape, quiet, solve
 
 
 class Gradient(NamedTuple):

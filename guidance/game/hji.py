@@ -18,7 +18,7 @@ from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Library, Plane, component, constant, dot2, namespace, norm2, select
 from guidance.game.game import Ball, Game
 from guidance.game.gradient import Gradient
-from guidance.game.solve import solve
+from guidance.game.solution import solve
 
 ValueFunction: TypeAlias = Callable[[Array, Array, Array | None], Array]
 """Value of the positions of P, E and T, (..., 3) each, or of P, E and None; (...)."""

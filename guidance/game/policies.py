@@ -14,7 +14,7 @@ from guidance.game.arrays import Array, component, namespace, norm2, pack, selec
 from guidance.game.game import Game
 from guidance.game.play import take_apart
 from guidance.game.reach import steer
-from guidance.game.solve import leading_shape, quiet, solve
+from guidance.game.solution import leading_shape, quiet, solve
 from guidance.game.tad import guard_time
 
 

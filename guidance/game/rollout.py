@@ -9,7 +9,7 @@ from guidance.game.arrays import Array, namespace, norm3, select, spread
 from guidance.game.checks import is_zero, require
 from guidance.game.game import Game
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
-from guidance.game.solve import leading_shape, quiet, solve
+from guidance.game.solution import leading_shape, quiet, solve
 from guidance.game.stepping import End, Exact, Paper, Sample, Velocities, exact_samples, published_samples
 
 EXACT = Exact()
