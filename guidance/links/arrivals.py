@@ -7,6 +7,7 @@ from typing import Final, Generic, TypeVar
 
 Clock = Callable[[], float]
 Handler = Callable[[float, bytes], None]
+Wake = Callable[[], None]
 T = TypeVar("T")
 
 MOST_WAITING: Final = 1024
@@ -15,9 +16,11 @@ MOST_WAITING: Final = 1024
 class Arrivals(Generic[T]):
     """Filled by a library's thread, emptied by the loop's; or handed on at once to a `handler`, on that thread."""
 
-    def __init__(self, clock: Clock, *, most: int = MOST_WAITING) -> None:
+    def __init__(self, clock: Clock, *, most: int = MOST_WAITING, on_arrival: Wake | None = None) -> None:
+        """Start empty. `on_arrival` is called after each arrival on the library's thread; it may only wake the loop."""
         self._clock = clock
         self._most = most
+        self._on_arrival = on_arrival
         self._waiting: deque[tuple[float, T]] = deque()
         self._lock = threading.Lock()
         self._handler: Callable[[float, T], None] | None = None
@@ -38,6 +41,8 @@ class Arrivals(Generic[T]):
                 self._waiting.append((now_s, item))
         if handler is not None:
             handler(now_s, item)
+        elif self._on_arrival is not None:
+            self._on_arrival()
 
     def take(self) -> list[tuple[float, T]]:
         """Everything since the last call, oldest first."""

@@ -17,7 +17,7 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, Mav
 from mavsdk.system import System
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Handler
+from guidance.links.arrivals import Arrivals, Clock, Handler, Wake
 from guidance.links.codec import MAV_AUTOPILOT_PX4, is_bytewise
 from guidance.links.conversation import HEARD, Conversation
 from guidance.links.mavsdk_log import route_to_logging
@@ -58,6 +58,7 @@ class MavsdkLink:
         own_system_id: int | None = None,
         own_component_id: int = 195,
         timeout_s: float = 10.0,
+        on_arrival: Wake | None = None,
     ) -> None:
         """Connect and wait until the vehicle's HEARTBEAT was heard. The wire is closed with the link.
 
@@ -69,7 +70,7 @@ class MavsdkLink:
         self._clock = clock
         self._wire = wire
         self._component_id = component_id
-        self._arrivals = Arrivals[tuple[str, int, str]](clock)
+        self._arrivals = Arrivals[tuple[str, int, str]](clock, on_arrival=on_arrival)
         self._dropped: Counter[str] = Counter()
         self._conversation = Conversation(self._send, system_id=system_id, component_id=component_id, own=own)
         self._gate = threading.Lock()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final, Protocol
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.arrivals import Clock
+from guidance.links.arrivals import Clock, Wake
 from guidance.links.endpoint import Endpoint, parse
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import VehicleLink, Wire
@@ -36,8 +36,10 @@ class _Polled(Protocol):
     def close(self) -> None: ...
 
 
-def open_wire(url: str, *, clock: Clock, timeout_s: float = 5.0) -> Wire:
+def open_wire(url: str, *, clock: Clock, timeout_s: float = 5.0, on_arrival: Wake | None = None) -> Wire:
     """Open the bytes behind a URL; `timeout_s` bounds the connecting (TCP, Zenoh), in real time.
+
+    `on_arrival` is called on the wire's thread whenever something arrived; it may only wake the reader.
 
     Raises:
         ConfigError: If the URL is none of those allowed.
@@ -46,13 +48,17 @@ def open_wire(url: str, *, clock: Clock, timeout_s: float = 5.0) -> Wire:
     endpoint = parse(url)
     if endpoint.scheme == "zenoh":
         router = f"tcp/{endpoint.host}:{endpoint.port}"
-        return ZenohWire(clock, namespace=endpoint.namespace, endpoint=router, timeout_s=timeout_s)
+        return ZenohWire(
+            clock, namespace=endpoint.namespace, endpoint=router, timeout_s=timeout_s, on_arrival=on_arrival
+        )
     if endpoint.scheme == "serial":
-        return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
+        return SerialWire(clock, device=endpoint.host, baud=endpoint.port, on_arrival=on_arrival)
     listen = endpoint.scheme.endswith("in")
     if endpoint.scheme.startswith("udp"):
-        return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen)
-    return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
+        return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, on_arrival=on_arrival)
+    return TcpWire(
+        clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s, on_arrival=on_arrival
+    )
 
 
 def open_vehicle_link(
@@ -67,6 +73,7 @@ def open_vehicle_link(
     signing_key: SigningKey | None = None,
     timeout_s: float = 10.0,
     sleep: Sleep = time.sleep,
+    on_arrival: Wake | None = None,
 ) -> VehicleLink:
     """Open a link and wait until the vehicle was heard.
 
@@ -81,6 +88,7 @@ def open_vehicle_link(
         signing_key: Sign what is sent and refuse what is not signed (pymavlink only: MAVSDK cannot).
         timeout_s: How long to wait for the wire, and then for the first HEARTBEAT.
         sleep: How to wait between looks.
+        on_arrival: Called on a library's thread whenever something arrived; it may only wake the loop.
 
     Raises:
         ConfigError: If an argument is wrong.
@@ -103,9 +111,9 @@ def open_vehicle_link(
     if kind == "mavsdk":
         if signing_key is not None:
             raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
-        return _open_mavsdk(parse(url), ids, own_system_id, clock, timeout_s, sleep)
+        return _open_mavsdk(parse(url), ids, own_system_id, clock, timeout_s, sleep, on_arrival)
     link = PymavlinkLink(
-        open_wire(url, clock=clock, timeout_s=timeout_s),
+        open_wire(url, clock=clock, timeout_s=timeout_s, on_arrival=on_arrival),
         clock,
         own_system_id=own_system_id,
         signing_key=signing_key,
@@ -117,7 +125,13 @@ def open_vehicle_link(
 
 
 def _open_mavsdk(
-    endpoint: Endpoint, ids: dict[str, int], own_system_id: int | None, clock: Clock, timeout_s: float, sleep: Sleep
+    endpoint: Endpoint,
+    ids: dict[str, int],
+    own_system_id: int | None,
+    clock: Clock,
+    timeout_s: float,
+    sleep: Sleep,
+    on_arrival: Wake | None,
 ) -> VehicleLink:
     wire, url = None, None
     if endpoint.scheme == "zenoh":
@@ -127,7 +141,16 @@ def _open_mavsdk(
         url = endpoint.url
         if endpoint.scheme == "udpin":
             _refuse_a_taken_port(endpoint)
-    return MavsdkLink(clock, url=url, wire=wire, own_system_id=own_system_id, timeout_s=timeout_s, sleep=sleep, **ids)
+    return MavsdkLink(
+        clock,
+        url=url,
+        wire=wire,
+        own_system_id=own_system_id,
+        timeout_s=timeout_s,
+        sleep=sleep,
+        on_arrival=on_arrival,
+        **ids,
+    )
 
 
 def _refuse_a_taken_port(endpoint: Endpoint) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 import serial
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock
+from guidance.links.arrivals import Arrivals, Clock, Wake
 from guidance.links.reader import Reader
 from guidance.links.tail import Tail
 
@@ -20,7 +20,7 @@ class SerialWire:
 
     stream = True
 
-    def __init__(self, clock: Clock, *, device: str, baud: int) -> None:
+    def __init__(self, clock: Clock, *, device: str, baud: int, on_arrival: Wake | None = None) -> None:
         """Open the port.
 
         Raises:
@@ -32,7 +32,7 @@ class SerialWire:
             raise LinkError(f"serial {device}:{baud}: {error}") from error
         self._closed = False
         self._tail = Tail(self._write)
-        self._arrivals = Arrivals[bytes](clock)
+        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._reader = Reader(self._read, self._arrivals, name=f"serial {device}")
 
     def _read(self) -> bytes:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock
+from guidance.links.arrivals import Arrivals, Clock, Wake
 from guidance.links.reader import Reader
 from guidance.links.tail import Tail
 
@@ -19,7 +19,16 @@ class TcpWire:
 
     stream = True
 
-    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool, timeout_s: float = 5.0) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        host: str,
+        port: int,
+        listen: bool,
+        timeout_s: float = 5.0,
+        on_arrival: Wake | None = None,
+    ) -> None:
         """Connect, or begin to listen.
 
         Raises:
@@ -37,7 +46,7 @@ class TcpWire:
         except OSError as error:
             raise LinkError(f"tcp {host}:{port}: {error}; is the vehicle there and the port right?") from error
         self._tail = Tail(self._write)
-        self._arrivals = Arrivals[bytes](clock)
+        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._reader = Reader(self._read, self._arrivals, name=f"tcp {host}:{port}")
 
     @staticmethod

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock
+from guidance.links.arrivals import Arrivals, Clock, Wake
 from guidance.links.framing import MAGIC_V1, MAGIC_V2
 from guidance.links.reader import Reader
 
@@ -21,7 +21,7 @@ class UdpWire:
 
     stream = False
 
-    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool) -> None:
+    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool, on_arrival: Wake | None = None) -> None:
         """Open the socket.
 
         Raises:
@@ -42,7 +42,7 @@ class UdpWire:
             self._socket.close()
             raise LinkError(f"udp {host}:{port}: {error}; choose another port or end what uses it") from error
         self._socket.settimeout(_WAIT_S)
-        self._arrivals = Arrivals[bytes](clock)
+        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._reader = Reader(self._read, self._arrivals, name=f"udp {host}:{port}")
 
     @property

@@ -11,7 +11,7 @@ from typing import Final
 
 import zenoh
 
-from guidance.links.arrivals import Arrivals, Clock, Handler
+from guidance.links.arrivals import Arrivals, Clock, Handler, Wake
 from guidance.links.zenoh_session import open_session
 
 TO_VEHICLE: Final = "mavlink_raw/in"
@@ -36,6 +36,7 @@ class ZenohWire:
         endpoint: str | None = None,
         session: "zenoh.Session | None" = None,
         timeout_s: float = 3.0,
+        on_arrival: Wake | None = None,
     ) -> None:
         """Subscribe and get ready to publish.
 
@@ -45,7 +46,7 @@ class ZenohWire:
         """
         if (endpoint is None) == (session is None):
             raise ValueError(f"endpoint = {endpoint!r}, session = {session!r}: give exactly one")
-        self._arrivals = Arrivals[bytes](clock)
+        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._lock = threading.Lock()
         self._closed = False
         self._sent = self._unsent = 0

@@ -162,3 +162,19 @@ def test_the_library_is_silent_on_standard_output(capfd):
         assert rig.hear(lambda got: len(got) > 1)
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")
+
+
+@pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
+def test_a_loop_that_waits_is_woken_by_an_arrival(kind):
+    port, woken = free_port(), threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
+        peer = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)))
+        with living(peer, list, heartbeat_every_s=0.05):
+            url = f"udpin://127.0.0.1:{port}"
+            link = open_vehicle_link(kind, url, system_id=1, clock=clock, on_arrival=woken.set)
+        link.receive()
+        woken.clear()
+        peer.local_position(1)
+        assert woken.wait(2.0)
+        assert len(link.receive()) == 1
+        link.close()
