@@ -70,8 +70,9 @@ CONDITIONS: Mapping[str, Kind] = MappingProxyType(
         "fence_breach": Kind("the fence counts as breached", False, _flag),
         "battery": Kind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
         "wind_m_s": Kind("wind towards north, east, down", (0.0, 0.0, 0.0), _vector(3)),
+        "gust_m_s": Kind("gusts of this standard deviation", 0.0, _number(0.0, 30.0)),
         "push_m_s": Kind("the vehicle's velocity jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True),
-        "telemetry_frozen": Kind("states stop updating, heartbeats go on", False, _flag),
+        "telemetry_frozen": Kind("nothing but heartbeats is sent", False, _flag),
         "silent": Kind("nothing is sent at all", False, _flag),
         "reboot": Kind("the autopilot restarts, in flight too; its clock starts again", True, _flag, event=True),
         "time_jump_s": Kind("time since boot jumps", 0.0, _number(-1e7, 1e7), event=True),
@@ -108,6 +109,7 @@ class Conditions:
     estimator_invalid: bool = False
     fence_breach: bool = False
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gust_m_s: float = 0.0
     telemetry_frozen: bool = False
     silent: bool = False
     events: list[tuple[str, Any]] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""What every flavour shares: one vehicle's body, beliefs, power, pilot and voice. The flavour's brain decides over it."""
+"""What every flavour shares: one vehicle's body, beliefs, power, pilot and voice, for the flavour's brain to rule."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The errors a user of the mock can meet. Every message names what is wrong, its value, and what is allowed or to do."""
+"""The errors a user of the mock can meet. Every message names what is wrong, its value, and what is allowed."""
 
 
 class MockError(Exception):

@@ -1,33 +1,25 @@
 """What the autopilot believes about its motion, and how sure it is: estimate = truth + error.
 
-The error is a damped oscillator driven by seeded noise, per axis: its position and velocity parts belong together
-(the one is the derivative of the other), with standard deviations as measured between PX4's estimate and its
-simulator's truth. Jumps and drifts are added to it. The control loop follows the estimate, so the truth wanders.
+The error wanders as measured on the real autopilot; jumps and drifts are added to it. The control loop follows the
+estimate, so it is the truth that moves when the estimate is wrong.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from random import Random
-from typing import NamedTuple
+from typing import Final
 
 from sitl_mock.conditions import Conditions
+from sitl_mock.dynamics import Errors, Wander
 from sitl_mock.world import Vector
 
-_DAMPING = 0.5
-_NOISE_STEP_S = 0.05
-_RESET_M = 0.3
-_RESET_LIMIT = 256
-
-
-class Noise(NamedTuple):
-    """Standard deviations of the estimate's error, north, east, down, and how fast uncertainty grows without GPS."""
-
-    position_m: Vector
-    velocity_m_s: Vector
-
-
-PX4_NOISE = Noise((0.13, 0.21, 0.31), (0.17, 0.30, 0.16))
-ARDUPILOT_NOISE = Noise((0.05, 0.05, 0.05), (0.03, 0.03, 0.03))
+STEP_S: Final = 0.1
+ARDUPILOT_WANDER: Final = Wander((0.03, 0.03, 0.03), (0.05, 0.05, 0.05))
+"""Small: height held within 0.1 m over 200 m (measured on ArduCopter 4.5.7)."""
+_DRIFT_M_S2: Final = 0.1
+_BLIND_GROWTH_M_S2: Final = 0.2
+_EPH_M: Final = 0.4
+_RESET_LIMIT: Final = 256
 
 
 @dataclass(slots=True)
@@ -35,7 +27,7 @@ class Estimator:
     """The estimate's error and its validity.
 
     Attributes:
-        noise: Size of the error; None for none.
+        wander: Size of the error, None for none.
         random: Source of the noise, seeded.
         ready_s: When the estimate becomes valid.
         position_limit_m: Horizontal uncertainty beyond which the position is invalid (COM_POS_FS_EPH).
@@ -43,6 +35,7 @@ class Estimator:
         position_error_m: Present error.
         velocity_error_m_s: Present error.
         yaw_error_rad: Present error.
+        offset_m: The part of the position error that jumps and drifts have made.
         eph_m: Horizontal uncertainty.
         position_valid: Local position and velocity may be used.
         global_valid: Global position may be used.
@@ -51,34 +44,34 @@ class Estimator:
         reset_counter: Jumps so far, modulo 256 (ODOMETRY).
     """
 
-    noise: Noise | None
+    wander: Wander | None
     random: Random
     ready_s: float
     position_limit_m: float = 5.0
     dead_reckoning_s: float = 5.0
+    errors: Errors = Errors()  # noqa: RUF009 - an immutable value
     position_error_m: Vector = (0.0, 0.0, 0.0)
     velocity_error_m_s: Vector = (0.0, 0.0, 0.0)
     yaw_error_rad: float = 0.0
     offset_m: Vector = (0.0, 0.0, 0.0)
-    eph_m: float = 0.4
+    eph_m: float = _EPH_M
     position_valid: bool = False
     global_valid: bool = False
     altitude_valid: bool = False
     gps_ok: bool = False
     reset_counter: int = 0
-    _lost_gps_s: float = math.inf
-    _next_s: float = 0.0
-    _wander_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    _wander_m_s: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    lost_gps_s: float = math.inf
 
     def advance(self, now_s: float, conditions: Conditions, *, flying: bool) -> None:
-        """Move the error and the validity on to now_s."""
-        if now_s + 1e-9 < self._next_s:
-            return
-        self._next_s = now_s + _NOISE_STEP_S
-        if self.noise is not None and flying:
-            self._wander(self.noise)
+        """Move the error and the validity on to now_s; called every STEP_S."""
+        if self.wander is not None and flying:
+            self.errors = self.wander.after(self.errors, self.random, STEP_S)
+        elif not flying:
+            self.errors = Errors(self.errors.position_ned_m)  # standing still is noticed
         self._judge(now_s, conditions)
+        if flying and self.lost_gps_s < math.inf:
+            self._drift(now_s)
+        self._sum()
 
     def jump(self, by_m: Vector) -> None:
         """Reset the position estimate: it moves by by_m at once and the reset counter rises."""
@@ -92,37 +85,39 @@ class Estimator:
         self.yaw_error_rad += by_rad
         self.reset_counter = (self.reset_counter + 1) % _RESET_LIMIT
 
-    def _wander(self, noise: Noise) -> None:
-        gauss, dt = self.random.gauss, _NOISE_STEP_S
-        for axis in range(3):
-            rate = noise.velocity_m_s[axis] / noise.position_m[axis]
-            position, velocity = self._wander_m[axis], self._wander_m_s[axis]
-            kick = noise.velocity_m_s[axis] * math.sqrt(4.0 * _DAMPING * rate * dt) * gauss(0.0, 1.0)
-            velocity += (-rate * rate * position - 2.0 * _DAMPING * rate * velocity) * dt + kick
-            self._wander_m[axis] = position + velocity * dt
-            self._wander_m_s[axis] = velocity
-        north, east, down = self._wander_m_s
-        self.velocity_error_m_s = (north, east, down)
-        self._sum()
+    def _drift(self, now_s: float) -> None:
+        """Without GPS the estimate slides away, in a direction of the seed's choosing."""
+        step_m = _DRIFT_M_S2 * (now_s - self.lost_gps_s) * STEP_S
+        bearing = self.random.gauss(0.0, 0.2)
+        north, east, down = self.offset_m
+        self.offset_m = (north + step_m * math.cos(bearing), east + step_m * math.sin(bearing), down)
 
     def _sum(self) -> None:
-        (n, e, d), (o_n, o_e, o_d) = self._wander_m, self.offset_m
+        (n, e, d), (o_n, o_e, o_d) = self.errors.position_ned_m, self.offset_m
         self.position_error_m = (n + o_n, e + o_e, d + o_d)
+        self.velocity_error_m_s = self.errors.velocity_ned_m_s
 
     def _judge(self, now_s: float, conditions: Conditions) -> None:
-        ready = now_s >= self.ready_s
+        ready = now_s >= self.ready_s - 1e-9
         gps_lost = conditions.gps_lost
         self.gps_ok = ready and not gps_lost
         if not gps_lost:
-            self._lost_gps_s = math.inf
-        elif self._lost_gps_s == math.inf:
-            self._lost_gps_s = now_s
-        blind_s = max(0.0, now_s - self._lost_gps_s)
-        self.eph_m = max(0.4 + 0.2 * blind_s * blind_s, conditions.eph_m)
+            self._find_gps()
+        elif self.lost_gps_s == math.inf:
+            self.lost_gps_s = now_s
+        blind_s = max(0.0, now_s - self.lost_gps_s)
+        self.eph_m = max(_EPH_M + _BLIND_GROWTH_M_S2 * blind_s * blind_s, conditions.eph_m)
         usable = ready and not conditions.estimator_invalid
         self.altitude_valid = usable
         self.position_valid = usable and blind_s < self.dead_reckoning_s
         self.global_valid = self.position_valid and self.eph_m <= self._limit()
+
+    def _find_gps(self) -> None:
+        """A fix again: the estimate is reset to it."""
+        if self.lost_gps_s < math.inf:
+            self.lost_gps_s = math.inf
+            north, east, _ = self.offset_m
+            self.jump((-north, -east, 0.0))
 
     def _limit(self) -> float:
         """Hysteresis: once valid, an uncertainty of 2.5 times the limit is borne."""

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 from sitl_mock.brain import Brain
 from sitl_mock.craft import Craft
-from sitl_mock.dynamics import Vehicle
+from sitl_mock.dynamics import Vehicle, Wander
 from sitl_mock.errors import ConfigError
-from sitl_mock.estimator import Noise
 from sitl_mock.modes import ModeTable
 from sitl_mock.protocols import (
     Identity,
@@ -37,13 +36,12 @@ class Flavour:
         identity: AUTOPILOT_VERSION of a vehicle with a number.
         plant: The dynamics under present parameters.
         brain: Makes the brain of a craft.
-        noise: Size of the estimator's error.
+        wander: Size of the estimator's error.
         ready_s: From boot until it can be armed.
         texts: STATUSTEXT goes out on the links.
         own_id_only: Protocols that ignore messages to system 0.
         broadcast: Commands that are obeyed when sent to system 0; None for all.
         ground_vehicle: It cannot start in the air.
-        radio: A radio is always there, resting with the throttle stick down.
     """
 
     name: str
@@ -59,7 +57,7 @@ class Flavour:
     identity: Callable[[int], Identity]
     plant: Callable[[Mapping[str, float]], Vehicle]
     brain: Callable[[Craft, PlanStore], Brain]
-    noise: Noise
+    wander: Wander
     ready_s: float
     texts: bool
     own_id_only: frozenset[str] = frozenset()

@@ -39,7 +39,6 @@ def _system_ids(config: FleetConfig) -> dict[str, int]:
 def _vehicle(
     config: FleetConfig, each: VehicleConfig, system_id: int, index: int, unix_us: int | None, *, ground_link: bool
 ) -> MockVehicle:
-    clock = {} if unix_us is None else {"unix_us": unix_us}
     return MockVehicle(
         each.flavour,
         system_id=system_id,
@@ -53,5 +52,5 @@ def _vehicle(
         texts=each.texts,
         origin=each.origin.place() if each.origin else None,
         links=FLEET_LINKS if ground_link else None,
-        **clock,
+        unix_us=unix_us,
     )

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from sitl_mock.mavlink import SPEC_BY_ID, Decoder, Encoder, Signing
+from sitl_mock.mavlink import SPEC_BY_ID, Decoder, Encoder
 from sitl_mock.protocols import (
     Command,
     CommandAnswer,
@@ -24,13 +23,17 @@ from sitl_mock.protocols import (
     TimeProtocol,
     available_modes,
 )
-from sitl_mock.telemetry import BUILDERS, Report
+from sitl_mock.telemetry import BUILDERS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sitl_mock.autopilot import Autopilot
     from sitl_mock.flavour import Flavour
-    from sitl_mock.vehicle import MockVehicle
 
 COMPONENT: Final = 1
+PROTOCOL_TICKS: Final = 2
+"""Late answers are looked for every 20 ms."""
 OFFERED: Final = frozenset(BUILDERS)
 _ONCE: Final = frozenset({"PING", "TIMESYNC"})
 _SET_INTERVAL, _GET_INTERVAL, _REQUEST_MESSAGE, _CAPABILITIES = 511, 510, 512, 520
@@ -41,76 +44,73 @@ class Link:
     """One link.
 
     Args:
-        vehicle: Whose link it is.
+        autopilot: Whose link it is.
         kind: Which default rates it has (onboard, gcs).
         link_id: Its number in signatures.
-        sequence: First packet sequence number.
     """
 
-    def __init__(self, vehicle: MockVehicle, kind: str, link_id: int) -> None:
-        self.vehicle = vehicle
-        flavour: Flavour = vehicle.flavour
-        system_id, signing = vehicle.system_id, vehicle.signing
+    def __init__(self, autopilot: Autopilot, kind: str, link_id: int) -> None:
+        self.autopilot = autopilot
+        flavour: Flavour = autopilot.flavour
+        system_id, signing = autopilot.system_id, autopilot.signing
         self.decoder = Decoder(signing=signing)
         self.encoder = Encoder(system_id, COMPONENT, signing=signing, link_id=link_id)
         self.streams = Streams(OFFERED, flavour.rates_hz[kind], flavour.stream_rules)
-        self.ignored = 0
         self._requested: list[Reply] = []
         self.session = Session(
             system_id,
             COMPONENT,
             own_id_only=flavour.own_id_only,
             command=CommandProtocol(system_id, COMPONENT, self._execute, broadcast=flavour.broadcast),
-            parameters=ParameterProtocol(vehicle.parameters, flavour.parameter_rules),
-            missions=MissionProtocol(vehicle.plans, flavour.mission_rules, vehicle.set_mission_item),
+            parameters=ParameterProtocol(autopilot.parameters, flavour.parameter_rules),
+            missions=MissionProtocol(autopilot.plans, flavour.mission_rules, autopilot.set_mission_item),
             streams=self.streams,
             time=TimeProtocol(system_id, COMPONENT),
-            home=HomeProtocol(vehicle.set_origin, vehicle.set_home),
+            home=HomeProtocol(autopilot.set_origin, autopilot.set_home),
             ftp=FtpRefusal(),
             signing=SigningSetup(signing),
         )
 
-    def receive(self, now_s: float, data: bytes, *, whole: bool = True) -> list[bytes]:
-        """Take bytes; return the frames that answer them."""
+    def receive(self, now_s: float, data: bytes) -> list[bytes]:
+        """Take a datagram or a sample; return the frames that answer it."""
         frames: list[bytes] = []
-        for message in self.decoder.feed(data, whole=whole):
+        for message in self.decoder.feed(data, whole=True):
             replies = self.session.handle(now_s, message)
             if replies is None:
-                self.vehicle.take(now_s, message)
-            else:
-                frames += self._packed(replies)
-                if self._requested:
-                    frames += self._packed(self._requested)
-                    self._requested = []
+                self.autopilot.take(now_s, message)
+            elif replies or self._requested:
+                frames += self.pack(replies)
+                frames += self.pack(self._requested)
+                self._requested = []
         return frames
 
-    def send(self, report: Report, now_s: float, *, only_heartbeat: bool) -> list[bytes]:
+    def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
+        autopilot = self.autopilot
+        report, pack = autopilot.report, self.encoder.pack
+        only_heartbeat = autopilot.conditions.telemetry_frozen
         frames: list[bytes] = []
-        pack = self.encoder.pack
         for name in self.streams.due(now_s):
             if only_heartbeat and name != "HEARTBEAT":
                 continue
             fields = BUILDERS[name](report)
             if fields is not None:
                 frames.append(pack(name, *fields))
-        replies = self.session.advance(now_s)
-        if replies:
-            frames += self._packed(replies)
+        if tick % PROTOCOL_TICKS == 0:
+            replies = self.session.advance(now_s)
+            if replies:
+                frames += self.pack(replies)
         return frames
 
-    def tell(self, replies: Sequence[Reply]) -> list[bytes]:
-        """Pack messages that nobody asked for."""
-        return self._packed(replies)
-
-    def _packed(self, replies: Sequence[Reply]) -> list[bytes]:
+    def pack(self, replies: Sequence[Reply]) -> list[bytes]:
+        """Return the frames of some messages."""
         pack = self.encoder.pack
         return [pack(*reply) for reply in replies]
 
     def _execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
         handler = _REQUESTS.get(command.number)
         if handler is None:
-            return self.vehicle.brain.execute(now_s, command)
+            return self.autopilot.brain.execute(now_s, command)
         return (CommandAnswer(handler(self, now_s, command)),)
 
     def _set_interval(self, now_s: float, command: Command) -> Result:
@@ -137,20 +137,20 @@ class Link:
         return Result.ACCEPTED
 
     def _message(self, message_id: int, argument: int) -> list[Reply]:
-        vehicle = self.vehicle
+        autopilot = self.autopilot
         if message_id == _AUTOPILOT_VERSION:
-            return [vehicle.identity.autopilot_version()]
+            return [autopilot.identity.autopilot_version()]
         if message_id == _AVAILABLE_MODES:
-            return available_modes(mode_entries(vehicle.flavour), argument)
+            return available_modes(mode_entries(autopilot.flavour), argument)
         spec = SPEC_BY_ID.get(message_id)
         if spec is None or spec.name not in BUILDERS or spec.name in _ONCE:
             return []
-        fields = BUILDERS[spec.name](vehicle.report)
+        fields = BUILDERS[spec.name](autopilot.report)
         return [] if fields is None else [(spec.name, *fields)]
 
     def _capabilities(self, _now_s: float, command: Command) -> Result:
         del command
-        self._requested.append(self.vehicle.identity.autopilot_version())
+        self._requested.append(self.autopilot.identity.autopilot_version())
         return Result.ACCEPTED
 
 
@@ -159,7 +159,7 @@ def mode_entries(flavour: Flavour) -> list[ModeEntry]:
     return [ModeEntry(mode.name.capitalize(), mode.number) for mode in flavour.modes.modes]
 
 
-_REQUESTS: Final[dict[int, Callable[[Link, float, Any], Result]]] = {
+_REQUESTS: Final[dict[int, Callable[[Link, float, Command], Result]]] = {
     _SET_INTERVAL: Link._set_interval,  # noqa: SLF001 - its own methods, by command number
     _GET_INTERVAL: Link._get_interval,  # noqa: SLF001
     _REQUEST_MESSAGE: Link._request,  # noqa: SLF001

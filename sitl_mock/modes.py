@@ -1,4 +1,4 @@
-"""How a flavour's modes are written down: one literal table, which the code obeys and the documentation is drawn from."""
+"""How a flavour's modes are written down: one literal table, obeyed by the code and drawn into the documentation."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

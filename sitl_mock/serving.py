@@ -1,4 +1,4 @@
-"""A fleet served in real time: opens its endpoints, says that it is ready, runs until told to stop, closes everything."""
+"""A fleet served in real time: opens its endpoints, says that it is ready, runs until told to stop, closes all."""
 
 import contextlib
 import gc
@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import FrameType
+from typing import Any
 
 from sitl_mock.config import FleetConfig
 from sitl_mock.errors import ConfigError
@@ -108,10 +109,10 @@ def _opened(wires: Wires, names: Sequence[str], stack: contextlib.ExitStack) -> 
 
 def _say_ready(vehicles: dict[str, MockVehicle], endpoints: Sequence[Endpoint], *, as_json: bool) -> None:
     """Tell a parent or a person where each vehicle can be reached."""
-    told = [
+    told: list[dict[str, Any]] = [
         {
             "name": name,
-            "flavour": vehicle.flavour.name,
+            "flavour": vehicle.flavour,
             "system_id": vehicle.system_id,
             "endpoints": [each.describe()[name] for each in endpoints],
         }

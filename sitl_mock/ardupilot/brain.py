@@ -5,7 +5,7 @@ There is no intention beside the mode: whatever changes it, a client, the pilot 
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.ardupilot import commands, guided, safety
 from sitl_mock.ardupilot.rig import Rig
@@ -14,7 +14,9 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
 from sitl_mock.protocols import Command, CommandAnswer, PlanStore
-from sitl_mock.world import Vector
+
+if TYPE_CHECKING:
+    from sitl_mock.world import Vector
 
 CHECK_S: Final = 0.1
 _STOPPED: Final = Setpoint(Kind.STOPPED)

@@ -1,4 +1,4 @@
-"""How ArduPilot answers commands: one function a command, one table. Numbers are MAV_CMD, answers as measured on 4.5.7."""
+"""How ArduPilot answers commands, as measured on 4.5.7: one function a command, one table of MAV_CMD numbers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def execute(brain: ArduPilot, now_s: float, command: Command) -> Answers:
     return handler(brain, now_s, command)
 
 
-def _done(done: bool) -> Answers:  # noqa: FBT001 - the outcome is the argument
+def _done(done: bool) -> Answers:
     return ACCEPTED if done else FAILED
 
 
@@ -177,7 +177,7 @@ def _prearm(brain: ArduPilot, now_s: float, command: Command) -> Answers:
 
 _HANDLERS: Mapping[int, Callable[[ArduPilot, float, Command], Answers]] = MappingProxyType(
     {
-        17: lambda brain, now_s, command: _to("LOITER" if brain.rig.flies else "HOLD")(brain, now_s, command),
+        17: _to("LOITER"),
         20: _to("RTL"),
         21: _to("LAND"),
         22: _takeoff,

@@ -8,7 +8,6 @@ from sitl_mock.ardupilot.modes import COPTER_MODES
 from sitl_mock.ardupilot.rig import Rig
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.setpoints import turned
-from sitl_mock.world import Vector
 
 _NAN = math.nan
 _REACHED_M: Final = 0.5
@@ -60,7 +59,7 @@ def _return(brain: ArduPilot) -> Setpoint:
         brain.stage = "land"
     if brain.stage == "land":
         return _land_over(brain, home[0], home[1])
-    place: Vector = (brain.entered_m[0], brain.entered_m[1]) if brain.stage == "climb" else home[:2]  # type: ignore[assignment]  # completed below
+    place = brain.entered_m if brain.stage == "climb" else home
     return Setpoint(Kind.TRAVEL, (place[0], place[1], height_m))
 
 

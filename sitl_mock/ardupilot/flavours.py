@@ -12,7 +12,7 @@ from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
 from sitl_mock.craft import Craft
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, Rover, Vehicle, arducopter_quadrotor
-from sitl_mock.estimator import ARDUPILOT_NOISE
+from sitl_mock.estimator import ARDUPILOT_WANDER
 from sitl_mock.flavour import Flavour
 from sitl_mock.protocols import (
     ARDUPILOT_HZ,
@@ -71,7 +71,7 @@ ARDUCOPTER: Final = Flavour(
     identity=ardupilot_identity,
     plant=copter_plant,
     brain=copter_brain,
-    noise=ARDUPILOT_NOISE,
+    wander=ARDUPILOT_WANDER,
     ready_s=39.0,
     texts=True,
 )
@@ -90,7 +90,7 @@ ROVER_FLAVOUR: Final = Flavour(
     identity=ardupilot_identity,
     plant=rover_plant,
     brain=rover_brain,
-    noise=ARDUPILOT_NOISE,
+    wander=ARDUPILOT_WANDER,
     ready_s=20.0,
     texts=True,
     ground_vehicle=True,

@@ -1,4 +1,4 @@
-"""ArduPilot's modes and what it changes by itself, one table a vehicle (ArduCopter `mode.h`, Rover `mode.h`, measured 4.5.7)."""
+"""ArduPilot's modes and what it changes by itself, one table a vehicle (`mode.h`, measured on 4.5.7)."""
 
 from typing import Final
 
@@ -55,7 +55,8 @@ COPTER_MODES: Final = ModeTable(
     ),
     rules=(
         "One honest answer to DO_SET_MODE: ACCEPTED or FAILED; a mode that does not exist is FAILED.",
-        "GUIDED is accepted at any time, without a stream. A velocity does not take off; NAV_TAKEOFF does, armed and in GUIDED.",
+        "GUIDED is accepted at any time, without a stream. A velocity does not take off; NAV_TAKEOFF does, armed and "
+        "in GUIDED.",
         "After GUID_TIMEOUT without a setpoint the velocity is zero; the mode stays GUIDED, and nothing is said.",
         "A failsafe changes the mode for good: nothing goes back by itself.",
     ),

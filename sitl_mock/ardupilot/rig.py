@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sitl_mock.dynamics import Setpoint
-from sitl_mock.modes import ModeTable
-
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from sitl_mock.ardupilot.brain import ArduPilot
+    from sitl_mock.dynamics import Setpoint
+    from sitl_mock.modes import ModeTable
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What ArduPilot looks at ten times a second: arming checks with their texts, and failsafes (ArduCopter `events.cpp`)."""
+"""What ArduPilot looks at ten times a second: arming checks with their texts, and failsafes (`events.cpp`)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from sitl_mock.craft import Craft, Severity
 from sitl_mock.fence import violated
 from sitl_mock.missions import flyable
 from sitl_mock.modes import Need
-from sitl_mock.protocols import PlanStore
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sitl_mock.ardupilot.brain import ArduPilot
+    from sitl_mock.protocols import PlanStore
 
 WARNING: Final = Severity.WARNING
 _LOW_PARAMETERS: Final = {"battery low": "BATT_FS_LOW_ACT", "battery critical": "BATT_FS_CRT_ACT"}

@@ -1,4 +1,4 @@
-"""How PX4 answers commands: one function a command, one table. Numbers are MAV_CMD, answers as measured on v1.17."""
+"""How PX4 answers commands, as measured on v1.17: one function a command, one table of MAV_CMD numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def execute(px4: Px4, now_s: float, command: Command) -> Answers:
     return UNSUPPORTED if handler is None else handler(px4, now_s, command)
 
 
-def _granted(granted: bool) -> Answers:  # noqa: FBT001 - the outcome is the argument
+def _granted(granted: bool) -> Answers:
     return ACCEPTED if granted else REFUSED
 
 
@@ -53,11 +53,12 @@ def _set_mode(px4: Px4, now_s: float, command: Command) -> Answers:
 
 def _arm(px4: Px4, now_s: float, command: Command) -> Answers:
     """COMPONENT_ARM_DISARM; param2 21196 forces, which disarms in the air as well."""
+    del now_s
     want, force = command.params[:2]
     if want not in {0.0, 1.0}:
         return (CommandAnswer(Result.UNSUPPORTED),)
     if want == 1.0:
-        return _arm_now(px4, now_s)
+        return _arm_now(px4)
     craft = px4.craft
     if not craft.armed:
         return ACCEPTED
@@ -68,7 +69,7 @@ def _arm(px4: Px4, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _arm_now(px4: Px4, now_s: float) -> Answers:
+def _arm_now(px4: Px4) -> Answers:
     craft = px4.craft
     if craft.armed:
         return ACCEPTED

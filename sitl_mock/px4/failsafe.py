@@ -1,4 +1,4 @@
-"""PX4's failsafe framework: what is wrong, which parameter says what to do, and until when (`failsafe.cpp`, `framework.cpp`)."""
+"""PX4's failsafes: what is wrong, which parameter says what to do, and until when (`failsafe.cpp`)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from sitl_mock.dynamics import PX4_TRAVEL, Px4Gains, Vehicle, px4_quadrotor
-from sitl_mock.estimator import PX4_NOISE
+from sitl_mock.dynamics import PX4_TRAVEL, PX4_WANDER, Px4Gains, Vehicle, px4_quadrotor
 from sitl_mock.flavour import Flavour
 from sitl_mock.parameters_px4 import PARAMETERS
 from sitl_mock.protocols import (
@@ -73,7 +72,7 @@ PX4: Final = Flavour(
     identity=px4_identity,
     plant=plant,
     brain=Px4,
-    noise=PX4_NOISE,
+    wander=PX4_WANDER,
     ready_s=5.0,
     texts=False,
     own_id_only=PX4_OWN_ID_ONLY,

@@ -1,4 +1,4 @@
-"""PX4's modes and what it changes by itself, as one table (`px4_custom_mode.h`, `mode_requirements.cpp`, measured v1.17)."""
+"""PX4's modes and what it changes by itself, as one table (`px4_custom_mode.h`, measured on v1.17)."""
 
 from typing import Final
 

@@ -36,7 +36,7 @@ def read(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavl
     return _judged(craft, target, "SET_POSITION_TARGET_LOCAL_NED", target.frame in {LOCAL_NED, BODY_NED})
 
 
-def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpoint | str:  # noqa: FBT001
+def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpoint | str:
     if not frame_known:
         return f"{name} coordinate frame {target.frame} unsupported"
     if target.type_mask & FORCE:

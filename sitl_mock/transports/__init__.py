@@ -1,4 +1,4 @@
-"""Endpoints that carry a fleet's frames, and the loop that moves it in real time. Nothing else here touches a socket."""
+"""Endpoints that carry a fleet's frames, and the loop that moves it in real time; the only place with sockets."""
 
 from sitl_mock.transports.endpoint import Arrival, Endpoint
 from sitl_mock.transports.loop import Clock, run

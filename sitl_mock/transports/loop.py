@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from sitl_mock.autopilot import TICK_S
 from sitl_mock.transports.endpoint import Endpoint
-from sitl_mock.vehicle import TICK_S, MockVehicle
+from sitl_mock.vehicle import MockVehicle
 
 Clock = Callable[[], float]
 

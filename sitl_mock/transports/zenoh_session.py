@@ -117,8 +117,8 @@ class ZenohEndpoint:
         """Undeclare and close; without this the interpreter would hang at exit."""
         if not self._session.is_closed():
             for subscriber in self._subscribers:
-                subscriber.undeclare()
-            self._session.close()
+                subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh leaves it untyped
+            self._session.close()  # type: ignore[no-untyped-call]  # likewise
         self._close_wake()
 
     def _taker(self, name: str) -> Callable[[Any], None]:

@@ -1,0 +1,69 @@
+"""Messages that belong to no protocol: heartbeats, setpoints, SET_MODE, sticks. What is not understood is ignored."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.pilot import Sticks
+from sitl_mock.protocols import addressed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sitl_mock.autopilot import Autopilot
+    from sitl_mock.mavlink import Message
+
+COMPONENT: Final = 1
+_PWM_LEAST, _PWM_MOST = 800, 2200
+
+
+def take(autopilot: Autopilot, now_s: float, message: Message) -> None:
+    """Take one message; those of the vehicle itself and those for others are ignored."""
+    handler = _HANDLERS.get(message.get_type())
+    if handler is None or not addressed(message, autopilot.system_id, COMPONENT):
+        return
+    if message.get_srcSystem() == autopilot.system_id and message.get_srcComponent() == COMPONENT:
+        return
+    handler(autopilot, now_s, message)
+
+
+def _heartbeat(autopilot: Autopilot, now_s: float, message: Message) -> None:
+    if not autopilot.conditions.gcs_lost:
+        autopilot.craft.peers.hear(now_s, message.type)
+
+
+def _setpoint(autopilot: Autopilot, now_s: float, message: Message) -> None:
+    autopilot.brain.offer(now_s, message)
+
+
+def _set_mode(autopilot: Autopilot, now_s: float, message: Message) -> None:
+    autopilot.brain.set_mode(now_s, message.base_mode, message.custom_mode)
+
+
+def _manual_control(autopilot: Autopilot, now_s: float, message: Message) -> None:
+    """MANUAL_CONTROL: pitch x, roll y, yaw r in [-1000, 1000], throttle z in [0, 1000]."""
+    if message.target != autopilot.system_id or autopilot.conditions.rc is False:
+        return
+    pitch, roll, throttle, yaw = (value / 1000.0 for value in (message.x, message.y, message.z, message.r))
+    if max(abs(pitch), abs(roll), abs(throttle), abs(yaw)) <= 1.0:
+        autopilot.craft.pilot.hear(now_s, Sticks(roll, pitch, 2.0 * throttle - 1.0, yaw))
+
+
+def _override(autopilot: Autopilot, now_s: float, message: Message) -> None:
+    """RC_CHANNELS_OVERRIDE: roll, pitch, throttle, yaw as pulse widths."""
+    raw = (message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw)
+    if autopilot.conditions.rc is False or not all(_PWM_LEAST <= value <= _PWM_MOST for value in raw):
+        return
+    roll, pitch, throttle, yaw = (min(max((value - 1500) / 500.0, -1.0), 1.0) for value in raw)
+    autopilot.craft.pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
+
+
+_HANDLERS: Final[dict[str, Callable[[Autopilot, float, Message], None]]] = {
+    "HEARTBEAT": _heartbeat,
+    "SET_POSITION_TARGET_LOCAL_NED": _setpoint,
+    "SET_POSITION_TARGET_GLOBAL_INT": _setpoint,
+    "SET_ATTITUDE_TARGET": _setpoint,
+    "SET_MODE": _set_mode,
+    "MANUAL_CONTROL": _manual_control,
+    "RC_CHANNELS_OVERRIDE": _override,
+}
