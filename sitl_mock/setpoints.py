@@ -6,6 +6,7 @@ What a flavour makes of it (which frames it takes, which masks mean "stop") is t
 import math
 from typing import Any, Final, NamedTuple
 
+from sitl_mock.dynamics import IGNORED
 from sitl_mock.world import LocalFrame, Vector
 
 LOCAL_NED: Final = 1
@@ -37,6 +38,10 @@ class Target(NamedTuple):
 
 
 def _kept(values: Vector, mask: int, first_bit: int) -> Vector:
+    if not mask >> first_bit & 7:
+        return values
+    if mask >> first_bit & 7 == 7:
+        return IGNORED
     x, y, z = values
     return (
         math.nan if mask >> first_bit & 1 else x,
@@ -83,6 +88,6 @@ def added(first: Vector, second: Vector) -> Vector:
     return (first[0] + second[0], first[1] + second[1], first[2] + second[2])
 
 
-def any_finite(*vectors: Vector) -> bool:
+def any_finite(vector: Vector) -> bool:
     """Whether at least one component is a finite number."""
-    return any(math.isfinite(value) for vector in vectors for value in vector)
+    return math.isfinite(vector[0]) or math.isfinite(vector[1]) or math.isfinite(vector[2])

@@ -99,6 +99,38 @@ def _array_packer(
     return pack_flat
 
 
+def _number_packer(
+    wire: struct.Struct, to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
+) -> Callable[[Sequence[Any]], bytes]:
+    """Packer for a message with arrays of numbers and no text: flatten run by run, reorder, then one struct call."""
+    lengths = dict(zip(to_wire, (length for _, length in kinds), strict=True))
+    runs: list[slice | int] = []
+    starts: list[int] = []
+    at = 0
+    for index in range(len(to_wire)):
+        starts.append(at)
+        at += lengths[index] or 1
+        if lengths[index]:
+            runs.append(index)
+        elif runs and isinstance(runs[-1], slice) and runs[-1].stop == index:
+            runs[-1] = slice(runs[-1].start, index + 1)
+        else:
+            runs.append(slice(index, index + 1))
+    plan, count, total = tuple(runs), len(to_wire), at
+    reorder = itemgetter(*(starts[index] + offset for index in to_wire for offset in range(lengths[index] or 1)))
+    pack = wire.pack
+
+    def pack_runs(values: Sequence[Any]) -> bytes:
+        flat: list[Any] = []
+        for run in plan:
+            flat += values[run]
+        if len(values) != count or len(flat) != total:
+            raise struct.error(f"{count} values expected, {len(values)} given, or an array of another length")
+        return pack(*reorder(flat))
+
+    return pack_runs
+
+
 def _unpacker(
     wire: struct.Struct, to_declared: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
 ) -> Callable[[bytes], Sequence[Any]]:
@@ -138,7 +170,12 @@ def _spec(message_class: type[Any]) -> MessageSpec:
         for name, length in zip(wire_names, message_class.array_lengths, strict=True)
     )
     wire = struct.Struct(message_class.unpacker.format)
-    flat = all(length == 0 and kind != "char" for kind, length in kinds)
+    if all(length == 0 and kind != "char" for kind, length in kinds):
+        packer = _scalar_packer(wire, to_wire)
+    elif all(kind != "char" for kind, _ in kinds) and len(names) > 1:
+        packer = _number_packer(wire, to_wire, kinds)
+    else:
+        packer = _array_packer(wire, to_wire, kinds)
     return MessageSpec(
         name=message_class.msgname,
         message_id=message_class.id,
@@ -147,7 +184,7 @@ def _spec(message_class: type[Any]) -> MessageSpec:
         id_bytes=message_class.id.to_bytes(3, "little"),
         crc_extra=bytes((message_class.crc_extra,)),
         size=wire.size,
-        pack_payload=_scalar_packer(wire, to_wire) if flat else _array_packer(wire, to_wire, kinds),
+        pack_payload=packer,
         unpack_payload=_unpacker(wire, to_declared, kinds),
     )
 

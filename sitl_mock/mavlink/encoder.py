@@ -45,7 +45,9 @@ class Encoder:
         """
         spec = SPEC_BY_NAME.get(message) or spec_of(message)  # type: ignore[arg-type]  # an int only misses the dict
         try:
-            payload = spec.pack_payload(values).rstrip(b"\0") or b"\0"
+            payload = spec.pack_payload(values)
+            if not payload[-1]:
+                payload = payload.rstrip(b"\0") or b"\0"
         except _UNFIT as error:
             raise EncodeError(f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}") from error
         sequence = self.sequence

@@ -21,6 +21,7 @@ from sitl_mock.setpoints import (
     read_local,
     turned,
 )
+from sitl_mock.world import Vector
 
 STAND: Final = Setpoint(Kind.BRAKE)
 
@@ -41,9 +42,9 @@ def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpo
         return f"{name} coordinate frame {target.frame} unsupported"
     if target.type_mask & FORCE:
         return f"{name} force not supported"
-    if not any_finite(target.position_m, target.velocity_m_s, target.acceleration_m_s2):
-        return f"{name} invalid"
     position, velocity, acceleration = target.position_m, target.velocity_m_s, target.acceleration_m_s2
+    if not (any_finite(velocity) or any_finite(position) or any_finite(acceleration)):
+        return f"{name} invalid"
     if target.frame == BODY_NED:
         position = IGNORED
         velocity = turned(velocity, craft.yaw_rad)
@@ -60,8 +61,10 @@ def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpo
     )
 
 
-def _finite(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+def _finite(vector: Vector) -> Vector:
     n, e, d = vector
+    if not math.isinf(n + e + d):
+        return vector
     return (
         n if math.isfinite(n) else math.nan,
         e if math.isfinite(e) else math.nan,
@@ -69,10 +72,19 @@ def _finite(vector: tuple[float, float, float]) -> tuple[float, float, float]:
     )
 
 
-def _followable(*vectors: tuple[float, float, float]) -> bool:
+def _followable(position: Vector, velocity: Vector, acceleration: Vector) -> bool:
     """Whether every axis is controlled by something and the horizontal axes come in pairs."""
-    paired = all(math.isfinite(vector[0]) == math.isfinite(vector[1]) for vector in vectors)
-    return paired and all(any(math.isfinite(vector[axis]) for vector in vectors) for axis in range(3))
+    finite = math.isfinite
+    if not (_paired(position) and _paired(velocity) and _paired(acceleration)):
+        return False
+    if math.isfinite(velocity[0] + velocity[2]):
+        return True
+    level = finite(position[0]) or finite(velocity[0]) or finite(acceleration[0])
+    return level and (finite(position[2]) or finite(velocity[2]) or finite(acceleration[2]))
+
+
+def _paired(vector: Vector) -> bool:
+    return math.isfinite(vector[0]) == math.isfinite(vector[1])
 
 
 def _attitude(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types

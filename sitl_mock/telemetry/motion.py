@@ -39,14 +39,15 @@ def local_position_ned(report: Report) -> Fields:
 def global_position_int(report: Report) -> Fields:
     """GLOBAL_POSITION_INT."""
     craft = report.craft
-    lat, lon, alt = report.place
+    lat, lon, alt = craft.frame.to_geodetic(*craft.position_m)
+    home = craft.home_m
     v_n, v_e, v_d = craft.velocity_m_s
     return (
         report.boot_ms,
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),
-        round(report.relative_m * 1e3),
+        round(((home[2] if home is not None else 0.0) - craft.position_m[2]) * 1e3),
         int16(v_n * 100.0),
         int16(v_e * 100.0),
         int16(v_d * 100.0),
