@@ -6,6 +6,7 @@ import typer
 
 from guidance.cli.fly import fly
 from guidance.cli.paper import paper
+from guidance.cli.solve import solve
 from guidance.errors import GuidanceError
 
 app = typer.Typer(
@@ -16,6 +17,7 @@ app = typer.Typer(
 )
 app.command()(fly)
 app.command()(paper)
+app.command()(solve)
 
 
 @app.callback()

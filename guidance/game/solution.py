@@ -148,13 +148,13 @@ def _refuse(fault: Array, given: dict[str, Array]) -> None:
 def _put_together(xp: Library, shape: tuple[int, ...], like: Array, play: Play, fault: Array) -> Solution:
     """Put the components of an answer together, with NaN in the rows that have none."""
     sound = fault == 0
+    spoil = select(xp, sound, 0.0, NAN)
 
     def number(value: Real) -> Array:
-        return spread(xp, shape, like, select(xp, sound, value, NAN))
+        return spread(xp, shape, like, value + spoil)
 
     def vector(v: Space) -> Array:
-        x, y, z = (select(xp, sound, part, NAN) for part in v)
-        return pack(xp, shape, like, x, y, z)
+        return pack(xp, shape, like, v[0] + spoil, v[1] + spoil, v[2] + spoil)
 
     return Solution(
         winner=select(xp, sound, play.winner, int(Winner.UNDECIDED)),

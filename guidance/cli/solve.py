@@ -1,0 +1,130 @@
+"""`guidance solve`: who wins a state of a game, where, when and how; or a whole file of states."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table as Grid
+
+from guidance.errors import ConfigError
+from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
+from guidance.game import solve as solve_game
+
+
+def solve(
+    pursuer: Annotated[str | None, typer.Option(help="Position x,y,z of the pursuer, m.")] = None,
+    evader: Annotated[str | None, typer.Option(help="Position x,y of the evader, m.")] = None,
+    target: Annotated[str | None, typer.Option(help="Position x,y of the evader's target, m: the TAD game.")] = None,
+    speed_ratio: Annotated[float | None, typer.Option(help="δ = u/v, more than 1: the paper's speed set.")] = None,
+    evader_speed: Annotated[float, typer.Option(help="Speed bound v of the evader, m/s.")] = 1.0,
+    cylinder: Annotated[
+        str | None, typer.Option(help="Speeds horizontal,climb,descent, m/s, in place of the speed ratio.")
+    ] = None,
+    standoff: Annotated[str, typer.Option(help="Radius and height R,h of the stand-off disc, m.")] = "0,0",
+    capture_radius: Annotated[float, typer.Option(help="Distance from the disc that counts as capture, m.")] = 0.0,
+    information_age: Annotated[float, typer.Option(help="Age of the evader's position, s.")] = 0.0,
+    wind: Annotated[str, typer.Option(help="Velocity x,y of the air, m/s.")] = "0,0",
+    target_velocity: Annotated[str, typer.Option(help="Velocity x,y of the target, m/s (a heuristic).")] = "0,0",
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    states: Annotated[Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the answers to --states.")] = None,
+    chunk: Annotated[int, typer.Option(help="Rows solved and written at a time.", min=1)] = 65536,
+) -> None:
+    """Solve one state, or every row of a file.
+
+    A file has the columns pursuer_x_m, pursuer_y_m, pursuer_z_m, evader_x_m and evader_y_m, for the TAD game target_x_m
+    and target_y_m as well, and may have speed_ratio. The answers are appended as columns; a row without an answer has
+    NaN and its reason.
+
+    Examples:
+        guidance solve --pursuer 8,1.42,9.41 --evader 7.92,9.6 --speed-ratio 2
+
+        guidance solve --pursuer 40,0,30 --evader 9,2 --target 0,0 --cylinder 12,3,1.5 --evader-speed 3 --standoff 3,5
+
+        guidance solve --states states.csv --out answers.parquet --speed-ratio 2
+    """
+    if states is None and (speed_ratio is None) == (cylinder is None):
+        raise ConfigError("--speed-ratio, --cylinder: exactly one of them must be given")
+    if speed_ratio is not None and cylinder is not None:
+        raise ConfigError("--speed-ratio, --cylinder: only one of them may be given")
+    if speed_ratio is not None and not (math.isfinite(speed_ratio) and speed_ratio > 1):
+        raise ConfigError(f"--speed-ratio = {speed_ratio!r}: must be a finite number above 1")
+    radius, height = _numbers("--standoff", standoff, 2)
+    game = Game(
+        Cylinder(*_numbers("--cylinder", cylinder, 3)) if cylinder else Ball((speed_ratio or 2.0) * evader_speed),
+        evader_speed,
+        capture_radius_m=capture_radius,
+        standoff=StandOff(radius, height),
+        information_age_s=information_age,
+        wind_m_s=_pair("--wind", wind),
+        target_velocity_m_s=_pair("--target-velocity", target_velocity),
+    )
+    if states is not None:
+        from guidance.cli.solve_file import solve_file  # noqa: PLC0415 - pyarrow is heavy, and one state needs none
+
+        solve_file(game, states, out, rows=chunk, ratio_given=speed_ratio is not None)
+        return
+    if pursuer is None or evader is None:
+        raise ConfigError("--pursuer, --evader: both must be given, or --states")
+    given = [_numbers("--pursuer", pursuer, 3), (*_numbers("--evader", evader, 2), 0.0)]
+    if target is not None:
+        given.append((*_numbers("--target", target, 2), 0.0))
+    answer = solve_game(game, *(np.asarray(place) for place in given))
+    if as_json:
+        sys.stdout.write(json.dumps(as_record(answer)) + "\n")
+    else:
+        Console().print(_grid(answer, with_target=target is not None))
+
+
+def as_record(answer: Solution) -> dict[str, Any]:
+    """Return a single answer as plain values; what is infinite or NaN becomes null, which JSON can say."""
+    record: dict[str, Any] = {}
+    for name, field in answer._asdict().items():
+        values = [float(part) if math.isfinite(part) else None for part in np.ravel(field)]
+        record[name] = values if np.ndim(field) else values[0]
+    return record | {"winner": Winner(int(answer.winner)).name, "reason": Reason(int(answer.reason)).name}
+
+
+def _grid(answer: Solution, *, with_target: bool) -> Grid:
+    """Lay an answer out for people."""
+    escapes = int(answer.winner) < 0
+    meaning = ("pursuer short of a capture by" if escapes else "final distance to the target") + ", m"
+    rows = [
+        ("winner", Winner(int(answer.winner)).name.lower()),
+        (meaning if with_target else "time to capture, s", f"{float(answer.value):.4f}"),
+        ("margin, s", f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"),
+        ("meeting point, m", _vector(answer.meeting_point_m)),
+        ("meeting time, s", f"{float(answer.meeting_time_s):.4f}"),
+        ("pursuer's velocity, m/s", _vector(answer.pursuer_velocity_m_s)),
+        ("evader's velocity, m/s", _vector(answer.evader_velocity_m_s)),
+        ("reason", Reason(int(answer.reason)).name.lower().replace("_", " ")),
+    ]
+    grid = Grid(show_header=False)
+    for row in rows:
+        grid.add_row(*row)
+    return grid
+
+
+def _vector(vector: Any) -> str:  # noqa: ANN401 - an array of any library
+    return ", ".join(f"{float(part):.4f}" for part in vector)
+
+
+def _pair(option: str, text: str) -> tuple[float, float]:
+    x, y = _numbers(option, text, 2)
+    return x, y
+
+
+def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
+    """Read numbers separated by commas."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+        raise ConfigError(f"{option} = {text!r}: must be {count} finite numbers separated by commas")
+    return numbers
