@@ -1,0 +1,96 @@
+import copy
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from guidance.config import config_folder, parse
+from guidance.errors import ConfigError
+from guidance.scenarios.model import Scenario, load_scenario
+from guidance.scenarios.settings import evader_settings, flight_settings, game, site
+
+SHORT = tomllib.loads((Path(__file__).parents[1] / "data" / "short_chase.toml").read_text())
+
+
+def changed(**sections):
+    document = copy.deepcopy(SHORT)
+    for name, values in sections.items():
+        if isinstance(values, dict):
+            document.setdefault(name, {}).update(values)
+        else:
+            document[name] = values
+    return document
+
+
+def refused(**sections):
+    with pytest.raises(ConfigError) as caught:
+        parse(Scenario, changed(**sections), source="a.toml")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("path", sorted((config_folder() / "scenarios").glob("*.toml")), ids=lambda path: path.stem)
+def test_every_shipped_scenario_can_be_flown_as_it_is(path):
+    _, scenario = load_scenario(path.stem)
+    flight_settings(scenario)
+    evader_settings(scenario)
+    assert scenario.description
+
+
+def test_the_default_scenario_is_the_papers_pe_case_at_one_scale():
+    _, scenario = load_scenario("pe")
+    x, y, z = scenario.pursuer.position_m
+    assert (x / 8.00, y / 1.42, z / 9.41) == pytest.approx((5.0, 5.0, 5.0))
+    assert scenario.evader.position_m == pytest.approx((5 * 7.92, 5 * 9.60))
+    assert scenario.pursuer.speed_m_s / scenario.evader.speed_m_s == 2.0
+
+
+def test_the_tad_scenario_is_the_papers_at_one_scale():
+    _, scenario = load_scenario("tad")
+    assert scenario.pursuer.position_m == pytest.approx((5 * 6.97, 5 * 5.83, 5 * 9.15))
+    assert scenario.evader.position_m == pytest.approx((5 * 9.80, 5 * 0.33))
+    assert scenario.target.position_m == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("speed", [1.5, 1.0])
+def test_a_pursuer_that_is_not_faster_is_another_game(speed):
+    message = refused(pursuer={"speed_m_s": speed})
+    assert "must be above 1" in message
+    assert f"{speed:g} / 1.5" in message
+
+
+def test_an_evader_above_the_stand_off_height_is_refused():
+    message = refused(evader={"height_m": 5.0})
+    assert "evader.height_m = 5: must be below standoff.height_m = 5" in message
+
+
+def test_a_misspelt_key_is_named():
+    assert "pursuer.sped_m_s: unknown key; did you mean 'speed_m_s'?" in refused(pursuer={"sped_m_s": 3.0})
+
+
+def test_tad_needs_a_target_and_pe_refuses_one():
+    assert "target.position_m: missing" in refused(game="tad")
+    assert "target: not allowed" in refused(target={"position_m": [0.0, 0.0]})
+
+
+def test_a_start_outside_of_the_fence_or_below_the_stand_off_is_refused():
+    assert "fence_radius_m" in refused(evader={"position_m": [0.0, 400.0]})
+    assert "height 4 m; allowed is standoff.height_m = 5" in refused(pursuer={"position_m": [0.0, 0.0, 4.0]})
+
+
+def test_a_floor_above_the_stand_off_is_refused():
+    assert "envelope.floor_m = 6" in refused(envelope={"floor_m": 6.0})
+
+
+@pytest.mark.parametrize("player", ["pursuer", "evader"])
+def test_an_unknown_policy_lists_the_catalogue(player):
+    scenario = parse(Scenario, changed(**{player: {"policy": "magic"}}), source="a.toml")
+    build = flight_settings if player == "pursuer" else evader_settings
+    with pytest.raises(ConfigError, match=rf"{player}\.policy = 'magic': allowed are .*optimal"):
+        build(scenario)
+
+
+def test_a_raised_evader_raises_the_games_plane_and_lowers_the_disc_above_it():
+    scenario = parse(Scenario, changed(evader={"height_m": 1.5}), source="a.toml")
+    assert site(scenario)[2].metres == pytest.approx(scenario.site.altitude_amsl_m + 1.5)
+    assert game(scenario).standoff.height_m == pytest.approx(3.5)
+    assert flight_settings(scenario).start_game_m == pytest.approx((8.0, 3.0, 10.5))

@@ -1,0 +1,89 @@
+import errno
+import json
+import math
+from typing import NamedTuple
+
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.reader import NonSeekingReader, make_reader
+
+from guidance.service import record
+from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder, plain
+
+
+class Pair(NamedTuple):
+    a: float
+    b: tuple[float, ...]
+
+
+def rows_of(path):
+    rows = []
+    with path.open("rb") as stream:
+        try:
+            for _, channel, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
+                rows.append((channel.topic, message))
+        except EndOfFile:
+            pass
+    return rows
+
+
+def test_what_is_written_is_read_back_with_its_time_topic_and_schema(tmp_path):
+    path = tmp_path / "deep" / "record.mcap"
+    recorder = Recorder(path, {"seed": "3"})
+    recorder.frame(1.25, "uav1/mavlink_raw/in", b"\xfd\x00")
+    recorder.tick(1.5, {"now_s": 1.5, "state": "ready"})
+    recorder.event(1.75, "armed", "ready -> arming")
+    recorder.close()
+    recorder.close()
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        found = [
+            (schema and schema.name, channel.topic, message) for schema, channel, message in reader.iter_messages()
+        ]
+        assert [metadata.metadata for metadata in reader.iter_metadata()] == [{"seed": "3"}]
+    assert [(schema, topic) for schema, topic, _ in found] == [
+        (None, "uav1/mavlink_raw/in"),
+        ("guidance.Tick", TICK_TOPIC),
+        ("guidance.Event", EVENT_TOPIC),
+    ]
+    assert found[0][2].data == b"\xfd\x00"
+    assert found[0][2].log_time == 1_250_000_000
+    assert json.loads(found[2][2].data) == {"now_s": 1.75, "event": "armed", "detail": "ready -> arming"}
+
+
+def test_a_killed_process_loses_no_more_than_the_last_chunk(tmp_path):
+    path = tmp_path / "record.mcap"
+    recorder = Recorder(path, {})
+    written = 2000
+    for number in range(written):
+        recorder.tick(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
+    # As kill -9 leaves it: nothing is flushed or finished. One chunk is 8 KiB, a tick here about half of one.
+    read = [json.loads(message.data)["number"] for _, message in rows_of(path)]
+    assert read == list(range(len(read)))
+    assert written - len(read) <= record.CHUNK_BYTES // 400 + 1
+    recorder.close()
+
+
+def test_a_full_disk_stops_the_recording_and_not_the_flight(tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path / "record.mcap", {})
+    recorder.event(0.0, "before")
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(recorder._writer, "add_message", full)
+    recorder.event(1.0, "lost")
+    assert "No space left" in recorder.failed
+    recorder.event(2.0, "quietly dropped")
+    recorder.close()
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_flies(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        Recorder(tmp_path / "file" / "record.mcap", {})
+
+
+def test_rows_become_plain_json():
+    value = {"pair": Pair(1.0, (math.nan, math.inf)), "n": 3, "none": None, "yes": True}
+    assert plain(value) == {"pair": {"a": 1.0, "b": [None, None]}, "n": 3, "none": None, "yes": True}
