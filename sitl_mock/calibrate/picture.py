@@ -5,7 +5,7 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from sitl_mock.calibrate.replay import RMS_LIMIT_M_S, Comparison
+from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison
 from sitl_mock.calibrate.step_log import StepLog
 from sitl_mock.errors import ConfigError
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.table import Table
 
-from sitl_mock.calibrate.replay import RMS_LIMIT_M_S, Comparison
+from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison
 
 
 def table_of(comparison: Comparison) -> Table:

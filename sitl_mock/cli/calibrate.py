@@ -15,6 +15,12 @@ def calibrate(
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Write a plot here (png, svg, pdf).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    dynamics_only: Annotated[
+        bool,
+        typer.Option(
+            "--dynamics-only", help="Step the dynamics alone instead of flying a whole vehicle by MAVLink: faster."
+        ),
+    ] = False,
 ) -> None:
     """Replay a log's velocity commands through the stepped mock and compare.
 
@@ -24,4 +30,4 @@ def calibrate(
     """
     from sitl_mock.calibrate.command import calibrate_file  # noqa: PLC0415 - numpy and rich are not for `--help`
 
-    raise typer.Exit(calibrate_file(file, flavour, plot, as_json=as_json))
+    raise typer.Exit(calibrate_file(file, flavour, plot, as_json=as_json, dynamics_only=dynamics_only))

@@ -33,9 +33,10 @@ def good_rows_fixture():
     return [row(0.1 * number) for number in range(20)]
 
 
+@pytest.mark.parametrize("more", [[], ["--dynamics-only"]], ids=["mavlink", "dynamics"])
 @pytest.mark.parametrize("name", ["px4", "arducopter"])
-def test_a_recorded_file_passes_and_prints_its_table(name):
-    result = RUNNER.invoke(app, ["calibrate", str(DATA / f"{name}_steps.csv")])
+def test_a_recorded_file_passes_and_prints_its_table(name, more):
+    result = RUNNER.invoke(app, ["calibrate", str(DATA / f"{name}_steps.csv"), *more])
     assert result.exit_code == 0
     for word in ("rise 10-90 %", "overshoot", "steady error", "RMS difference", name, "within the limit"):
         assert word in result.output

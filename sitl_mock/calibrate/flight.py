@@ -1,0 +1,115 @@
+"""Flying a log's commands with a whole mock vehicle: MAVLink bytes in, LOCAL_POSITION_NED out, time by hand."""
+
+from typing import Any
+
+import numpy as np
+
+from sitl_mock.calibrate.flavour import Flavour
+from sitl_mock.calibrate.measures import Samples
+from sitl_mock.calibrate.step_log import StepLog
+from sitl_mock.errors import MockError
+from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.vehicle import MockVehicle
+
+_STEP_S = 0.02
+_VELOCITY_AND_YAW = 2503
+_LOCAL_NED = 1
+_ROOM_M = 20.0
+_CLIMB_S = 600.0
+_SETTLE_S = 30.0
+_HEARTBEAT_EVERY = 50
+
+_SET_MODE, _ARM, _TAKE_OFF, _SET_MESSAGE_INTERVAL, _REQUEST_OF = 176, 400, 22, 511, 32
+
+
+class _Client:
+    """A companion on the vehicle's first link: one setpoint a step, a heartbeat a second."""
+
+    def __init__(self, flavour: Flavour) -> None:
+        self.vehicle = MockVehicle(flavour.value, noise=False, ready_after_s=0.0)
+        self.now_s = 0.0
+        self.down_m = 0.0
+        self.heard: list[tuple[float, float, float, float]] = []
+        self._steps = 0
+        self._encoder, self._decoder = Encoder(255, 190), Decoder()
+
+    def step(self, velocity: tuple[float, float, float] | None, *commands: tuple[float, ...]) -> None:
+        """Send what there is to send, one step on."""
+        self._steps += 1
+        self.now_s = self._steps * _STEP_S
+        pack = self._encoder.pack
+        frames = [pack("COMMAND_LONG", 1, 1, int(c[0]), 0, *c[1:], *[0.0] * (8 - len(c))) for c in commands]
+        if velocity is not None:
+            still = (0.0,) * 5
+            frames.append(
+                pack(
+                    "SET_POSITION_TARGET_LOCAL_NED",
+                    *(round(self.now_s * 1000.0), 1, 1, _LOCAL_NED, _VELOCITY_AND_YAW, 0.0, 0.0, 0.0, *velocity),
+                    *still,
+                )
+            )
+        if self._steps % _HEARTBEAT_EVERY == 0:
+            frames.append(pack("HEARTBEAT", 18, 8, 0, 0, 4, 3))
+        for frame in self.vehicle.step(self.now_s, frames):
+            for message in self._decoder.feed(frame):
+                self._hear(message)
+
+    def _hear(self, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
+        if message.get_type() == "LOCAL_POSITION_NED":
+            self.down_m = message.z
+            self.heard.append((message.time_boot_ms * 1e-3, message.vx, message.vy, message.vz))
+
+
+def fly_log(log: StepLog, flavour: Flavour) -> Samples:
+    """Velocities reported by a mock vehicle that is flown along a log, at the log's times, shape (rows, 3), m/s.
+
+    The vehicle takes off high enough for every descent of the log, hovers until its integrators rest, and is then sent
+    the log's commands at 50 Hz. Its estimator's noise is off.
+
+    Raises:
+        MockError: The vehicle did not get into the air.
+    """
+    client = _Client(flavour)
+    down_m = log.position_ned_m[:, 2]
+    height_m = float(down_m.max() - down_m[0]) + _ROOM_M
+    climb = _climb_px4 if flavour is Flavour.PX4 else _climb_arducopter
+    climb(client, height_m)
+    for _ in range(round(_SETTLE_S / _STEP_S)):
+        client.step((0.0, 0.0, 0.0))
+    client.heard.clear()
+    begun_s = client.now_s
+    commands = [(n, e, d) for n, e, d in log.command_ned_m_s.tolist()]
+    end_s = float(log.time_s[-1] - log.time_s[0])
+    while client.now_s - begun_s < end_s + 2 * _STEP_S:
+        row = int(np.searchsorted(log.time_s - log.time_s[0], client.now_s - begun_s + 1e-9)) - 1
+        client.step(commands[max(row, 0)])
+    heard = np.array(client.heard)
+    since_s = heard[:, 0] - begun_s + log.time_s[0]
+    return np.stack([np.interp(log.time_s, since_s, heard[:, 1 + axis]) for axis in range(3)], axis=1)
+
+
+def _climb_px4(client: _Client, height_m: float) -> None:
+    up = (0.0, 0.0, -3.0)
+    for _ in range(50):
+        client.step(up)
+    client.step(up, (_SET_MODE, 1, 6))
+    client.step(up, (_ARM, 1))
+    while client.down_m > -height_m:
+        client.step(up)
+        _judge(client)
+
+
+def _climb_arducopter(client: _Client, height_m: float) -> None:
+    client.step(None, (_SET_MESSAGE_INTERVAL, _REQUEST_OF, 33_333))
+    client.step(None, (_SET_MODE, 1, 4))
+    client.step(None, (_ARM, 1))
+    client.step(None, (_TAKE_OFF, 0, 0, 0, 0, 0, 0, height_m))
+    while client.down_m > 1.0 - height_m:
+        client.step(None)
+        _judge(client)
+
+
+def _judge(client: _Client) -> None:
+    if client.now_s > _CLIMB_S:
+        msg = f"the mock did not take off: mode {client.vehicle.mode}, armed {client.vehicle.armed}"
+        raise MockError(msg)
