@@ -1,6 +1,7 @@
 """PX4's parameters that the mock has: PX4 v1.17 defaults of a SIH quadrotor.
 
-Source: the parameter reference of PX4 (docs.px4.io). The limits are the documented
+Source: PX4's parameter definitions (commander, navigator, mc_pos_control: checked value by value; the others from its
+parameter reference, docs.px4.io). The limits are the documented
 ones; PX4 itself does not enforce them.
 """
 
@@ -22,14 +23,13 @@ _COMMANDER: Final = (
     Parameter("COM_RC_STICK_OV", _F, 30.0, "%", 5, 80, "stick deflection that overrides"),
     Parameter("COM_RC_LOSS_T", _F, 0.5, "s", 0, 35, "manual control is lost when it is older"),
     Parameter("COM_RC_IN_MODE", _I, 3, "", 0, 8, "manual control: 0 RC 1 joystick 2 both 3 first valid 4 none"),
-    Parameter("COM_RCL_EXCEPT", _I, 0, "", 0, 31, "modes that ignore RC loss: bit 0 Mission 1 Hold 2 Offboard"),
-    Parameter("COM_RC_ARM_HYST", _I, 1000, "ms", 100, 1500, "time that the arming stick is held"),
+    Parameter("COM_RCL_EXCEPT", _I, 0, "", 0, 31, "modes that ignore RC loss: bit 0 Mission 1 auto modes 2 Offboard"),
     Parameter("NAV_RCL_ACT", _I, 2, "", 1, 6, "RC loss: 1 Hold 2 Return 3 Land 5 Terminate 6 Disarm"),
     Parameter("COM_DL_LOSS_T", _I, 10, "s", 5, 300, "ground station is lost when its heartbeat is older"),
     Parameter(
         "NAV_DLL_ACT", _I, 0, "", 0, 6, "ground station loss: 0 none 1 Hold 2 Return 3 Land 5 Terminate 6 Disarm"
     ),
-    Parameter("COM_DLL_EXCEPT", _I, 0, "", 0, 15, "modes that ignore ground station loss"),
+    Parameter("COM_DLL_EXCEPT", _I, 0, "", 0, 31, "modes that ignore ground station loss: bits as COM_RCL_EXCEPT"),
     Parameter("COM_OBC_LOSS_T", _F, 5.0, "s", 0, 60, "companion's heartbeat is lost: warning only"),
     Parameter("COM_LOW_BAT_ACT", _I, 0, "", 0, 3, "low battery: 0 warning 2 Land 3 Return, then Land"),
     Parameter("COM_DISARM_PRFLT", _F, 10.0, "s", -1, 60, "disarms if not taken off; -1 off"),
@@ -37,16 +37,14 @@ _COMMANDER: Final = (
     Parameter("COM_SPOOLUP_TIME", _F, 1.0, "s", 0, 30, "no take-off for this long after arming"),
     Parameter("COM_ARM_WO_GPS", _I, 1, "", 0, 2, "arming without GPS: 0 refused 1 warning 2 allowed"),
     Parameter("COM_ARM_MAG_STR", _I, 2, "", 0, 2, "magnetic field check"),
-    Parameter("COM_ARM_SDCARD", _I, 1, "", 0, 2, "memory card check"),
-    Parameter("COM_ARM_BAT_MIN", _F, -1.0, "norm", -1, 0.9, "least charge for arming; -1 off"),
+    Parameter("COM_ARM_BAT_MIN", _F, -1.0, "norm", -1, 0.9, "least charge for arming; -1 takes BAT_CRIT_THR"),
     Parameter("COM_ARMABLE", _I, 1, "", 0, 1, "arming is possible at all"),
     Parameter("COM_PREARM_MODE", _I, 0, "", 0, 2, "actuators before arming"),
     Parameter("COM_POS_FS_EPH", _F, 5.0, "m", -1, 400, "horizontal position error that fails the position"),
     Parameter("COM_VEL_FS_EVH", _F, 1.0, "m/s", 0, 100, "horizontal velocity error that fails the velocity"),
-    Parameter("COM_POSCTL_NAVL", _I, 0, "", 0, 1, "on loss of position in Position mode: 0 Altitude 1 Land"),
     Parameter("COM_TAKEOFF_ACT", _I, 0, "", 0, 1, "after take-off: 0 Hold 1 Mission"),
     Parameter("COM_HOME_EN", _I, 1, "", 0, 1, "home position is set by itself"),
-    Parameter("COM_MODE_ARM_CHK", _I, 0, "", 0, 1, "arming checks of external modes"),
+    Parameter("COM_MODE_ARM_CHK", _I, 0, "", 0, 1, "external modes may register while armed"),
     Parameter("CBRK_SUPPLY_CHK", _I, 0, "", 0, 894281, "894281 switches the supply check off"),
     Parameter("CBRK_IO_SAFETY", _I, 22027, "", 0, 22027, "22027 switches the safety switch off"),
     Parameter("CBRK_FLIGHTTERM", _I, 121212, "", 0, 121212, "121212 switches flight termination off"),
@@ -58,7 +56,6 @@ _LIMITS_AND_FENCE: Final = (
     Parameter("GF_MAX_VER_DIST", _F, 0.0, "m", 0, 10000, "fence: height above home; 0 off"),
     Parameter("GF_PREDICT", _I, 0, "", 0, 1, "fence is tested ahead"),
     Parameter("GF_SOURCE", _I, 0, "", 0, 1, "fence is tested on 0 the estimate 1 GPS"),
-    Parameter("LNDMC_ALT_MAX", _F, -1.0, "m", -1, 10000, "highest altitude; -1 off"),
     Parameter("LNDMC_XY_VEL_MAX", _F, 1.5, "m/s", 0, 100, "landed below this horizontal speed"),
     Parameter("LNDMC_Z_VEL_MAX", _F, 0.25, "m/s", 0, 100, "landed below this vertical speed"),
     Parameter("BAT_LOW_THR", _F, 0.15, "norm", 0.12, 0.5, "battery low"),
@@ -98,7 +95,7 @@ _MULTICOPTER: Final = (
     Parameter("MPC_Z_VEL_I_ACC", _F, 2.0, "", 0.2, 3, "vertical velocity integrator"),
     Parameter("MPC_Z_VEL_D_ACC", _F, 0.0, "", 0, 2, "vertical velocity derivative"),
     Parameter("MPC_TILTMAX_AIR", _F, 45.0, "deg", 20, 89, "greatest tilt in flight"),
-    Parameter("MPC_TILTMAX_LND", _F, 12.0, "deg", 5, 89, "greatest tilt near the ground"),
+    Parameter("MPC_TILTMAX_LND", _F, 12.0, "deg", 5, 89, "greatest tilt while thrust ramps up at take-off"),
     Parameter("MPC_THR_HOVER", _F, 0.5, "norm", 0.1, 0.8, "thrust in hover"),
     Parameter("MPC_THR_MIN", _F, 0.12, "norm", 0.05, 0.5, "least thrust"),
     Parameter("MPC_THR_MAX", _F, 1.0, "norm", 0, 1, "greatest thrust"),
@@ -106,7 +103,7 @@ _MULTICOPTER: Final = (
     Parameter("MPC_POS_MODE", _I, 4, "", 0, 4, "sticks in Position mode"),
     Parameter("MPC_MAN_Y_MAX", _F, 150.0, "deg/s", 0, 400, "yaw rate at full stick"),
     Parameter("MPC_YAWRAUTO_MAX", _F, 60.0, "deg/s", 5, 360, "yaw rate in auto modes"),
-    Parameter("MPC_YAW_MODE", _I, 0, "", 0, 4, "heading in auto modes"),
+    Parameter("MPC_YAW_MODE", _I, 0, "", 0, 5, "heading in auto modes"),
     Parameter("MPC_TKO_SPEED", _F, 1.5, "m/s", 1, 5, "climb at take-off"),
     Parameter("MPC_TKO_RAMP_T", _F, 3.0, "s", 0, 5, "thrust ramp at take-off"),
     Parameter("MPC_LAND_SPEED", _F, 0.7, "m/s", 0.6, 10, "descent below MPC_LAND_ALT2"),
@@ -129,7 +126,7 @@ _NAVIGATION: Final = (
     Parameter("RTL_LAND_DELAY", _F, 0.0, "s", -1, 10000, "wait above home; -1 for ever"),
     Parameter("RTL_CONE_ANG", _I, 45, "deg", 0, 90, "half angle of the return cone"),
     Parameter("RTL_MIN_DIST", _F, 10.0, "m", 0.5, 100, "nearer than this returns without climbing"),
-    Parameter("RTL_TYPE", _I, 0, "", 0, 4, "kind of return"),
+    Parameter("RTL_TYPE", _I, 0, "", 0, 5, "kind of return"),
     Parameter("FLW_TGT_RS", _F, 0.1, "", 0, 1, "follow: responsiveness"),
     Parameter("FLW_TGT_HT", _F, 8.0, "m", 8, 1000, "follow: height"),
     Parameter("FLW_TGT_DST", _F, 8.0, "m", 1, 1000, "follow: distance"),
@@ -152,7 +149,6 @@ _SYSTEM: Final = (
     Parameter("SYS_HAS_GPS", _I, 1, "", 0, 1, "has a GPS"),
     Parameter("SYS_HAS_MAG", _I, 1, "", 0, 10, "number of compasses"),
     Parameter("SYS_HAS_BARO", _I, 1, "", 0, 1, "has a barometer"),
-    Parameter("SYS_MC_EST_GROUP", _I, 2, "", 0, 3, "estimator"),
     Parameter("SDLOG_MODE", _I, 0, "", -1, 4, "logging"),
     Parameter("CAL_ACC0_ID", _I, 1310988, "", 0, 2147483647, "accelerometer is calibrated"),
     Parameter("CAL_GYRO0_ID", _I, 1310988, "", 0, 2147483647, "gyro is calibrated"),
