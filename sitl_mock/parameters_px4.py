@@ -1,8 +1,7 @@
 """PX4's parameters that the mock has: PX4 v1.17 defaults of a SIH quadrotor.
 
-Source: PX4's parameter definitions (commander, navigator, mc_pos_control: checked value by value; the others from its
-parameter reference, docs.px4.io). The limits are the documented
-ones; PX4 itself does not enforce them.
+Commander, navigator, gains, limits, take-off and landing were checked value by value against PX4's definitions
+(``*_params.yaml``). The limits are the documented ones; PX4 itself does not enforce them.
 """
 
 from __future__ import annotations
