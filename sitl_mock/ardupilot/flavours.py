@@ -11,7 +11,7 @@ from sitl_mock.ardupilot.copter import COPTER
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
 from sitl_mock.craft import Craft
-from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, Rover, Vehicle, arducopter_quadrotor
+from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, ArduGains, Rover, Vehicle, arducopter_quadrotor
 from sitl_mock.estimator import ARDUPILOT_WANDER
 from sitl_mock.flavour import Flavour
 from sitl_mock.protocols import (
@@ -23,9 +23,20 @@ from sitl_mock.protocols import (
     ardupilot_identity,
 )
 
+_GAINS: Final = {
+    "xy_p_1_s": "PSC_POSXY_P",
+    "z_p_1_s": "PSC_POSZ_P",
+    "xy_vel_p_1_s": "PSC_VELXY_P",
+    "xy_vel_i_1_s2": "PSC_VELXY_I",
+    "xy_vel_d": "PSC_VELXY_D",
+    "z_vel_p_1_s": "PSC_VELZ_P",
+    "jerk_m_s3": "PSC_JERK_XY",
+    "jerk_z_m_s3": "PSC_JERK_Z",
+}
+
 
 def copter_plant(parameters: Mapping[str, float]) -> Vehicle:
-    """The quadrotor; its own motions obey WPNAV_*, GUIDED velocities do not (measured)."""
+    """The quadrotor; its own motions obey the speeds of WPNAV_*, GUIDED only the accelerations (measured)."""
     travel = replace(
         ARDUCOPTER_TRAVEL,
         speed_m_s=float(parameters["WPNAV_SPEED"]) * 0.01,
@@ -34,7 +45,15 @@ def copter_plant(parameters: Mapping[str, float]) -> Vehicle:
         accel_m_s2=float(parameters["WPNAV_ACCEL"]) * 0.01,
         accel_z_m_s2=float(parameters["WPNAV_ACCEL_Z"]) * 0.01,
     )
-    return arducopter_quadrotor(travel=travel)
+    lean_deg = float(parameters["PSC_ANGLE_MAX"]) or float(parameters["ANGLE_MAX"]) * 0.01
+    gains = ArduGains(
+        accel_m_s2=travel.accel_m_s2,
+        accel_z_m_s2=travel.accel_z_m_s2,
+        lean_max_rad=math.radians(lean_deg),
+        yaw_rate_max_rad_s=math.radians(float(parameters["ATC_SLEW_YAW"]) * 0.01),
+        **{name: float(parameters[parameter]) for name, parameter in _GAINS.items()},
+    )
+    return arducopter_quadrotor(gains, travel)
 
 
 def rover_plant(parameters: Mapping[str, float]) -> Vehicle:

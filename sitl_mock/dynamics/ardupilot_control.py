@@ -45,7 +45,7 @@ class ArduGains:
     z_p_1_s: float = 1.0  # PSC_POSZ_P
     xy_vel_p_1_s: float = 2.0  # PSC_VELXY_P
     xy_vel_i_1_s2: float = 1.0  # PSC_VELXY_I
-    xy_vel_d: float = 0.25  # PSC_VELXY_D
+    xy_vel_d: float = 0.5  # PSC_VELXY_D
     z_vel_p_1_s: float = 5.0  # PSC_VELZ_P
     z_acc_p: float = 1.4  # PSC_ACCZ_P 0.5, as lift per acceleration: 0.05 throttle per m/s2 over hover throttle 0.35
     z_acc_i_1_s: float = 2.8  # PSC_ACCZ_I 1.0, likewise
