@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.mavlink import SPEC_BY_ID, Decoder, Encoder
+from sitl_mock.mavlink import SPEC_BY_ID, Decoder, EncodeError, Encoder
 from sitl_mock.protocols import (
     Command,
     CommandAnswer,
@@ -56,6 +56,7 @@ class Link:
         self.decoder = Decoder(signing=signing)
         self.encoder = Encoder(system_id, COMPONENT, signing=signing, link_id=link_id)
         self.streams = Streams(OFFERED, flavour.rates_hz[kind], flavour.stream_rules)
+        self.unsendable = 0
         self._requested: list[Reply] = []
         self.session = Session(
             system_id,
@@ -95,7 +96,10 @@ class Link:
                 continue
             fields = BUILDERS[name](report)
             if fields is not None:
-                frames.append(pack(name, *fields))
+                try:
+                    frames.append(pack(name, *fields))
+                except EncodeError:  # a setpoint at the end of the range, turned beyond it
+                    self.unsendable += 1
         if tick % PROTOCOL_TICKS == 0:
             replies = self.session.advance(now_s)
             if replies:

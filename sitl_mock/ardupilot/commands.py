@@ -24,6 +24,7 @@ ACCEPTED: Final = (CommandAnswer(Result.ACCEPTED),)
 FAILED: Final = (CommandAnswer(Result.FAILED),)
 DENIED: Final = (CommandAnswer(Result.DENIED),)
 UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
+HIGHEST_M: Final = 100_000.0
 _RELATIVE: Final = frozenset({3, 6})
 
 
@@ -80,7 +81,8 @@ def _takeoff(brain: ArduPilot, now_s: float, command: Command) -> Answers:
     if command.is_int and command.frame not in _RELATIVE:
         return DENIED
     height_m = command.params[6]
-    if not (craft.armed and craft.on_ground and brain.mode == "GUIDED" and height_m > 0.0):
+    ready = craft.armed and craft.on_ground and brain.mode == "GUIDED"
+    if not (ready and 0.0 < height_m < HIGHEST_M):
         return FAILED
     home = craft.home_m or craft.position_m
     brain.takeoff_m = home[2] - height_m
@@ -115,7 +117,7 @@ def _set_mission_item(brain: ArduPilot, now_s: float, command: Command) -> Answe
 def _reposition(brain: ArduPilot, now_s: float, command: Command) -> Answers:
     """DO_REPOSITION: in GUIDED, or changing to it with param2 bit 0."""
     speed, flags, _, yaw, lat, lon, alt = command.params
-    if not command.is_int or not math.isfinite(lat + lon + alt):
+    if not command.is_int or not on_earth(Place(lat, lon, alt)):
         return DENIED
     change = math.isfinite(flags) and int(flags) & 1
     if brain.mode != "GUIDED" and not (change and brain.request(now_s, "GUIDED")):

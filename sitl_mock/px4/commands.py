@@ -87,7 +87,10 @@ def _arm_now(px4: Px4) -> Answers:
 
 
 def _takeoff(px4: Px4, now_s: float, command: Command) -> Answers:
-    return _granted(px4.begin_takeoff(now_s, command.params[6]))
+    altitude_m = command.params[6]
+    if not (math.isnan(altitude_m) or on_earth(Place(0.0, 0.0, altitude_m))):
+        return DENIED
+    return _granted(px4.begin_takeoff(now_s, altitude_m))
 
 
 def _to(mode: str) -> Callable[[Px4, float, Command], Answers]:
@@ -116,6 +119,9 @@ def _set_mission_item(px4: Px4, now_s: float, command: Command) -> Answers:
 def _reposition(px4: Px4, now_s: float, command: Command) -> Answers:
     """DO_REPOSITION: param2 bit 0 changes to Hold; NaN keeps what is."""
     speed, flags, _, yaw, lat, lon, alt = command.params
+    given = Place(*(default if math.isnan(value) else value for value, default in ((lat, 0.0), (lon, 0.0), (alt, 0.0))))
+    if not on_earth(given):
+        return DENIED
     if math.isfinite(flags) and int(flags) & 1 and px4.mode != "HOLD" and not px4.request(now_s, "HOLD"):
         return REFUSED
     if px4.mode != "HOLD":
