@@ -24,6 +24,9 @@ ValueFunction: TypeAlias = Callable[[Array, Array, Array | None], Array]
 """Value of the positions of P, E and T, (..., 3) each, or of P, E and None; (...)."""
 
 
+METHODS = ("finite", "automatic")
+
+
 def hji_residual(
     game: Game,
     pursuer: Array,
@@ -46,8 +49,10 @@ def hji_residual(
         step_m: step of the finite differences.
 
     Raises:
-        ConfigError: as `solve`; or the array library cannot differentiate.
+        ConfigError: as `solve`; the method is unknown, or the array library cannot differentiate.
     """
+    if method not in METHODS:
+        raise ConfigError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
     asked = value or (lambda P, E, T: solve(game, P, E, T).value)
     if method == "automatic":
         gradient = automatic_gradient(asked, pursuer, evader, target)

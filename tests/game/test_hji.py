@@ -1,0 +1,139 @@
+"""The values solve the Hamilton-Jacobi-Isaacs equation, and the closed gradients are their derivatives."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.errors import ConfigError
+from guidance.game import Ball, Game, hji_residual, solve, value_gradient
+from guidance.game.hji import finite_differences
+
+few = settings(max_examples=5, deadline=None)
+seeds = st.integers(0, 2**32 - 1)
+STEP_M = 1e-3
+
+
+def smooth(game, P, E, T):
+    """States where the value is smooth within the reach of a finite difference.
+
+    Not on the barrier, not at the end of the game, not with P's height spent at the very instant that its distance is, not at the
+    corners of the disc, and not where two headings of the evader are nearly as good as each other.
+    """
+    here = value_gradient(game, P, E, T)
+    good = np.ones(len(P), dtype=bool)
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        moves = rng.normal(size=(3, 3)) * 4 * STEP_M
+        moves[1:, 2] = 0.0
+        there = value_gradient(game, P + moves[0], E + moves[1], None if T is None else T + moves[2])
+        for a, b in zip(here, there, strict=True):
+            good &= np.abs(a - b).max(axis=1) < 0.05
+    solution = solve(game, P, E, T)
+    return good & (solution.value > 0.1) & (solution.meeting_time_s > 0.1)
+
+
+@few
+@given(seed=seeds)
+def test_the_residual_vanishes_in_pe(games, oracle, seed):
+    for name, game in games.items():
+        P, E, _ = oracle.states(seed, 40, game)
+        if game.evader_space == "space":
+            good = solve(game, P, E).value > 0.1
+        else:
+            good = smooth(game, P, E, None)
+        assert good.mean() > 0.5, name
+        assert np.abs(hji_residual(game, P[good], E[good], step_m=STEP_M)).max() < 1e-7, name
+
+
+@few
+@given(seed=seeds)
+def test_the_residual_vanishes_in_tad_on_both_sides_of_the_barrier(games, oracle, seed):
+    sides = set()
+    for name, game in games.items():
+        P, E, T = oracle.states(seed, 40, game)
+        if game.evader_space == "space":
+            solution = solve(game, P, E, T)
+            good = (solution.meeting_time_s > 0.1) & (np.abs(solution.margin_s) > 0.2) & (solution.value > 0.5)
+        else:
+            good = smooth(game, P, E, T)
+        assert good.mean() > 0.4, name
+        residual = hji_residual(game, P[good], E[good], T[good], step_m=STEP_M)
+        assert np.abs(residual).max() < 1e-6, name
+        sides |= set(solve(game, P[good], E[good], T[good]).winner.tolist())
+    assert sides == {-1, 1}
+
+
+@few
+@given(seed=seeds)
+def test_the_closed_gradient_is_the_derivative_of_the_value(games, oracle, seed):
+    for name, game in games.items():
+        if game.evader_space == "space":
+            continue
+        P, E, T = oracle.states(seed, 40, game)
+        for target in (None, T):
+            good = smooth(game, P, E, target)
+            state = (P[good], E[good], None if target is None else target[good])
+
+            def value(*positions, game=game):
+                return solve(game, *positions).value
+
+            closed = value_gradient(game, *state)
+            differences = finite_differences(value, *state, step_m=STEP_M)
+            np.testing.assert_allclose(closed.pursuer, differences.pursuer, atol=2e-6, err_msg=name)
+            np.testing.assert_allclose(closed.evader[:, :2], differences.evader[:, :2], atol=2e-6, err_msg=name)
+            np.testing.assert_allclose(closed.target[:, :2], differences.target[:, :2], atol=2e-6, err_msg=name)
+
+
+def test_the_pe_gradient_is_the_papers():
+    P, E, delta, v = np.array([8.0, 1.42, 9.41]), np.array([7.92, 9.6, 0.0]), 2.0, 1.5
+    (dx, dy), z = (P - E)[:2], P[2]
+    d, root = np.hypot(dx, dy), np.sqrt((delta**2 - 1) * z**2 + delta**2 * np.hypot(dx, dy) ** 2)
+    by_x = (dx / d + delta**2 * dx / root) / ((delta**2 - 1) * v)
+    by_y = (dy / d + delta**2 * dy / root) / ((delta**2 - 1) * v)
+    gradient = value_gradient(Game(Ball(delta * v), v), P, E)
+    np.testing.assert_allclose(gradient.pursuer, [by_x, by_y, z / (v * root)], rtol=1e-12)
+    np.testing.assert_allclose(gradient.evader, [-by_x, -by_y, 0.0], rtol=1e-12)
+    np.testing.assert_array_equal(gradient.target, 0.0)
+
+
+def test_the_tad_gradient_is_the_papers():
+    P, E, T, delta = np.array([6.97, 5.83, 9.15]), np.array([9.8, 0.33, 0.0]), np.zeros(3), 2.0
+    d = np.hypot(*(P - E)[:2])
+    root = np.sqrt((delta**2 - 1) * P[2] ** 2 + delta**2 * d**2)
+    away = np.linalg.norm((delta**2 * E - P)[:2])
+    hand = delta**2 - 1
+    by_pursuer = (P - delta**2 * E)[:2] / (hand * away) - delta**2 * (P - E)[:2] / (hand * root)
+    by_evader = delta**2 * (delta**2 * E - P)[:2] / (hand * away) - delta**2 * (E - P)[:2] / (hand * root)
+    gradient = value_gradient(Game(Ball(2.0), 1.0), P, E, T)
+    np.testing.assert_allclose(gradient.pursuer, [*by_pursuer, -P[2] / root], rtol=1e-12)
+    np.testing.assert_allclose(gradient.evader, [*by_evader, 0.0], rtol=1e-12)
+
+
+def test_a_function_that_is_no_value_has_a_residual(games, oracle):
+    P, E, T = oracle.states(5, 50)
+
+    def straight(P, E, T):
+        return np.linalg.norm(P - E, axis=-1)
+
+    residual = hji_residual(games["paper"], P, E, value=straight)
+    elevation = np.hypot(*(P - E)[:, :2].T) / straight(P, E, T)
+    np.testing.assert_allclose(residual, 1.0 - 2.0 + elevation, atol=1e-9)
+
+
+def test_numpy_arrays_have_no_automatic_derivative(games, oracle):
+    P, E, _ = oracle.states(1, 2)
+    with pytest.raises(ConfigError, match=r"method = 'automatic'.*numpy"):
+        hji_residual(games["paper"], P, E, method="automatic")
+
+
+def test_an_unknown_method_is_refused_by_name(games, oracle):
+    P, E, _ = oracle.states(1, 2)
+    with pytest.raises(ConfigError, match=r"method = 'magic'"):
+        hji_residual(games["paper"], P, E, method="magic")
+
+
+def test_the_closed_gradient_of_an_evader_in_space_is_refused(games, oracle):
+    P, E, _ = oracle.states(1, 2)
+    with pytest.raises(ConfigError, match="evader_space"):
+        value_gradient(games["space"], P, E)
