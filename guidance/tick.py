@@ -28,6 +28,8 @@ class TickSettings:
         speed_set: The pursuer's speeds in the game.
         policy: A name of `guidance.game.PURSUER_POLICIES`.
         declared_evader_speed_m_s: What the evader says it never exceeds.
+        speed_sigmas: k of the evader's speed bound max(declared, estimate + kσ). Too fast a bound costs time too:
+            the pursuer leads an evader that is not there.
         standoff: The terminal disc: radius around the evader, height above its plane.
         tolerance_m: How near to the disc, horizontally and vertically each, counts as reached.
         envelope: The limits.
@@ -47,6 +49,7 @@ class TickSettings:
     target_game_m: Vector | None = None
     site: tuple[float, float, Amsl] | None = None
     target_timeout_s: float = 1.5
+    speed_sigmas: float = 0.5
 
 
 class TargetNow(NamedTuple):

@@ -30,7 +30,7 @@ class Scene:
     vehicle: VehicleState
     resets_seen: int
     reboots_seen: int
-    target_age_s: float
+    target_silence_s: float
     start_ned_m: Vector | None
     certificate: Certificate | None
 
@@ -103,7 +103,7 @@ def _battery_low(scene: Scene) -> bool:
 
 
 def _target_lost(scene: Scene) -> bool:
-    return scene.target_age_s > scene.settings.tick.target_timeout_s
+    return scene.target_silence_s > scene.settings.tick.target_timeout_s
 
 
 def _clear(scene: Scene) -> bool:

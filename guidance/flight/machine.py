@@ -139,7 +139,7 @@ class Flight:
             vehicle=self.vehicle,
             resets_seen=self._resets_seen,
             reboots_seen=self._reboots_seen,
-            target_age_s=self.tracking.age_s(now_s),
+            target_silence_s=self.tracking.silence_s(now_s),
             start_ned_m=self._start_ned_m(),
             certificate=self._certificate,
         )

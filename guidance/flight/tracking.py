@@ -1,10 +1,11 @@
-"""Where the target is: its reports, turned into the vehicle's local frame, and the estimate advanced to now."""
+"""Where the target is: its reports, estimated in the vehicle's local frame, and where the game is played in it."""
 
 import math
 from collections.abc import Sequence
 
 from guidance.autopilots import AutopilotProfile
-from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
+from guidance.estimate import Observer, TrackSettings, observe, target_at
+from guidance.frames import GameFrame, LocalFrame
 from guidance.telemetry import TargetReport
 from guidance.tick import TargetNow, TickSettings
 from guidance.vehicle import VehicleState, local_frame
@@ -14,43 +15,41 @@ class Tracking:
     """The memory of the target in one flight, and the two frames that follow from what the vehicle said of itself."""
 
     def __init__(self, settings: TickSettings, profile: AutopilotProfile) -> None:
-        self._settings = settings
-        self._profile = profile
-        self._last: tuple[float, Vector, Vector] | None = None
+        self._site = settings.site
+        self._projection = profile.projection
+        self._track = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
+        self._observer = Observer()
+        self._resets = 0
         self.local_frame: LocalFrame | None = None
         self.game_frame: GameFrame | None = None
 
     def observe(self, vehicle: VehicleState, reports: Sequence[TargetReport]) -> None:
         """Take in what was heard in one cycle."""
-        self.local_frame = local_frame(vehicle, self._profile.projection)
-        if self.local_frame is None:
+        frame = local_frame(vehicle, self._projection)
+        if frame is None:
             return
-        self.game_frame = GameFrame(self._game_origin(self.local_frame))
+        if frame != self.local_frame or vehicle.resets != self._resets:
+            # What the track holds was said in a frame that is no more.
+            self._observer, self._resets = Observer(), vehicle.resets
+            self.local_frame, self.game_frame = frame, GameFrame(self._game_origin(frame))
         for report in reports:
-            position = self.local_frame.ned_from_wgs84(
-                report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
-            )
-            if all(map(math.isfinite, position)):
-                velocity = report.velocity_ned_m_s
-                known = all(map(math.isfinite, velocity))
-                self._last = (report.received_s, position, velocity if known else (0.0, 0.0, 0.0))
+            self._observer = observe(self._observer, report, frame, self._track)
 
-    def age_s(self, now_s: float) -> float:
-        """Seconds since the target was last heard of; infinite if it never was."""
-        return math.inf if self._last is None else now_s - self._last[0]
+    def silence_s(self, now_s: float) -> float:
+        """Seconds since a report of the target arrived that could be used; infinite if none ever did."""
+        target = target_at(self._observer, now_s, self._track)
+        return math.inf if target is None else target.silence_s
 
     def target(self, now_s: float) -> TargetNow | None:
         """Return the estimate for now; None until the target was heard."""
-        if self._last is None:
+        target = target_at(self._observer, now_s, self._track)
+        if target is None:
             return None
-        received_s, position, velocity = self._last
-        age_s = now_s - received_s
-        north, east, down = (p + v * age_s for p, v in zip(position, velocity, strict=True))
-        bound = max(self._settings.declared_evader_speed_m_s, math.hypot(velocity[0], velocity[1]))
-        return TargetNow((north, east, down), velocity, bound, age_s)
+        velocity = target.velocity_ned_m_s if target.velocity_known else (0.0, 0.0, 0.0)
+        return TargetNow(target.position_ned_m, velocity, target.speed_bound_m_s, target.age_s)
 
-    def _game_origin(self, frame: LocalFrame) -> Vector:
-        if self._settings.site is None:
+    def _game_origin(self, frame: LocalFrame) -> tuple[float, float, float]:
+        if self._site is None:
             return (0.0, 0.0, 0.0)
-        latitude_deg, longitude_deg, altitude = self._settings.site
+        latitude_deg, longitude_deg, altitude = self._site
         return frame.ned_from_wgs84(latitude_deg, longitude_deg, altitude)

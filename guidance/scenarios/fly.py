@@ -103,7 +103,7 @@ def fly(
 
         pursuer_m = _pursuer_game_m(flight)
         evader.step(now_s, pursuer_m, playing=director.playing)
-        fresh = flight.tracking.age_s(now_s) < 0.5
+        fresh = flight.tracking.silence_s(now_s) < 0.5
         outputs = cycle.run(now_s, director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh))
         director.follow(now_s, outputs)
         if recorder is not None:
