@@ -43,13 +43,15 @@ def test_a_recorded_file_passes_and_prints_its_table(name, more):
 
 
 def test_the_wrong_flavour_ends_with_one():
-    result = RUNNER.invoke(app, ["calibrate", str(DATA / "px4_steps.csv"), "--flavour", "arducopter"])
+    result = RUNNER.invoke(
+        app, ["calibrate", str(DATA / "px4_steps.csv"), "--flavour", "arducopter", "--dynamics-only"]
+    )
     assert result.exit_code == 1
     assert "ABOVE the limit" in result.output
 
 
 def test_json_holds_every_segment_and_no_nan():
-    result = RUNNER.invoke(app, ["calibrate", str(DATA / "px4_steps.csv"), "--json"])
+    result = RUNNER.invoke(app, ["calibrate", str(DATA / "px4_steps.csv"), "--json", "--dynamics-only"])
     found = json.loads(result.output, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert found["flavour"] == "px4"
     assert found["passed"] is True
@@ -61,7 +63,9 @@ def test_json_holds_every_segment_and_no_nan():
 @pytest.mark.parametrize("ending", ["png", "svg"])
 def test_a_plot_is_written(tmp_path, ending):
     picture = tmp_path / f"plot.{ending}"
-    result = RUNNER.invoke(app, ["calibrate", str(DATA / "arducopter_steps.csv"), "--plot", str(picture)])
+    result = RUNNER.invoke(
+        app, ["calibrate", str(DATA / "arducopter_steps.csv"), "--plot", str(picture), "--dynamics-only"]
+    )
     assert result.exit_code == 0
     assert picture.stat().st_size > 20_000
 
@@ -69,7 +73,7 @@ def test_a_plot_is_written(tmp_path, ending):
 @pytest.mark.parametrize("place", ["plot.nonsense", "missing/plot.png"])
 def test_a_plot_that_cannot_be_written_is_a_clear_error(tmp_path, place):
     with pytest.raises(ConfigError, match=r"plot .* cannot be written"):
-        calibrate_file(DATA / "px4_steps.csv", None, tmp_path / place, as_json=True)
+        calibrate_file(DATA / "px4_steps.csv", None, tmp_path / place, as_json=True, dynamics_only=True)
 
 
 def test_an_unknown_flavour_names_the_known_ones():
@@ -138,6 +142,11 @@ def test_files_that_are_no_logs_are_clear_errors(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=r"log\.csv"):
         read_step_log(path)
+
+
+def test_a_folder_is_not_a_log(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+        read_step_log(tmp_path)
 
 
 def test_the_installed_command_ends_with_two_and_one_line_for_a_missing_file(tmp_path):

@@ -18,6 +18,7 @@ from sitl_mock.calibrate import (
     vehicle_of,
 )
 from sitl_mock.calibrate.measures import segments_of
+from sitl_mock.errors import MockError
 
 DATA = Path(__file__).parents[2] / "data"
 FILES = {Flavour.PX4: DATA / "px4_steps.csv", Flavour.ARDUCOPTER: DATA / "arducopter_steps.csv"}
@@ -114,3 +115,10 @@ def test_a_flight_along_a_log_repeats_itself(flavour):
     short = StepLog(log.time_s[:300], log.command_ned_m_s[:300], log.velocity_ned_m_s[:300], log.position_ned_m[:300])
     assert np.array_equal(fly_log(short, flavour), fly_log(short, flavour))
     assert np.array_equal(replay(short, vehicle_of(flavour)), replay(short, vehicle_of(flavour)))
+
+
+def test_a_mock_that_never_takes_off_ends_the_flight_with_its_mode(monkeypatch):
+    # 2 s of climbing are too few for 20 m, and stand for a take-off that was refused.
+    monkeypatch.setattr("sitl_mock.calibrate.flight._CLIMB_S", 2.0)
+    with pytest.raises(MockError, match="did not take off: mode OFFBOARD, armed True"):
+        fly_log(recorded(Flavour.PX4), Flavour.PX4)

@@ -172,6 +172,14 @@ def test_a_commanded_yaw_is_reached_the_short_way_round(fly, stream):
     assert math.degrees(body.yaw_rad) == pytest.approx(-170.0, abs=1.0)
 
 
+def test_a_yaw_rate_is_followed_up_to_its_maximum(fly, stream):
+    slow = fly(px4_quadrotor(), stream(yaw_rate_rad_s=-0.3), 5.0).motion.body
+    assert slow.yaw_rad == pytest.approx(-1.5, abs=0.1)
+    assert fly(px4_quadrotor(), stream(yaw_rate_rad_s=9.0), 5.0).motion.body.yaw_rate_rad_s == pytest.approx(
+        math.radians(60.0), abs=0.01
+    )
+
+
 def test_a_setpoint_without_a_vertical_axis_stands_still(fly):
     vehicle = px4_quadrotor()
     order = Setpoint(Kind.STREAM, velocity_ned_m_s=(5.0, 0.0, NAN))
