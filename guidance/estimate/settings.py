@@ -30,14 +30,15 @@ class TrackSettings:
         future_s: How far after its own arrival a report may claim to be.
         silence_s: After this long without a report the next one starts the track anew.
         history_s: How far back reports can be put in order.
-        jump_reports: Outliers in a row that agree with each other and start the track anew.
+        jump_reports: Outliers in a row that agree with each other and start the track anew,
+        jump_s: or fewer that do so for this long.
     """
 
     declared_speed_m_s: float
     sigmas: float = 2.0
     steady_noise_m2_s3: float = 0.05
-    turning_noise_m2_s3: float = 0.5
-    turn_rate_sd_rad_s: float = 0.6
+    turning_noise_m2_s3: float = 1.0
+    turn_rate_sd_rad_s: float = 0.4
     turn_time_s: float = 5.0
     steady_time_s: float = 8.0
     turning_time_s: float = 4.0
@@ -53,6 +54,7 @@ class TrackSettings:
     silence_s: float = 5.0
     history_s: float = 3.0
     jump_reports: int = 3
+    jump_s: float = 0.9
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -1,0 +1,370 @@
+"""Estimate: what a track does with reports that are late, repeated, wild, absent or from elsewhere."""
+
+import math
+import random
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from guidance.errors import ConfigError
+from guidance.estimate import TAKEN, Measurement, Outcome, Track, TrackSettings, predict, update
+
+SETTINGS = TrackSettings(declared_speed_m_s=3.0)
+
+
+def measured(time_s, position, velocity=None, *, received_s=None, position_sd_m=0.5, velocity_sd_m_s=0.2):
+    return Measurement(
+        time_s, time_s if received_s is None else received_s, position, velocity, position_sd_m, velocity_sd_m_s
+    )
+
+
+def straight(count, rate_hz=10.0, velocity=(3.0, -1.0, 0.2), *, seed=None, known=True, delay_s=0.0):
+    """Reports of a target that goes straight, with noise from a seed."""
+    rng = random.Random(seed)
+    noise = (lambda sd: rng.gauss(0.0, sd)) if seed is not None else (lambda _sd: 0.0)
+    reports = []
+    for tick in range(count):
+        time_s = tick / rate_hz
+        reports.append(
+            measured(
+                time_s,
+                tuple(start + time_s * v + noise(0.5) for start, v in zip((10.0, 20.0, -1.0), velocity, strict=True)),
+                tuple(v + noise(0.2) for v in velocity) if known else None,
+                received_s=time_s + delay_s,
+            )
+        )
+    return reports
+
+
+def tracked(reports, options=SETTINGS, track=None):
+    track = track or Track()
+    for one in reports:
+        track = update(track, one, options)
+    return track
+
+
+def test_nothing_is_known_before_the_first_report():
+    assert predict(Track(), 5.0, SETTINGS) is None
+    assert Track().estimate is None
+
+
+def test_a_straight_course_is_followed_and_predicted_through_the_delay():
+    track = tracked(straight(50, delay_s=0.5))
+    target = predict(track, 4.9 + 0.5, SETTINGS)
+    assert target.position_ned_m == pytest.approx((10.0 + 5.4 * 3.0, 20.0 - 5.4, -1.0 + 5.4 * 0.2), abs=0.02)
+    assert target.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.01)
+    assert target.age_s == pytest.approx(0.5)
+    assert target.silence_s == pytest.approx(0.0, abs=1e-9)
+    assert track.counts == {Outcome.STARTED: 1, Outcome.ACCEPTED: 49}
+
+
+def test_age_is_since_it_was_true_and_silence_since_it_arrived():
+    target = predict(tracked([measured(10.0, (0.0, 0.0, 0.0), received_s=10.7)]), 12.0, SETTINGS)
+    assert (target.age_s, target.silence_s) == pytest.approx((2.0, 1.3))
+    assert predict(tracked([measured(10.0, (1.0, 2.0, 3.0))]), 9.0, SETTINGS).age_s == 0.0
+
+
+def test_what_is_older_is_less_sure():
+    track = tracked(straight(50))
+    spreads = [predict(track, 4.9 + age, SETTINGS) for age in (0.0, 0.5, 1.0, 3.0)]
+    for before, after in pairwise(spreads):
+        assert after.position_sd_m > before.position_sd_m
+        assert after.velocity_sd_m_s > before.velocity_sd_m_s
+        assert after.speed_bound_m_s >= before.speed_bound_m_s - 0.02
+
+
+def test_an_unknown_velocity_is_not_a_velocity_of_zero():
+    first = predict(tracked(straight(1, known=False)), 0.0, SETTINGS)
+    assert not first.velocity_known
+    assert first.speed_bound_m_s >= SETTINGS.sigmas * SETTINGS.prior_speed_sd_m_s
+    observed = predict(tracked(straight(50, known=False)), 4.9, SETTINGS)
+    assert observed.velocity_known
+    assert observed.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.05)
+    told_zero = predict(tracked([measured(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))]), 0.0, SETTINGS)
+    assert told_zero.velocity_known
+    assert told_zero.speed_bound_m_s == 3.0
+
+
+def test_the_speed_bound_is_the_larger_of_declared_and_estimate_plus_k_sigma():
+    track = tracked(straight(50, seed=1))
+    target = predict(track, 5.0, SETTINGS)
+    north, east, _ = target.velocity_ned_m_s
+    along = np.array([north, east]) / math.hypot(north, east)
+    sigma = math.sqrt(along @ target.covariance[2:, 2:] @ along)
+    assert target.speed_bound_m_s == pytest.approx(math.hypot(north, east) + 2.0 * sigma)
+    assert predict(track, 5.0, replace(SETTINGS, declared_speed_m_s=9.0)).speed_bound_m_s == 9.0
+    assert predict(track, 5.0, replace(SETTINGS, sigmas=5.0)).speed_bound_m_s == pytest.approx(
+        math.hypot(north, east) + 5.0 * sigma
+    )
+
+
+def test_spreads_are_those_of_the_worst_direction():
+    target = predict(tracked(straight(30, seed=2)), 3.3, SETTINGS)
+    assert target.position_sd_m == pytest.approx(math.sqrt(np.linalg.eigvalsh(target.covariance[:2, :2]).max()))
+    assert target.velocity_sd_m_s == pytest.approx(math.sqrt(np.linalg.eigvalsh(target.covariance[2:, 2:]).max()))
+
+
+@pytest.mark.parametrize(("rate_hz", "known", "least_gain"), [(1.0, True, 2.0), (50.0, True, 4.0), (5.0, False, 2.0)])
+def test_a_circling_target_half_a_second_late_is_predicted_far_better_than_its_last_report(rate_hz, known, least_gain):
+    rng, track, ours, last = random.Random(4), Track(), [], []
+    for tick in range(round(60 * rate_hz)):
+        time_s = tick / rate_hz
+        angle = 0.3 * time_s
+        velocity = (-3.0 * math.sin(angle), 3.0 * math.cos(angle), 0.0)
+        position = tuple(10.0 * part + rng.gauss(0.0, 0.3) for part in (math.cos(angle), math.sin(angle), 0.0))
+        said = tuple(v + rng.gauss(0.0, 0.1) for v in velocity) if known else None
+        report = measured(time_s, position, said, received_s=time_s + 0.5, position_sd_m=0.3, velocity_sd_m_s=0.1)
+        track = update(track, report, SETTINGS)
+        if time_s > 20.0:
+            now = 0.3 * (time_s + 0.5)
+            truth = (10.0 * math.cos(now), 10.0 * math.sin(now))
+            target = predict(track, time_s + 0.5, SETTINGS)
+            ours.append(math.dist(target.position_ned_m[:2], truth))
+            last.append(math.dist(position[:2], truth))
+    assert math.sqrt(np.mean(np.square(last))) > least_gain * math.sqrt(np.mean(np.square(ours)))
+
+
+def test_a_turn_is_told_from_a_straight_course_and_its_rate_is_seen():
+    rng, tracks = random.Random(5), {}
+    for turn_rate in (0.5, 0.0):
+        tracks[turn_rate] = Track()
+        for tick in range(80):
+            time_s, angle = 0.25 * tick, turn_rate * 0.25 * tick
+            velocity = (4.0 * math.cos(angle), 4.0 * math.sin(angle), 0.0)
+            radius = 4.0 / turn_rate if turn_rate else 0.0
+            place = (
+                (radius * math.sin(angle), -radius * math.cos(angle), 0.0) if turn_rate else (4.0 * time_s, 0.0, 0.0)
+            )
+            noisy = [tuple(part + rng.gauss(0.0, 0.05) for part in vector) for vector in (place, velocity)]
+            tracks[turn_rate] = update(
+                tracks[turn_rate], measured(time_s, *noisy, position_sd_m=0.05, velocity_sd_m_s=0.05), SETTINGS
+            )
+    turning, steady = (predict(tracks[rate], 19.75, SETTINGS) for rate in (0.5, 0.0))
+    assert turning.turning > 0.9
+    assert turning.turn_rate_rad_s == pytest.approx(0.5, abs=0.15)
+    assert steady.turning < 0.3
+
+
+@pytest.mark.parametrize(
+    ("report", "outcome"),
+    [
+        (measured(5.0, (math.nan, 0.0, 0.0)), Outcome.NOT_FINITE),
+        (measured(5.0, (0.0, 0.0, 0.0), (0.0, math.inf, 0.0)), Outcome.NOT_FINITE),
+        (measured(math.nan, (0.0, 0.0, 0.0)), Outcome.NOT_FINITE),
+        (measured(5.0, (0.0, 0.0, 0.0), received_s=math.nan), Outcome.NOT_FINITE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=math.inf), Outcome.NOT_FINITE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=0.0), Outcome.NOT_FINITE),
+        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=-1.0), Outcome.NOT_FINITE),
+        (measured(5.0, (25.0, 15.0, 0.0), (60.0, 10.0, 0.0)), Outcome.IMPLAUSIBLE),
+        (measured(5.0, (25.0, 15.0, 0.0), received_s=7.1), Outcome.STALE),
+        (measured(5.0, (25.0, 15.0, 0.0), received_s=4.7), Outcome.FUTURE),
+        (measured(4.9, (24.7, 15.1, 0.0), received_s=5.0), Outcome.DUPLICATE),
+        (measured(4.85, (24.7, 15.1, 0.0), received_s=5.0), Outcome.REORDERED),
+        (measured(3.5, (20.5, 16.5, 0.0), received_s=5.0), Outcome.DUPLICATE),
+        (measured(1.0, (13.0, 19.0, 0.0), received_s=2.5), Outcome.TOO_OLD),
+        (measured(5.0, (80.0, 15.0, 0.0)), Outcome.OUTLIER),
+        (measured(5.0, (25.0, 15.0, 0.0), (-30.0, 0.0, 0.0)), Outcome.OUTLIER),
+        (measured(5.0, (25.0, 15.0, 0.0), (3.0, -1.0, 0.0)), Outcome.ACCEPTED),
+    ],
+)
+def test_every_report_has_its_outcome_and_is_counted(report, outcome):
+    before = tracked(straight(50))
+    after = update(before, report, SETTINGS)
+    assert after.outcome is outcome
+    assert after.counts == {**before.counts, outcome: before.counts.get(outcome, 0) + 1}
+    if outcome not in TAKEN:
+        assert after.estimate is before.estimate
+    else:
+        assert after.estimate is not before.estimate
+
+
+@pytest.mark.parametrize(
+    ("report", "outcome"),
+    [
+        (measured(0.0, (math.nan, 0.0, 0.0)), Outcome.NOT_FINITE),
+        (measured(0.0, (0.0, 0.0, 0.0), received_s=9.0), Outcome.STALE),
+    ],
+)
+def test_a_first_report_that_is_no_good_starts_nothing(report, outcome):
+    track = update(Track(), report, SETTINGS)
+    assert (track.outcome, track.estimate) == (outcome, None)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 1000), st.permutations(range(6)))
+def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, order):
+    reports = straight(30, seed=seed)
+    shuffled = reports[:20] + [reports[20 + index]._replace(received_s=2.6) for index in order] + reports[26:]
+    in_order = reports[:20] + [one._replace(received_s=2.6) for one in reports[20:26]] + reports[26:]
+    one, other = predict(tracked(shuffled), 3.0, SETTINGS), predict(tracked(in_order), 3.0, SETTINGS)
+    assert one.position_ned_m == pytest.approx(other.position_ned_m)
+    assert one.velocity_ned_m_s == pytest.approx(other.velocity_ned_m_s)
+    assert one.covariance == pytest.approx(other.covariance)
+    assert one.age_s == pytest.approx(other.age_s)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 1000), st.integers(1, 29))
+def test_a_report_heard_twice_counts_once(seed, index):
+    reports = straight(30, seed=seed)
+    twice = [
+        *reports[: index + 1],
+        reports[index]._replace(received_s=reports[index].time_s + 0.05),
+        *reports[index + 1 :],
+    ]
+    once, again = tracked(reports), tracked(twice)
+    assert again.counts == {**once.counts, Outcome.DUPLICATE: 1}
+    assert predict(again, 3.5, SETTINGS).covariance == pytest.approx(predict(once, 3.5, SETTINGS).covariance)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1000), st.floats(-math.pi, math.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
+def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
+    cosine, sine = math.cos(angle), math.sin(angle)
+
+    def turned(vector, by=(0.0, 0.0)):
+        return (cosine * vector[0] - sine * vector[1] + by[0], sine * vector[0] + cosine * vector[1] + by[1], vector[2])
+
+    reports = straight(25, seed=seed, rate_hz=4.0)
+    moved = [
+        one._replace(
+            position_ned_m=turned(one.position_ned_m, (north, east)), velocity_ned_m_s=turned(one.velocity_ned_m_s)
+        )
+        for one in reports
+    ]
+    here, there = predict(tracked(reports), 6.5, SETTINGS), predict(tracked(moved), 6.5, SETTINGS)
+    assert there.position_ned_m == pytest.approx(turned(here.position_ned_m, (north, east)), abs=1e-6)
+    assert there.velocity_ned_m_s == pytest.approx(turned(here.velocity_ned_m_s), abs=1e-6)
+    for name in ("speed_bound_m_s", "position_sd_m", "velocity_sd_m_s", "turning", "turn_rate_rad_s"):
+        assert getattr(there, name) == pytest.approx(getattr(here, name), abs=1e-6)
+
+
+@settings(max_examples=30)
+@given(st.floats(0.0, 1e6))
+def test_the_estimate_knows_no_beginning_of_time(start_s):
+    reports = straight(20, seed=9)
+    later = [one._replace(time_s=one.time_s + start_s, received_s=one.received_s + start_s) for one in reports]
+    here, there = predict(tracked(reports), 2.5, SETTINGS), predict(tracked(later), 2.5 + start_s, SETTINGS)
+    assert there.position_ned_m == pytest.approx(here.position_ned_m, abs=1e-6)
+    assert there.covariance == pytest.approx(here.covariance, abs=1e-6)
+
+
+numbers = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-100.0, 100.0))
+vectors = st.tuples(numbers, numbers, numbers)
+wild = st.builds(Measurement, numbers, numbers, vectors, st.none() | vectors, numbers, numbers)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(wild | st.sampled_from(straight(40, seed=3)), max_size=25))
+def test_no_reports_at_all_break_a_track(reports):
+    track = tracked(reports)
+    assert sum(track.counts.values()) == len(reports)
+    target = predict(track, 5.0, SETTINGS)
+    if target is not None:
+        assert all(map(math.isfinite, (*target.position_ned_m, *target.velocity_ned_m_s, target.speed_bound_m_s)))
+        assert np.linalg.eigvalsh(target.covariance).min() >= -1e-6 * np.linalg.eigvalsh(target.covariance).max()
+
+
+def test_a_single_outlier_moves_nothing():
+    track = tracked(straight(50))
+    wild_one = update(track, measured(5.0, (500.0, 0.0, 0.0), (3.0, -1.0, 0.2)), SETTINGS)
+    assert wild_one.outcome is Outcome.OUTLIER
+    assert wild_one.nis > 33.38
+    back = update(wild_one, measured(5.1, (25.3, 14.9, 0.02), (3.0, -1.0, 0.2)), SETTINGS)
+    assert back.outcome is Outcome.ACCEPTED
+    assert back.rival is None
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_jump_is_believed_once_three_reports_agree_on_it(known):
+    track = tracked(straight(50, known=known))
+    outcomes = []
+    for tick in range(5):
+        time_s = 5.0 + 0.1 * tick
+        velocity = (0.0, 2.0, 0.0) if known else None
+        track = update(track, measured(time_s, (300.0, 2.0 * time_s, 0.0), velocity), SETTINGS)
+        outcomes.append(track.outcome)
+    assert outcomes == [Outcome.OUTLIER, Outcome.OUTLIER, Outcome.JUMPED, Outcome.ACCEPTED, Outcome.ACCEPTED]
+    assert predict(track, 5.4, SETTINGS).position_ned_m[:2] == pytest.approx((300.0, 10.8), abs=0.3)
+    assert track.counts[Outcome.JUMPED] == 1
+
+
+def test_at_one_report_a_second_two_that_agree_are_enough():
+    track = tracked(straight(20, rate_hz=1.0))
+    outcomes = []
+    for time_s in (20.0, 21.0, 22.0):
+        track = update(track, measured(time_s, (300.0, 2.0 * time_s, 0.0), (0.0, 2.0, 0.0)), SETTINGS)
+        outcomes.append(track.outcome)
+    assert outcomes == [Outcome.OUTLIER, Outcome.JUMPED, Outcome.ACCEPTED]
+
+
+@pytest.mark.parametrize(("known", "gate"), [(False, 27.63), (True, 33.38)])
+def test_the_gate_is_chi_square_at_one_in_a_million(known, gate):
+    assert stats.chi2.sf(gate, 4 if known else 2) == pytest.approx(1e-6, rel=0.01)
+    track = tracked(straight(50, known=known))
+    judged = {}
+    for offset_m in np.linspace(0.0, 6.0, 121):
+        place = (25.0 + offset_m, 15.0, 0.0)
+        after = update(track, measured(5.0, place, (3.0, -1.0, 0.2) if known else None), SETTINGS)
+        judged[after.nis] = after.outcome
+    assert all((outcome is Outcome.OUTLIER) == (nis > gate) for nis, outcome in judged.items())
+    assert set(judged.values()) == {Outcome.ACCEPTED, Outcome.OUTLIER}
+
+
+def test_outliers_that_do_not_agree_never_take_over():
+    track = tracked(straight(50))
+    for tick in range(12):
+        place = (1000.0 * (-1.0) ** tick, 500.0 * tick, 0.0)
+        track = update(track, measured(5.0 + 0.1 * tick, place, (0.0, 0.0, 0.0)), SETTINGS)
+    assert track.counts[Outcome.OUTLIER] == 12
+    assert predict(track, 6.1, SETTINGS).position_ned_m == pytest.approx((28.3, 13.9, 0.22), abs=0.05)
+
+
+def test_a_good_report_between_outliers_ends_the_rival():
+    track = tracked(straight(50))
+    for tick in range(10):
+        good = tick % 2 == 1
+        time_s = 5.0 + 0.1 * tick
+        place = (10.0 + 3.0 * time_s, 20.0 - time_s, -1.0 + 0.2 * time_s) if good else (300.0, 0.0, 0.0)
+        track = update(track, measured(time_s, place, (3.0, -1.0, 0.2) if good else (0.0, 0.0, 0.0)), SETTINGS)
+    assert Outcome.JUMPED not in track.counts
+
+
+def test_after_a_long_silence_the_track_starts_anew():
+    track = tracked(straight(50))
+    found = update(track, measured(20.0, (400.0, 0.0, 0.0)), SETTINGS)
+    assert found.outcome is Outcome.REACQUIRED
+    assert not predict(found, 20.0, SETTINGS).velocity_known
+    assert len(found.history) == 1
+
+
+def test_a_late_report_that_contradicts_the_track_is_an_outlier():
+    late = update(tracked(straight(50)), measured(4.75, (90.0, 0.0, 0.0), received_s=5.0), SETTINGS)
+    assert late.outcome is Outcome.OUTLIER
+
+
+def test_the_memory_reaches_back_as_far_as_it_says():
+    track = tracked(straight(200))
+    times = [one.measurement.time_s for one in track.history]
+    assert times == sorted(times)
+    assert times[0] == pytest.approx(19.9 - SETTINGS.history_s)
+    assert len(tracked(straight(200), replace(SETTINGS, history_s=0.0)).history) == 1
+
+
+@pytest.mark.parametrize("name", ["declared_speed_m_s", "turn_time_s", "stale_s", "position_sd_m"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_a_setting_that_is_no_positive_number_is_refused_by_name(name, value):
+    with pytest.raises(ConfigError, match=rf"^{name} = {value}: allowed is"):
+        replace(SETTINGS, **{name: value})
+
+
+@pytest.mark.parametrize("name", ["latency_s", "future_s", "sigmas", "history_s"])
+def test_a_setting_that_may_be_nothing_may_be_zero_but_not_less(name):
+    assert getattr(replace(SETTINGS, **{name: 0.0}), name) == 0.0
+    with pytest.raises(ConfigError, match=name):
+        replace(SETTINGS, **{name: -0.1})
