@@ -291,6 +291,9 @@ class Px4:
     def _go_on(self, event: str) -> None:
         """A mode has done its work: the table says what comes next, and that is the intention now."""
         after = AFTER[self.mode, event]
+        done = self.plan
         if self.intention == self.mode:
             self.intention = after
         self._enter(after)
+        if event == "height reached":
+            self.plan.goal_m = (done.entered_m[0], done.entered_m[1], done.height_m)

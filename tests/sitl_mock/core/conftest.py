@@ -1,0 +1,149 @@
+"""A stepped flight: one mock vehicle, one client, and a clock that is moved by hand."""
+
+import math
+
+import pytest
+
+from sitl_mock import MockVehicle
+from sitl_mock.mavlink import Decoder, Encoder
+
+STEP_S = 0.02
+UNUSED = {"px4": math.nan, "arducopter": 0.0, "rover": 0.0}
+GUIDED = {"px4": (1, 6), "arducopter": (1, 4), "rover": (1, 15)}
+
+
+class Flight:
+    """One vehicle and what a client 1/195 has heard from it."""
+
+    def __init__(self, flavour, *, dt_s=STEP_S, source=(1, 195), **settings):
+        settings.setdefault("ready_after_s", 0.5)
+        settings.setdefault("noise", False)
+        self.flavour = flavour
+        self.vehicle = MockVehicle(flavour, **settings)
+        self.dt_s = dt_s
+        self.now_s = 0.0
+        self.steps = 0
+        self.encoder = Encoder(*source)
+        self.decoder = Decoder()
+        self.heard = []
+        self.frames = []
+        self._hear(self.vehicle.step(0.0))
+
+    def _hear(self, frames):
+        self.frames += frames
+        for frame in frames:
+            self.heard += [(self.now_s, message) for message in self.decoder.feed(frame, whole=True)]
+
+    def send(self, *message):
+        """Send one message now."""
+        self._hear(self.vehicle.step(self.now_s, [self.encoder.pack(*message)]))
+
+    def run(self, seconds, stream=None, every_s=None):
+        """Move the clock, sending what `stream` gives every `every_s` (at each step if not given)."""
+        steps = round(seconds / self.dt_s)
+        period = 1 if every_s is None else round(every_s / self.dt_s)
+        for index in range(steps):
+            self.steps += 1
+            self.now_s = round(self.steps * self.dt_s, 9)
+            frames = [self.encoder.pack(*stream)] if stream is not None and index % period == 0 else []
+            self._hear(self.vehicle.step(self.now_s, frames))
+        return self
+
+    def until(self, condition, within_s, stream=None):
+        """Move the clock until a condition holds; the seconds it took."""
+        start_s = self.now_s
+        while not condition():
+            assert self.now_s - start_s < within_s, f"not within {within_s} s; mode {self.vehicle.mode}"
+            self.run(self.dt_s, stream)
+        return self.now_s - start_s
+
+    def command(self, number, *params, wait_s=0.1, target=(1, 1)):
+        """Send a COMMAND_LONG; the results of all its ACKs."""
+        before = len(self.heard)
+        fill = [UNUSED[self.flavour]] * (7 - len(params))
+        self.send("COMMAND_LONG", *target, number, 0, *params, *fill)
+        self.run(wait_s)
+        return [m.result for _, m in self.heard[before:] if m.get_type() == "COMMAND_ACK" and m.command == number]
+
+    def command_int(self, number, frame, *params, x=0, y=0, z=0.0):
+        """Send a COMMAND_INT; the results of all its ACKs."""
+        before = len(self.heard)
+        fill = [UNUSED[self.flavour]] * (4 - len(params))
+        self.send("COMMAND_INT", 1, 1, frame, number, 0, 0, *params, *fill, x, y, z)
+        self.run(0.1)
+        return [m.result for _, m in self.heard[before:] if m.get_type() == "COMMAND_ACK" and m.command == number]
+
+    def last(self, name):
+        """The last message of a name."""
+        return next((m for _, m in reversed(self.heard) if m.get_type() == name), None)
+
+    def all(self, name, since_s=0.0):
+        """All messages of a name since a time, with the time they came at."""
+        return [(t, m) for t, m in self.heard if m.get_type() == name and t >= since_s]
+
+    def texts(self):
+        """All STATUSTEXTs, chunks put together."""
+        whole = []
+        for _, message in self.all("STATUSTEXT"):
+            if message.chunk_seq:
+                whole[-1] += message.text
+            else:
+                whole.append(message.text)
+        return whole
+
+    @property
+    def mode(self):
+        return self.vehicle.mode
+
+    @property
+    def position(self):
+        return self.vehicle.truth.position_ned_m
+
+    @property
+    def velocity(self):
+        return self.vehicle.truth.velocity_ned_m_s
+
+    @property
+    def height(self):
+        return -self.vehicle.truth.position_ned_m[2]
+
+    def guided(self):
+        return self.command(176, *GUIDED[self.flavour])
+
+    def airborne(self, height=20.0):
+        """Arm, take off and wait for the height."""
+        self.until(lambda: self.vehicle.autopilot.brain.ready_to_arm, 60.0)
+        if self.flavour == "arducopter":
+            assert self.guided() == [0]
+        assert self.command(400, 1.0)[-1] == 0
+        self.run(0.5)
+        amsl = self.vehicle.autopilot.frame.origin.alt_amsl_m if self.flavour == "px4" else 0.0
+        fill = [UNUSED[self.flavour]] * 6
+        assert self.command(22, *fill, amsl + height) == [0]
+        self.until(lambda: self.height > height - 0.6, 60.0)
+        self.run(4.0)
+        return self
+
+    def offboard(self, stream):
+        """Stream and enter OFFBOARD or GUIDED."""
+        self.run(0.3, stream)
+        assert self.guided()[-1] == 0
+        self.run(0.1, stream)
+        return self
+
+
+def velocity(north, east, down, *, mask=2503, frame=1, target=(1, 1), yaw=0.0):
+    """A SET_POSITION_TARGET_LOCAL_NED as MAVSDK sends velocities."""
+    return ("SET_POSITION_TARGET_LOCAL_NED", 0, *target, frame, mask, 0, 0, 0, north, east, down, 0, 0, 0, yaw, 0)
+
+
+@pytest.fixture
+def fly():
+    """``fly("px4", ...)`` switches a vehicle on."""
+    return Flight
+
+
+@pytest.fixture
+def ned_velocity():
+    """A velocity setpoint."""
+    return velocity

@@ -1,0 +1,228 @@
+"""Arming, take-off, hold, land and return of the PX4 flavour."""
+
+import math
+
+import pytest
+
+HOLD, TAKEOFF, LANDED, FLYING = 0x03040000, 0x02040000, 1, 2
+
+
+def test_it_is_ready_to_arm_about_five_seconds_after_start(fly):
+    flight = fly("px4", ready_after_s=None).run(4.5)
+    assert flight.command(400, 1.0) == [1]
+    assert not flight.last("SYS_STATUS").onboard_control_sensors_health & 1 << 28
+    flight.run(1.0)
+    assert flight.last("SYS_STATUS").onboard_control_sensors_health & 1 << 28
+    assert flight.command(400, 1.0) == [0]
+
+
+def test_refusals_are_silent_unless_texts_are_asked_for(fly):
+    assert fly("px4", ready_after_s=5.0).run(1.0).texts() == []
+    silent = fly("px4", ready_after_s=5.0)
+    silent.command(400, 1.0)
+    assert silent.texts() == []
+    talking = fly("px4", ready_after_s=5.0, texts=True)
+    talking.command(400, 1.0)
+    assert talking.texts()[0] == "Arming denied: Resolve system health failures first"
+    assert any(text.startswith("Preflight Fail:") for text in talking.texts())
+
+
+def test_arming_refused_by_condition_says_the_reason(fly):
+    flight = fly("px4", texts=True).run(1.0)
+    flight.vehicle.inject("arm_refused", "Preflight Fail: Compass 0 fault")
+    assert flight.command(400, 1.0) == [1]
+    assert "Preflight Fail: Compass 0 fault" in flight.texts()
+    flight.vehicle.inject("arm_refused", "")
+    assert flight.command(400, 1.0) == [0]
+
+
+@pytest.mark.parametrize("mode", [(4, 5), (4, 6)], ids=["RTL", "LAND"])
+def test_it_does_not_arm_in_return_or_land(fly, mode):
+    flight = fly("px4").run(1.0)
+    flight.command(176, 1, *mode)
+    assert flight.command(400, 1.0) == [1]
+
+
+def test_arming_an_armed_vehicle_is_accepted_and_changes_nothing(fly):
+    flight = fly("px4").run(1.0)
+    assert flight.command(400, 1.0) == [0]
+    armed_s = flight.vehicle.autopilot.craft.armed_s
+    assert flight.command(400, 1.0) == [0]
+    assert flight.vehicle.autopilot.craft.armed_s == armed_s
+
+
+def test_it_disarms_by_itself_ten_seconds_after_arming_without_a_take_off(fly):
+    flight = fly("px4").run(1.0)
+    flight.command(400, 1.0)
+    took_s = flight.until(lambda: not flight.vehicle.armed, 12.0)
+    assert took_s == pytest.approx(10.0, abs=0.3)
+
+
+def test_take_off_to_20_m_takes_about_17_s_and_ends_in_hold(fly):
+    flight = fly("px4").run(1.0)
+    flight.command(400, 1.0)
+    start_s = flight.now_s
+    assert flight.command(22, *[math.nan] * 6, 488.0 + 20.0) == [0]
+    assert flight.vehicle.autopilot.brain.custom_mode == TAKEOFF
+    flight.run(3.0)
+    assert flight.last("EXTENDED_SYS_STATE").landed_state == 3
+    flight.until(lambda: flight.mode == "HOLD", 25.0)
+    assert flight.now_s - start_s == pytest.approx(17.0, abs=1.5)
+    flight.run(5.0)
+    assert flight.height == pytest.approx(20.0, abs=0.3)
+    assert flight.last("EXTENDED_SYS_STATE").landed_state == FLYING
+    assert flight.last("HEARTBEAT").custom_mode == HOLD
+    assert flight.last("HEARTBEAT").base_mode == 157
+
+
+def test_take_off_without_a_height_uses_mis_takeoff_alt(fly):
+    flight = fly("px4", parameters={"MIS_TAKEOFF_ALT": 4.0}).run(1.0)
+    flight.command(400, 1.0)
+    flight.command(22)
+    flight.run(15.0)
+    assert flight.height == pytest.approx(4.0, abs=0.3)
+
+
+def test_nothing_moves_during_the_spool_up(fly):
+    flight = fly("px4").run(1.0)
+    flight.command(400, 1.0, wait_s=0.0)
+    flight.command(22, wait_s=0.0)
+    flight.run(0.95)
+    assert flight.height == 0.0
+
+
+def test_disarming_in_the_air_is_refused_and_forced_disarming_falls(fly):
+    flight = fly("px4", texts=True).airborne(10.0)
+    assert flight.command(400, 0.0) == [1]
+    assert "Disarming denied! Not landed" in flight.texts()
+    assert flight.command(400, 0.0, 21196.0) == [0]
+    assert not flight.vehicle.armed
+    flight.run(3.0)
+    assert flight.height == 0.0
+
+
+def test_mavsdk_arm_force_is_a_kill(fly):
+    """MAVSDK's arm_force sends param1 0 and param2 21196."""
+    flight = fly("px4").airborne(10.0)
+    assert flight.command(400, 0.0, 21196.0) == [0]
+    assert not flight.vehicle.armed
+
+
+def test_force_does_not_arm_past_the_checks(fly):
+    flight = fly("px4", ready_after_s=5.0).run(1.0)
+    assert flight.command(400, 1.0, 21196.0) == [1]
+
+
+def test_landing_slows_down_near_the_ground_and_disarms(fly):
+    flight = fly("px4").airborne(20.0)
+    assert flight.command(21) == [0]
+    flight.until(lambda: flight.height < 15.0, 20.0)
+    assert flight.velocity[2] == pytest.approx(1.5, abs=0.1)
+    flight.until(lambda: flight.height < 3.0, 20.0)
+    assert flight.velocity[2] == pytest.approx(0.7, abs=0.1)
+    assert flight.last("EXTENDED_SYS_STATE").landed_state == 4
+    flight.until(lambda: flight.vehicle.truth.on_ground, 10.0)
+    down_s = flight.now_s
+    flight.until(lambda: not flight.vehicle.armed, 6.0)
+    assert 2.0 <= flight.now_s - down_s <= 4.0
+    flight.run(0.3)
+    assert flight.last("EXTENDED_SYS_STATE").landed_state == LANDED
+
+
+def test_return_climbs_crosses_descends_and_lands_at_home(fly):
+    flight = fly("px4", parameters={"RTL_RETURN_ALT": 25.0, "RTL_DESCEND_ALT": 10.0}).airborne(5.0)
+    lat, lon, alt = flight.vehicle.autopilot.frame.to_geodetic(60.0, 0.0, -5.0)
+    assert flight.command_int(192, 0, -1.0, 1.0, 0.0, math.nan, x=round(lat * 1e7), y=round(lon * 1e7), z=alt) == [0]
+    flight.until(lambda: flight.position[0] > 59.0, 40.0)
+    assert flight.command(20) == [0]
+    highest = 0.0
+    while flight.vehicle.armed:
+        flight.run(0.2)
+        highest = max(highest, flight.height)
+        assert flight.now_s < 300.0
+    assert highest == pytest.approx(25.0, abs=0.5)
+    assert math.hypot(*flight.position[:2]) < 0.5
+
+
+def test_reposition_needs_hold_or_the_flag_to_change_to_it(fly, ned_velocity):
+    flight = fly("px4").airborne(10.0)
+    stream = ned_velocity(0.0, 0.0, 0.0)
+    flight.offboard(stream)
+    lat, lon, alt = flight.vehicle.autopilot.frame.to_geodetic(10.0, 5.0, -12.0)
+    place = {"x": round(lat * 1e7), "y": round(lon * 1e7), "z": alt}
+    assert flight.command_int(192, 0, -1.0, 0.0, 0.0, math.nan, **place) == [2]
+    assert flight.command_int(192, 0, -1.0, 1.0, 0.0, math.nan, **place) == [0]
+    flight.run(15.0)
+    assert flight.position == pytest.approx((10.0, 5.0, -12.0), abs=0.5)
+
+
+def test_hold_stops_and_stays(fly, ned_velocity):
+    stream = ned_velocity(5.0, 0.0, 0.0)
+    flight = fly("px4").airborne().offboard(stream).run(8.0, stream)
+    assert flight.command(176, 1, 4, 3) == [0, 0]
+    flight.run(8.0)
+    stopped = flight.position
+    flight.run(20.0)
+    assert math.dist(stopped, flight.position) < 1.0
+    assert math.hypot(*flight.velocity) < 0.05
+
+
+def test_unknown_commands_are_unsupported_and_unknown_modes_denied(fly):
+    flight = fly("px4").run(1.0)
+    assert flight.command(31000) == [3]
+    assert flight.command(176, 1, 9, 9) == [0, 2]
+    assert flight.command(176, 0, 6, 0) == [0, 2]
+
+
+def test_heartbeat_rate_cannot_be_changed(fly):
+    flight = fly("px4").run(1.0)
+    assert flight.command(511, 0.0, 100000.0) == [4]
+
+
+def test_termination_is_final(fly):
+    flight = fly("px4").airborne(10.0)
+    assert flight.command(185, 1.0) == [0]
+    flight.run(4.0)
+    assert flight.mode == "TERMINATION"
+    assert flight.height == 0.0
+    assert flight.command(176, 1, 4, 3)[-1] != 0
+
+
+def test_reboot_is_refused_while_armed_and_starts_the_clock_anew(fly):
+    flight = fly("px4").run(3.0)
+    flight.command(400, 1.0)
+    assert flight.command(246, 1.0) == [1]
+    flight.command(400, 0.0)
+    before = flight.last("ATTITUDE").time_boot_ms
+    assert flight.command(246, 1.0) == [0]
+    flight.run(0.5)
+    assert flight.last("ATTITUDE").time_boot_ms < before
+
+
+def test_set_mode_message_is_obeyed(fly):
+    flight = fly("px4").airborne(5.0)
+    flight.send("SET_MODE", 1, 1, 0x06040000)
+    flight.run(0.1)
+    assert flight.mode == "LAND"
+
+
+def test_capabilities_and_version_answer_a_request(fly):
+    flight = fly("px4").run(0.5)
+    assert flight.command(512, 148.0) == [0]
+    version = flight.last("AUTOPILOT_VERSION")
+    assert version.flight_sw_version >> 24 == 1
+    assert version.flight_sw_version >> 16 & 0xFF == 17
+    assert flight.command(520, 1.0) == [0]
+
+
+def test_available_modes_lists_the_table(fly):
+    flight = fly("px4").run(0.5)
+    assert flight.command(512, 435.0, 0.0) == [0]
+    listed = {m.custom_mode for _, m in flight.all("AVAILABLE_MODES")}
+    assert listed == {mode.number for mode in flight.vehicle.autopilot.flavour.modes.modes}
+
+
+def test_a_command_for_another_vehicle_is_not_answered(fly):
+    flight = fly("px4").run(1.0)
+    assert flight.command(400, 1.0, target=(2, 1)) == []
+    assert not flight.vehicle.armed
