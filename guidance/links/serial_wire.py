@@ -1,6 +1,8 @@
 """A serial port, through pyserial."""
 
+import contextlib
 import os
+import termios
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -16,7 +18,7 @@ _MOST_BYTES: Final = 4096
 
 
 class SerialWire:
-    """One port, opened for ourselves alone."""
+    """One port, opened for ourselves alone, and opened again when it comes back after being unplugged."""
 
     stream = True
 
@@ -28,7 +30,7 @@ class SerialWire:
         """
         try:
             self._port = serial.Serial(device, baud, timeout=_WAIT_S, write_timeout=0, exclusive=True)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, termios.error) as error:
             raise LinkError(f"serial {device}:{baud}: {error}") from error
         self._closed = False
         self._tail = Tail(self._write)
@@ -36,7 +38,14 @@ class SerialWire:
         self._reader = Reader(self._read, self._arrivals, name=f"serial {device}")
 
     def _read(self) -> bytes:
-        return bytes(self._port.read(min(self._port.in_waiting, _MOST_BYTES) or 1))
+        try:
+            return bytes(self._port.read(min(self._port.in_waiting, _MOST_BYTES) or 1))
+        except (OSError, termios.error) as error:
+            self._tail.forget()
+            with contextlib.suppress(OSError, termios.error):
+                self._port.close()
+                self._port.open()
+            raise ConnectionError("the port went away") from error
 
     def _write(self, data: bytes) -> int:
         return os.write(self._port.fileno(), data)  # pyserial's own write spins while the port is full

@@ -1,7 +1,7 @@
 """TCP: either we call (`tcpout`) or we listen and talk to whoever called last (`tcpin`)."""
 
-import contextlib
 import socket
+import threading
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -15,7 +15,7 @@ _MOST_BYTES: Final = 16384
 
 
 class TcpWire:
-    """One connection at a time. A listening wire takes a new caller when the old one has gone."""
+    """One connection at a time, made anew when it breaks: we call again, or take the next caller."""
 
     stream = True
 
@@ -34,6 +34,9 @@ class TcpWire:
         Raises:
             LinkError: If nobody answers within `timeout_s`, or the port cannot be had.
         """
+        self._address = (host, port)
+        self._lock = threading.Lock()
+        self._writer: socket.socket | None = None
         self._server: socket.socket | None = None
         self._peer: socket.socket | None = None
         self._closed = False
@@ -46,6 +49,7 @@ class TcpWire:
         except OSError as error:
             raise LinkError(f"tcp {host}:{port}: {error}; is the vehicle there and the port right?") from error
         self._tail = Tail(self._write)
+        self._pick_up()
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._reader = Reader(self._read, self._arrivals, name=f"tcp {host}:{port}")
 
@@ -64,7 +68,8 @@ class TcpWire:
     def _read(self) -> bytes:
         try:
             if self._peer is None:
-                return self._accept()
+                self._peer = self._tuned(self._next_peer())
+                self._pick_up()
             data = self._peer.recv(_MOST_BYTES)
         except TimeoutError:
             return b""
@@ -76,24 +81,32 @@ class TcpWire:
             raise ConnectionResetError("the other side closed")
         return data
 
-    def _accept(self) -> bytes:
+    def _next_peer(self) -> socket.socket:
         if self._server is None:
-            raise ConnectionError("the other side has gone")
-        peer, _ = self._server.accept()
-        self._tail.forget()
-        self._peer = self._tuned(peer)
-        return b""
+            return socket.create_connection(self._address, timeout=_WAIT_S)
+        return self._server.accept()[0]
+
+    def _pick_up(self) -> None:
+        """Write through a second handle that never waits: the reader's has a timeout, which a send would wait out."""
+        if self._peer is None:
+            return
+        with self._lock:
+            self._writer = self._peer.dup()
+            self._writer.setblocking(False)
+            self._tail.forget()
 
     def _hang_up(self) -> None:
-        peer, self._peer = self._peer, None
-        if peer is not None:
-            peer.close()
+        with self._lock:
+            ended = self._peer, self._writer
+            self._peer = self._writer = None
+        for one in ended:
+            if one is not None:
+                one.close()
 
     def _write(self, data: bytes) -> int:
-        peer = self._peer
-        if peer is None:
+        if self._writer is None:
             raise ConnectionError("nobody there")
-        return peer.send(data, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+        return self._writer.send(data)
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Pieces of the stream since the last call."""
@@ -101,8 +114,9 @@ class TcpWire:
 
     def send(self, frame: bytes) -> None:
         """Write one frame, or nothing of it if the kernel is full or nobody is there."""
-        if not self._closed:
-            self._tail.send(frame)
+        with self._lock:
+            if not self._closed:
+                self._tail.send(frame)
 
     def counters(self) -> Mapping[str, int]:
         """Frames sent and not sent, and pieces dropped for want of room."""
@@ -115,7 +129,6 @@ class TcpWire:
             return
         self._closed = True
         self._reader.close()
-        for one in (self._peer, self._server):
-            if one is not None:
-                with contextlib.suppress(OSError):
-                    one.close()
+        self._hang_up()
+        if self._server is not None:
+            self._server.close()

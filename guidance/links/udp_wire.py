@@ -41,6 +41,8 @@ class UdpWire:
         except OSError as error:
             self._socket.close()
             raise LinkError(f"udp {host}:{port}: {error}; choose another port or end what uses it") from error
+        self._sender = self._socket.dup()  # never waits, which a send on the reader's handle would do
+        self._sender.setblocking(False)
         self._socket.settimeout(_WAIT_S)
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._reader = Reader(self._read, self._arrivals, name=f"udp {host}:{port}")
@@ -81,7 +83,7 @@ class UdpWire:
             return
         for address in self._peers:
             try:
-                self._socket.sendto(frame, socket.MSG_DONTWAIT, address)
+                self._sender.sendto(frame, address)
                 self._sent += 1
             except OSError:
                 self._unsent += 1
@@ -95,4 +97,5 @@ class UdpWire:
         if not self._closed:
             self._closed = True
             self._reader.close()
+            self._sender.close()
             self._socket.close()

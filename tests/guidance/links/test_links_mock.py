@@ -1,0 +1,165 @@
+"""The pymavlink link and the mock autopilot in virtual time: two MAVLink codecs written apart, and no wire between."""
+
+import math
+
+import pytest
+
+from guidance.autopilots import ARDUCOPTER, PX4, AutopilotProfile, Mode
+from guidance.links import MemoryWire, SigningKey
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.telemetry import (
+    CommandAck,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Origin,
+    Parameter,
+    ParameterRequest,
+    Setpoint,
+    Timesync,
+)
+from sitl_mock import Home as MockHome
+from sitl_mock import MockVehicle
+from sitl_mock.mavlink import Decoder, Encoder, Signing
+
+STEP_S = 0.02
+PLACE = MockHome(47.397742, 8.545594, 488.0)
+
+
+class Flight:
+    """A mock and a link that share a clock."""
+
+    def __init__(self, flavour: str, profile: AutopilotProfile, **options) -> None:
+        self.now_s = 1000.0
+        self.profile = profile
+        self.mock = MockVehicle(flavour, system_id=1, home=PLACE, noise=False, ready_after_s=1.0)
+        ours, self.theirs = MemoryWire.pair(lambda: self.now_s)
+        self.link = PymavlinkLink(ours, lambda: self.now_s, system_id=1, **options)
+        self.latest: dict[type, object] = {}
+        self.seen: list = []
+        self.run(2.0)
+        for request in profile.stream_requests():
+            self.link.request(request)
+
+    def run(self, duration_s: float, setpoint: Setpoint | None = None) -> list:
+        seen = []
+        for tick in range(round(duration_s / STEP_S)):
+            self.now_s += STEP_S
+            for frame in self.mock.step(self.now_s, [data for _, data in self.theirs.receive()]):
+                self.theirs.send(frame)
+            for message in self.link.receive():
+                self.latest[type(message)] = message
+                seen.append(message)
+            if tick % 50 == 0:
+                self.link.send_heartbeat()
+            if setpoint is not None:
+                self.link.send_setpoint(setpoint)
+        return seen
+
+    def mode(self) -> Mode:
+        return self.profile.mode_of(self.latest[Heartbeat].custom_mode)
+
+    def take_off(self) -> None:
+        if not self.profile.stream_before_guided:
+            self.link.request(self.profile.set_mode(Mode.GUIDED))
+            self.run(1.0)
+        self.link.request(self.profile.arm())
+        self.run(3.0)
+        self.link.request(self.profile.takeoff(height_m=10.0, home_amsl_m=PLACE.alt_amsl_m))
+        self.run(20.0)
+        assert self.latest[LocalPosition].position_ned_m[2] == pytest.approx(-10.0, abs=0.7)
+
+
+FLAVOURS = [("px4", PX4), ("arducopter", ARDUCOPTER)]
+
+
+@pytest.mark.parametrize(("flavour", "profile"), FLAVOURS)
+def test_the_streams_asked_for_arrive_at_their_rates(flavour, profile):
+    flight = Flight(flavour, profile)
+    flight.run(1.0)
+    seen = flight.run(4.0)
+    for kind, rate_hz in ((LocalPosition, 50.0), (GlobalPosition, 10.0), (LandedState, 5.0), (Heartbeat, 1.0)):
+        count = sum(isinstance(message, kind) for message in seen)
+        assert count / 4.0 == pytest.approx(rate_hz, rel=0.1, abs=0.3)
+    assert flight.link.counters()["garbage_bytes"] == 0
+    assert flight.link.counters()["requests_unanswered"] == 0
+
+
+@pytest.mark.parametrize(("flavour", "profile"), FLAVOURS)
+def test_a_vehicle_takes_off_and_flies_the_velocity_it_is_told(flavour, profile):
+    flight = Flight(flavour, profile)
+    flight.take_off()
+    flight.run(0.5, Setpoint((0.0, 0.0, 0.0)))
+    flight.link.request(profile.set_mode(Mode.GUIDED))
+    flight.run(8.0, Setpoint((3.0, 2.0, 0.0), yaw_rad=0.0))
+    assert flight.mode() is Mode.GUIDED
+    north, east, down = flight.latest[LocalPosition].velocity_ned_m_s
+    assert (north, east) == pytest.approx((3.0, 2.0), rel=0.25)
+    assert abs(down) < 0.5
+    assert flight.mock.truth.velocity_ned_m_s[0] == pytest.approx(north, abs=0.5)
+    assert flight.latest[LandedState].landed_state == 2
+
+
+def test_silence_ends_offboard_on_px4():
+    flight = Flight("px4", PX4)
+    flight.take_off()
+    flight.run(0.5, Setpoint((0.0, 0.0, 0.0)))
+    flight.link.request(PX4.set_mode(Mode.GUIDED))
+    flight.run(2.0, Setpoint((2.0, 0.0, 0.0)))
+    assert flight.mode() is Mode.GUIDED
+    flight.run(3.0)
+    assert flight.mode() is Mode.RETURN
+
+
+def test_both_acknowledgements_of_a_px4_mode_change_are_heard():
+    flight = Flight("px4", PX4)
+    flight.take_off()
+    flight.link.request(PX4.set_mode(Mode.GUIDED))  # without a stream: accepted first, refused then
+    acks = [message.result for message in flight.run(1.0) if isinstance(message, CommandAck) and message.command == 176]
+    assert acks == [0, 1]
+    assert flight.mode() is Mode.HOLD
+
+
+def test_parameters_and_places_are_read():
+    flight = Flight("px4", PX4)
+    for name in ("COM_OF_LOSS_T", "COM_OBL_RC_ACT", "NO_SUCH_PARAM"):
+        flight.link.request(ParameterRequest(name))
+    for message_id in (49, 242):
+        flight.link.request(PX4.request_message(message_id))
+    seen = flight.run(4.0)
+    values = {message.name: message.value for message in seen if isinstance(message, Parameter)}
+    assert values == {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0.0}
+    assert flight.link.counters()["requests_unanswered"] == 1
+    for kind in (Origin, Home):
+        place = next(message for message in seen if isinstance(message, kind))
+        assert (place.latitude_deg, place.longitude_deg) == pytest.approx((PLACE.lat_deg, PLACE.lon_deg), abs=1e-6)
+        assert place.altitude_amsl_m == pytest.approx(PLACE.alt_amsl_m, abs=1.0)
+
+
+def test_the_vehicles_clock_is_found_by_timesync():
+    flight = Flight("px4", PX4)
+    flight.run(3.0)
+    heard = flight.latest[Timesync]
+    position = flight.latest[LocalPosition]
+    assert heard.local_ns <= heard.received_s * 1e9
+    offset_s = heard.remote_ns / 1e9 - heard.local_ns / 1e9
+    assert math.isfinite(offset_s)
+    assert position.time_boot_s <= flight.now_s
+
+
+def test_a_signed_vehicle_is_flown_with_its_key_and_unheard_without():
+    key = bytes(range(32))
+    ours, theirs = MemoryWire.pair(lambda: 5.0)
+    signing = Signing(key)
+    signing.advance_to(1_800_000_000.0)
+    encoder, decoder = Encoder(1, 1, signing=signing, link_id=2), Decoder(signing=signing)
+    link = PymavlinkLink(ours, lambda: 5.0, system_id=1, signing_key=SigningKey(key), unix_s=1_800_000_000.0)
+    theirs.send(encoder.pack("LOCAL_POSITION_NED", 1000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
+    theirs.send(Encoder(1, 1).pack("LOCAL_POSITION_NED", 2000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
+    assert [message.time_boot_s for message in link.receive()] == [1.0]
+    link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
+    (frame,) = [data for _, data in theirs.receive()]
+    assert [message.get_type() for message in decoder.feed(frame)] == ["SET_POSITION_TARGET_LOCAL_NED"]
+    assert decoder.feed(frame) == []  # a replay
