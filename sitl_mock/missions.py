@@ -43,20 +43,29 @@ class MissionFlight:
 
     Attributes:
         plans: Where the mission is.
-        current: Sequence number of the present item.
+        skip_home: The first item is home and is not flown to (ArduPilot).
+        speed_m_s: Set by DO_CHANGE_SPEED, NaN for the default.
         reached: Sequence numbers reached and not yet reported.
         over: "" while flying, else why the mission ended: finished, return, landed.
     """
 
     plans: PlanStore
     skip_home: bool = False
-    current: int = 0
     speed_m_s: float = math.nan
     over: str = ""
     reached: list[int] = field(default_factory=list)
     _revision: int = -1
     _hold_until_s: float = math.inf
     _jumps: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def current(self) -> int:
+        """Sequence number of the present item."""
+        return self.plans.current
+
+    @current.setter
+    def current(self, seq: int) -> None:
+        self.plans.current = seq
 
     @property
     def count(self) -> int:
@@ -68,6 +77,7 @@ class MissionFlight:
         if not 0 <= seq < self.count:
             return False
         self.current = seq
+        self._revision = self.plans.mission.revision
         self.over = ""
         self._hold_until_s = math.inf
         return True

@@ -29,8 +29,8 @@ DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 class LocalFrame:
     """North, east, down in metres around an origin, with WGS-84's radii of curvature there.
 
-    Height is what an autopilot's is: the difference of altitudes, not the distance to the tangent plane. Within 10 km
-    of the origin horizontal positions agree with the tangent plane to better than a metre, within 1 km to a centimetre.
+    Height is what an autopilot's is: the difference of altitudes, not the distance to the tangent plane. Within 1 km
+    of the origin horizontal positions agree with the tangent plane to a tenth of a metre.
     """
 
     __slots__ = ("_east_m_per_deg", "_north_m_per_deg", "origin")

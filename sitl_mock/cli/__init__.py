@@ -5,6 +5,8 @@ import sys
 import typer
 
 from sitl_mock.cli.calibrate import calibrate
+from sitl_mock.cli.list import list_
+from sitl_mock.cli.modes import modes
 from sitl_mock.cli.run import run
 from sitl_mock.errors import MockError
 
@@ -12,15 +14,21 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
-    help="A mock autopilot that real clients fly as PX4 or ArduCopter.",
 )
 app.command()(run)
+app.command("list")(list_)
+app.command()(modes)
 app.command()(calibrate)
 
 
 @app.callback()
 def _root() -> None:
-    """A mock autopilot that real clients fly as PX4 or ArduCopter."""
+    """A mock autopilot that real clients fly as PX4, ArduCopter or Rover: nothing to build, ready in under a second.
+
+    `sitl-mock run --vehicles 2 --udp 14540` starts two PX4 copters for MAVSDK (udpin://127.0.0.1:14540 and 14541);
+    `sitl-mock run --vehicles arducopter:uav1 --gcs 14550` one ArduCopter for a ground station;
+    `sitl-mock list` tells what there is.
+    """
 
 
 def main() -> None:

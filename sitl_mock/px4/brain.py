@@ -116,6 +116,8 @@ class Px4:
         """Ask for a mode: always granted while disarmed, else only if it can run."""
         if self.mode == "TERMINATION" and self.craft.armed:
             return False
+        if mode != "OFFBOARD":  # the stream is seen by the periodic check only (measured: 0.06 to 0.12 s)
+            self.there = checks.available(self.craft, self.plans, self.stream_s)
         if self.craft.armed and not self.can_run(mode):
             self.craft.say(Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available")
             return False
@@ -267,9 +269,10 @@ class Px4:
             if flying.takeoff_done(craft, plan):
                 self._go_on("height reached")
             return flying.takeoff(craft, plan)
-        if craft.on_ground and not (mode == "MISSION" and not craft.flew):
-            return _IDLING
-        return self._fly_auto(mode)
+        if mode == "MISSION":
+            setpoint = self._fly_mission()
+            return _IDLING if craft.on_ground and craft.flew else setpoint
+        return _IDLING if craft.on_ground else self._fly_auto(mode)
 
     def _fly_auto(self, mode: str) -> Setpoint:
         craft, plan = self.craft, self.plan
@@ -279,14 +282,15 @@ class Px4:
             return flying.return_home(craft, plan)
         if mode == "LAND":
             return flying.land(craft, plan)
-        if mode == "MISSION":
-            setpoint = flying.mission(craft, self.mission, plan)
-            if self.mission.over == "return":
-                self.intention = "RTL"
-            elif self.mission.over:
-                self._go_on("mission finished")
-            return setpoint
         return flying.descend(craft, plan)
+
+    def _fly_mission(self) -> Setpoint:
+        setpoint = flying.mission(self.craft, self.mission, self.plan)
+        if self.mission.over == "return":
+            self.intention = "RTL"
+        elif self.mission.over:
+            self._go_on("mission finished")
+        return setpoint
 
     def _go_on(self, event: str) -> None:
         """A mode has done its work: the table says what comes next, and that is the intention now."""

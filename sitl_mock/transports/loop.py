@@ -4,11 +4,10 @@ import select
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 from sitl_mock.autopilot import TICK_S
 from sitl_mock.transports.endpoint import Endpoint
-from sitl_mock.vehicle import MockVehicle
 
 Clock = Callable[[], float]
 
@@ -16,11 +15,19 @@ STALL_S: Final = 1.0
 """After a stall longer than this (a suspended process) the time in between is left out."""
 
 
+class Stepped(Protocol):
+    """What the loop moves: a `MockVehicle`, or a wrapper around one that spoils its frames."""
+
+    def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
+        """Move on to now_s, take the frames of each link, return what each link sends."""
+        ...
+
+
 @dataclass(slots=True)
 class Loop:
     """The state of the loop: vehicles, endpoints, and how far the clock of the vehicles is behind the caller's."""
 
-    vehicles: Mapping[str, MockVehicle]
+    vehicles: Mapping[str, Stepped]
     endpoints: Sequence[Endpoint]
     clock: Clock
     left_out_s: float = 0.0
@@ -49,7 +56,7 @@ class Loop:
 
 
 def run(
-    vehicles: Mapping[str, MockVehicle],
+    vehicles: Mapping[str, Stepped],
     endpoints: Sequence[Endpoint],
     clock: Clock,
     stop: Callable[[], bool],

@@ -1,0 +1,75 @@
+"""`sitl-mock list`: what there is: flavours, conditions, parameters."""
+
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+class Subject(StrEnum):
+    """What can be listed."""
+
+    FLAVOURS = "flavours"
+    CONDITIONS = "conditions"
+    PARAMETERS = "parameters"
+    STREAMS = "streams"
+
+
+def list_(
+    subject: Annotated[
+        Subject | None, typer.Argument(help="What to list; flavours and conditions if not given.")
+    ] = None,
+    flavour: Annotated[str, typer.Option(help="Whose parameters or streams.")] = "px4",
+) -> None:
+    """Name the flavours, the conditions that can be put upon a vehicle, a flavour's parameters or its streams."""
+    subjects = (Subject.FLAVOURS, Subject.CONDITIONS) if subject is None else (subject,)
+    typer.echo("\n\n".join("\n".join(_LISTS[each](flavour)) for each in subjects))
+
+
+def _flavours(_flavour: str) -> "Iterator[str]":
+    from sitl_mock.flavour import NAMES  # noqa: PLC0415 - nothing of it is needed for `--help`
+    from sitl_mock.flavour import flavour as flavour_named  # noqa: PLC0415 - as above
+
+    yield "flavours (--vehicles flavour:name)"
+    for name in NAMES:
+        each = flavour_named(name)
+        yield f"  {name:<12} {each.title}; can be armed {each.ready_s:g} s after boot"
+
+
+def _conditions(_flavour: str) -> "Iterator[str]":
+    from sitl_mock.conditions import CONDITIONS  # noqa: PLC0415 - as above
+
+    yield "conditions (MockVehicle.inject, fault scripts)"
+    for name, kind in CONDITIONS.items():
+        yield f"  {name:<18} {kind.meaning}{' (once)' if kind.event else f'; at rest {kind.rest!r}'}"
+
+
+def _parameters(flavour: str) -> "Iterator[str]":
+    from sitl_mock.flavour import flavour as flavour_named  # noqa: PLC0415 - as above
+
+    each = flavour_named(flavour)
+    yield f"parameters of {each.title}"
+    for parameter in sorted(each.parameters):
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        yield f"  {parameter.name:<16} {parameter.default:g}{unit}  {parameter.meaning}"
+
+
+def _streams(flavour: str) -> "Iterator[str]":
+    from sitl_mock.flavour import flavour as flavour_named  # noqa: PLC0415 - as above
+    from sitl_mock.telemetry import BUILDERS  # noqa: PLC0415 - as above
+
+    rates = flavour_named(flavour).rates_hz
+    yield f"streams of {flavour}: Hz on {', '.join(rates)} links without being asked; 0 on request only"
+    for name in sorted(BUILDERS):
+        yield f"  {name:<28} {'  '.join(f'{kind.get(name, 0):>5g}' for kind in rates.values())}"
+
+
+_LISTS = {
+    Subject.FLAVOURS: _flavours,
+    Subject.CONDITIONS: _conditions,
+    Subject.PARAMETERS: _parameters,
+    Subject.STREAMS: _streams,
+}

@@ -1,0 +1,245 @@
+"""The ArduCopter flavour, against what was measured on ArduCopter 4.5.7."""
+
+import math
+
+import pytest
+
+
+def position(z, *, mask=0x0DF8, frame=1):
+    return ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, frame, mask, 10.0, 5.0, z, 0, 0, 0, 0, 0, 0, 0, 0)
+
+
+def test_only_heartbeats_are_sent_until_a_stream_is_asked_for(fly):
+    flight = fly("arducopter").run(5.0)
+    assert {m.get_type() for _, m in flight.heard} <= {"HEARTBEAT", "TIMESYNC", "STATUSTEXT"}
+    assert flight.command(511, 32.0, 20000.0) == [0]
+    start_s = flight.now_s
+    flight.run(10.0)
+    assert len(flight.all("LOCAL_POSITION_NED", start_s)) == pytest.approx(500, abs=2)
+
+
+def test_it_can_be_armed_about_39_s_after_boot(fly):
+    flight = fly("arducopter", ready_after_s=None).run(38.0)
+    assert flight.command(400, 1.0) == [4]
+    assert "Arm: Need Position Estimate" in flight.texts()
+    flight.run(1.5)
+    assert flight.command(400, 1.0) == [0]
+
+
+def test_guided_is_accepted_at_boot_with_one_honest_ack(fly):
+    flight = fly("arducopter", ready_after_s=39.0).run(0.5)
+    assert flight.guided() == [0]
+    assert flight.last("HEARTBEAT") is not None
+    flight.run(1.0)
+    assert flight.last("HEARTBEAT").custom_mode == 4
+
+
+def test_a_mode_that_does_not_exist_is_failed(fly):
+    flight = fly("arducopter").run(1.0)
+    assert flight.command(176, 1, 99) == [4]
+
+
+def test_a_velocity_does_not_take_off(fly, ned_velocity):
+    flight = fly("arducopter").run(1.0)
+    flight.guided()
+    flight.command(400, 1.0)
+    flight.run(5.0, ned_velocity(0.0, 0.0, -2.0))
+    assert flight.height == 0.0
+
+
+def test_take_off_needs_armed_and_guided_and_a_relative_frame(fly):
+    flight = fly("arducopter").run(1.0)
+    assert flight.command(22, 0, 0, 0, 0, 0, 0, 10.0) == [4]
+    flight.guided()
+    flight.command(400, 1.0)
+    assert flight.command_int(22, 0, z=10.0) == [2]
+    assert flight.command_int(22, 3, z=10.0) == [0]
+    flight.run(15.0)
+    assert flight.height == pytest.approx(10.0, abs=0.6)
+    assert flight.command(22, 0, 0, 0, 0, 0, 0, 20.0) == [4], "already in the air"
+
+
+@pytest.mark.parametrize("texts", [None, False])
+def test_stream_loss_holds_then_brakes_and_stays_guided_without_a_word(fly, ned_velocity, texts):
+    flight = fly("arducopter", texts=texts).airborne()
+    stream = ned_velocity(5.0, 0.0, 0.0)
+    flight.run(8.0, stream)
+    said = len(flight.texts())
+    speed = flight.velocity[0]
+    flight.run(2.9)
+    assert flight.velocity[0] == pytest.approx(speed, abs=0.1)
+    flight.run(0.8)
+    assert flight.velocity[0] < speed - 0.1, "braking from 3.2 to 3.5 s"
+    flight.run(2.3)
+    assert abs(flight.velocity[0]) < 0.5, "stopped at about 5.7 s"
+    flight.run(2.0)
+    assert flight.mode == "GUIDED"
+    assert len(flight.texts()) == said
+    flight.run(3.0, stream)
+    assert flight.velocity[0] > 3.5, "and resumes at once"
+
+
+def test_guid_timeout_is_a_parameter(fly, ned_velocity):
+    flight = fly("arducopter", parameters={"GUID_TIMEOUT": 0.5}).airborne()
+    flight.run(6.0, ned_velocity(3.0, 0.0, 0.0))
+    flight.run(3.0)
+    assert abs(flight.velocity[0]) < 0.5
+
+
+def test_nan_brakes_at_once(fly, ned_velocity):
+    flight = fly("arducopter").airborne()
+    flight.run(8.0, ned_velocity(5.0, 0.0, 0.0))
+    flight.run(2.9, ned_velocity(math.nan, 0.0, 0.0))
+    assert abs(flight.velocity[0]) < 0.5
+
+
+@pytest.mark.parametrize("setpoint", [{"frame": 12}, {"target": (7, 1)}], ids=["frame 12", "another vehicle"])
+def test_what_is_for_others_is_ignored(fly, ned_velocity, setpoint):
+    flight = fly("arducopter").airborne()
+    flight.run(3.0, ned_velocity(3.0, 0.0, 0.0, **setpoint))
+    assert math.hypot(*flight.velocity) < 0.2
+
+
+@pytest.mark.parametrize(("frame", "north", "east"), [(1, 3.0, 0.0), (7, 3.0, 0.0), (8, 0.0, 3.0), (9, 0.0, 3.0)])
+def test_frames_1_7_8_and_9_are_taken_and_body_frames_turn(fly, ned_velocity, frame, north, east):
+    flight = fly("arducopter", yaw_deg=90.0).airborne()
+    stream = ned_velocity(3.0, 0.0, 0.0, frame=frame, yaw=math.pi / 2)
+    flight.run(6.0, stream)
+    assert flight.velocity[0] == pytest.approx(north, abs=0.3)
+    assert flight.velocity[1] == pytest.approx(east, abs=0.3)
+
+
+@pytest.mark.parametrize("mask", [0x0FFF, 2503 | 0x200, 2503 | 0b100000], ids=["nothing", "force", "one axis ignored"])
+def test_a_mask_that_makes_no_sense_stops(fly, ned_velocity, mask):
+    flight = fly("arducopter").airborne()
+    flight.run(6.0, ned_velocity(4.0, 0.0, 0.0))
+    flight.run(3.0, ned_velocity(4.0, 0.0, 0.0, mask=mask))
+    assert abs(flight.velocity[0]) < 0.6
+
+
+def test_speeds_beyond_the_limits_are_flown(fly, ned_velocity):
+    """WPNAV_SPEED does not hold in GUIDED: the client has to clamp."""
+    flight = fly("arducopter", parameters={"WPNAV_SPEED": 500.0}).airborne()
+    flight.run(20.0, ned_velocity(9.0, 0.0, 0.0))
+    assert flight.velocity[0] > 8.0
+
+
+def test_a_position_is_flown_to_and_outlives_the_timeout(fly):
+    flight = fly("arducopter").airborne()
+    flight.send(*position(-15.0))
+    flight.run(25.0)
+    assert flight.position == pytest.approx((10.0, 5.0, -15.0), abs=0.5)
+
+
+def test_setpoints_count_in_guided_only(fly, ned_velocity):
+    flight = fly("arducopter").airborne()
+    flight.command(176, 1, 17)
+    flight.run(4.0, ned_velocity(4.0, 0.0, 0.0))
+    assert flight.mode == "BRAKE"
+    assert abs(flight.velocity[0]) < 0.2
+
+
+def test_brake_stops_within_three_seconds(fly, ned_velocity):
+    flight = fly("arducopter").airborne()
+    flight.run(8.0, ned_velocity(5.0, 0.0, 0.0))
+    assert flight.command(176, 1, 17) == [0]
+    flight.run(2.9)
+    assert math.hypot(*flight.velocity) < 0.6
+
+
+def test_loiter_without_a_radio_sinks_at_2_4_m_s(fly):
+    flight = fly("arducopter").airborne(40.0)
+    assert flight.command(176, 1, 5) == [0]
+    flight.run(6.0)
+    assert flight.velocity[2] == pytest.approx(2.4, abs=0.2)
+
+
+def test_return_climbs_to_rtl_alt_comes_home_and_disarms(fly):
+    flight = fly("arducopter").airborne(5.0)
+    flight.send(*position(-5.0))
+    flight.run(15.0)
+    assert flight.command(20) == [0]
+    highest = 0.0
+    while flight.vehicle.armed:
+        flight.run(0.2)
+        highest = max(highest, flight.height)
+        assert flight.now_s < 200.0
+    assert highest == pytest.approx(15.0, abs=0.6)
+    assert math.hypot(*flight.position[:2]) < 0.6
+
+
+def test_landing_is_slow_below_ten_metres_and_disarms(fly):
+    flight = fly("arducopter").airborne(15.0)
+    assert flight.command(21) == [0]
+    flight.until(lambda: flight.height < 6.0, 30.0)
+    assert flight.velocity[2] == pytest.approx(0.5, abs=0.1)
+    flight.until(lambda: not flight.vehicle.armed, 30.0)
+    assert flight.height == 0.0
+
+
+def test_it_disarms_by_itself_after_disarm_delay(fly):
+    flight = fly("arducopter").run(1.0)
+    flight.guided()
+    flight.command(400, 1.0)
+    assert flight.until(lambda: not flight.vehicle.armed, 12.0) == pytest.approx(10.0, abs=0.3)
+
+
+@pytest.mark.parametrize("mode", [6, 9, 17], ids=["RTL", "LAND", "BRAKE"])
+def test_modes_that_cannot_be_armed_in(fly, mode):
+    flight = fly("arducopter").run(1.0)
+    assert flight.command(176, 1, mode) == [0]
+    assert flight.command(400, 1.0) == [4]
+    assert "Arm: Mode not armable" in flight.texts()
+
+
+@pytest.mark.parametrize("magic", [2989.0, 21196.0])
+def test_arming_can_be_forced_past_the_checks(fly, magic):
+    flight = fly("arducopter", ready_after_s=39.0).run(1.0)
+    assert flight.command(400, 1.0, magic) == [0]
+
+
+def test_disarming_in_the_air_fails_unless_forced(fly):
+    flight = fly("arducopter").airborne(5.0)
+    assert flight.command(400, 0.0) == [4]
+    assert flight.command(400, 0.0, 21196.0) == [0]
+
+
+def test_a_lost_radio_returns_for_good(fly):
+    flight = fly("arducopter").airborne()
+    flight.vehicle.inject("rc", True)
+    flight.run(0.5)
+    flight.vehicle.inject("rc", False)
+    flight.run(1.0)
+    assert flight.mode == "RTL"
+    flight.vehicle.inject("rc", True)
+    flight.run(1.0)
+    assert flight.mode == "RTL"
+
+
+@pytest.mark.parametrize(("action", "mode"), [(0, "GUIDED"), (1, "RTL"), (5, "LAND")])
+def test_a_lost_ground_station_does_what_fs_gcs_enable_says(fly, action, mode):
+    flight = fly("arducopter", parameters={"FS_GCS_ENABLE": action})
+    flight.airborne()
+    flight.send("HEARTBEAT", 6, 8, 0, 0, 4, 3)
+    flight.run(5.5)
+    assert flight.mode == mode
+
+
+def test_a_lost_estimate_lands(fly):
+    flight = fly("arducopter").airborne()
+    flight.vehicle.inject("estimator_invalid", True)
+    flight.run(0.5)
+    assert flight.mode == "LAND"
+
+
+def test_a_fence_returns(fly, ned_velocity):
+    flight = fly("arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_RADIUS": 30.0}).airborne(10.0)
+    flight.until(lambda: flight.position[0] > 31.0, 30.0, ned_velocity(5.0, 0.0, 0.0))
+    flight.run(0.2)
+    assert flight.mode == "RTL"
+
+
+def test_prearm_checks_are_told_on_request(fly):
+    flight = fly("arducopter", ready_after_s=10.0).run(1.0)
+    assert flight.command(401) == [0]
+    assert "PreArm: Need Position Estimate" in flight.texts()

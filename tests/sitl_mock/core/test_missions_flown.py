@@ -1,0 +1,139 @@
+"""Missions and fences that are uploaded over the wire and flown."""
+
+import math
+
+import pytest
+
+MISSION, FENCE = 0, 1
+ACCEPTED = 0
+
+
+def upload(flight, items, kind=MISSION):
+    """Upload as a client does: count, then every item that is asked for; the result."""
+    before = len(flight.heard)
+    flight.send("MISSION_COUNT", 1, 1, len(items), kind)
+    for _ in range(20 * len(items) + 50):
+        for _, message in flight.heard[before:]:
+            before += 1
+            if message.get_type() == "MISSION_REQUEST_INT":
+                flight.send("MISSION_ITEM_INT", 1, 1, message.seq, *items[message.seq], kind)
+                break
+            if message.get_type() == "MISSION_ACK":
+                return message.type
+        else:
+            flight.run(0.02)
+    raise AssertionError("no MISSION_ACK")
+
+
+def item(flight, command, north, east, height, *params, current=0):
+    lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(north, east, 0.0)
+    params = [*params, *[0.0] * (4 - len(params))]
+    return (6, command, current, 1, *params, round(lat * 1e7), round(lon * 1e7), height)
+
+
+def square(flight, count, side=15.0):
+    corners = [(side, 0.0), (side, side), (0.0, side), (0.0, 0.0)]
+    return [item(flight, 16, *corners[index % 4], 8.0, 0.0, 1.5) for index in range(count)]
+
+
+def reached(flight):
+    return [m.seq for _, m in flight.all("MISSION_ITEM_REACHED")]
+
+
+@pytest.mark.parametrize("flavour", ["px4", "arducopter"])
+def test_a_mission_of_25_items_is_flown_in_order_and_landed(fly, flavour):
+    flight = fly(flavour).run(1.0)
+    home = [item(flight, 16, 0, 0, 0.0)] if flavour == "arducopter" else []
+    items = [*home, item(flight, 22, 0, 0, 8.0), *square(flight, 23), item(flight, 21, 0, 0, 0.0)]
+    assert upload(flight, items) == ACCEPTED
+    if flavour == "arducopter":
+        flight.guided()
+    assert flight.command(400, 1.0) == [0]
+    if flavour == "arducopter":
+        flight.command(22, 0, 0, 0, 0, 0, 0, 3.0)
+        flight.run(8.0)
+    assert flight.command(300) == [0]
+    flight.until(lambda: not flight.vehicle.armed, 400.0)
+    assert reached(flight) == list(range(len(home), len(items)))
+    assert math.hypot(*flight.position[:2]) < 1.5
+    assert flight.height == 0.0
+
+
+def test_mission_start_without_a_mission_is_denied(fly):
+    assert fly("px4").run(1.0).command(300) == [2]
+
+
+def test_a_mission_that_ends_in_the_air_holds_there(fly):
+    flight = fly("px4").airborne(8.0)
+    assert upload(flight, square(flight, 2)) == ACCEPTED
+    flight.command(300)
+    flight.until(lambda: flight.mode == "HOLD", 60.0)
+    flight.run(4.0)
+    assert math.dist(flight.position, (15.0, 15.0, -8.0)) < 2.0
+    assert flight.last("MISSION_CURRENT").mission_state == 5
+
+
+def test_an_interrupted_mission_goes_on_where_it_was(fly):
+    flight = fly("px4").airborne(8.0)
+    upload(flight, square(flight, 4))
+    flight.command(300)
+    flight.until(lambda: 0 in reached(flight), 40.0)
+    flight.command(176, 1, 4, 3)
+    flight.run(2.0)
+    flight.command(176, 1, 4, 4)
+    flight.until(lambda: flight.mode == "HOLD", 90.0)
+    assert reached(flight) == [0, 1, 2, 3]
+
+
+def test_set_current_jumps(fly):
+    flight = fly("px4").airborne(8.0)
+    upload(flight, square(flight, 4))
+    flight.send("MISSION_SET_CURRENT", 1, 1, 2)
+    flight.command(300)
+    flight.run(1.5)
+    assert flight.last("MISSION_CURRENT").seq == 2
+
+
+def test_a_wait_is_kept_and_a_speed_change_is_obeyed(fly):
+    flight = fly("px4").airborne(8.0)
+    items = [
+        (2, 178, 0, 1, 1.0, 2.0, -1.0, 0.0, 0, 0, 0.0),
+        item(flight, 16, 15.0, 0.0, 8.0, 4.0, 1.0),
+        item(flight, 16, 16.0, 0.0, 8.0, 0.0, 1.0),
+    ]
+    assert upload(flight, items) == ACCEPTED
+    flight.command(300)
+    fastest = 0.0
+    while not reached(flight):
+        flight.run(0.1)
+        fastest = max(fastest, flight.velocity[0])
+        assert flight.now_s < 90.0
+    assert fastest < 2.4
+    near_s = next(t for t, m in flight.all("LOCAL_POSITION_NED") if m.x > 14.2)
+    assert flight.now_s - near_s > 3.5
+    flight.until(lambda: len(reached(flight)) == 2, 20.0)
+
+
+def test_an_uploaded_circle_is_a_fence(fly, ned_velocity):
+    flight = fly("px4", parameters={"GF_ACTION": 3}).airborne(8.0)
+    lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(0.0, 0.0, 0.0)
+    circle = (0, 5003, 0, 1, 25.0, 0.0, 0.0, 0.0, round(lat * 1e7), round(lon * 1e7), 0.0)
+    assert upload(flight, [circle], FENCE) == ACCEPTED
+    stream = ned_velocity(0.0, 5.0, 0.0)
+    flight.offboard(stream)
+    flight.until(lambda: flight.mode == "RTL", 20.0, stream)
+    assert 24.0 < flight.position[1] < 27.0
+
+
+def test_an_uploaded_polygon_is_a_fence(fly, ned_velocity):
+    flight = fly("px4", parameters={"GF_ACTION": 2}).airborne(8.0)
+    corners = [(-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0)]
+    items = []
+    for corner in corners:
+        lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(*corner, 0.0)
+        items.append((0, 5001, 0, 1, 4.0, 0.0, 0.0, 0.0, round(lat * 1e7), round(lon * 1e7), 0.0))
+    assert upload(flight, items, FENCE) == ACCEPTED
+    stream = ned_velocity(-5.0, 0.0, 0.0)
+    flight.offboard(stream)
+    flight.until(lambda: flight.mode == "HOLD", 20.0, stream)
+    assert -22.5 < flight.position[0] < -19.0
