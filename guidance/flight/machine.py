@@ -18,7 +18,10 @@ from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
 from guidance.vehicle import VehicleState, observe
 
 REPEAT_S = 1.5
-"""A request whose effect is not seen is made again after this time."""
+"""A request whose effect is not seen is made again after this time, and only in a cycle in which a HEARTBEAT came.
+
+HEARTBEAT is up to a second old: repeated blindly, a request would take the vehicle back from a pilot who just took it.
+"""
 
 STREAM_FIRST_S = 0.3
 """How long a hover is streamed before the guided mode is asked for (PX4 refuses it without a stream)."""
@@ -98,7 +101,8 @@ class Flight:
         self.vehicle = observe(self.vehicle, inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports)
         happenings = tuple(self._follow(inputs, dt_s))
-        requests = tuple(self._requests(now_s))
+        heartbeat = any(isinstance(message, Heartbeat) for message in inputs.messages)
+        requests = tuple(self._requests(now_s, fresh_heartbeat=heartbeat))
         setpoint = self._setpoint(now_s, dt_s)
         return Outputs(self.state, setpoint, requests, happenings, self._certificate)
 
@@ -152,8 +156,11 @@ class Flight:
         heartbeat = self.vehicle.last(Heartbeat)
         return None if heartbeat is None else self.settings.profile.mode_of(heartbeat.custom_mode)
 
-    def _requests(self, now_s: float) -> Iterator[Request]:
+    def _requests(self, now_s: float, *, fresh_heartbeat: bool) -> Iterator[Request]:
         if self.state in FINAL or now_s - self._requested_s < REPEAT_S:
+            return
+        repeated = self._requested_s >= self._since_s
+        if (repeated or self.state is State.ENTERING) and not fresh_heartbeat:
             return
         if self.state is State.ENTERING and now_s - self._since_s < STREAM_FIRST_S:
             return
