@@ -66,7 +66,7 @@ class Link:
             parameters=ParameterProtocol(autopilot.parameters, flavour.parameter_rules),
             missions=MissionProtocol(autopilot.plans, flavour.mission_rules, autopilot.set_mission_item),
             streams=self.streams,
-            time=TimeProtocol(system_id, COMPONENT),
+            time=TimeProtocol(),
             home=HomeProtocol(autopilot.set_origin, autopilot.set_home),
             ftp=FtpRefusal(),
             signing=SigningSetup(signing),

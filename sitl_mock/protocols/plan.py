@@ -149,8 +149,7 @@ class PlanStore:
 
 
 def _crc(items: Sequence[PlanItem]) -> int:
-    packed = b"".join(struct.pack("<HBHBBffffiif", *item) for item in items)
-    return zlib.crc32(packed) if packed else 0
+    return zlib.crc32(b"".join(struct.pack("<HBHBBffffiif", *item) for item in items))
 
 
 def item_fault(kind: PlanKind, item: PlanItem, commands: frozenset[int]) -> MissionResult:

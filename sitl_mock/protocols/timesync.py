@@ -23,8 +23,7 @@ class TimeProtocol:
         round_trip_s: Round trip of that answer.
     """
 
-    def __init__(self, system_id: int, component_id: int) -> None:
-        self._ids = (system_id, component_id)
+    def __init__(self) -> None:
         self._asked_ns: int | None = None
         self.offset_s: float | None = None
         self.round_trip_s: float | None = None

@@ -114,6 +114,13 @@ def test_a_new_stream_may_start_a_minute_late_and_no_later():
         assert decoder.counts.replayed == 1 - accepted
 
 
+def test_all_48_bits_of_the_timestamp_count():
+    decoder = vehicle()
+    assert len(decoder.feed(heartbeat(client(timestamp=2**47 + 5)))) == 1
+    assert decoder.signing.timestamp == 2**47 + 5
+    assert decoder.feed(heartbeat(client(timestamp=2**46))) == []
+
+
 def test_the_own_clock_follows_an_accepted_frame_and_rises_by_one_with_each_sent():
     signing = Signing(KEY)
     Decoder(signing=signing).feed(heartbeat(client(timestamp=77_000)))

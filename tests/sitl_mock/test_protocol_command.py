@@ -94,7 +94,9 @@ def test_a_resend_while_the_answer_is_pending_is_not_executed_again(wire):
 def test_a_counted_resend_repeats_the_answer_and_is_not_executed_again(wire):
     pilot = Autopilot(CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.DENIED))
     client = wire(CommandProtocol(1, 1, pilot.execute))
+    client.now_s = 100.0
     long(client)
+    assert pilot.executed[0][0] == 100.0
     for confirmation in (1, 2, 3):
         client.wait(0.5)
         assert results(long(client, confirmation=confirmation)) == [2]
@@ -127,6 +129,21 @@ def test_not_a_number_equals_itself_in_a_resend(wire):
     long(client, 22, takeoff)
     long(client, 22, takeoff, confirmation=1)
     assert len(pilot.executed) == 1
+
+
+def test_a_number_is_no_resend_of_not_a_number(wire):
+    pilot = Autopilot()
+    client = wire(CommandProtocol(1, 1, pilot.execute))
+    long(client, 22, (math.nan,) * 7)
+    long(client, 22, (math.nan,) * 6 + (5.0,), confirmation=1)
+    assert len(pilot.executed) == 2
+
+
+def test_late_answers_to_several_commands_come_together(wire):
+    client = wire(CommandProtocol(1, 1, Autopilot(CommandAnswer(Result.ACCEPTED, delay_s=0.5)).execute))
+    long(client, 400)
+    long(client, 22)
+    assert [ack.command for ack in client.wait(1.0)] == [400, 22]
 
 
 def test_no_answer_stays_no_answer(wire):

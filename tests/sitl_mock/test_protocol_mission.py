@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock.protocols import (
     ARDUPILOT_MISSION_RULES,
@@ -13,6 +14,7 @@ from sitl_mock.protocols import (
     PlanKind,
     PlanStore,
 )
+from sitl_mock.protocols.mission_upload import read_item
 
 MISSION, FENCE, RALLY, ALL = 0, 1, 2, 255
 FLAVOURS = pytest.mark.parametrize("rules", [PX4_MISSION_RULES, ARDUPILOT_MISSION_RULES], ids=["px4", "ardupilot"])
@@ -262,6 +264,8 @@ def test_more_items_than_fit_are_refused_at_the_count(wire, vehicle, plans, rule
     for kind in PlanKind:
         (ack,) = client.send("MISSION_COUNT", 1, 1, rules.capacity[kind] + 1, kind)
         acked(ack, MissionResult.NO_SPACE, kind)
+        (request,) = client.send("MISSION_COUNT", 1, 1, rules.capacity[kind], kind)
+        assert (request.get_type(), request.seq, request.mission_type) == ("MISSION_REQUEST_INT", 0, kind)
 
 
 @pytest.mark.parametrize(
@@ -304,6 +308,7 @@ def test_a_bad_item_ends_the_upload_with_its_reason_and_the_old_plan_stands(wire
         waypoint(0, command=20, frame=2, x=0, y=0),
         waypoint(0, command=178, frame=2, x=0, y=0, z=math.nan),
         waypoint(0, command=22, z=math.nan),
+        waypoint(0, x=900_000_000, y=-1_800_000_000),
     ],
 )
 def test_items_that_leave_the_place_open_are_taken_where_that_has_a_meaning(wire, vehicle, item):
@@ -361,6 +366,8 @@ def test_a_second_client_is_refused_while_the_first_uploads_on_the_same_link_or_
         (ack,) = other.send("MISSION_CLEAR_ALL", 1, 1, MISSION)
         assert ack.type == MissionResult.ERROR
         assert send_item(other, waypoint(0)) == []
+    (ack,) = wire(vehicle(ARDUPILOT_MISSION_RULES)).send("MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION)
+    acked(ack, MissionResult.ERROR)
     for seq in range(3):
         answers = send_item(first, waypoint(seq))
     acked(answers[0], MissionResult.ACCEPTED)
@@ -421,6 +428,9 @@ def test_ardupilot_replaces_a_part_and_px4_refuses_to(wire, vehicle, plans):
     assert [item.z for item in plans.mission.items] == [20.0, 99.0, 98.0, 20.0, 20.0]
     for first, last in ((3, 5), (-1, 2), (3, 2)):
         acked(client.send("MISSION_WRITE_PARTIAL_LIST", 1, 1, first, last, MISSION)[0], MissionResult.ERROR)
+    client.send("MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION)
+    acked(send_item(client, waypoint(0, z=97.0))[0], MissionResult.ACCEPTED)
+    assert [item.z for item in plans.mission.items] == [97.0, 99.0, 98.0, 20.0, 20.0]
     (ack,) = wire(vehicle(PX4_MISSION_RULES)).send("MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION)
     acked(ack, MissionResult.UNSUPPORTED)
 
@@ -440,6 +450,22 @@ def test_another_message_is_no_mission(wire, vehicle):
     client = wire(vehicle())
     assert client.send("PING", 1, 1, 0, 0) == []
     assert client.wait(1.0) == []
+
+
+@pytest.mark.parametrize(
+    ("frame", "x", "integer"),
+    [(3, -47.5, -475_000_000), (1, -2.5, -25_000), (2, -7.0, -7), (3, -1e30, -(2**31)), (3, 1e30, 2**31 - 2)],
+)
+def test_a_float_coordinate_becomes_the_integer_of_its_frame(frame, x, integer):
+    message = dialect.MAVLink_mission_item_message(1, 1, 0, frame, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, x, math.nan, 1.0, 0)
+    assert (read_item(message).x, read_item(message).y) == (integer, 2**31 - 1)
+
+
+def test_a_circle_may_be_small_and_an_empty_plan_has_no_id(wire, vehicle, plans):
+    acked(upload(wire(vehicle()), [waypoint(0, frame=0, command=5003, p1=0.5)], FENCE), MissionResult.ACCEPTED, FENCE)
+    assert plans.fence.opaque_id != 0
+    plans.set_plan(PlanKind.FENCE, ())
+    assert plans.fence.opaque_id == 0
 
 
 def test_coordinates_of_a_plan_item_are_degrees_or_open():

@@ -134,7 +134,7 @@ def test_the_hash_is_that_of_names_and_values_and_changes_with_them(wire, px4):
         for byte in name.encode() + struct.pack(kind, px4[name]):
             crc = table[(crc ^ byte) & 0xFF] ^ crc >> 8
     assert px4.hash() == crc
-    px4.set("COM_OF_LOSS_T", 2.0)
+    px4.set("NAV_RCL_ACT", -1)
     assert px4.hash() != crc
 
 
@@ -197,8 +197,8 @@ def test_an_unknown_name_or_index_is_an_error_and_changes_nothing(wire, px4, rul
             1,
         )
         assert (error.target_system, error.target_component) == (255, 190)
-    (error,) = read(client, "", 9000)
-    assert (error.param_index, error.error) == (9000, 1)
+    (error,) = read(client, "", len(px4))
+    assert (error.param_index, error.error) == (len(px4), 1)
     assert (dict(px4), px4.revision) == (before, 0)
 
 
@@ -233,7 +233,8 @@ def test_the_store_reads_like_a_dict_and_counts_changes(px4):
     px4.set("COM_OF_LOSS_T", 1.0)
     assert px4.revision == 0
     px4.set("COM_OF_LOSS_T", 2.0)
-    assert px4.revision == 1
+    px4.set("COM_OF_LOSS_T", 3.0)
+    assert px4.revision == 2
 
 
 @pytest.mark.parametrize(
@@ -246,7 +247,7 @@ def test_a_bad_override_names_the_parameter_and_what_is_allowed(overrides, said)
 
 
 def test_an_override_is_in_place_from_the_start():
-    assert ParameterStore(parameters_px4.PARAMETERS, {"COM_OBL_RC_ACT": 5})["COM_OBL_RC_ACT"] == 5
+    assert ParameterStore(parameters_px4.PARAMETERS, {"COM_OBL_RC_ACT": 7})["COM_OBL_RC_ACT"] == 7
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

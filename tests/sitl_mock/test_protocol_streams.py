@@ -161,6 +161,10 @@ def test_a_data_stream_of_ardupilot_sets_its_whole_group(wire):
     assert (streams.rate_hz("ATTITUDE"), streams.rate_hz("LOCAL_POSITION_NED")) == (4.0, 4.0)
     client.send("REQUEST_DATA_STREAM", 1, 1, 6, 10, 0)
     assert streams.rate_hz("GLOBAL_POSITION_INT") == 0.0
+    client.send("REQUEST_DATA_STREAM", 1, 1, 11, 1, 1)
+    assert streams.rate_hz("VFR_HUD") == 1.0
+    client.send("REQUEST_DATA_STREAM", 1, 1, 11, 0, 1)
+    assert streams.rate_hz("VFR_HUD") == 0.0
     client.send("REQUEST_DATA_STREAM", 1, 1, 77, 10, 1)
     assert streams.rate_hz("ATTITUDE") == 4.0
     assert client.wait(1.0) == []
