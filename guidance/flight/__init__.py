@@ -2,7 +2,7 @@
 
 from guidance.flight.machine import ORDERS, Flight, Happening, Inputs, Outputs
 from guidance.flight.readiness import Check
-from guidance.flight.settings import AfterCapture, FlightSettings
+from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, TRANSITIONS, Event, State, next_state
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "TRANSITIONS",
     "AfterCapture",
     "Check",
+    "EngageOn",
     "Event",
     "Flight",
     "FlightSettings",

@@ -1,12 +1,12 @@
 """What has happened? One small question an event, asked once a cycle of what was heard; no memory of its own."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from guidance.autopilots import Mode
 from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
-from guidance.flight.settings import FlightSettings
+from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import OUR_MODES, TRANSITIONS, Event, State
 from guidance.telemetry import Heartbeat, Home, LocalPosition, SystemStatus, Vector
 from guidance.tick import Certificate
@@ -33,6 +33,9 @@ class Scene:
     target_silence_s: float
     start_ned_m: Vector | None
     certificate: Certificate | None
+    refusals: Sequence[str] = ()
+    foreign: bool = False
+    other_mode_seen: bool = False
 
     @property
     def mode(self) -> Mode | None:
@@ -53,10 +56,10 @@ def events(scene: Scene) -> Iterator[Event]:
 
 
 def fit(scene: Scene) -> bool:
-    """True when every readiness check passes."""
+    """True when every readiness check passes and preflight refuses nothing."""
     settings = scene.settings
     rows = checks(scene.vehicle, settings.profile, scene.now_s, battery_minimum=settings.battery_minimum)
-    return all(row.passed for row in rows)
+    return not scene.refusals and all(row.passed for row in rows)
 
 
 def _telemetry_lost(scene: Scene) -> bool:
@@ -70,7 +73,18 @@ def _telemetry_lost(scene: Scene) -> bool:
 
 def _another_hand(scene: Scene) -> bool:
     ours = OUR_MODES.get(scene.state)
+    if _waiting_for_the_pilot(scene):
+        return False  # who flies here, in whichever mode, is to choose the guided one
     return ours is not None and scene.mode is not None and scene.mode not in ours
+
+
+def _waiting_for_the_pilot(scene: Scene) -> bool:
+    return scene.state is State.STANDING_BY and scene.settings.engage_on is EngageOn.PILOT_MODE
+
+
+def _invited(scene: Scene) -> bool:
+    # A change, not a mode that the vehicle was left in.
+    return _waiting_for_the_pilot(scene) and scene.other_mode_seen and scene.mode is Mode.GUIDED
 
 
 def _armed(scene: Scene) -> bool:
@@ -128,6 +142,7 @@ _QUESTIONS: Mapping[Event, Callable[[Scene], bool]] = {
     Event.REBOOTED: lambda scene: scene.vehicle.reboots != scene.reboots_seen,
     Event.TELEMETRY_LOST: _telemetry_lost,
     Event.DISARMED: lambda scene: scene.heard_since_entry and not scene.vehicle.armed,
+    Event.FOREIGN: lambda scene: scene.foreign,
     Event.FENCE: lambda scene: _certified(scene, "outside_fence"),
     Event.BATTERY_LOW: _battery_low,
     Event.ESTIMATOR_RESET: _reset,
@@ -136,6 +151,8 @@ _QUESTIONS: Mapping[Event, Callable[[Scene], bool]] = {
     Event.NO_GAME: lambda scene: _certified(scene, "no_game"),
     Event.ESCAPED: lambda scene: _certified(scene, "evader_arrived"),
     Event.CAPTURED: lambda scene: _certified(scene, "captured"),
+    Event.INVITED: _invited,
+    Event.DONE: lambda scene: scene.settings.after_capture is AfterCapture.RETURN,
     Event.STRAYED: lambda scene: _certified(scene, "strayed"),
     Event.HEARD: lambda scene: scene.vehicle.age_s(Heartbeat, scene.now_s) <= HEARTBEAT_LIMIT_S,
     Event.FIT: fit,

@@ -7,13 +7,14 @@ out. The step is the same in real time, in virtual time and in replay.
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, Mode
+from guidance.autopilots import Mode
 from guidance.flight.detect import Scene, events
 from guidance.flight.readiness import Check, checks
+from guidance.flight.requests import requests_in
 from guidance.flight.settings import AfterCapture, FlightSettings
 from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, TRANSITIONS, Event, State, next_state
 from guidance.flight.tracking import Tracking
-from guidance.telemetry import Heartbeat, Home, LocalPosition, Message, Request, Setpoint, TargetReport
+from guidance.telemetry import Heartbeat, LocalPosition, Message, Request, Setpoint, TargetReport
 from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
 from guidance.vehicle import VehicleState, observe
 
@@ -27,13 +28,6 @@ STREAM_FIRST_S = 0.3
 """How long a hover is streamed before the guided mode is asked for (PX4 refuses it without a stream)."""
 
 ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
-
-_MODE_OF_STATE = {
-    State.ENTERING: Mode.GUIDED,
-    State.HOLDING: Mode.HOLD,
-    State.RETURNING: Mode.RETURN,
-    State.LANDING: Mode.LAND,
-}
 
 
 class Inputs(NamedTuple):
@@ -102,7 +96,7 @@ class Flight:
         self.tracking.observe(self.vehicle, inputs.reports)
         happenings = tuple(self._follow(inputs, dt_s))
         heartbeat = any(isinstance(message, Heartbeat) for message in inputs.messages)
-        requests = tuple(self._requests(now_s, fresh_heartbeat=heartbeat))
+        requests = self._requests(now_s, fresh_heartbeat=heartbeat)
         setpoint = self._setpoint(now_s, dt_s)
         return Outputs(self.state, setpoint, requests, happenings, self._certificate)
 
@@ -156,44 +150,20 @@ class Flight:
         heartbeat = self.vehicle.last(Heartbeat)
         return None if heartbeat is None else self.settings.profile.mode_of(heartbeat.custom_mode)
 
-    def _requests(self, now_s: float, *, fresh_heartbeat: bool) -> Iterator[Request]:
+    def _requests(self, now_s: float, *, fresh_heartbeat: bool) -> tuple[Request, ...]:
         if self.state in FINAL or now_s - self._requested_s < REPEAT_S:
-            return
-        repeated = self._requested_s >= self._since_s
-        if (repeated or self.state is State.ENTERING) and not fresh_heartbeat:
-            return
-        if self.state is State.ENTERING and now_s - self._since_s < STREAM_FIRST_S:
-            return
+            return ()
+        entering, repeated = self.state is State.ENTERING, self._requested_s >= self._since_s
+        if (entering or repeated) and not fresh_heartbeat:
+            return ()
+        if entering and now_s - self._since_s < STREAM_FIRST_S:
+            return ()
         self._requested_s = now_s
-        profile = self.settings.profile
-        if self.state is State.CHECKING:
-            yield from profile.stream_requests()
-            yield profile.request_message(HOME_POSITION)
-            yield profile.request_message(GPS_GLOBAL_ORIGIN)
-        elif self.state is State.ARMING:
-            yield profile.set_mode(profile.arming_mode)
-            yield profile.arm()
-        elif self.state is State.CLIMBING:
-            yield from self._takeoff()
-        elif self.state is State.POSITIONING:
-            yield from self._reposition()
-        elif self.state in _MODE_OF_STATE and self._mode() is not _MODE_OF_STATE[self.state]:
-            yield profile.set_mode(_MODE_OF_STATE[self.state])
-
-    def _takeoff(self) -> Iterator[Request]:
-        home = self.vehicle.last(Home)
-        if home is not None and self.vehicle.on_ground:
-            yield self.settings.profile.takeoff(
-                height_m=self.settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m
-            )
-
-    def _reposition(self) -> Iterator[Request]:
-        start, frame = self._start_ned_m(), self.tracking.local_frame
-        if start is not None and frame is not None:
-            latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(start)
-            yield self.settings.profile.reposition(
-                latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
-            )
+        place = None
+        start_ned_m, frame = self._start_ned_m(), self.tracking.local_frame
+        if start_ned_m is not None and frame is not None:
+            place = frame.wgs84_from_ned(start_ned_m)
+        return requests_in(self.state, self.settings, self.vehicle, self._mode(), place)
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
         leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED

@@ -16,6 +16,14 @@ class AfterCapture(StrEnum):
 
     HOLD = "hold"  # hover where it was reached
     SHADOW = "shadow"  # keep station on the moving target
+    RETURN = "return"  # fly home
+
+
+class EngageOn(StrEnum):
+    """What begins the game, from standing by."""
+
+    COMMAND = "command"  # an order
+    PILOT_MODE = "pilot_mode"  # a pilot who switches to the guided mode; a neutral setpoint stream makes that possible
 
 
 _LIMITS_S: Mapping[State, float] = MappingProxyType(
@@ -41,6 +49,7 @@ class FlightSettings:
         takeoff_height_m: Above home.
         start_game_m: Where the autopilot flies to before standing by, in the game frame; None stays above the take-off.
         after_capture: What to do at the stand-off disc.
+        engage_on: What begins the game.
         battery_minimum: Battery remaining (0 to 1) below which the flight returns.
         settle_s: How long everything must be well again before a paused game goes on.
         limits_s: Longest stay in a state, where there is a limit.
@@ -51,6 +60,7 @@ class FlightSettings:
     takeoff_height_m: float
     start_game_m: Vector | None = None
     after_capture: AfterCapture = AfterCapture.HOLD
+    engage_on: EngageOn = EngageOn.COMMAND
     battery_minimum: float = 0.2
     settle_s: float = 1.0
     limits_s: Mapping[State, float] = field(default_factory=lambda: _LIMITS_S)

@@ -2,7 +2,8 @@
 
 A pair that is not in the table changes nothing, on purpose: the event is recorded and the state stays. What must never
 happen is therefore visible as a line that is not there: nothing leads from YIELDED to any state that commands the
-vehicle, and nothing but a person's word (`Event.ENGAGE`) leads into ENTERING.
+vehicle, and nothing but a person's word (`Event.ENGAGE`), or a pilot's hand on the mode switch where that is configured
+(`Event.INVITED`), begins the game.
 """
 
 from collections.abc import Mapping
@@ -51,10 +52,13 @@ class Event(StrEnum):
     AT_HEIGHT = "take-off height reached"
     AT_START = "start position reached"
     GUIDED = "guided mode confirmed"
+    INVITED = "pilot chose the guided mode"
     CAPTURED = "stand-off reached"
+    DONE = "stand-off reached, return configured"
     STRAYED = "stand-off left"
     ESCAPED = "evader reached its target"
     PILOT = "mode changed by another hand"
+    FOREIGN = "setpoints of another source"
     TARGET_LOST = "target lost"
     ESTIMATOR_RESET = "estimator reset"
     LOOP_LATE = "loop late"
@@ -86,10 +90,12 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.POSITIONING, Event.AT_START): State.STANDING_BY,
     (State.STANDING_BY, Event.ENGAGE): State.ENTERING,
     (State.HOLDING, Event.ENGAGE): State.ENTERING,
+    (State.STANDING_BY, Event.INVITED): State.ENGAGED,
     (State.ENTERING, Event.GUIDED): State.ENGAGED,
     (State.ENTERING, Event.TIMED_OUT): State.HOLDING,
     (State.ENGAGED, Event.CAPTURED): State.ON_STATION,
     (State.ON_STATION, Event.STRAYED): State.ENGAGED,
+    (State.ON_STATION, Event.DONE): State.RETURNING,
     (State.ENGAGED, Event.ESCAPED): State.HOLDING,
     (State.ENGAGED, Event.TARGET_LOST): State.PAUSED,
     (State.ENGAGED, Event.ESTIMATOR_RESET): State.PAUSED,
@@ -114,6 +120,7 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     **{(state, Event.ABORT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY, State.ARMING)},
     **{(state, Event.BATTERY_LOW): State.RETURNING for state in (*_COMMANDING, State.STANDING_BY, State.POSITIONING)},
     **{(state, Event.FENCE): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.FOREIGN): State.HOLDING for state in _COMMANDING},
     **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.TELEMETRY_LOST): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
