@@ -1,0 +1,138 @@
+"""`sitl-mock` as a process: ready, spoken to, ended; and its wrong uses."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from typer.testing import CliRunner
+
+from sitl_mock.cli import app
+from sitl_mock.conditions import CONDITIONS
+from sitl_mock.flavour import NAMES
+from sitl_mock.mavlink import Decoder
+
+
+@pytest.fixture
+def start():
+    children = []
+
+    def start(*arguments):
+        child = subprocess.Popen(
+            [sys.executable, "-m", "sitl_mock", "run", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        children.append(child)
+        return child
+
+    yield start
+    for child in children:
+        child.kill()
+        child.wait()
+        for pipe in (child.stdin, child.stdout, child.stderr):
+            pipe.close()
+
+
+def ready(child):
+    line = child.stdout.readline()
+    assert line, child.stderr.read()
+    return json.loads(line)
+
+
+def first_port(message):
+    return int(message["vehicles"][0]["endpoints"][0].rsplit(":", 1)[1])
+
+
+def free_udp():
+    """Two ports with the mock's own ports above them free as well."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1] % 20000 + 20000
+
+
+def test_it_says_ready_as_json_and_sends_heartbeats_to_port_and_port_plus_one(start):
+    port = free_udp()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.bind(("127.0.0.1", port + 1))
+        client.settimeout(5.0)
+        child = start("--vehicles", "2", "--udp", str(port), "--json", "--parent-pipe")
+        message = ready(child)
+        assert [each["system_id"] for each in message["vehicles"]] == [1, 2]
+        decoder = Decoder()
+        senders = set()
+        while "HEARTBEAT" not in senders:
+            senders |= {m.get_type() for m in decoder.feed(client.recv(2048), whole=True) if m.get_srcSystem() == 2}
+        child.stdin.close()
+        assert child.wait(5.0) == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_signals_end_it_cleanly(start, number):
+    child = start("--zenoh", "tcp/127.0.0.1:0", "--json")
+    ready(child)
+    child.send_signal(number)
+    assert child.wait(5.0) == 0
+    assert child.stderr.read() == ""
+
+
+def test_it_ends_when_its_parent_is_gone(start):
+    child = start("--zenoh", "tcp/127.0.0.1:0", "--json", "--parent-pipe")
+    ready(child)
+    begun_s = time.monotonic()
+    child.stdin.close()
+    assert child.wait(5.0) == 0
+    assert time.monotonic() - begun_s < 1.0
+
+
+def test_a_port_in_use_is_one_clear_message(start):
+    first = start("--zenoh", "tcp/127.0.0.1:0", "--json")
+    address = ready(first)["vehicles"][0]["endpoints"][0].split()[0]
+    second = start("--zenoh", address)
+    assert second.wait(10.0) == 3
+    said = second.stderr.read()
+    assert said.count("\n") == 1
+    assert f"{address} is in use" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--vehicles", "2"], "--zenoh"),
+        (["--vehicles", "px9:a", "--udp", "14540"], "px9"),
+        (["--fleet", "no_such_file.toml", "--udp", "14540"], "no_such_file.toml"),
+        (["--vehicles", "0", "--udp", "14540"], "vehicle"),
+    ],
+)
+def test_a_wrong_use_is_one_line_and_exit_code_2(start, arguments, named):
+    child = start(*arguments)
+    assert child.wait(10.0) == 2
+    said = child.stderr.read()
+    assert named in said
+    assert said.count("\n") == 1
+
+
+def test_help_teaches():
+    runner = CliRunner()
+    for arguments in ([], ["run"], ["list"], ["modes"]):
+        result = runner.invoke(app, [*arguments, "--help"])
+        assert result.exit_code == 0
+    assert "--parent-pipe" in runner.invoke(app, ["run", "--help"], env={"COLUMNS": "200"}).output
+
+
+def test_list_names_every_flavour_and_condition():
+    listed = CliRunner().invoke(app, ["list"]).output
+    assert all(name in listed for name in (*NAMES, *CONDITIONS))
+    assert "COM_OF_LOSS_T" in CliRunner().invoke(app, ["list", "parameters"]).output
+    assert "LOCAL_POSITION_NED" in CliRunner().invoke(app, ["list", "streams", "--flavour", "arducopter"]).output
+
+
+@pytest.mark.parametrize("flavour", NAMES)
+def test_modes_draws_the_table(flavour):
+    drawn = CliRunner().invoke(app, ["modes", "--flavour", flavour]).output
+    assert "| mode | custom_mode |" in drawn

@@ -1,0 +1,82 @@
+"""A fleet's configuration and its vehicles."""
+
+import pytest
+
+from sitl_mock import ConfigError
+from sitl_mock.config import checked, parse_vehicles, read_fleet
+from sitl_mock.fleet import build
+
+
+def fleet(*vehicles, **more):
+    return checked({"vehicle": list(vehicles), **more}, "test")
+
+
+def test_a_number_of_vehicles_gets_names_and_system_ids_in_order():
+    vehicles = build(fleet(*parse_vehicles(["20"], "px4")))
+    assert list(vehicles) == [f"uav{number}" for number in range(1, 21)]
+    assert [each.system_id for each in vehicles.values()] == list(range(1, 21))
+
+
+def test_each_vehicle_may_be_named_with_flavour_and_place():
+    px4, rover = parse_vehicles(["px4:uav1", "rover:target@30,-4.5,0"], "px4")
+    vehicles = build(fleet(px4, rover))
+    assert vehicles["uav1"].flavour == "px4"
+    assert vehicles["target"].flavour == "rover"
+    assert checked({"vehicle": [rover]}, "test").vehicle[0].start_ned_m == (30.0, -4.5, 0.0)
+
+
+def test_free_system_ids_go_round_those_that_are_given():
+    vehicles = build(fleet({"name": "a"}, {"name": "b", "system_id": 1}, {"name": "c"}))
+    assert {name: each.system_id for name, each in vehicles.items()} == {"a": 2, "b": 1, "c": 3}
+
+
+def test_every_vehicle_of_a_fleet_has_noise_of_its_own():
+    one, two = build(fleet({"name": "a"}, {"name": "b"})).values()
+    assert one.autopilot.settings.seed != two.autopilot.settings.seed
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "named"),
+    [
+        ([{"name": "a", "flavor": "px4"}], "vehicle.0.flavor"),
+        ([{"name": "a"}, {"name": "a"}], "'a' is given twice"),
+        ([{"name": "a", "system_id": 256}], "vehicle.0.system_id = 256"),
+        ([{"name": "a/b"}], "vehicle.0.name = 'a/b'"),
+        ([], "vehicle"),
+    ],
+)
+def test_a_wrong_key_or_value_is_named(vehicles, named):
+    with pytest.raises(ConfigError, match=named):
+        fleet(*vehicles)
+
+
+def test_a_system_id_given_twice_is_refused():
+    with pytest.raises(ConfigError, match="system_id = 7"):
+        build(fleet({"name": "a", "system_id": 7}, {"name": "b", "system_id": 7}))
+
+
+def test_an_unknown_parameter_is_refused_by_name():
+    with pytest.raises(ConfigError, match="COM_OF_LOSS"):
+        build(fleet({"name": "a", "parameters": {"COM_OF_LOSS": 1.0}}))
+
+
+@pytest.mark.parametrize("spec", ["px4", "px4:", "-3"])
+def test_a_spec_that_is_none_says_what_is_allowed(spec):
+    with pytest.raises(ConfigError, match="flavour:name"):
+        parse_vehicles([spec], "px4")
+
+
+def test_a_file_is_read_and_a_missing_or_broken_one_is_named(tmp_path):
+    path = tmp_path / "fleet.toml"
+    path.write_text(
+        "seed = 3\n[home]\nlat_deg = 10.0\nlon_deg = 20.0\nalt_amsl_m = 5.0\n"
+        "[[vehicle]]\nname = 'uav1'\nstart_ned_m = [1.0, 2.0, 0.0]\n[vehicle.parameters]\nCOM_OF_LOSS_T = 2.0\n"
+    )
+    vehicle = build(read_fleet(path))["uav1"]
+    assert vehicle.autopilot.parameters["COM_OF_LOSS_T"] == 2.0
+    assert vehicle.autopilot.frame.origin.lat_deg == pytest.approx(10.0, abs=1e-4)
+    path.write_text("seed = ")
+    with pytest.raises(ConfigError, match=r"fleet\.toml"):
+        read_fleet(path)
+    with pytest.raises(ConfigError, match=r"missing\.toml"):
+        read_fleet(tmp_path / "missing.toml")

@@ -1,0 +1,101 @@
+"""The literal tables of modes: complete, closed, and what the code really obeys."""
+
+import pytest
+
+from sitl_mock.ardupilot.copter import COPTER
+from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
+from sitl_mock.ardupilot.rover import ROVER
+from sitl_mock.flavour import NAMES, flavour
+from sitl_mock.px4.failsafe import MODE_OF
+from sitl_mock.px4.modes import AFTER, BY_NAME, MODES
+
+TABLES = {name: flavour(name).modes for name in NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_transition_is_between_modes_of_the_table(name):
+    table = TABLES[name]
+    known = set(table.by_name()) | {"any", "disarmed"}
+    for row in table.transitions:
+        assert row.mode in known
+        assert row.after in known
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_are_unique_and_numbers_too_but_for_px4s_descend(name):
+    modes = TABLES[name].modes
+    assert len({mode.name for mode in modes}) == len(modes)
+    shared = {mode.name for mode in modes if [m.number for m in modes].count(mode.number) > 1}
+    assert shared == ({"LAND", "DESCEND"} if name == "px4" else set())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_state_and_event_has_two_outcomes(name):
+    pairs = [(row.mode, row.event) for row in TABLES[name].transitions]
+    assert len(set(pairs)) == len(pairs)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_drawn_table_names_every_mode_and_transition(name):
+    drawn = "\n".join(TABLES[name].markdown())
+    for mode in TABLES[name].modes:
+        assert f"| {mode.name} |" in drawn
+    for row in TABLES[name].transitions:
+        assert f"| {row.mode} | {row.event} | {row.after} |" in drawn
+
+
+def test_what_cannot_run_steps_down_to_a_mode_without_needs():
+    for first in BY_NAME:
+        mode, seen = first, []
+        while BY_NAME[mode].needs:
+            assert mode not in seen
+            seen.append(mode)
+            event = "stream lost, COM_OBL_RC_ACT = 0" if mode == "OFFBOARD" else "cannot run"
+            mode = AFTER[mode, event]
+        assert mode == "TERMINATION"
+
+
+def test_every_value_of_com_obl_rc_act_has_its_row():
+    assert {f"stream lost, COM_OBL_RC_ACT = {value}" for value in range(8)} == {
+        row.event for row in MODES.transitions if row.mode == "OFFBOARD"
+    }
+
+
+def test_failsafe_actions_lead_to_modes_of_the_table():
+    assert set(MODE_OF.values()) <= set(BY_NAME)
+
+
+@pytest.mark.parametrize(("table", "rig"), [(COPTER_MODES, COPTER), (ROVER_MODES, ROVER)], ids=["copter", "rover"])
+def test_every_ardupilot_mode_flies_something(table, rig):
+    assert set(rig.flights) == set(table.by_name())
+    assert {rig.first_mode, rig.hold_mode} <= set(table.by_name())
+
+
+@pytest.mark.parametrize("mode", [mode for mode in BY_NAME if mode not in {"DESCEND"}])
+def test_disarmed_px4_takes_every_mode_as_its_intention(fly, mode):
+    flight = fly("px4").run(1.0)
+    number = BY_NAME[mode].number
+    assert flight.command(176, 1, number >> 16 & 0xFF, number >> 24) == [0, 0]
+    assert flight.mode == mode
+    flight.run(1.1)
+    assert flight.last("HEARTBEAT").custom_mode == number
+
+
+@pytest.mark.parametrize("mode", ["MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "MISSION", "OFFBOARD"])
+def test_armed_px4_refuses_what_cannot_run_with_a_text(fly, mode):
+    flight = fly("px4", texts=True).airborne(5.0)
+    number = BY_NAME[mode].number
+    assert flight.command(176, 1, number >> 16 & 0xFF, number >> 24) == [0, 1]
+    assert flight.mode == "HOLD"
+    assert f"Switching to {mode.capitalize()} is currently not available" in flight.texts()
+
+
+@pytest.mark.parametrize("mode", COPTER_MODES.by_name())
+def test_armed_arducopter_takes_every_mode_that_needs_no_mission(fly, mode):
+    flight = fly("arducopter").airborne(10.0)
+    expected = 4 if mode == "AUTO" else 0
+    assert flight.command(176, 1, COPTER_MODES.by_name()[mode].number) == [expected]
+    flight.run(1.1)
+    if mode != "AUTO":
+        assert flight.mode == mode
+        assert flight.last("HEARTBEAT").custom_mode == COPTER_MODES.by_name()[mode].number
