@@ -3,6 +3,7 @@
 import contextlib
 import os
 import termios
+import threading
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -33,19 +34,25 @@ class SerialWire:
         except (OSError, ValueError, termios.error) as error:
             raise LinkError(f"serial {device}:{baud}: {error}") from error
         self._closed = False
+        self._lock = threading.Lock()
         self._tail = Tail(self._write)
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._reader = Reader(self._read, self._arrivals, name=f"serial {device}")
 
     def _read(self) -> bytes:
         try:
+            if not self._port.is_open:
+                self._reopen()
             return bytes(self._port.read(min(self._port.in_waiting, _MOST_BYTES) or 1))
         except (OSError, termios.error) as error:
-            self._tail.forget()
-            with contextlib.suppress(OSError, termios.error):
+            with self._lock, contextlib.suppress(OSError):
                 self._port.close()
-                self._port.open()
             raise ConnectionError("the port went away") from error
+
+    def _reopen(self) -> None:
+        with self._lock:
+            self._port.open()
+            self._tail.forget()
 
     def _write(self, data: bytes) -> int:
         return os.write(self._port.fileno(), data)  # pyserial's own write spins while the port is full
@@ -56,8 +63,9 @@ class SerialWire:
 
     def send(self, frame: bytes) -> None:
         """Write one frame; what the port does not take at once waits for the next, which is dropped if it must."""
-        if not self._closed:
-            self._tail.send(frame)
+        with self._lock:
+            if not self._closed:
+                self._tail.send(frame)
 
     def counters(self) -> Mapping[str, int]:
         """Frames sent and not sent, and pieces dropped for want of room."""

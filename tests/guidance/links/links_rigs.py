@@ -156,7 +156,10 @@ def router() -> Iterator[Router]:
 @contextmanager
 def over_zenoh(kind: str, router: Router) -> Iterator[Rig]:
     namespace = f"uav{next(_namespaces)}"
-    out = router.session.declare_publisher(f"{namespace}/mavlink_raw/out", express=True)
+    # BLOCK, as mavlink-server: these tests say more at once than a DROP publisher is sure to pass on
+    out = router.session.declare_publisher(
+        f"{namespace}/mavlink_raw/out", express=True, congestion_control=zenoh.CongestionControl.BLOCK
+    )
     into = router.session.declare_subscriber(f"{namespace}/mavlink_raw/in", zenoh.handlers.FifoChannel(4096))
 
     def receive() -> list[bytes]:
