@@ -1,0 +1,183 @@
+"""What a fault is made of: options with their checks, and what it does to frames, to a vehicle or to a transport."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from random import Random
+
+    from sitl_mock.vehicle import MockVehicle
+
+Passed = Sequence[tuple[float, bytes]]
+"""What becomes of one frame: any number of frames, each with the seconds by which it is late."""
+
+Alter = Callable[[float, bytes], Passed]
+REQUIRED: Final = object()
+
+
+class Direction(StrEnum):
+    """Which way frames go: out of the vehicle, in to it, or both."""
+
+    OUT = "out"
+    IN = "in"
+    BOTH = "both"
+
+
+class Group(StrEnum):
+    """What a fault strikes."""
+
+    LINK = "link"
+    FLIGHT = "flight"
+    TARGET = "target"
+
+
+@dataclass(frozen=True)
+class Option:
+    """One key of a fault.
+
+    Attributes:
+        meaning: What it sets, with its unit.
+        default: Its value where none is given; REQUIRED if one must be.
+        check: Turns a value from a file into what is used; raises ValueError saying what is allowed.
+    """
+
+    meaning: str
+    default: Any
+    check: Callable[[Any], Any]
+
+
+class Making(NamedTuple):
+    """What an effect is made from.
+
+    Attributes:
+        vehicle: The one it strikes.
+        random: Its own source of randomness, seeded by script, vehicle and position.
+        options: Checked values by name.
+    """
+
+    vehicle: MockVehicle
+    random: Random
+    options: Mapping[str, Any]
+
+
+@dataclass(slots=True)
+class Effect:
+    """What a fault does while it lasts. Every call is given the time; none reads a clock.
+
+    Attributes:
+        prepare: Called once when the fault is put in place, before it begins.
+        begin: Called when it begins.
+        advance: Called at each step while it lasts; returns frames to add, each with the link that sends it.
+        alter: Called for each frame that it strikes.
+        end: Called when it ends.
+        transport: What happens to the sockets or sessions (`router_restart`, `udp_port_change`).
+    """
+
+    prepare: Callable[[float], None] | None = None
+    begin: Callable[[float], None] | None = None
+    advance: Callable[[float], Iterable[tuple[str, bytes]]] | None = None
+    alter: Alter | None = None
+    end: Callable[[float], None] | None = None
+    transport: str = ""
+
+
+class Scope(NamedTuple):
+    """Which frames a fault strikes.
+
+    Attributes:
+        direction: Which way they go.
+        messages: Names of messages; empty for every frame.
+        open: Whether a script may choose others.
+    """
+
+    direction: Direction = Direction.OUT
+    messages: tuple[str, ...] = ()
+    open: bool = False
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of fault.
+
+    Attributes:
+        group: What it strikes.
+        meaning: One line for `sitl-mock list faults`.
+        make: Makes its effect on one vehicle.
+        options: Its own keys.
+        scope: Which frames; None if it does not strike frames.
+        for_s: How long it lasts if the script does not say; infinity for until the end, 0 for at once.
+    """
+
+    group: Group
+    meaning: str
+    make: Callable[[Making], Effect]
+    options: Mapping[str, Option] = field(default_factory=dict)
+    scope: Scope | None = None
+    for_s: float = math.inf
+
+
+def number(low: float, high: float) -> Callable[[Any], float]:
+    """Accept a number within limits."""
+
+    def check(value: Any) -> float:  # noqa: ANN401 - anything may stand in a file
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            raise ValueError(f"a number from {low:g} to {high:g}")
+        return float(value)
+
+    return check
+
+
+def integer(low: int, high: int) -> Callable[[Any], int]:
+    """Accept a whole number within limits."""
+
+    def check(value: Any) -> int:  # noqa: ANN401 - anything may stand in a file
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise ValueError(f"a whole number from {low} to {high}")
+        return value
+
+    return check
+
+
+def integers(low: int, high: int) -> Callable[[Any], frozenset[int]]:
+    """Accept one whole number or a list of them."""
+    one = integer(low, high)
+
+    def check(value: Any) -> frozenset[int]:  # noqa: ANN401 - anything may stand in a file
+        items = value if isinstance(value, (list, tuple)) else [value]
+        try:
+            return frozenset(one(item) for item in items)
+        except ValueError:
+            raise ValueError(f"whole numbers from {low} to {high}") from None
+
+    return check
+
+
+def text(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
+    """Accept a text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise ValueError("a text")
+    return value
+
+
+def words(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may stand in a file
+    """Accept a word or a list of them."""
+    items = [value] if isinstance(value, str) else value
+    if not isinstance(items, (list, tuple)) or not all(isinstance(item, str) and item for item in items):
+        raise ValueError("a word or a list of words")
+    return tuple(items)
+
+
+def choice(*allowed: str) -> Callable[[Any], str]:
+    """Accept one of some words."""
+
+    def check(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
+        if value not in allowed:
+            raise ValueError(", ".join(allowed))
+        return str(value)
+
+    return check

@@ -1,0 +1,302 @@
+"""A vehicle and its faults: the same `step` as a vehicle, with the faults between it and its links.
+
+Faults begin and end at their own instants, not at the caller's next step: a step is divided where one does. What a
+fault delays comes out of the first step at or after its time. Equal script, seed and steps give equal bytes.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections import deque
+from dataclasses import dataclass
+from random import Random
+from typing import TYPE_CHECKING, Any, Final
+
+from sitl_mock.errors import ConfigError
+from sitl_mock.faults import frames
+from sitl_mock.faults.catalogue import KINDS
+from sitl_mock.faults.effect import Direction, Effect, Making
+from sitl_mock.faults.script import Fault, FaultScript, parse_fault
+from sitl_mock.faults.strangers import GUIDED_OF
+from sitl_mock.mavlink import SPEC_BY_NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    from sitl_mock.vehicle import MockVehicle
+
+STATES: Final = ("ARMED", "DISARMED", "AIRBORNE", "LANDED", "READY")
+_SLACK_S: Final = 1e-9
+
+
+@dataclass(slots=True)
+class Live:
+    """A fault on one vehicle: waiting (start in the future, or not known yet), acting, or over."""
+
+    number: int
+    fault: Fault
+    effect: Effect
+    event: str
+    start_s: float
+    struck: frozenset[int] = frozenset()
+    end_s: float = math.inf
+    acting: bool = False
+
+    def strikes(self, direction: Direction, link: str, message_id: int) -> bool:
+        """Whether a frame is meant."""
+        fault = self.fault
+        return (
+            fault.direction in {direction, Direction.BOTH}
+            and fault.link in {"", link}
+            and (not self.struck or message_id in self.struck)
+        )
+
+
+class Faulted:
+    """A vehicle with faults.
+
+    `inject`, `clear` and `faults` may be called from any thread; the faults change at the next step.
+
+    Args:
+        vehicle: The vehicle; its own `step` must not be used any more.
+        name: Its name in the script.
+        script: What is to happen.
+
+    Raises:
+        ConfigError: A fault asks for what this vehicle does not have.
+    """
+
+    def __init__(self, vehicle: MockVehicle, name: str = "uav1", script: FaultScript = FaultScript()) -> None:  # noqa: B008 - an immutable value
+        self.vehicle = vehicle
+        self.name = name
+        self.seed = script.seed
+        self.transport: deque[tuple[str, float]] = deque()
+        self._numbers = itertools.count(1)
+        self._live: list[Live] = []
+        self._asked: deque[Callable[[float], None]] = deque()
+        self._late: dict[Direction, list[tuple[float, int, str, bytes]]] = {Direction.IN: [], Direction.OUT: []}
+        self._late_numbers = itertools.count()
+        self._now_s = math.nan
+        self._before: frozenset[str] = frozenset()
+        self._told: tuple[dict[str, Any], ...] = ()
+        for index, fault in enumerate(script.faults):
+            if fault.strikes(name):
+                self._ask(fault, f"fault[{index}]")
+
+    # What a caller does
+
+    def step(self, now_s: float, frames_in: Sequence[bytes] = (), link: str | None = None) -> list[bytes]:
+        """Do as `MockVehicle.step`."""
+        chosen = next(iter(self.vehicle.links)) if link is None else link
+        return self.step_links(now_s, {chosen: frames_in})[chosen]
+
+    def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
+        """Do as `MockVehicle.step_links`."""
+        first = math.isnan(self._now_s)
+        while self._asked:
+            self._asked.popleft()(now_s if first else self._now_s)
+        if not self._live and not self._late[Direction.IN] and not self._late[Direction.OUT]:
+            self._now_s = now_s
+            return self.vehicle.step_links(now_s, frames_in)
+        out: dict[str, list[bytes]] = {link: [] for link in self.vehicle.links}
+        if first:
+            self._before = self._states()
+            self._change(now_s)
+        else:
+            for change_s in self._changes(now_s):
+                self._advance(change_s, {}, out)
+                self._change(change_s)
+        self._advance(now_s, frames_in, out)
+        self._change(now_s)
+        return out
+
+    def inject(self, values: Mapping[str, Any]) -> int:
+        """Put a fault in place; its times count from now.
+
+        Args:
+            values: The keys of a fault in a script.
+
+        Returns:
+            Its number.
+
+        Raises:
+            ConfigError: A key is unknown, missing or wrong.
+        """
+        return self._ask(parse_fault({**values, "vehicle": self.name}), "fault")
+
+    def clear(self, number: int | None = None) -> None:
+        """End a fault, or all of them.
+
+        Raises:
+            ConfigError: There is no fault of that number.
+        """
+        known = {told["number"] for told in self._told}
+        if number is not None and number not in known:
+            allowed = ", ".join(str(each) for each in sorted(known)) or "none, for there is no fault"
+            raise ConfigError(f"number = {number!r}: allowed are {allowed}")
+
+        def drop(now_s: float) -> None:
+            for live in [live for live in self._live if number in {None, live.number}]:
+                self._finish(live, now_s)
+                self._live.remove(live)
+            self._tell()
+
+        self._asked.append(drop)
+
+    def faults(self) -> tuple[dict[str, Any], ...]:
+        """Every fault that waits or acts, as plain values."""
+        return self._told
+
+    # How faults come and go
+
+    def _ask(self, fault: Fault, where: str) -> int:
+        number = next(self._numbers)
+        random = Random(f"{self.seed}/{self.name}/{number}/{fault.kind}")
+        try:
+            event = self._event(fault.after)
+            effect = KINDS[fault.kind].make(Making(self.vehicle, random, fault.options))
+        except ConfigError as error:
+            raise ConfigError(f"{where}.{error}") from None
+        struck = frozenset(SPEC_BY_NAME[name].message_id for name in fault.messages)
+        live = Live(number, fault, effect, event, math.inf, struck)
+
+        def put(now_s: float) -> None:
+            if not event:
+                live.start_s = now_s + fault.at_s
+            if effect.prepare is not None:
+                effect.prepare(now_s)
+            self._live.append(live)
+            self._tell()
+
+        self._asked.append(put)
+        self._told = (*self._told, _as_told(live))
+        return number
+
+    def _event(self, after: str) -> str:
+        if after in {"OFFBOARD", "GUIDED"}:
+            return GUIDED_OF[self.vehicle.flavour]
+        if after and after not in {*self.vehicle.modes, *STATES}:
+            raise ConfigError(f"after = {after!r}: allowed are {', '.join((*STATES, *self.vehicle.modes))}")
+        return after
+
+    def _changes(self, until_s: float) -> Iterator[float]:
+        """Yield the instants before until_s at which a fault begins or ends, one by one as they become known."""
+        while True:
+            coming = [live.end_s if live.acting else live.start_s for live in self._live]
+            next_s = min(coming, default=math.inf)
+            if next_s >= until_s - _SLACK_S:
+                return
+            yield max(next_s, self._now_s)
+
+    def _change(self, now_s: float) -> None:
+        """Begin and end what is due."""
+        changed = False
+        for live in list(self._live):
+            if not live.acting and live.start_s <= now_s + _SLACK_S:
+                self._begin(live, now_s)
+                changed = True
+            if live.acting and live.end_s <= now_s + _SLACK_S:
+                self._finish(live, now_s)
+                self._live.remove(live)
+                changed = True
+        if changed:
+            self._tell()
+
+    def _begin(self, live: Live, now_s: float) -> None:
+        live.acting = True
+        live.end_s = now_s + live.fault.for_s
+        if live.effect.begin is not None:
+            live.effect.begin(now_s)
+        if live.effect.transport:
+            self.transport.append((live.effect.transport, live.fault.for_s))
+
+    def _finish(self, live: Live, now_s: float) -> None:
+        if live.acting and live.effect.end is not None:
+            live.effect.end(now_s)
+        live.acting = False
+
+    def _tell(self) -> None:
+        self._told = tuple(_as_told(live) for live in self._live)
+
+    # How frames go
+
+    def _advance(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]], out: dict[str, list[bytes]]) -> None:
+        """Move the vehicle on to now_s."""
+        self._now_s = now_s
+        inward: dict[str, list[bytes]] = {link: [] for link in self.vehicle.links}
+        self._pass(Direction.IN, now_s, _flat(frames_in), inward)
+        said = self.vehicle.step_links(now_s, inward)
+        self._pass(Direction.OUT, now_s, _flat(said), out)
+        for live in self._live:
+            if live.acting and live.effect.advance is not None:
+                self._pass(Direction.OUT, now_s, live.effect.advance(now_s), out)
+        self._notice(now_s)
+
+    def _pass(
+        self, direction: Direction, now_s: float, came: Iterable[tuple[str, bytes]], through: dict[str, list[bytes]]
+    ) -> None:
+        """Let frames through the faults; what is late waits, what was late and is due goes first."""
+        late = self._late[direction]
+        while late and late[0][0] <= now_s + _SLACK_S:
+            _, _, link, frame = heapq.heappop(late)
+            through[link].append(frame)
+        acting = [live for live in self._live if live.acting and live.effect.alter is not None]
+        for link, frame in came:
+            for delay_s, passed in self._through(acting, direction, link, now_s, frame):
+                if delay_s <= 0.0:
+                    through[link].append(passed)
+                else:
+                    heapq.heappush(late, (now_s + delay_s, next(self._late_numbers), link, passed))
+
+    def _through(
+        self, acting: Sequence[Live], direction: Direction, link: str, now_s: float, frame: bytes
+    ) -> Sequence[tuple[float, bytes]]:
+        flows: Sequence[tuple[float, bytes]] = ((0.0, frame),)
+        for live in acting:
+            alter = live.effect.alter
+            if alter is None or not live.strikes(direction, link, frames.message_id(frame)):
+                continue
+            flows = [
+                (delay_s + more_s, changed) for delay_s, passed in flows for more_s, changed in alter(now_s, passed)
+            ]
+        return flows
+
+    def _notice(self, now_s: float) -> None:
+        """Let what has just come about start the faults that waited for it."""
+        states = self._states()
+        new = states - self._before
+        self._before = states
+        for live in self._live:
+            if live.event in new and live.start_s == math.inf:
+                live.start_s = now_s + live.fault.at_s
+
+    def _states(self) -> frozenset[str]:
+        vehicle = self.vehicle
+        grounded = vehicle.autopilot.craft.on_ground
+        states = {vehicle.mode, "ARMED" if vehicle.armed else "DISARMED", "LANDED" if grounded else "AIRBORNE"}
+        if vehicle.autopilot.brain.ready_to_arm:
+            states.add("READY")
+        return frozenset(states)
+
+
+def _flat(by_link: Mapping[str, Sequence[bytes]]) -> Iterator[tuple[str, bytes]]:
+    return ((link, frame) for link, frames_ in by_link.items() for frame in frames_)
+
+
+def _as_told(live: Live) -> dict[str, Any]:
+    fault = live.fault
+    told: dict[str, Any] = {
+        "number": live.number,
+        "kind": fault.kind,
+        "state": "acting" if live.acting else "waiting",
+        "after": live.event,
+        "at_s": fault.at_s,
+        "for_s": fault.for_s if math.isfinite(fault.for_s) else None,
+    }
+    for name, value in fault.options.items():
+        told[name] = sorted(value) if isinstance(value, frozenset) else value
+    if fault.messages:
+        told |= {"direction": str(fault.direction), "messages": list(fault.messages)}
+    return told

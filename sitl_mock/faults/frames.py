@@ -1,0 +1,187 @@
+"""Surgery on whole MAVLink frames: read a field, change it, relabel, sign or downgrade a frame, and close it anew.
+
+Only the bytes of the fields named are touched, so that integers in float fields (PX4's parameters) stay as they are.
+A frame that was signed is signed again under the vehicle's key, with the timestamp it had.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from fastcrc.crc16 import mcrf4xx
+
+from sitl_mock.mavlink import SPEC_BY_ID, MessageSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sitl_mock.mavlink import Signing
+
+V1: Final = 0xFE
+V2: Final = 0xFD
+_HEADER: Final = {V1: 6, V2: 10}
+_FORMATS: Final = {
+    "char": "c",
+    "int8_t": "b",
+    "uint8_t": "B",
+    "int16_t": "h",
+    "uint16_t": "H",
+    "int32_t": "i",
+    "uint32_t": "I",
+    "int64_t": "q",
+    "uint64_t": "Q",
+    "float": "f",
+    "double": "d",
+}
+_RANGE: Final = {"b": 8, "h": 16, "i": 32, "q": 64, "B": 8, "H": 16, "I": 32, "Q": 64}
+
+
+class Field(NamedTuple):
+    """Where a field lies in a payload: offset, format of one element, elements (1 for a scalar)."""
+
+    at: int
+    format: str
+    length: int
+
+    @property
+    def whole(self) -> bool:
+        """Whether it holds whole numbers."""
+        return self.format in _RANGE
+
+    @property
+    def most(self) -> int:
+        """The largest whole number that fits."""
+        bits = _RANGE[self.format]
+        return int(2 ** (bits - 1) - 1) if self.format.islower() else int(2**bits - 1)
+
+
+def message_id(frame: bytes) -> int:
+    """Return a frame's message id, or -1 if it is not one whole frame of the dialect."""
+    if len(frame) < 8 or frame[0] not in _HEADER:
+        return -1
+    if frame[0] == V1:
+        number, end = frame[5], 6 + frame[1] + 2
+    elif len(frame) >= 12:
+        number = frame[7] | frame[8] << 8 | frame[9] << 16
+        end = 10 + frame[1] + 2 + (13 if frame[2] & 1 else 0)
+    else:
+        return -1
+    return number if end == len(frame) and number in SPEC_BY_ID else -1
+
+
+@cache
+def layout(message: int) -> Mapping[str, Field]:
+    """Return the fields of a message by name."""
+    cls = SPEC_BY_ID[message].message_class
+    kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
+    fields, at = {}, 0
+    for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
+        one = Field(at, _FORMATS[kinds[name]], max(1, length))
+        fields[name] = one
+        at += struct.calcsize(one.format) * one.length
+    return fields
+
+
+def value(frame: bytes, name: str) -> Any:  # noqa: ANN401 - number or bytes, by the field's type
+    """Return one field of a frame; the first element of an array, the whole of a text."""
+    number = message_id(frame)
+    payload, found = _payload(frame, SPEC_BY_ID[number]), layout(number)[name]
+    if found.format == "c":
+        return bytes(payload[found.at : found.at + found.length]).rstrip(b"\0")
+    return struct.unpack_from("<" + found.format, payload, found.at)[0]
+
+
+def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None) -> bytes:
+    """Return the frame with other values in some fields (in every element of an array).
+
+    Whole numbers wrap around as they do in the sender's own counters.
+    """
+    number = message_id(frame)
+    spec = SPEC_BY_ID[number]
+    payload = _payload(frame, spec)
+    for name, new in changes.items():
+        found = layout(number)[name]
+        for index in range(found.length):
+            at = found.at + index * struct.calcsize(found.format)
+            struct.pack_into("<" + found.format, payload, at, _fitting(found, new))
+    return _closed(frame, payload, spec, key)
+
+
+def relabelled(frame: bytes, *, system: int | None = None, component: int | None = None, key: bytes | None) -> bytes:
+    """Return the frame as from another system or component."""
+    spec = SPEC_BY_ID[message_id(frame)]
+    head = bytearray(frame)
+    at = 3 if frame[0] == V1 else 5
+    head[at] = frame[at] if system is None else system
+    head[at + 1] = frame[at + 1] if component is None else component
+    return _closed(bytes(head), _payload(frame, spec), spec, key)
+
+
+def as_v1(frame: bytes) -> bytes | None:
+    """Return the frame as MAVLink 1: without signature and extensions; None if its id does not fit."""
+    number = message_id(frame)
+    if frame[0] == V1:
+        return frame
+    if number > 0xFF:
+        return None
+    spec = SPEC_BY_ID[number]
+    payload = bytes(_payload(frame, spec)[: base_size(number)])
+    body = bytes((len(payload), *frame[4:7], number)) + payload
+    return b"\xfe" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
+
+
+def signed(frame: bytes, signing: Signing, link_id: int = 0) -> bytes:
+    """Return the frame signed under a key, whether it was signed before or not; MAVLink 1 cannot be."""
+    if frame[0] == V1:
+        return frame
+    spec = SPEC_BY_ID[message_id(frame)]
+    body = bytes((frame[1], frame[2] | 1)) + frame[3 : 10 + frame[1]]
+    closed = b"\xfd" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
+    return closed + signing.block(closed, link_id)
+
+
+@cache
+def base_size(message: int) -> int:
+    """Return the payload's length without extension fields: the CRC seed is made of the others only."""
+    spec = SPEC_BY_ID[message]
+    cls = spec.message_class
+    kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
+    seen = spec.name.encode() + b" "
+    size, found = 0, spec.size
+    for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
+        seen += f"{kinds[name]} {name} ".encode() + (bytes((length,)) if length else b"")
+        size += struct.calcsize(_FORMATS[kinds[name]]) * max(1, length)
+        crc = mcrf4xx(seen)
+        if bytes(((crc & 0xFF) ^ (crc >> 8),)) == spec.crc_extra:
+            found = size  # the last one: a shorter match would be chance, and cut off fields
+    return found
+
+
+def _payload(frame: bytes, spec: MessageSpec) -> bytearray:
+    start = _HEADER[frame[0]]
+    return bytearray(frame[start : start + frame[1]].ljust(spec.size, b"\0"))
+
+
+def _fitting(found: Field, new: float) -> Any:  # noqa: ANN401 - as the format wants it
+    if not found.whole:
+        return new
+    bits = _RANGE[found.format]
+    wrapped = int(new) & (2**bits - 1)
+    return wrapped - 2**bits if wrapped > found.most else wrapped
+
+
+def _closed(frame: bytes, payload: bytearray, spec: MessageSpec, key: bytes | None) -> bytes:
+    """Put header, payload, CRC and, where there was one, signature together."""
+    if frame[0] == V1:
+        body = bytes(frame[1:6]) + bytes(payload[: frame[1]])
+        return b"\xfe" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
+    short = bytes(payload).rstrip(b"\0") or b"\0"
+    body = bytes((len(short),)) + frame[2:10] + short
+    closed = b"\xfd" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
+    if not frame[2] & 1:
+        return closed
+    head = frame[-13:-6]
+    return closed + head + hashlib.sha256((key or b"") + closed + head).digest()[:6]

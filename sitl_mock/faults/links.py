@@ -1,0 +1,175 @@
+"""Impairments of a link: whatever passes may be lost, doubled, late, overtaken or damaged."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.faults import frames
+from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, integer, number
+from sitl_mock.mavlink import Signing
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sitl_mock.faults.effect import Alter
+
+ANY: Final = Scope(Direction.BOTH, open=True)
+OUT: Final = Scope(Direction.OUT, open=True)
+_SHARE: Final = Option("share of the frames", 1.0, number(0.0, 1.0))
+_MOST_S: Final = 60.0
+
+
+def always(alter: Alter, making: Making) -> Alter:
+    """Strike only the share of frames that the fault's `probability` says."""
+    random, share = making.random.random, making.options["probability"]
+
+    def sometimes(now_s: float, frame: bytes) -> Passed:
+        return alter(now_s, frame) if random() < share else ((0.0, frame),)
+
+    return sometimes
+
+
+def _loss(making: Making) -> Effect:
+    return Effect(alter=always(lambda _now_s, _frame: (), making))
+
+
+def _duplicate(making: Making) -> Effect:
+    late_s, copies = making.options["late_s"], making.options["copies"]
+    return Effect(
+        alter=always(lambda _now_s, frame: ((0.0, frame), *(((late_s, frame),) * copies)), making),
+    )
+
+
+def _reorder(making: Making) -> Effect:
+    by_s = making.options["by_s"]
+    return Effect(alter=always(lambda _now_s, frame: ((by_s, frame),), making))
+
+
+def _delay(making: Making) -> Effect:
+    least_s, jitter_s, random = making.options["delay_s"], making.options["jitter_s"], making.random.random
+    return Effect(alter=always(lambda _now_s, frame: ((least_s + jitter_s * random(), frame),), making))
+
+
+def _corrupt(making: Making) -> Effect:
+    bits, random = making.options["bits"], making.random
+
+    def damage(_now_s: float, frame: bytes) -> Passed:
+        damaged = bytearray(frame)
+        first = 8 * (4 if frame[:1] == b"\xfd" else 2)  # behind the length: CRC-16 finds every change of up to 3 bits
+        count = 8 * len(frame) - (8 * 13 if first == 32 and len(frame) > 2 and frame[2] & 1 else 0)
+        for bit in random.sample(range(min(first, count - 1), count), min(bits, max(1, count - first))):
+            damaged[bit // 8] ^= 1 << bit % 8
+        return ((0.0, bytes(damaged)),)
+
+    return Effect(alter=always(damage, making))
+
+
+def _as_v1(making: Making) -> Effect:
+    del making
+
+    def downgrade(_now_s: float, frame: bytes) -> Passed:
+        if frames.message_id(frame) < 0:
+            return ((0.0, frame),)
+        short = frames.as_v1(frame)
+        return () if short is None else ((0.0, short),)
+
+    return Effect(alter=downgrade)
+
+
+def _sign(making: Making) -> Effect:
+    signing = Signing(bytes((making.options["key_byte"],)) * 32, timestamp=making.options["timestamp"])
+
+    def sign(_now_s: float, frame: bytes) -> Passed:
+        return ((0.0, frame if frames.message_id(frame) < 0 else frames.signed(frame, signing)),)
+
+    return Effect(alter=sign)
+
+
+def _nothing(making: Making) -> Effect:
+    del making
+    return Effect(alter=lambda _now_s, _frame: ())
+
+
+def _cut(making: Making) -> Effect:
+    del making
+    return Effect(alter=lambda _now_s, _frame: (), transport="router_restart")
+
+
+def _port(making: Making) -> Effect:
+    del making
+    return Effect(transport="udp_port_change")
+
+
+LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "loss": Kind(Group.LINK, "frames are lost", _loss, {"probability": _SHARE}, ANY),
+        "duplicate": Kind(
+            Group.LINK,
+            "frames come again",
+            _duplicate,
+            {
+                "probability": _SHARE,
+                "copies": Option("how many more", 1, integer(1, 10)),
+                "late_s": Option("seconds by which the copies come later", 0.0, number(0.0, _MOST_S)),
+            },
+            ANY,
+        ),
+        "reorder": Kind(
+            Group.LINK,
+            "frames are overtaken by later ones",
+            _reorder,
+            {
+                "probability": Option("share of the frames", 0.2, number(0.0, 1.0)),
+                "by_s": Option("seconds by which they are held back", 0.1, number(0.0, _MOST_S)),
+            },
+            ANY,
+        ),
+        "delay": Kind(
+            Group.LINK,
+            "frames come late",
+            _delay,
+            {
+                "probability": _SHARE,
+                "delay_s": Option("seconds", 0.2, number(0.0, _MOST_S)),
+                "jitter_s": Option("up to so many seconds more, evenly spread", 0.0, number(0.0, _MOST_S)),
+            },
+            ANY,
+        ),
+        "corrupt": Kind(
+            Group.LINK,
+            "frames are damaged so that the CRC does not match",
+            _corrupt,
+            {"probability": _SHARE, "bits": Option("how many bits are flipped", 1, integer(1, 3))},
+            ANY,
+        ),
+        "heartbeat_gap": Kind(
+            Group.LINK,
+            "no HEARTBEAT comes (MAVSDK: disconnected after 3 s)",
+            _nothing,
+            scope=Scope(Direction.OUT, ("HEARTBEAT",)),
+            for_s=3.1,
+        ),
+        "v1_frames": Kind(Group.LINK, "frames are MAVLink 1; those it cannot carry are lost", _as_v1, scope=OUT),
+        "signed_frames": Kind(
+            Group.LINK,
+            "frames are signed under a key that the receiver may not have",
+            _sign,
+            {
+                "key_byte": Option("the key is this byte, 32 times", 7, integer(0, 255)),
+                "timestamp": Option("10 µs since 2015 at which the signatures begin", 10**13, integer(0, 2**48 - 1)),
+            },
+            OUT,
+        ),
+        "router_restart": Kind(
+            Group.LINK,
+            "the Zenoh router goes down and comes back; stepped, all frames are lost meanwhile",
+            _cut,
+            scope=Scope(Direction.BOTH),
+            for_s=1.0,
+        ),
+        "udp_port_change": Kind(
+            Group.LINK, "the vehicle sends from, and listens on, another UDP port from now on", _port, for_s=0.0
+        ),
+    }
+)

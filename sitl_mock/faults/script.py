@@ -1,0 +1,195 @@
+"""Which faults happen when: a seeded script from TOML, in which every key is checked.
+
+    seed = 7
+
+    [[fault]]
+    kind = "pilot_mode"     # what: `sitl-mock list faults`
+    mode = "POSCTL"         # a key of that kind
+    vehicle = "uav1"        # which one or ones; all if not given
+    after = "OFFBOARD"      # counts from when this first comes: a mode, ARMED, DISARMED, AIRBORNE, LANDED, READY;
+                            # from when the vehicle is switched on if not given
+    at_s = 2.0              # so much later
+    for_s = 5.0             # how long; the kind's own default if not given
+
+Faults of frames also take `link`, and the open ones `direction` (out, in, both) and `messages`.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from sitl_mock.errors import ConfigError
+from sitl_mock.faults.catalogue import KINDS
+from sitl_mock.faults.effect import REQUIRED, Direction, Kind, Option, choice, integer, number, text, words
+from sitl_mock.mavlink import SPEC_BY_NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+EVERY: Final = "*"
+_FOREVER_S: Final = 1e9
+_SEED: Final = Option("seed", 0, integer(0, 2**63))
+
+
+def _message_names(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may stand in a file
+    names = words(value)
+    if not set(names) <= SPEC_BY_NAME.keys():
+        raise ValueError("names of MAVLink messages, such as COMMAND_ACK")
+    return names
+
+
+_COMMON: Final = {
+    "vehicle": Option("vehicles", (EVERY,), words),
+    "after": Option("event", "", text),
+    "at_s": Option("seconds after it", 0.0, number(0.0, _FOREVER_S)),
+}
+_FRAMES: Final = {"link": Option("link", "", choice("onboard", "gcs"))}
+_OPEN: Final = {
+    "direction": Option("direction", Direction.OUT, choice(*Direction)),
+    "messages": Option("messages", (), _message_names),
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of a script; `KINDS` says what its kind does.
+
+    Attributes:
+        kind: Name of the kind.
+        options: Checked keys of the kind, defaults filled in.
+        vehicle: Names of the vehicles it strikes, or EVERY.
+        after: Event from which at_s counts; empty for when the vehicle is switched on.
+        at_s: Seconds after that.
+        for_s: How long.
+        link: The link whose frames are struck; empty for all.
+        direction: Which way they go.
+        messages: Names of the messages struck; empty for all.
+    """
+
+    kind: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    vehicle: tuple[str, ...] = (EVERY,)
+    after: str = ""
+    at_s: float = 0.0
+    for_s: float = math.inf
+    link: str = ""
+    direction: Direction = Direction.OUT
+    messages: tuple[str, ...] = ()
+
+    def strikes(self, vehicle: str) -> bool:
+        """Whether a vehicle is meant."""
+        return EVERY in self.vehicle or vehicle in self.vehicle
+
+
+@dataclass(frozen=True)
+class FaultScript:
+    """Faults and the seed of their randomness."""
+
+    faults: tuple[Fault, ...] = ()
+    seed: int = 0
+
+    def check_vehicles(self, names: list[str]) -> None:
+        """Check that every vehicle that is named exists.
+
+        Raises:
+            ConfigError: One does not.
+        """
+        for index, fault in enumerate(self.faults):
+            for name in fault.vehicle:
+                if name not in {EVERY, *names}:
+                    raise ConfigError(f"fault[{index}].vehicle = {name!r}: allowed are {', '.join([*names, EVERY])}")
+
+
+def read_script(path: Path) -> FaultScript:
+    """Read a script from a TOML file.
+
+    Raises:
+        ConfigError: The file cannot be read, or a key is unknown, missing or wrong.
+    """
+    try:
+        return parse_script(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
+    except OSError as error:
+        raise ConfigError(f"faults file {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"faults file {path}: {error}") from None
+
+
+def parse_script(values: Mapping[str, Any], source: str = "faults") -> FaultScript:
+    """Turn the values of a file into a script.
+
+    Raises:
+        ConfigError: A key is unknown, missing or wrong; the message names it, its value and what is allowed.
+    """
+    unknown = sorted(values.keys() - {"seed", "fault"})
+    if unknown:
+        raise ConfigError(
+            f"{source}: {unknown[0]} = {values[unknown[0]]!r} is not known; allowed are seed and [[fault]]"
+        )
+    entries = values.get("fault", [])
+    if not isinstance(entries, list):
+        raise ConfigError(f"{source}: fault = {entries!r}: allowed is a list, written as [[fault]]")
+    seed = _checked(f"{source}: seed", values.get("seed", 0), _SEED)
+    return FaultScript(
+        tuple(parse_fault(entry, f"{source}: fault[{index}]") for index, entry in enumerate(entries)), seed
+    )
+
+
+def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - anything may stand in a file
+    """Turn the keys of one fault into a value.
+
+    Raises:
+        ConfigError: As `parse_script`.
+    """
+    if not isinstance(values, dict):
+        raise ConfigError(f"{where} = {values!r}: allowed is a table of keys")
+    name = values.get("kind")
+    kind = KINDS.get(name) if isinstance(name, str) else None
+    if kind is None:
+        raise ConfigError(f"{where}.kind = {name!r}: allowed are {', '.join(KINDS)}")
+    common = _common_options(kind)
+    unknown = sorted(values.keys() - {"kind"} - common.keys() - kind.options.keys())
+    if unknown:
+        allowed = ", ".join((*kind.options, *common))
+        raise ConfigError(
+            f"{where}.{unknown[0]} = {values[unknown[0]]!r}: {name} has no such key; allowed are {allowed}"
+        )
+    return Fault(str(name), _filled(values, kind.options, where), **_filled(values, common, where))
+
+
+def _common_options(kind: Kind) -> dict[str, Option]:
+    """Return the keys that a kind shares with others, with the kind's own defaults."""
+    options = {**_COMMON, "for_s": Option("seconds", kind.for_s, number(0.0, _FOREVER_S))}
+    if kind.scope is None:
+        return options
+    options |= _FRAMES
+    own = {"direction": kind.scope.direction, "messages": kind.scope.messages}
+    for name, option in _OPEN.items():
+        check = option.check if kind.scope.open else choice()
+        options[name] = Option(option.meaning, own[name], check)
+    return options
+
+
+def _filled(values: Mapping[str, Any], options: Mapping[str, Option], where: str) -> dict[str, Any]:
+    filled = {}
+    for name, option in options.items():
+        if name in values:
+            filled[name] = _checked(f"{where}.{name}", values[name], option)
+        elif option.default is REQUIRED:
+            raise ConfigError(f"{where}.{name} is missing: {option.meaning}")
+        else:
+            filled[name] = option.default
+    if "direction" in filled:
+        filled["direction"] = Direction(filled["direction"])
+    return filled
+
+
+def _checked(where: str, value: Any, option: Option) -> Any:  # noqa: ANN401 - anything may stand in a file
+    try:
+        return option.check(value)
+    except ValueError as error:
+        allowed = str(error) or "nothing else than the kind's own"
+        raise ConfigError(f"{where} = {value!r}: allowed is {allowed}") from None

@@ -1,0 +1,142 @@
+"""Others on the link: a component that poses as an autopilot, a second vehicle with the same id, long texts."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.errors import ConfigError
+from sitl_mock.faults import frames
+from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, integer, number
+from sitl_mock.faults.effect import text as a_text
+from sitl_mock.mavlink import Encoder
+from sitl_mock.protocols import StatusTexts
+from sitl_mock.vehicle import MockVehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+_CUSTOM_MODE_ENABLED: Final = 1
+_ONBOARD_CONTROLLER: Final = 18
+_TEXT_ID: Final = 40_000
+_LONG_TEXT: Final = (
+    "Preflight Fail: the compass is inconsistent by 32 degrees, the barometer is stale "
+    "and the accelerometer bias is high"
+)
+GUIDED_OF: Final = {"px4": "OFFBOARD", "arducopter": "GUIDED", "rover": "GUIDED"}
+
+
+def mode_named(vehicle: MockVehicle, name: str) -> str:
+    """Return the vehicle's name of a mode; OFFBOARD and GUIDED mean each other.
+
+    Raises:
+        ConfigError: It has no such mode.
+    """
+    known = GUIDED_OF[vehicle.flavour] if name in {"OFFBOARD", "GUIDED"} else name
+    if known not in vehicle.modes:
+        raise ConfigError(f"mode = {name!r}: allowed are {', '.join(vehicle.modes)}")
+    return known
+
+
+def _foreign_heartbeat(making: Making) -> Effect:
+    vehicle, options = making.vehicle, making.options
+    flavour = vehicle.autopilot.flavour
+    custom_mode = flavour.modes.by_name()[mode_named(vehicle, options["mode"])].number
+    encoder = Encoder(vehicle.system_id, options["component"], signing=vehicle.autopilot.signing, link_id=100)
+    next_s = [0.0]
+
+    def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
+        if now_s < next_s[0] - 1e-9:
+            return ()
+        next_s[0] = now_s + options["period_s"]
+        fields = (_ONBOARD_CONTROLLER, flavour.autopilot, _CUSTOM_MODE_ENABLED, custom_mode, 4, 3)
+        return [(link, encoder.pack("HEARTBEAT", *fields)) for link in vehicle.links]
+
+    return Effect(advance=advance)
+
+
+def _sysid_clash(making: Making) -> Effect:
+    vehicle, options = making.vehicle, making.options
+    settings = vehicle.autopilot.settings
+    link = next(iter(vehicle.links))
+    start = settings.start_ned
+    other = MockVehicle(
+        vehicle.flavour,
+        system_id=vehicle.system_id,
+        home=settings.home,
+        start_ned=(start[0] + options["north_m"], start[1] + options["east_m"], start[2]),
+        seed=settings.seed + 1,
+        ready_after_s=0.0,
+        links={link: "onboard"},
+    )
+    inbox: list[bytes] = []
+
+    def hear(_now_s: float, frame: bytes) -> Passed:
+        inbox.append(frame)
+        return ((0.0, frame),)
+
+    def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
+        came, inbox[:] = list(inbox), []
+        return [(link, frame) for frame in other.step(now_s, came)]
+
+    return Effect(alter=hear, advance=advance)
+
+
+def _statustext(making: Making) -> Effect:
+    vehicle, options = making.vehicle, making.options
+    waiting: list[tuple[str, bytes]] = []
+
+    def begin(_now_s: float) -> None:
+        replies = StatusTexts().replies(options["severity"], options["text"])
+        own_id = _TEXT_ID + making.random.randrange(1000)
+        relabelled = [(name, severity, chunk, own_id if of else 0, seq) for name, severity, chunk, of, seq in replies]
+        for name, link in vehicle.links.items():
+            waiting.extend((name, frame) for frame in link.pack(relabelled))
+
+    def advance(_now_s: float) -> Iterable[tuple[str, bytes]]:
+        came, waiting[:] = list(waiting), []
+        return came
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        lost = frames.value(frame, "id") and frames.value(frame, "chunk_seq") == options["lost_chunk"]
+        return () if lost else ((0.0, frame),)
+
+    return Effect(begin=begin, advance=advance, alter=alter)
+
+
+STRANGER_KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "foreign_heartbeat": Kind(
+            Group.LINK,
+            "another component of the same system sends HEARTBEAT with a custom mode (deceives MAVSDK 4.1)",
+            _foreign_heartbeat,
+            {
+                "component": Option("component id", 191, integer(2, 255)),
+                "mode": Option("the mode it claims", "OFFBOARD", a_text),
+                "period_s": Option("seconds between two", 1.0, number(0.01, 60.0)),
+            },
+        ),
+        "sysid_clash": Kind(
+            Group.LINK,
+            "a second autopilot with the same ids sends and answers on the first link",
+            _sysid_clash,
+            {
+                "north_m": Option("where it stands from the start of the first", 100.0, number(-1e5, 1e5)),
+                "east_m": Option("as above", 0.0, number(-1e5, 1e5)),
+            },
+            Scope(Direction.IN),
+        ),
+        "statustext": Kind(
+            Group.LINK,
+            "a STATUSTEXT in chunks, of which one may be lost",
+            _statustext,
+            {
+                "text": Option("any length", _LONG_TEXT, a_text),
+                "severity": Option("MAV_SEVERITY", 2, integer(0, 7)),
+                "lost_chunk": Option("number of the chunk that is lost, -1 for none", -1, integer(-1, 255)),
+            },
+            Scope(Direction.OUT, ("STATUSTEXT",)),
+            for_s=0.5,
+        ),
+    }
+)

@@ -1,0 +1,147 @@
+"""Faults of a target's reports: what a pursuer hears of another vehicle is slow, old, twice, or from another clock."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
+
+from sitl_mock.faults import frames
+from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, choice, number
+from sitl_mock.faults.links import LINK_KINDS
+from sitl_mock.mavlink import SPEC_BY_NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+REPORTS: Final = ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ODOMETRY", "FOLLOW_TARGET")
+_SCOPE: Final = Scope(Direction.OUT, REPORTS, open=True)
+_M_PER_DEG: Final = 111_319.490_793
+_STAMPS: Final = {"time_boot_ms": 1e3, "time_usec": 1e6, "timestamp": 1e3}
+_JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))
+
+
+def _stamp(frame: bytes) -> tuple[str, float] | None:
+    """Return the name of the sender's time in a report, and its units a second."""
+    fields = frames.layout(frames.message_id(frame))
+    return next(((name, units) for name, units in _STAMPS.items() if name in fields), None)
+
+
+def _slow(making: Making) -> Effect:
+    period_s, last_s = making.options["period_s"], dict[int, float]()
+
+    def alter(now_s: float, frame: bytes) -> Passed:
+        number_ = frames.message_id(frame)
+        if now_s - last_s.get(number_, -math.inf) < period_s - 1e-6:
+            return ()
+        last_s[number_] = now_s
+        return ((0.0, frame),)
+
+    return Effect(alter=alter)
+
+
+def _clock(making: Making) -> Effect:
+    options, signing = making.options, making.vehicle.autopilot.signing
+    begun_s = [math.nan]
+
+    def begin(now_s: float) -> None:
+        begun_s[0] = now_s
+
+    def alter(now_s: float, frame: bytes) -> Passed:
+        stamp = _stamp(frame)
+        if stamp is None:
+            return ((0.0, frame),)
+        name, units = stamp
+        error_s = options["offset_s"] + options["drift_ppm"] * 1e-6 * (now_s - begun_s[0])
+        late = frames.value(frame, name) + round(error_s * units)
+        return ((0.0, frames.changed(frame, {name: late}, signing.secret_key)),)
+
+    return Effect(begin=begin, alter=alter)
+
+
+def _stale(making: Making) -> Effect:
+    repeats, last = making.options["as"] == "repeats", dict[int, bytes]()
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        if not repeats:
+            return ()
+        return ((0.0, last.setdefault(frames.message_id(frame), frame)),)
+
+    return Effect(alter=alter)
+
+
+def _displaced(frame: bytes, north_m: float, east_m: float, down_m: float) -> dict[str, Any]:
+    fields = frames.layout(frames.message_id(frame))
+    moved: dict[str, float] = {}
+    if "lat" in fields:
+        lat = frames.value(frame, "lat")
+        moved["lat"] = lat + round(north_m / _M_PER_DEG * 1e7)
+        moved["lon"] = frames.value(frame, "lon") + round(
+            east_m / _M_PER_DEG * 1e7 / math.cos(math.radians(lat * 1e-7))
+        )
+        for name in ("alt", "relative_alt"):
+            if name in fields:
+                moved[name] = frames.value(frame, name) - down_m * (1e3 if fields[name].whole else 1.0)
+    else:
+        for name, by_m in (("x", north_m), ("y", east_m), ("z", down_m)):
+            moved[name] = frames.value(frame, name) + by_m
+    return moved
+
+
+def _jump(making: Making) -> Effect:
+    options, signing = making.options, making.vehicle.autopilot.signing
+    by_m = (options["north"], options["east"], options["down"])
+    placed = frozenset(SPEC_BY_NAME[name].message_id for name in REPORTS)
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        if frames.message_id(frame) not in placed:
+            return ((0.0, frame),)
+        return ((0.0, frames.changed(frame, _displaced(frame, *by_m), signing.secret_key)),)
+
+    return Effect(alter=alter)
+
+
+def _as_target(kind: str, meaning: str) -> Kind:
+    """Return an impairment of links, on a target's reports only."""
+    link = LINK_KINDS[kind]
+    return Kind(Group.TARGET, meaning, link.make, link.options, _SCOPE)
+
+
+TARGET_KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "target_slow": Kind(
+            Group.TARGET,
+            "reports come in steps, once a second",
+            _slow,
+            {"period_s": Option("seconds between two", 1.0, number(0.0, 60.0))},
+            _SCOPE,
+        ),
+        "target_duplicates": _as_target("duplicate", "reports come twice"),
+        "target_out_of_order": _as_target("reorder", "reports are overtaken by later ones"),
+        "target_late": _as_target("delay", "reports come late"),
+        "target_clock": Kind(
+            Group.TARGET,
+            "the target's clock has an offset and a drift",
+            _clock,
+            {
+                "offset_s": Option("seconds ahead", 0.0, number(-1e6, 1e6)),
+                "drift_ppm": Option("millionths of the time since the fault began", 0.0, number(-1e5, 1e5)),
+            },
+            _SCOPE,
+        ),
+        "target_stale": Kind(
+            Group.TARGET,
+            "no news: the last report is repeated, old time and all, or nothing comes",
+            _stale,
+            {"as": Option("repeats or silence", "repeats", choice("repeats", "silence"))},
+            _SCOPE,
+        ),
+        "target_jump": Kind(
+            Group.TARGET,
+            "reported positions are displaced",
+            _jump,
+            {"north": _JUMP, "east": _JUMP, "down": _JUMP},
+            _SCOPE,
+        ),
+    }
+)

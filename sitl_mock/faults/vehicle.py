@@ -1,0 +1,229 @@
+"""Flight faults: pilot, radio, estimator, battery, fence, wind; put upon the vehicle by its conditions."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
+
+from sitl_mock.conditions import CONDITIONS
+from sitl_mock.faults import frames
+from sitl_mock.faults.effect import (
+    REQUIRED,
+    Direction,
+    Effect,
+    Group,
+    Kind,
+    Making,
+    Option,
+    Passed,
+    Scope,
+    number,
+    text,
+)
+from sitl_mock.faults.strangers import mode_named
+from sitl_mock.pilot import Sticks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+_STICK: Final = Option("from -1 to 1", 0.0, number(-1.0, 1.0))
+_WIND: Final = Option("m/s", 0.0, number(-40.0, 40.0))
+_JUMP: Final = Option("metres", 0.0, number(-1e4, 1e4))
+
+
+def _while(making: Making, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
+    """Hold a condition from begin to end."""
+    vehicle = making.vehicle
+    return Effect(
+        begin=lambda _now_s: vehicle.inject(condition, value),
+        end=lambda _now_s: vehicle.inject(condition, CONDITIONS[condition].rest),
+    )
+
+
+def _once(making: Making, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
+    """Let something happen."""
+    return Effect(begin=lambda _now_s: making.vehicle.inject(condition, value))
+
+
+def _vector(making: Making) -> tuple[float, float, float]:
+    options = making.options
+    return (options["north"], options["east"], options["down"])
+
+
+def _radio(making: Making, effect: Effect) -> Effect:
+    """Give the vehicle a radio from the start, without which its pilot could do nothing."""
+    vehicle = making.vehicle
+
+    def prepare(now_s: float) -> None:
+        vehicle.inject("rc", value=True)
+        if not vehicle.autopilot.craft.pilot.known:
+            vehicle.autopilot.craft.pilot.hear(now_s, Sticks())
+
+    effect.prepare = prepare
+    return effect
+
+
+def _pilot_mode(making: Making) -> Effect:
+    return _radio(making, _once(making, "pilot_mode", mode_named(making.vehicle, making.options["mode"])))
+
+
+def _sticks(making: Making) -> Effect:
+    options = making.options
+    sticks = tuple(options[name] for name in ("roll", "pitch", "throttle", "yaw"))
+    return _radio(making, _while(making, "sticks", sticks))
+
+
+def _rc_loss(making: Making) -> Effect:
+    vehicle = making.vehicle
+    effect = Effect(
+        begin=lambda _now_s: vehicle.inject("rc", value=False),
+        end=lambda _now_s: vehicle.inject("rc", value=True),
+    )
+    return _radio(making, effect)
+
+
+def _eph(making: Making) -> Effect:
+    vehicle, options = making.vehicle, making.options
+    since_s = [math.inf]
+
+    def begin(now_s: float) -> None:
+        since_s[0] = now_s
+
+    def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
+        vehicle.inject("eph_m", min(options["most_m"], options["rate_m_s"] * (now_s - since_s[0])))
+        return ()
+
+    return Effect(begin=begin, advance=advance, end=lambda _now_s: vehicle.inject("eph_m", 0.0))
+
+
+def _truncation(making: Making) -> Effect:
+    options, signing = making.options, making.vehicle.autopilot.signing
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        north, east, down = (frames.value(frame, name) for name in ("vx", "vy", "vz"))
+        speed_m_s = math.hypot(north, east)
+        scale = min(1.0, options["horizontal_m_s"] / speed_m_s) if speed_m_s > 0.0 else 1.0
+        kept = {
+            "vx": north * scale,
+            "vy": east * scale,
+            "vz": min(max(down, -options["up_m_s"]), options["down_m_s"]) if math.isfinite(down) else down,
+        }
+        return ((0.0, frames.changed(frame, kept, signing.secret_key)),)
+
+    return Effect(alter=alter)
+
+
+def _flight(meaning: str, condition: str, value: Any = True, for_s: float = math.inf) -> Kind:  # noqa: ANN401 - as above
+    return Kind(Group.FLIGHT, meaning, lambda making: _while(making, condition, value), for_s=for_s)
+
+
+def _charge(meaning: str, share: float) -> Kind:
+    option = Option("charge left, a fraction", share, number(0.0, 1.0))
+    return Kind(
+        Group.FLIGHT,
+        meaning,
+        lambda making: _once(making, "battery", making.options["share"]),
+        {"share": option},
+        for_s=0.0,
+    )
+
+
+def _along(option: Option) -> dict[str, Option]:
+    return {"north": option, "east": option, "down": option}
+
+
+FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "telemetry_freeze": _flight("nothing but HEARTBEAT and answers is sent", "telemetry_frozen"),
+        "silence": _flight("nothing at all is sent", "silent"),
+        "pilot_mode": Kind(
+            Group.FLIGHT,
+            "the pilot switches to a mode; there is a radio from the start",
+            _pilot_mode,
+            {"mode": Option("its name", REQUIRED, text)},
+            for_s=0.0,
+        ),
+        "pilot_sticks": Kind(
+            Group.FLIGHT,
+            "the pilot moves the sticks; there is a radio from the start",
+            _sticks,
+            {"roll": _STICK, "pitch": _STICK, "throttle": _STICK, "yaw": _STICK},
+            for_s=1.0,
+        ),
+        "rc_loss": Kind(Group.FLIGHT, "the radio, there from the start, is lost", _rc_loss),
+        "gcs_loss": _flight("ground stations are not heard", "gcs_lost"),
+        "arm_refused": Kind(
+            Group.FLIGHT,
+            "arming is refused with a text",
+            lambda making: _while(making, "arm_refused", making.options["text"]),
+            {"text": Option("the reason", "Preflight Fail: Compass Sensor 0 missing", text)},
+        ),
+        "offboard_refused": _flight("OFFBOARD or GUIDED is refused, and left", "offboard_refused"),
+        "ekf_jump": Kind(
+            Group.FLIGHT,
+            "the position estimate jumps, the reset counter rises",
+            lambda making: _once(making, "ekf_jump_m", _vector(making)),
+            _along(_JUMP),
+            for_s=0.0,
+        ),
+        "ekf_yaw_jump": Kind(
+            Group.FLIGHT,
+            "the heading estimate jumps, the reset counter rises",
+            lambda making: _once(making, "ekf_yaw_jump_deg", making.options["by_deg"]),
+            {"by_deg": Option("degrees, clockwise", 30.0, number(-180.0, 180.0))},
+            for_s=0.0,
+        ),
+        "gps_loss": _flight("no fix; the estimate slides away and becomes invalid", "gps_lost"),
+        "estimator_invalid": _flight("position and velocity are invalid", "estimator_invalid"),
+        "eph_growth": Kind(
+            Group.FLIGHT,
+            "the horizontal uncertainty grows",
+            _eph,
+            {
+                "rate_m_s": Option("metres a second", 1.0, number(0.0, 1e3)),
+                "most_m": Option("up to so many metres", 100.0, number(0.0, 1e4)),
+            },
+        ),
+        "fence_breach": _flight("the fence counts as breached", "fence_breach"),
+        "battery_low": _charge("the battery is low", 0.12),
+        "battery_critical": _charge("the battery is critical", 0.06),
+        "wind_gust": Kind(
+            Group.FLIGHT,
+            "a steady wind for a while",
+            lambda making: _while(making, "wind_m_s", _vector(making)),
+            _along(_WIND),
+            for_s=3.0,
+        ),
+        "gusts": Kind(
+            Group.FLIGHT,
+            "gusts of wind at random",
+            lambda making: _while(making, "gust_m_s", making.options["sd_m_s"]),
+            {"sd_m_s": Option("standard deviation, m/s", 3.0, number(0.0, 30.0))},
+        ),
+        "push": Kind(
+            Group.FLIGHT,
+            "the vehicle's velocity jumps",
+            lambda making: _once(making, "push_m_s", _vector(making)),
+            _along(_WIND),
+            for_s=0.0,
+        ),
+        "velocity_truncation": Kind(
+            Group.FLIGHT,
+            "velocity setpoints are cut to less than was asked for",
+            _truncation,
+            {
+                "horizontal_m_s": Option("limit", 2.0, number(0.0, 1e3)),
+                "up_m_s": Option("limit", 1.0, number(0.0, 1e3)),
+                "down_m_s": Option("limit", 1.0, number(0.0, 1e3)),
+            },
+            Scope(Direction.IN, ("SET_POSITION_TARGET_LOCAL_NED",)),
+        ),
+        "reboot": Kind(
+            Group.FLIGHT,
+            "the autopilot restarts, in flight too; its clock begins again",
+            lambda making: _once(making, "reboot", value=True),
+            for_s=0.0,
+        ),
+    }
+)
