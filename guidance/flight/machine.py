@@ -5,16 +5,18 @@ out. The step is the same in real time, in virtual time and in replay.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from guidance.autopilots import Mode
 from guidance.flight.detect import Scene, events
+from guidance.flight.echo import Echo
 from guidance.flight.readiness import Check, checks
 from guidance.flight.requests import requests_in
-from guidance.flight.settings import AfterCapture, FlightSettings
+from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, TRANSITIONS, Event, State, next_state
 from guidance.flight.tracking import Tracking
-from guidance.telemetry import Heartbeat, LocalPosition, Message, Request, Setpoint, TargetReport
+from guidance.telemetry import Heartbeat, Home, LocalPosition, Message, Request, Setpoint, TargetReport
 from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
 from guidance.vehicle import VehicleState, observe
 
@@ -31,12 +33,16 @@ ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.L
 
 
 class Inputs(NamedTuple):
-    """All that one cycle sees, read once. `now_s` is the injected clock's; orders are of `ORDERS`."""
+    """All that one cycle sees, read once. `now_s` is the injected clock's; orders are of `ORDERS`.
+
+    `refusals` names what preflight refuses: the vehicle is not ready while there is any.
+    """
 
     now_s: float
     messages: Sequence[Message] = ()
     reports: Sequence[TargetReport] = ()
     orders: Sequence[Event] = ()
+    refusals: Sequence[str] = ()
 
 
 class Happening(NamedTuple):
@@ -66,8 +72,11 @@ class Flight:
         self.state = State.CONNECTING
         self.vehicle = VehicleState()
         self.tracking = Tracking(settings.tick, settings.profile)
+        self._tick = settings.tick
+        self._echo = Echo()
         self._memory = TickMemory()
         self._certificate: Certificate | None = None
+        self._other_mode_seen = False
         self._last_s: float | None = None
         self._since_s = 0.0
         self._requested_s = float("-inf")
@@ -94,16 +103,31 @@ class Flight:
 
         self.vehicle = observe(self.vehicle, inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports)
+        self._hear(inputs)
         happenings = tuple(self._follow(inputs, dt_s))
         heartbeat = any(isinstance(message, Heartbeat) for message in inputs.messages)
         requests = self._requests(now_s, fresh_heartbeat=heartbeat)
         setpoint = self._setpoint(now_s, dt_s)
+        if setpoint is None or self.state is State.STANDING_BY:
+            self._echo.silent()
+        else:
+            self._echo.sent(now_s, setpoint)
         return Outputs(self.state, setpoint, requests, happenings, self._certificate)
+
+    def _hear(self, inputs: Inputs) -> None:
+        self._echo.hear(inputs.messages, guided=self._mode() is Mode.GUIDED)
+        home = self.vehicle.last(Home)
+        if home is not None and home.position_ned_m != self._tick.envelope.home_ned_m:
+            # Heights and fences count from home, which need not be where the local frame has its zero.
+            self._tick = replace(self._tick, envelope=replace(self._tick.envelope, home_ned_m=home.position_ned_m))
+        for message in inputs.messages:
+            if isinstance(message, Heartbeat) and message.received_s > self._since_s:
+                self._other_mode_seen |= self.settings.profile.mode_of(message.custom_mode) is not Mode.GUIDED
 
     def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
         for order in inputs.orders:
             yield self._change(inputs.now_s, self._order(order))
-        scene = self._scene(inputs.now_s, dt_s)
+        scene = self._scene(inputs.now_s, dt_s, inputs.refusals)
         for event in events(scene):
             yield self._change(inputs.now_s, event)
             return  # the gravest only: the state it leads to is judged by the next cycle
@@ -120,14 +144,14 @@ class Flight:
         if after is not before:
             self.state, self._since_s, self._requested_s = after, now_s, float("-inf")
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
-            self._certificate = None
+            self._certificate, self._other_mode_seen = None, False
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
                 self._memory = TickMemory()
         elif (before, event) in TRANSITIONS:
             self._since_s = now_s
         return Happening(now_s, event, before, after)
 
-    def _scene(self, now_s: float, dt_s: float) -> Scene:
+    def _scene(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Scene:
         return Scene(
             now_s=now_s,
             dt_s=dt_s,
@@ -140,6 +164,9 @@ class Flight:
             target_silence_s=self.tracking.silence_s(now_s),
             start_ned_m=self._start_ned_m(),
             certificate=self._certificate,
+            refusals=refusals,
+            foreign=self._echo.foreign,
+            other_mode_seen=self._other_mode_seen,
         )
 
     def _start_ned_m(self) -> tuple[float, float, float] | None:
@@ -168,8 +195,12 @@ class Flight:
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
         leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED
         local = self.vehicle.last(LocalPosition)
-        if local is None or not (self.state in SETPOINT_STATES or leaving):
+        inviting = self.state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
+        if local is None or not (self.state in SETPOINT_STATES or leaving or inviting):
             return None
+        if inviting:
+            # Neutral: what a pilot flies into meanwhile must not be remembered as a height to go back to.
+            self._memory = TickMemory(limits=self._memory.limits)
         inputs = TickInputs(
             dt_s=dt_s,
             position_ned_m=local.position_ned_m,
@@ -183,7 +214,7 @@ class Flight:
             self.state is State.ON_STATION and self.settings.after_capture is AfterCapture.SHADOW
         )
         cycle = play if playing and inputs.target is not None else hover
-        output = cycle(inputs, self.settings.tick, self._memory)
+        output = cycle(inputs, self._tick, self._memory)
         self._memory = output.memory
         if output.certificate is not None:
             self._certificate = output.certificate
