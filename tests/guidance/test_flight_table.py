@@ -23,11 +23,14 @@ def test_nothing_leads_out_of_a_final_state(state):
     assert {next_state(state, event) for event in Event} == {state}
 
 
-def test_only_a_persons_word_leads_to_entering_and_only_entering_begins_the_game():
+def test_only_a_persons_word_leads_to_entering_and_only_that_or_a_pilots_hand_begins_the_game():
     into_entering = {(state, event) for (state, event), after in TRANSITIONS.items() if after is State.ENTERING}
     assert {event for _, event in into_entering} == {Event.ENGAGE}
     into_engaged = {state for (state, _), after in TRANSITIONS.items() if after is State.ENGAGED}
-    assert into_engaged == {State.ENTERING, State.PAUSED, State.ON_STATION}
+    assert into_engaged == {State.ENTERING, State.STANDING_BY, State.PAUSED, State.ON_STATION}
+    assert {
+        event for (state, event), after in TRANSITIONS.items() if state is State.STANDING_BY and after is State.ENGAGED
+    } == {Event.INVITED}
 
 
 @pytest.mark.parametrize("state", sorted({State.ARMING} | AIRBORNE | COMMANDING | LEAVING))

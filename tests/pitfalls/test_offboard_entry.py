@@ -1,5 +1,7 @@
 """Pitfalls 1, 2, 4, 7, 18, 27: how the guided mode is entered, and when it is not."""
 
+import itertools
+
 import pytest
 
 from guidance.autopilots import MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, PROFILES, Mode
@@ -74,7 +76,7 @@ def test_04_the_autopilots_own_freshness_limit_decides_and_we_stay_far_within_it
     flight.run(3.0)
     assert flight.mock.mode == "OFFBOARD"
     times = [sent.now_s for sent in flight.setpoints]
-    gaps = sorted(b - a for a, b in zip(times[:-1], times[1:], strict=True))
+    gaps = sorted(b - a for a, b in itertools.pairwise(times))
     assert gaps[round(0.99 * (len(gaps) - 1))] <= 0.1
     flight.frozen = True
     last_s = times[-1]
