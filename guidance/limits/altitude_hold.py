@@ -3,26 +3,28 @@
 from typing import NamedTuple
 
 from guidance.limits.envelope import Envelope
+from guidance.limits.situation import usable
 from guidance.limits.stopping import approach_speed
 
 _GAIN_PER_S = 0.8
 _INTEGRAL_PER_S2 = 0.08
 _TRIM_LIMIT_M_S = 0.5
 _TRIM_WITHIN_M = 1.5
+_LONGEST_STEP_S = 0.1
 
 
 class AltitudeHold(NamedTuple):
     """Memory: the height that is held (down, metres) and the vertical speed that holding it has been found to cost."""
 
     down_m: float
-    trim_m_s: float = 0.0
+    trim_m_s: float
 
 
 class Held(NamedTuple):
     """Vertical speed to command (m/s, down positive) and the memory for the next tick."""
 
     velocity_down_m_s: float
-    memory: AltitudeHold
+    memory: AltitudeHold | None
 
 
 def hold_altitude(
@@ -36,20 +38,22 @@ def hold_altitude(
 
     Args:
         memory: None at the first tick of a hold.
-        down_m: The present height in the local frame (down, metres); NaN commands no vertical motion.
-        wanted_down_m: The height to hold, if it is given by someone.
+        down_m: The present height in the local frame (down, metres); one that is no number commands no vertical motion.
+        wanted_down_m: The height to hold, if it is given by someone; one that is no number counts as not given.
         envelope: Its floor, ceiling, speeds and vertical braking are respected.
         dt_s: Time since the last tick, seconds.
     """
-    held = wanted_down_m if wanted_down_m is not None else (memory.down_m if memory else down_m)
-    trim_m_s = memory.trim_m_s if memory else 0.0
+    if not usable(down_m):
+        return Held(0.0, memory)
+    begun = memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
+    held, trim_m_s = begun
+    if wanted_down_m is not None and usable(wanted_down_m):
+        held = wanted_down_m
     home_down_m = envelope.home_ned_m[2]
     held = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held))
     error_m = held - down_m
-    if error_m != error_m:  # noqa: PLR0124  the test for NaN that needs no second spelling for each input
-        return Held(0.0, memory or AltitudeHold(held))
     if abs(error_m) < _TRIM_WITHIN_M:
-        trim_m_s += _INTEGRAL_PER_S2 * error_m * max(0.0, dt_s)
+        trim_m_s += _INTEGRAL_PER_S2 * error_m * min(_LONGEST_STEP_S, max(0.0, dt_s))
         trim_m_s = min(_TRIM_LIMIT_M_S, max(-_TRIM_LIMIT_M_S, trim_m_s))
     reach_m_s = approach_speed(abs(error_m), envelope.vertical_braking_m_s2, 1.0 / _GAIN_PER_S)
     wanted_m_s = (reach_m_s if error_m > 0.0 else -reach_m_s) + trim_m_s

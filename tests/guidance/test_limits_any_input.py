@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from guidance.limits import Envelope, Limiter, Memory, Polygon, Situation, StandOff, limit
+from guidance.limits import AltitudeHold, Envelope, Limiter, Memory, Polygon, Situation, StandOff, hold_altitude, limit
 from guidance.telemetry import Setpoint
 
 TOLERANCE = 1e-6
@@ -286,3 +286,12 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
         dt,
     )
     assert other.setpoint.velocity_ned_m_s == pytest.approx(turned(plain.setpoint.velocity_ned_m_s), abs=1e-6)
+
+
+@given(st.none() | st.builds(AltitudeHold, wild, wild), wild, st.none() | wild, wild)
+def test_no_numbers_at_all_make_a_hold_leave_the_speeds_or_the_heights(memory, down_m, wanted_m, dt):
+    held = hold_altitude(memory, down_m=down_m, wanted_down_m=wanted_m, envelope=ENVELOPE, dt_s=dt)
+    assert -ENVELOPE.climb_m_s <= held.velocity_down_m_s <= ENVELOPE.descent_m_s
+    if held.memory is not memory:
+        assert all(math.isfinite(number) for number in held.memory)
+        assert ENVELOPE.floor_m <= ENVELOPE.home_ned_m[2] - held.memory.down_m <= ENVELOPE.ceiling_m

@@ -264,10 +264,18 @@ def test_a_hold_brings_back_what_is_outside_floor_and_ceiling(down_m, held_m):
     assert -3.0 <= out.velocity_down_m_s <= 1.5
 
 
-def test_a_hold_without_a_height_commands_no_motion_and_forgets_nothing():
+@pytest.mark.parametrize("down_m", [math.nan, math.inf, -1e9])
+def test_a_hold_without_a_height_commands_no_motion_and_forgets_nothing(down_m):
     memory = hold_altitude(None, down_m=-17.0, wanted_down_m=None, envelope=ENVELOPE, dt_s=DT_S).memory
-    out = hold_altitude(memory, down_m=math.nan, wanted_down_m=None, envelope=ENVELOPE, dt_s=DT_S)
+    out = hold_altitude(memory, down_m=down_m, wanted_down_m=None, envelope=ENVELOPE, dt_s=DT_S)
     assert out == (0.0, memory)
+    assert hold_altitude(None, down_m=down_m, wanted_down_m=-20.0, envelope=ENVELOPE, dt_s=DT_S) == (0.0, None)
+
+
+@pytest.mark.parametrize("wanted_m", [math.nan, math.inf, -1e9])
+def test_a_wanted_height_that_is_no_number_is_not_given(wanted_m):
+    begun = hold_altitude(None, down_m=-17.0, wanted_down_m=wanted_m, envelope=ENVELOPE, dt_s=DT_S)
+    assert begun == (0.0, (-17.0, 0.0))
 
 
 def test_the_trim_of_a_hold_does_not_wind_up():
