@@ -9,15 +9,17 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
 from sitl_mock.config import FleetConfig
 from sitl_mock.errors import ConfigError
+from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.fleet import build
 from sitl_mock.transports import Endpoint, run
+from sitl_mock.transports.disturbance import Disturbances
 from sitl_mock.transports.udp import UdpEndpoint
 from sitl_mock.vehicle import MockVehicle
 
@@ -56,11 +58,18 @@ class Stop:
         self.asked = True
 
 
-def serve(config: FleetConfig, wires: Wires, *, as_json: bool = False, parent_pipe: bool = False) -> None:
+def serve(
+    config: FleetConfig,
+    wires: Wires,
+    faults: FaultScript = FaultScript(),  # noqa: B008 - an immutable value
+    *,
+    as_json: bool = False,
+    parent_pipe: bool = False,
+) -> None:
     """Serve a fleet until SIGTERM, SIGINT or, with parent_pipe, the end of standard input.
 
     Raises:
-        ConfigError: There is nothing to serve over, or the fleet is wrong.
+        ConfigError: There is nothing to serve over, or the fleet or the faults are wrong.
         TransportError: An endpoint cannot be opened.
     """
     if wires == Wires():
@@ -69,7 +78,10 @@ def serve(config: FleetConfig, wires: Wires, *, as_json: bool = False, parent_pi
         stop = stack.enter_context(_stop_signals())
         unix_us = time.time_ns() // 1000 - time.monotonic_ns() // 1000
         vehicles = build(config, unix_us=unix_us, ground_link=wires.gcs is not None)
-        endpoints = _opened(wires, list(vehicles), stack)
+        faults.check_vehicles(list(vehicles))
+        faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
+        endpoints = _opened(wires, faulted, stack)
+        disturbances = Disturbances(faulted, endpoints)
         _say_ready(vehicles, endpoints, as_json=as_json)
         watched = [stop.wake_fileno]
         if parent_pipe:
@@ -78,13 +90,15 @@ def serve(config: FleetConfig, wires: Wires, *, as_json: bool = False, parent_pi
         gc.freeze()  # a full collection would delay a cycle by milliseconds
 
         def ended() -> bool:
+            disturbances.carry_out(time.monotonic())
             return stop.asked or (parent_pipe and _at_end(sys.stdin.fileno()))
 
-        run(vehicles, endpoints, time.monotonic, ended, watched)
+        run(faulted, endpoints, time.monotonic, ended, watched)
 
 
-def _opened(wires: Wires, names: Sequence[str], stack: contextlib.ExitStack) -> list[Endpoint]:
+def _opened(wires: Wires, vehicles: Mapping[str, Faulted], stack: contextlib.ExitStack) -> list[Endpoint]:
     """Open the endpoints; the stack closes them."""
+    names = list(vehicles)
     endpoints: list[Endpoint] = []
     if wires.udp is not None:
         first = wires.udp
@@ -94,6 +108,7 @@ def _opened(wires: Wires, names: Sequence[str], stack: contextlib.ExitStack) -> 
         ports = {name: (GCS_LOCAL_PORT + index, wires.gcs) for index, name in enumerate(names)}
         endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("gcs", ports, time.monotonic))))
     if wires.zenoh is not None or wires.zenoh_connect is not None:
+        from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP alone shall not load Zenoh
         from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP alone shall not load Zenoh
             ZenohEndpoint,
             with_port,
@@ -104,6 +119,7 @@ def _opened(wires: Wires, names: Sequence[str], stack: contextlib.ExitStack) -> 
         mode = "client" if connect else "router"
         opened = ZenohEndpoint(names, endpoint, mode=mode, connect=connect)
         endpoints.append(stack.enter_context(contextlib.closing(opened)))
+        opened.declare(lambda session: queryable.declare(session, vehicles))
     return endpoints
 
 

@@ -1,4 +1,4 @@
-"""`sitl-mock list`: what there is: flavours, conditions, parameters."""
+"""`sitl-mock list`: what there is: flavours, faults, conditions, parameters, streams."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -13,19 +13,18 @@ class Subject(StrEnum):
     """What can be listed."""
 
     FLAVOURS = "flavours"
+    FAULTS = "faults"
     CONDITIONS = "conditions"
     PARAMETERS = "parameters"
     STREAMS = "streams"
 
 
 def list_(
-    subject: Annotated[
-        Subject | None, typer.Argument(help="What to list; flavours and conditions if not given.")
-    ] = None,
+    subject: Annotated[Subject | None, typer.Argument(help="What to list; flavours and faults if not given.")] = None,
     flavour: Annotated[str, typer.Option(help="Whose parameters or streams.")] = "px4",
 ) -> None:
-    """Name the flavours, the conditions that can be put upon a vehicle, a flavour's parameters or its streams."""
-    subjects = (Subject.FLAVOURS, Subject.CONDITIONS) if subject is None else (subject,)
+    """Name the flavours, the faults of a script, the conditions of a vehicle, a flavour's parameters or its streams."""
+    subjects = (Subject.FLAVOURS, Subject.FAULTS) if subject is None else (subject,)
     typer.echo("\n\n".join("\n".join(_LISTS[each](flavour)) for each in subjects))
 
 
@@ -37,6 +36,17 @@ def _flavours(_flavour: str) -> "Iterator[str]":
     for name in NAMES:
         each = flavour_named(name)
         yield f"  {name:<12} {each.title}; can be armed {each.ready_s:g} s after boot"
+
+
+def _faults(_flavour: str) -> "Iterator[str]":
+    from sitl_mock.faults import KINDS, Group  # noqa: PLC0415 - as above
+
+    for group in Group:
+        yield f"{group} faults (sitl-mock run --faults FILE, queries to <vehicle>/faults)"
+        for name, kind in KINDS.items():
+            if kind.group is group:
+                keys = ", ".join(kind.options)
+                yield f"  {name:<20} {kind.meaning}" + (f" [{keys}]" if keys else "")
 
 
 def _conditions(_flavour: str) -> "Iterator[str]":
@@ -69,6 +79,7 @@ def _streams(flavour: str) -> "Iterator[str]":
 
 _LISTS = {
     Subject.FLAVOURS: _flavours,
+    Subject.FAULTS: _faults,
     Subject.CONDITIONS: _conditions,
     Subject.PARAMETERS: _parameters,
     Subject.STREAMS: _streams,

@@ -18,6 +18,7 @@ def run(
     ] = None,
     flavour: Annotated[str, typer.Option(help="px4, arducopter or rover, where --vehicles is a number.")] = "px4",
     fleet: Annotated[Path | None, typer.Option(help="TOML file with the vehicles, instead of --vehicles.")] = None,
+    faults: Annotated[Path | None, typer.Option(help="TOML file with what shall go wrong, and when.")] = None,
     zenoh: Annotated[
         str | None, typer.Option(help="Zenoh endpoint to listen on: tcp/127.0.0.1:7447; port 0 takes a free one.")
     ] = None,
@@ -47,13 +48,16 @@ def run(
     `sitl-mock run --fleet fleet.toml --zenoh tcp/127.0.0.1:0 --json --parent-pipe`
 
     Over Zenoh a client opens a session with `namespace: "uav1"` and uses the keys `mavlink_raw/in` (towards the
-    vehicle) and `mavlink_raw/out`, one packet a sample.
+    vehicle) and `mavlink_raw/out`, one packet a sample. A query to `faults` lists, injects and clears faults
+    (`faults?do=inject;kind=loss;probability=0.3`; `sitl-mock list faults` names them).
     """
-    from sitl_mock.serving import Wires, serve  # noqa: PLC0415 - nothing of it is needed for `--help`
+    from sitl_mock.faults import FaultScript, read_script  # noqa: PLC0415 - nothing of it is needed for `--help`
+    from sitl_mock.serving import Wires, serve  # noqa: PLC0415 - as above
 
     given = {"ready_after_s": ready_after_s, "noise": noise}
     config = _configured(vehicles or [], flavour, fleet, {k: v for k, v in given.items() if v is not None}, seed)
-    serve(config, Wires(zenoh, zenoh_connect, udp, gcs), as_json=as_json, parent_pipe=parent_pipe)
+    script = FaultScript() if faults is None else read_script(faults)
+    serve(config, Wires(zenoh, zenoh_connect, udp, gcs), script, as_json=as_json, parent_pipe=parent_pipe)
 
 
 def _configured(

@@ -1,6 +1,7 @@
 """MAVLink over UDP as PX4's simulation does it: sends to a fixed port, and to whoever has sent to it."""
 
 import contextlib
+import os
 import socket
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -81,6 +82,11 @@ class UdpEndpoint:
     def describe(self) -> dict[str, str]:
         """Vehicle name to its own address."""
         return {name: f"udp://{_HOST}:{each.getsockname()[1]}" for name, each in self._sockets.items()}
+
+    def change_port(self, vehicle: str) -> None:
+        """Go on from another free port, as after a restart behind a router; peers are kept."""
+        with contextlib.closing(_bound(0)) as other:
+            os.dup2(other.fileno(), self._sockets[vehicle].fileno(), inheritable=False)
 
     def close(self) -> None:
         """Close every socket."""

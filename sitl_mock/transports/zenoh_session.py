@@ -59,11 +59,37 @@ class ZenohEndpoint:
         self._wake_from, self._wake_to = socket.socketpair()
         self._wake_from.setblocking(False)
         self._wake_to.setblocking(False)
+        self._vehicles = tuple(vehicles)
+        self._mode, self._connect = mode, connect
+        self._declarations: list[Callable[[zenoh.Session], None]] = []
+        self._publishers: dict[str, Any] = {}
+        self._subscribers: list[Any] = []
         try:
-            self._session = zenoh.open(configuration(mode, endpoint, connect=connect))
-        except zenoh.ZError as error:
+            self.come_up()
+        except TransportError:
             self._close_wake()
-            raise TransportError(_reason(endpoint, str(error), connect=connect)) from None
+            raise
+
+    @property
+    def session(self) -> zenoh.Session:
+        """The session that is open now; see `declare` for what shall live as long as the endpoint."""
+        return self._session
+
+    def declare(self, declaration: Callable[[zenoh.Session], None]) -> None:
+        """Declare something on the session, now and on each one that follows it."""
+        self._declarations.append(declaration)
+        declaration(self._session)
+
+    def come_up(self) -> None:
+        """Open the session.
+
+        Raises:
+            TransportError: The endpoint cannot be opened.
+        """
+        try:
+            self._session = zenoh.open(configuration(self._mode, self._endpoint, connect=self._connect))
+        except zenoh.ZError as error:
+            raise TransportError(_reason(self._endpoint, str(error), connect=self._connect)) from None
         raw = zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")
         self._publishers = {
             name: self._session.declare_publisher(
@@ -73,19 +99,25 @@ class ZenohEndpoint:
                 priority=zenoh.Priority.REAL_TIME,
                 express=True,
             )
-            for name in vehicles
+            for name in self._vehicles
         }
         self._subscribers = [
             self._session.declare_subscriber(
                 f"{name}/mavlink_raw/in", self._taker(name), allowed_origin=zenoh.Locality.REMOTE
             )
-            for name in vehicles
+            for name in self._vehicles
         ]
+        for declaration in self._declarations:
+            declaration(self._session)
 
-    @property
-    def session(self) -> zenoh.Session:
-        """The session, for other things that live on it (the faults' queryable)."""
-        return self._session
+    def go_down(self) -> None:
+        """Close the session and whatever is declared on it; what is sent meanwhile is dropped."""
+        self._publishers = {}
+        if not self._session.is_closed():
+            for subscriber in self._subscribers:
+                subscriber.undeclare()
+            self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it untyped
+        self._subscribers = []
 
     def filenos(self) -> Sequence[int]:
         """Readable when a sample has come."""
@@ -105,20 +137,21 @@ class ZenohEndpoint:
         """One sample a frame."""
         if link != self._link:
             return
-        put = self._publishers[vehicle].put
+        publisher = self._publishers.get(vehicle)
+        if publisher is None:
+            self.dropped += len(frames)
+            return
+        put = publisher.put
         for frame in frames:
             put(frame)
 
     def describe(self) -> dict[str, str]:
         """Vehicle name to its keys."""
-        return {name: f"{self._endpoint} {name}/mavlink_raw" for name in self._publishers}
+        return {name: f"{self._endpoint} {name}/mavlink_raw" for name in self._vehicles}
 
     def close(self) -> None:
         """Undeclare and close; without this the interpreter would hang at exit."""
-        if not self._session.is_closed():
-            for subscriber in self._subscribers:
-                subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh leaves it untyped
-            self._session.close()  # type: ignore[no-untyped-call]  # likewise
+        self.go_down()
         self._close_wake()
 
     def _taker(self, name: str) -> Callable[[Any], None]:
