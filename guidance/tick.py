@@ -4,19 +4,22 @@ Pure: the same inputs, settings and memory give the same setpoint, bit for bit: 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from guidance.approach import Approach, Gaps, approach
+from guidance.catch_up import CatchUp, catch_up
+from guidance.drift import Drift, observe_drift
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
 from guidance.game import PURSUER_POLICIES, Game, Solution, SpeedSet, StandOff, solve
 from guidance.game.game import horizontal_speed
 from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
 from guidance.limits import Memory as LimitMemory
-from guidance.limits.stopping import approach_speed
 from guidance.servo import ServoGains, ServoMemory, serve
+from guidance.station import Place, keep_station
 from guidance.telemetry import Setpoint
 
 
@@ -33,7 +36,9 @@ class TickSettings:
         standoff: The terminal disc: radius around the evader, height above its plane.
         tolerance_m: How near to the disc, horizontally and vertically each, counts as reached.
         envelope: The limits.
-        gains: Of the velocity servo.
+        servo: Gains of the velocity servo.
+        approach: How the vehicle arrives at the disc.
+        catch_up: How way that is lost to acceleration is made good.
         target_game_m: The place the evader wants to reach, in the game frame (TAD); None in the PE game.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
         target_timeout_s: Age of the target's last report from which it counts as lost.
@@ -45,7 +50,9 @@ class TickSettings:
     standoff: StandOff
     tolerance_m: float
     envelope: Envelope
-    gains: ServoGains = field(default_factory=ServoGains)
+    servo: ServoGains
+    approach: Approach
+    catch_up: CatchUp
     target_game_m: Vector | None = None
     site: tuple[float, float, Amsl] | None = None
     target_timeout_s: float = 1.5
@@ -80,6 +87,9 @@ class TickMemory(NamedTuple):
     limits: LimitMemory | None = None
     height: AltitudeHold | None = None
     yaw_rad: float | None = None
+    owed_m: float = 0.0
+    drift: Drift = Drift()
+    place: Place | None = None
 
 
 class Certificate(NamedTuple):
@@ -119,15 +129,6 @@ class TickOutput(NamedTuple):
     memory: TickMemory
 
 
-class _Gaps(NamedTuple):
-    """To the stand-off disc: horizontally to its rim (negative inside), and the height above it; unit vector to E."""
-
-    ground_m: float
-    height_m: float
-    towards_north: float
-    towards_east: float
-
-
 def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> TickOutput:
     """Play the game for one cycle.
 
@@ -145,19 +146,29 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
         output = hover(inputs, settings, memory)
         return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
     solution, wanted_game = _strategy(game, settings, pursuer, evader, game_from_ned(target.velocity_ned_m_s))
-    wanted = _approach(ned_from_game(wanted_game), target.velocity_ned_m_s, gaps, settings)
-    served, servo = serve(wanted, inputs.velocity_ned_m_s, memory.servo, settings.gains, dt_s=inputs.dt_s)
+    drift = _drift(inputs, memory)
+    flown = _less(inputs.velocity_ned_m_s, drift.velocity_ned_m_s)
+    caught_up = catch_up(ned_from_game(wanted_game), flown, memory.owed_m, settings.catch_up, dt_s=inputs.dt_s)
+    approached = approach(caught_up.velocity_ned_m_s, flown, target.velocity_ned_m_s, gaps, settings.approach)
+    # What braking at the disc costs is not owed.
+    owed_m = memory.owed_m if approached.braking else caught_up.owed_m
+    served = serve(approached.velocity_ned_m_s, flown, memory.servo, settings.servo, dt_s=inputs.dt_s)
     yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
-    limited = _limit(Setpoint(served, yaw_rad=yaw_rad), inputs, settings, memory)
+    limited = _limit(
+        Setpoint(_plus(served.velocity_ned_m_s, drift.velocity_ned_m_s), served.acceleration_ned_m_s2, yaw_rad=yaw_rad),
+        inputs,
+        settings,
+        memory,
+    )
     return TickOutput(
         limited.setpoint,
-        _certify(inputs, settings, game, solution, pursuer, evader, gaps, wanted, limited),
-        TickMemory(servo, limited.memory, None, yaw_rad),
+        _certify(inputs, settings, game, solution, pursuer, evader, gaps, approached.velocity_ned_m_s, limited),
+        TickMemory(served.memory, limited.memory, None, yaw_rad, owed_m, drift),
     )
 
 
 def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> TickOutput:
-    """Stop and keep the height and the heading, within the limits."""
+    """Stop and keep the place, the height and the heading, within the limits."""
     yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     held = hold_altitude(
         memory.height,
@@ -166,9 +177,13 @@ def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tic
         envelope=settings.envelope,
         dt_s=inputs.dt_s,
     )
-    still = Setpoint((0.0, 0.0, held.velocity_down_m_s), yaw_rad=yaw_rad)
-    limited = _limit(still, inputs, settings, memory)
-    return TickOutput(limited.setpoint, None, TickMemory(ServoMemory(), limited.memory, held.memory, yaw_rad))
+    drift = _drift(inputs, memory)
+    flown = _less(inputs.velocity_ned_m_s, drift.velocity_ned_m_s)
+    (north, east), place = keep_station(memory.place, inputs.position_ned_m, flown)
+    still = _plus((north, east, held.velocity_down_m_s), drift.velocity_ned_m_s)
+    limited = _limit(Setpoint(still, yaw_rad=yaw_rad), inputs, settings, memory)
+    kept = TickMemory(limits=limited.memory, height=held.memory, yaw_rad=yaw_rad, drift=drift, place=place)
+    return TickOutput(limited.setpoint, None, kept)
 
 
 def _strategy(
@@ -184,31 +199,16 @@ def _strategy(
     return solution, (x, y, z)
 
 
-def _gaps(position_ned_m: Vector, target_ned_m: Vector, standoff: StandOff) -> _Gaps:
+def _gaps(position_ned_m: Vector, target_ned_m: Vector, standoff: StandOff) -> Gaps:
     north, east = target_ned_m[0] - position_ned_m[0], target_ned_m[1] - position_ned_m[1]
     distance_m = math.hypot(north, east)
     scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
     height_m = target_ned_m[2] - position_ned_m[2] - standoff.height_m
-    return _Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
+    return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
 
 
-def _approach(wanted_ned: Vector, target_velocity_ned: Vector, gaps: _Gaps, settings: TickSettings) -> Vector:
-    """Slow the closing down near the disc, so that it is reached without overshoot; what is not closing is kept.
-
-    The game closes at full speed to the very rim. A vehicle has to stop closing there: along the line of sight it may
-    be faster than the evader only by the speed from which it can still brake, and inside the rim it keeps pace.
-    """
-    gains, envelope = settings.gains, settings.envelope
-    north, east, down = wanted_ned
-    to_north, to_east = gaps.towards_north, gaps.towards_east
-    wanted_closing = north * to_north + east * to_east
-    pace = target_velocity_ned[0] * to_north + target_velocity_ned[1] * to_east
-    allowed = pace + approach_speed(gaps.ground_m, gains.braking_m_s2, gains.reaction_s)
-    if wanted_closing > allowed:
-        north -= (wanted_closing - allowed) * to_north
-        east -= (wanted_closing - allowed) * to_east
-    fastest = approach_speed(abs(gaps.height_m), envelope.vertical_braking_m_s2, gains.reaction_s)
-    return (north, east, max(-fastest, min(fastest, down)))
+def _drift(inputs: TickInputs, memory: TickMemory) -> Drift:
+    return observe_drift(memory.drift, inputs.position_ned_m, inputs.velocity_ned_m_s, dt_s=inputs.dt_s)
 
 
 def _limit(command: Setpoint, inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Limited:
@@ -230,7 +230,7 @@ def _certify(
     solution: Solution,
     pursuer: Vector,
     evader: Vector,
-    gaps: _Gaps,
+    gaps: Gaps,
     wanted: Vector,
     limited: Limited,
 ) -> Certificate:
@@ -262,7 +262,7 @@ def _certify(
 
 
 def _no_game(
-    inputs: TickInputs, settings: TickSettings, pursuer: Vector, evader: Vector, gaps: _Gaps, setpoint: Setpoint
+    inputs: TickInputs, settings: TickSettings, pursuer: Vector, evader: Vector, gaps: Gaps, setpoint: Setpoint
 ) -> Certificate:
     nowhere = (math.nan, math.nan, math.nan)
     return Certificate(
@@ -293,3 +293,11 @@ def _outside(position_ned_m: Vector, envelope: Envelope) -> bool:
     north, east = (position_ned_m[axis] - envelope.home_ned_m[axis] for axis in (0, 1))
     beyond = envelope.fence_radius_m is not None and math.hypot(north, east) > envelope.fence_radius_m
     return beyond or (envelope.fence_polygon is not None and not envelope.fence_polygon.contains(position_ned_m[:2]))
+
+
+def _plus(one: Vector, other: Vector) -> Vector:
+    return (one[0] + other[0], one[1] + other[1], one[2] + other[2])
+
+
+def _less(one: Vector, other: Vector) -> Vector:
+    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])

@@ -8,6 +8,7 @@ from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, FlightSettings
 from guidance.frames import Amsl
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, SpeedSet, StandOff
+from guidance.handling import handling
 from guidance.limits import Envelope
 from guidance.limits import StandOff as StandOffLimit
 from guidance.scenarios.evader import EvaderSettings
@@ -57,17 +58,22 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
     pursuer = scenario.pursuer
     _check_policy("pursuer.policy", pursuer.policy, PURSUER_POLICIES)
     x, y, z = pursuer.position_m
+    flown = handling(pursuer.autopilot)
     envelope = Envelope(
         floor_m=scenario.envelope.floor_m,
         ceiling_m=scenario.envelope.ceiling_m,
         speed_m_s=1.5 * pursuer.speed_m_s,
         climb_m_s=pursuer.climb_m_s,
         descent_m_s=pursuer.descent_m_s,
-        acceleration_m_s2=4.0,
-        vertical_acceleration_m_s2=2.0,
-        jerk_m_s3=20.0,
+        acceleration_m_s2=flown.acceleration_m_s2,
+        vertical_acceleration_m_s2=flown.vertical_acceleration_m_s2,
+        jerk_m_s3=flown.jerk_m_s3,
+        braking_m_s2=flown.braking_m_s2,
+        vertical_braking_m_s2=flown.vertical_braking_m_s2,
+        reaction_s=flown.reaction_s,
         yaw_rate_rad_s=math.radians(45.0),
         fence_radius_m=scenario.envelope.fence_radius_m,
+        fence_margin_m=1.0,
         stand_off=StandOffLimit(
             radius_m=max(0.5, scenario.standoff.radius_m - _STANDOFF_SLACK_M),
             height_m=max(0.5, standoff(scenario).height_m - _STANDOFF_SLACK_M),
@@ -82,6 +88,9 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
             standoff=standoff(scenario),
             tolerance_m=scenario.standoff.tolerance_m,
             envelope=envelope,
+            servo=flown.servo,
+            approach=flown.approach,
+            catch_up=flown.catch_up,
             target_game_m=target_game_m(scenario),
             site=site(scenario),
         ),

@@ -1,0 +1,82 @@
+"""How each autopilot's vehicle is flown: servo, catching up, approach, and the envelope's dynamic limits, as data.
+
+Sources: our own measurements of PX4 v1.17 (SIH quadrotor) and ArduCopter 4.5.7 (its simulated quadrotor), default
+parameters. A vehicle that handles differently gets numbers of its own in its configuration.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from guidance.approach import Approach
+from guidance.catch_up import CatchUp
+from guidance.errors import ConfigError
+from guidance.servo import ServoGains
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handling:
+    """One vehicle's handling; the last six are of `guidance.limits.Envelope`, with its names and meanings."""
+
+    servo: ServoGains
+    approach: Approach
+    catch_up: CatchUp
+    acceleration_m_s2: float
+    vertical_acceleration_m_s2: float
+    jerk_m_s3: float
+    braking_m_s2: float
+    vertical_braking_m_s2: float
+    reaction_s: float
+
+
+PX4 = Handling(
+    # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe flies
+    # no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
+    servo=ServoGains(
+        acceleration_m_s2=7.0,
+        vertical_acceleration_m_s2=2.0,
+        jerk_m_s3=60.0,
+        lag_s=0.3,
+        drag_per_s=0.3,
+        drag_limit_per_s=1.5,
+        trim_limit_m_s2=1.5,
+        drag_learning_per_s2=2.0,
+        trim_learning_per_s2=0.3,
+    ),
+    approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, vertical_settle_s=0.4),
+    catch_up=CatchUp(),
+    acceleration_m_s2=9.0,
+    vertical_acceleration_m_s2=3.0,
+    jerk_m_s3=80.0,
+    braking_m_s2=3.0,
+    vertical_braking_m_s2=2.0,
+    reaction_s=0.4,
+)
+
+ARDUCOPTER = Handling(
+    # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7, PSC_JERK_XY 5 m/s³ both.
+    # Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s².
+    servo=ServoGains(acceleration_m_s2=4.5, vertical_acceleration_m_s2=1.0, jerk_m_s3=6.0, lag_s=0.2),
+    approach=Approach(braking_m_s2=1.8, vertical_braking_m_s2=0.6),
+    catch_up=CatchUp(),
+    acceleration_m_s2=5.0,
+    vertical_acceleration_m_s2=2.0,
+    jerk_m_s3=20.0,
+    braking_m_s2=2.0,
+    vertical_braking_m_s2=0.8,
+    reaction_s=0.5,
+)
+
+HANDLING: Mapping[str, Handling] = MappingProxyType({"px4": PX4, "arducopter": ARDUCOPTER})
+
+
+def handling(autopilot: str) -> Handling:
+    """Look the handling of an autopilot up by its profile's name.
+
+    Raises:
+        ConfigError: If there is no such flavour.
+    """
+    try:
+        return HANDLING[autopilot]
+    except KeyError:
+        raise ConfigError(f"autopilot = {autopilot!r}: allowed are {', '.join(HANDLING)}") from None
