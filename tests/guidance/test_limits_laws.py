@@ -8,7 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
-from guidance.limits import Envelope, Limiter, Memory, Polygon, Situation, StandOff, limit, start
+from guidance.limits import (
+    AltitudeHold,
+    Envelope,
+    Limiter,
+    Memory,
+    Polygon,
+    Situation,
+    StandOff,
+    hold_altitude,
+    limit,
+    start,
+)
 from guidance.limits.shaping import next_yaw
 from guidance.limits.stopping import approach_speed
 from guidance.telemetry import Setpoint
@@ -453,3 +464,63 @@ def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east
     for index, (one, other) in enumerate(square.edges()):
         middle = ((one[0] + other[0]) / 2.0, (one[1] + other[1]) / 2.0)
         assert square.outward(index) == pytest.approx((middle[0] / 5.0, middle[1] / 5.0))
+
+
+def held_at(error_m, *, trim_m_s=0.0, dt_s=DT_S, **limits):
+    """A hold at 50 m, found `error_m` too high (down positive: it has to sink by that much)."""
+    envelope = replace(OPEN, **limits)
+    memory = AltitudeHold(-50.0, trim_m_s)
+    return hold_altitude(memory, down_m=-50.0 - error_m, wanted_down_m=None, envelope=envelope, dt_s=dt_s)
+
+
+@pytest.mark.parametrize("error_m", [0.1, -0.1, 1.0, -1.0, 3.0])
+def test_a_hold_asks_for_the_speed_that_still_brakes_at_the_height(error_m):
+    out = held_at(error_m, dt_s=0.0)
+    speed = abs(out.velocity_down_m_s)
+    assert math.copysign(1.0, out.velocity_down_m_s) == math.copysign(1.0, error_m)
+    # gain 0.8/s near the height, √(2 · braking · distance) far from it: v/0.8 + v²/(2 · braking) = distance.
+    assert speed / 0.8 + speed**2 / (2.0 * OPEN.vertical_braking_m_s2) == pytest.approx(abs(error_m))
+
+
+@pytest.mark.parametrize(("error_m", "speed"), [(500.0, 2.0), (-500.0, -4.0)])
+def test_a_hold_far_away_climbs_and_sinks_at_the_limits(error_m, speed):
+    assert held_at(error_m, trim_m_s=0.1).velocity_down_m_s == speed
+
+
+@pytest.mark.parametrize(
+    ("error_m", "dt_s", "trim_m_s"),
+    [
+        (0.5, 0.02, 0.1 + 0.08 * 0.5 * 0.02),
+        (-0.5, 0.05, 0.1 - 0.08 * 0.5 * 0.05),
+        (1.49, 0.02, 0.1 + 0.08 * 1.49 * 0.02),
+        (1.51, 0.02, 0.1),  # far away it waits
+        (0.5, 7.0, 0.1 + 0.08 * 0.5 * 0.1),  # a late step is not made up for
+        (0.5, -7.0, 0.1),
+        (0.5, math.nan, 0.1),
+    ],
+)
+def test_the_trim_of_a_hold_is_the_slow_integral_of_a_small_error(error_m, dt_s, trim_m_s):
+    out = held_at(error_m, trim_m_s=0.1, dt_s=dt_s)
+    assert out.memory == AltitudeHold(-50.0, pytest.approx(trim_m_s))
+    assert out.velocity_down_m_s - held_at(error_m, dt_s=0.0).velocity_down_m_s == pytest.approx(trim_m_s)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_trim_of_a_hold_is_bounded(sign):
+    assert held_at(sign, trim_m_s=0.4999 * sign, dt_s=0.1).memory.trim_m_s == 0.5 * sign
+
+
+def test_a_hold_begins_without_trim_and_keeps_a_wanted_height_over_its_own():
+    begun = hold_altitude(None, down_m=-50.0, wanted_down_m=None, envelope=OPEN, dt_s=DT_S)
+    assert begun == (0.0, AltitudeHold(-50.0, 0.0))
+    moved = hold_altitude(begun.memory, down_m=-50.0, wanted_down_m=-60.0, envelope=OPEN, dt_s=DT_S)
+    assert moved.memory.down_m == -60.0
+    assert moved.velocity_down_m_s < 0.0
+    kept = hold_altitude(moved.memory, down_m=-50.0, wanted_down_m=None, envelope=OPEN, dt_s=DT_S)
+    assert kept.memory.down_m == -60.0
+
+
+@pytest.mark.parametrize(("down_m", "held_m"), [(-3.0, -10.0), (-90.0, -40.0)])
+def test_a_hold_stays_between_floor_and_ceiling_above_home(down_m, held_m):
+    between = replace(OPEN, floor_m=5.0, ceiling_m=35.0, home_ned_m=(0.0, 0.0, -5.0))
+    assert hold_altitude(None, down_m=down_m, wanted_down_m=None, envelope=between, dt_s=DT_S).memory.down_m == held_m
