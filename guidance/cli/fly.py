@@ -2,7 +2,6 @@
 
 import signal
 import sys
-import time
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -19,7 +18,7 @@ def fly(
     link: Annotated[str, typer.Option(help="Which client flies: mavsdk or pymavlink (real time only).")] = "mavsdk",
     port: Annotated[int, typer.Option(help="TCP port of the Zenoh session on loopback; 0 picks a free one.")] = 0,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the record and the picture; default flights/<scenario>-<number>.")
+        Path | None, typer.Option(help="Folder for the record and the picture; default flights/SCENARIO-NUMBER.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the mock's noise, instead of the scenario's.")] = None,
 ) -> None:
@@ -29,21 +28,16 @@ def fly(
     as to a real vehicle, arms, takes off, flies to the scenario's start, plays the game at 50 Hz over MAVLink until the
     stand-off disc around the evader is reached, holds, lands and disarms. Writes the record (MCAP) and a picture (PNG).
 
-    Examples:
-        guidance fly                                  the paper's PE game, in real time
-
-        guidance fly config/scenarios/tad.toml        the paper's TAD game
-
-        guidance fly --fast                           the same flight in virtual time
-
-        guidance fly --link pymavlink                 with pymavlink instead of MAVSDK
+    - `guidance fly`: the paper's PE game, in real time
+    - `guidance fly config/scenarios/tad.toml`: the paper's TAD game
+    - `guidance fly --fast`: the same flight in virtual time
+    - `guidance fly --link pymavlink`: with pymavlink instead of MAVSDK
     """
     from guidance.scenarios.command import fly_scenario  # noqa: PLC0415 - matplotlib, zenoh and mavsdk take a second
 
     signal.signal(signal.SIGTERM, _terminated)
-    started_s = time.perf_counter()
     try:
-        code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, started_s=started_s)
+        code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed)
     except KeyboardInterrupt:
         typer.echo("interrupted: the mock was ended, and the record so far can be read", err=True)
         code = 128 + signal.SIGINT

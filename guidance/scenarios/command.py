@@ -25,9 +25,7 @@ LINKS = ("mavsdk", "pymavlink")
 REDRAW_S = 0.1
 
 
-def fly_scenario(
-    name: str, *, fast: bool, link: str, port: int, out: Path | None, seed: int | None, started_s: float
-) -> int:
+def fly_scenario(name: str, *, fast: bool, link: str, port: int, out: Path | None, seed: int | None) -> int:
     """Fly a scenario by name or path; return the exit code: 0 when the game ended as it should have.
 
     Raises:
@@ -51,7 +49,7 @@ def fly_scenario(
         result.wall_s = time.perf_counter() - flying_s
     if recorder.failed is not None:
         console.print(f"[yellow]the record is incomplete: {recorder.failed}[/yellow]")
-    _report(console, result, folder, fast=fast, startup_s=flying_s - started_s)
+    _report(console, result, folder, fast=fast)
     return 0 if result.captured else 4
 
 
@@ -112,23 +110,23 @@ def _line(console: Console) -> Iterator[Any]:
                 return
             if time.perf_counter() - drawn_s >= REDRAW_S:
                 drawn_s = time.perf_counter()
-                live.update(Text(_words(progress)), refresh=True)
+                live.update(Text(_words(progress), no_wrap=True, overflow="crop"), refresh=True)
 
         yield show
 
 
 def _words(progress: Progress) -> str:
-    words = f"{progress.now_s:7.1f} s  {progress.state:<12}  mode {progress.mode:<8}"
-    certificate = progress.certificate
+    words = f"{progress.now_s:6.1f} s  {progress.state:<11} mode {progress.mode:<7}"
+    certificate, unit = progress.certificate, progress.unit
     if certificate is None:
         return words
     return (
-        f"{words}  range {certificate.gap_m:6.1f} m  height {certificate.height_gap_m:6.1f} m"
-        f"  value to go {certificate.value:6.2f}  meeting in {certificate.meeting_time_s:5.1f} s"
+        f"{words} range {certificate.gap_m:5.1f} m, {certificate.height_gap_m:5.1f} m up"
+        f"  value to go {certificate.value:5.1f} {unit}"
     )
 
 
-def _report(console: Console, result: FlightResult, folder: Path, *, fast: bool, startup_s: float) -> None:
+def _report(console: Console, result: FlightResult, folder: Path, *, fast: bool) -> None:
     from guidance.scenarios.picture import draw  # noqa: PLC0415 - matplotlib takes a second
 
     console.print(_table(result))
@@ -136,7 +134,6 @@ def _report(console: Console, result: FlightResult, folder: Path, *, fast: bool,
         speed = result.duration_s / result.wall_s
         console.print(
             f"{result.duration_s:.1f} s of flight in {result.wall_s:.2f} s: {speed:.0f} times faster than real time"
-            f" (start-up {startup_s:.1f} s apart)"
         )
     draw(result, folder / "flight.png")
     console.print(f"record   {folder / 'record.mcap'}", soft_wrap=True, highlight=False)

@@ -31,6 +31,7 @@ class Progress(NamedTuple):
     state: State
     mode: str
     certificate: Certificate | None
+    unit: str
 
 
 class Sample(NamedTuple):
@@ -93,6 +94,7 @@ def fly(
     director = Director(hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s)
     result = FlightResult(scenario, State.CONNECTING)
 
+    unit = "s" if scenario.target is None else "m"
     due_s = start_s = clock.now_s()
     while not director.finished and due_s - start_s < MISSION_LIMIT_S:
         clock.sleep_until(due_s)
@@ -110,7 +112,7 @@ def fly(
             for passed in world.drain():
                 recorder.frame(*passed)
         _note(result, now_s, outputs, pursuer_m, evader.position_game_m())
-        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate))
+        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit))
 
     evader.stop()
     result.duration_s = clock.now_s() - start_s
