@@ -116,7 +116,7 @@ def _line(console: Console) -> Iterator[Any]:
 
 
 def _words(progress: Progress) -> str:
-    words = f"{progress.now_s:6.1f} s  {progress.state:<11} mode {progress.mode:<7}"
+    words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<7}"
     certificate, unit = progress.certificate, progress.unit
     if certificate is None:
         return words
