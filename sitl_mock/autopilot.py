@@ -164,10 +164,20 @@ class Autopilot:
         return []
 
     def set_origin(self, now_s: float, place: Place) -> bool:
-        """SET_GPS_GLOBAL_ORIGIN: refused, for the origin is set by GPS; confirmed if it is that one already."""
+        """SET_GPS_GLOBAL_ORIGIN: disarmed, the local frame moves there; armed it stays."""
         del now_s
-        origin = self.frame.origin
-        return all(math.isclose(a, b, abs_tol=1e-6) for a, b in zip(origin, place, strict=True))
+        if self.craft.armed:
+            return False
+        body, craft, old = self.motion.body, self.craft, self.frame
+        self.frame = craft.frame = LocalFrame(Home(*place))
+        here = self.frame.to_local(*old.to_geodetic(*body.position_ned_m))
+        self.ground_m = craft.ground_m = here[2]
+        self.motion = self.plant.initial(here, body.yaw_rad)
+        craft.body = self.motion.body
+        craft.position_m = here
+        if craft.home_m is not None:
+            craft.home_m = self.frame.to_local(*old.to_geodetic(*craft.home_m))
+        return True
 
     def set_home(self, now_s: float, place: Place) -> bool:
         """SET_HOME_POSITION."""

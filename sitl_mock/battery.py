@@ -1,9 +1,11 @@
-"""A battery that is drained by flying, or is put where a test wants it."""
+"""A battery that is drained by flying, to half as in PX4's simulation, or is put where a test wants it."""
 
 from dataclasses import dataclass
 
 _FULL_V, _EMPTY_V = 4.05, 3.6
 _CELLS = 4
+LEAST = 0.5
+"""Flying does not drain it further (SIM_BAT_MIN_PCT), so that long tests do not end in failsafes."""
 
 
 @dataclass(slots=True)
@@ -14,7 +16,7 @@ class Battery:
         remaining: Fraction in [0, 1].
         current_a: Present current.
         consumed_mah: Charge taken since start.
-        capacity_mah: Full charge; 0 never drains.
+        capacity_mah: Full charge.
     """
 
     remaining: float = 1.0
@@ -27,8 +29,8 @@ class Battery:
         self.current_a = 0.4 + 14.0 * thrust_share
         used_mah = self.current_a * dt_s / 3.6
         self.consumed_mah += used_mah
-        if self.capacity_mah > 0.0:
-            self.remaining = max(0.0, self.remaining - used_mah / self.capacity_mah)
+        if self.remaining > LEAST:
+            self.remaining = max(LEAST, self.remaining - used_mah / self.capacity_mah)
 
     @property
     def voltage_v(self) -> float:

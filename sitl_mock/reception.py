@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
 
 COMPONENT: Final = 1
+STICK_SOURCE: Final = "COM_RC_IN_MODE"
+RADIO_ONLY, BOTH, NO_STICKS = 0, 3, 4
 _PWM_LEAST, _PWM_MOST = 800, 2200
 
 
@@ -42,7 +44,8 @@ def _set_mode(autopilot: Autopilot, now_s: float, message: Message) -> None:
 
 def _manual_control(autopilot: Autopilot, now_s: float, message: Message) -> None:
     """MANUAL_CONTROL: pitch x, roll y, yaw r in [-1000, 1000], throttle z in [0, 1000]."""
-    if message.target != autopilot.system_id or autopilot.conditions.rc is False:
+    source = autopilot.parameters.get(STICK_SOURCE, BOTH)
+    if message.target != autopilot.system_id or autopilot.conditions.rc is False or source in {RADIO_ONLY, NO_STICKS}:
         return
     pitch, roll, throttle, yaw = (value / 1000.0 for value in (message.x, message.y, message.z, message.r))
     if max(abs(pitch), abs(roll), abs(throttle), abs(yaw)) <= 1.0:
@@ -52,6 +55,8 @@ def _manual_control(autopilot: Autopilot, now_s: float, message: Message) -> Non
 def _override(autopilot: Autopilot, now_s: float, message: Message) -> None:
     """RC_CHANNELS_OVERRIDE: roll, pitch, throttle, yaw as pulse widths."""
     raw = (message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw)
+    if autopilot.parameters.get(STICK_SOURCE, BOTH) == NO_STICKS:
+        return
     if autopilot.conditions.rc is False or not all(_PWM_LEAST <= value <= _PWM_MOST for value in raw):
         return
     roll, pitch, throttle, yaw = (min(max((value - 1500) / 500.0, -1.0), 1.0) for value in raw)

@@ -118,8 +118,7 @@ class ArduPilot:
         if setpoint is not None:
             self.guided = setpoint
             self.stream_s = now_s
-            if not self.craft.on_ground:
-                self.takeoff_m = math.nan
+            self.takeoff_m = math.nan
 
     def switch(self, now_s: float, mode: str) -> None:
         """Take the pilot's mode switch."""

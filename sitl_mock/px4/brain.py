@@ -114,7 +114,7 @@ class Px4:
 
     def request(self, now_s: float, mode: str) -> bool:
         """Ask for a mode: always granted while disarmed, else only if it can run."""
-        if self.mode == "TERMINATION" and self.craft.armed:
+        if self.mode == "TERMINATION":
             return False
         if mode != "OFFBOARD":  # the stream is seen by the periodic check only (measured: 0.06 to 0.12 s)
             self.there = checks.available(self.craft, self.plans, self.stream_s)
@@ -153,12 +153,13 @@ class Px4:
             self.failsafes.clear()
             self.in_failsafe = False
             self.pilot_counts = False
-            self._enter(self.intention)
+            if self.mode != "TERMINATION":
+                self._enter(self.intention)
             return
         self.pilot_counts = self.pilot_counts or Need.PILOT in self.there
         self._pilot_takes_over(now_s)
         action, new = self.failsafes.update(
-            now_s, checks.wrong(craft, self.plans, pilot_counts=self.pilot_counts), craft.parameters
+            now_s, checks.wrong(craft, self.plans, self.intention, pilot_counts=self.pilot_counts), craft.parameters
         )
         for name in new:
             craft.say(Severity.WARNING, f"Failsafe: {name}")
@@ -222,6 +223,8 @@ class Px4:
         self.craft.disarm()
         self.failsafes.clear()
         self.in_failsafe = False
+        if self.mode == "TERMINATION":
+            return
         if self.intention in {"TAKEOFF", "LAND", "RTL", "DESCEND"}:
             self.intention = "HOLD"
         self._enter(self.intention)

@@ -2,12 +2,16 @@
 
 import math
 from collections.abc import Mapping
+from typing import Final
 
 from sitl_mock.craft import Craft
 from sitl_mock.fence import violated
 from sitl_mock.missions import flyable
 from sitl_mock.modes import Mode, Need
 from sitl_mock.protocols import PlanStore
+
+EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}
+"""COM_RCL_EXCEPT and COM_DLL_EXCEPT: in which modes a lost link is borne."""
 
 
 def available(craft: Craft, plans: PlanStore, stream_s: float) -> frozenset[Need]:
@@ -26,15 +30,25 @@ def available(craft: Craft, plans: PlanStore, stream_s: float) -> frozenset[Need
     return frozenset(need for need, met in there.items() if met)
 
 
-def wrong(craft: Craft, plans: PlanStore, *, pilot_counts: bool) -> frozenset[str]:
-    """Return the names of the failsafe triggers that are present. `pilot_counts`: a radio was there at arming."""
+def wrong(craft: Craft, plans: PlanStore, intention: str, *, pilot_counts: bool) -> frozenset[str]:
+    """Return the names of the failsafe triggers that are present.
+
+    Args:
+        craft: The vehicle.
+        plans: Its fence among them.
+        intention: The mode asked for, which may be excepted from a lost link (COM_RCL_EXCEPT, COM_DLL_EXCEPT).
+        pilot_counts: A radio was there at arming or since.
+    """
     now_s, parameters = craft.now_s, craft.parameters
     charge = craft.battery.remaining
-    ground_age_s = now_s - craft.peers.ground_s
+    ground_age_s, onboard_age_s = now_s - craft.peers.ground_s, now_s - craft.peers.onboard_s
+    excepted = EXCEPTION_BITS.get(intention, 0)
+    pilot_lost = pilot_counts and not craft.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"])
+    ground_lost = craft.conditions.gcs_lost or parameters["COM_DL_LOSS_T"] < ground_age_s < math.inf
     present = {
-        "manual control lost": pilot_counts and not craft.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
-        "ground station lost": craft.conditions.gcs_lost
-        or (math.isfinite(ground_age_s) and ground_age_s > parameters["COM_DL_LOSS_T"]),
+        "manual control lost": pilot_lost and not int(parameters["COM_RCL_EXCEPT"]) & excepted,
+        "ground station lost": ground_lost and not int(parameters["COM_DLL_EXCEPT"]) & excepted,
+        "onboard computer lost": parameters["COM_OBC_LOSS_T"] < onboard_age_s < math.inf,
         "geofence violated": craft.conditions.fence_breach or _fence(craft, plans, parameters),
         "battery low": charge < parameters["BAT_LOW_THR"],
         "battery critical": charge < parameters["BAT_CRIT_THR"],

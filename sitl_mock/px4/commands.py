@@ -45,7 +45,7 @@ def _set_mode(px4: Px4, now_s: float, command: Command) -> Answers:
     if math.isfinite(base + main) and int(base) & 1:
         number = int(main) << 16 | (int(sub) if math.isfinite(sub) else 0) << 24
         mode = BY_NUMBER.get(number)
-        if mode is not None:
+        if mode is not None and mode.name != "TERMINATION":
             granted = px4.request(now_s, mode.name)
             real = real._replace(result=Result.ACCEPTED if granted else Result.TEMPORARILY_REJECTED)
     return (CommandAnswer(Result.ACCEPTED), real)

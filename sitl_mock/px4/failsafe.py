@@ -70,6 +70,7 @@ TRIGGERS: Final = (
         deferred=False,
         sticky=False,
     ),
+    Trigger("onboard computer lost", "", {0: Action.WARN}, deferred=False, sticky=False),
     Trigger("battery low", "", {0: Action.WARN}, deferred=False, sticky=True),
     Trigger(
         "battery critical",

@@ -64,7 +64,7 @@ MODES: Final = ModeTable(
         "DO_SET_MODE and SET_MODE are answered twice: ACCEPTED at once, then the real result. Believe HEARTBEAT.",
         "The intention survives a failsafe: when what was lost comes back, PX4 returns to OFFBOARD by itself.",
         "A failsafe action that the pilot or a client answers with a mode change is over.",
-        "TERMINATION is left by a reboot only.",
+        "TERMINATION is entered by DO_FLIGHTTERMINATION or a failsafe, and left by a reboot only.",
     ),
 )
 

@@ -11,7 +11,7 @@ from sitl_mock.telemetry.report import Report, heading_cdeg
 Fields = tuple[Any, ...]
 
 _GYRO, _ACCEL, _MAG, _BARO, _GPS = 0x1, 0x2, 0x4, 0x8, 0x20
-_RC, _AHRS, _BATTERY, _PREARM = 0x10000, 0x200000, 0x2000000, 0x10000000
+_RC, _GEOFENCE, _AHRS, _BATTERY, _PREARM = 0x10000, 0x100000, 0x200000, 0x2000000, 0x10000000
 _SENSORS: Final = _GYRO | _ACCEL | _MAG | _BARO
 _NO_CELL: Final = 0xFFFF
 _PWM_LOW, _PWM_HIGH = 1000, 2000
@@ -39,6 +39,7 @@ def sys_status(report: Report) -> Fields:
     health |= _GPS if estimator.gps_ok else 0
     health |= _AHRS if estimator.position_valid else 0
     health |= _RC if craft.pilot.fresh(craft.now_s, 0.5) else 0
+    health |= 0 if craft.conditions.fence_breach else _GEOFENCE
     health |= _PREARM if report.brain.ready_to_arm else 0
     return (
         present,

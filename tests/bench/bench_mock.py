@@ -11,12 +11,12 @@ import argparse
 import gc
 import json
 import math
-import os
 import socket
 import statistics
 import subprocess
 import sys
 import time
+import tracemalloc
 
 from sitl_mock import MockVehicle
 from sitl_mock.mavlink import Decoder, Encoder
@@ -75,20 +75,16 @@ def stepped(flavour, seconds, rounds):
 
 
 def memory(count):
-    """Kilobytes a vehicle, from the growth of the resident set."""
-    gc.collect()
-    MockVehicle("px4").step(0.0)
-    before = _resident_kb()
+    """Kilobytes that Python allocates for one more vehicle."""
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
     vehicles = [MockVehicle("px4", system_id=1 + index % 255) for index in range(count)]
     for vehicle in vehicles:
         vehicle.step(0.0)
         vehicle.step(1.0)
-    return (_resident_kb() - before) / count
-
-
-def _resident_kb():
-    with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - a number from the kernel
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1024.0
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return (after - before) / 1024.0 / count
 
 
 def first_heartbeat(rounds):

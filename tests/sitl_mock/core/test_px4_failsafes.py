@@ -161,6 +161,33 @@ def test_manual_control_is_a_radio(fly):
     assert flight.mode != "POSCTL", "it stops, so the pilot is lost"
 
 
+@pytest.mark.parametrize(("exception", "mode"), [(0, "RTL"), (2, "RTL"), (4, "OFFBOARD")])
+def test_a_lost_radio_is_borne_where_com_rcl_except_says_so(fly, ned_velocity, exception, mode):
+    stream = ned_velocity(1.0, 0.0, 0.0)
+    flight = fly("px4", parameters={"COM_RCL_EXCEPT": exception}).airborne()
+    flight.vehicle.inject("rc", True)
+    flight.offboard(stream)
+    flight.vehicle.inject("rc", False)
+    flight.run(7.0, stream)
+    assert flight.mode == mode
+
+
+def test_a_lost_onboard_computer_is_a_warning_only(fly):
+    flight = fly("px4", texts=True).airborne()
+    flight.send("HEARTBEAT", 18, 8, 0, 0, 4, 3)
+    flight.run(7.0)
+    assert flight.mode == "HOLD"
+    assert not flight.vehicle.autopilot.brain.in_failsafe
+    assert "Failsafe: onboard computer lost" in flight.texts()
+
+
+@pytest.mark.parametrize(("source", "heard"), [(0, False), (1, True), (3, True), (4, False)])
+def test_com_rc_in_mode_chooses_where_sticks_come_from(fly, source, heard):
+    flight = fly("px4", parameters={"COM_RC_IN_MODE": source}).run(1.0)
+    flight.send("MANUAL_CONTROL", 1, 0, 0, 500, 0, 0, 0, 0, *[0] * 8)
+    assert flight.vehicle.autopilot.craft.pilot.known == heard
+
+
 class TestFrameworkAlone:
     def test_every_value_of_every_parameter_is_an_action_or_a_warning(self):
         for trigger in TRIGGERS:

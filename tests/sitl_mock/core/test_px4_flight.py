@@ -185,7 +185,10 @@ def test_termination_is_final(fly):
     flight.run(4.0)
     assert flight.mode == "TERMINATION"
     assert flight.height == 0.0
+    flight.run(6.0)
+    assert not flight.vehicle.armed
     assert flight.command(176, 1, 4, 3)[-1] != 0
+    assert flight.mode == "TERMINATION"
 
 
 def test_reboot_is_refused_while_armed_and_starts_the_clock_anew(fly):

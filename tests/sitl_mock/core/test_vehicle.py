@@ -101,6 +101,23 @@ def test_the_origin_may_lie_elsewhere(fly):
     assert flight.height == pytest.approx(8.0 - 3.0, abs=0.6)
 
 
+def test_the_origin_can_be_set_before_arming_and_is_confirmed(fly):
+    flight = fly("px4").run(1.0)
+    wanted = flight.vehicle.autopilot.frame.to_geodetic(-40.0, 10.0, 0.0)
+    place = (round(wanted.lat_deg * 1e7), round(wanted.lon_deg * 1e7), round(wanted.alt_amsl_m * 1e3))
+    flight.send("SET_GPS_GLOBAL_ORIGIN", 1, *place, 0)
+    told = flight.last("GPS_GLOBAL_ORIGIN")
+    assert (told.latitude, told.longitude, told.altitude) == place
+    flight.run(0.2)
+    local = flight.last("LOCAL_POSITION_NED")
+    assert (local.x, local.y, local.z) == pytest.approx((40.0, -10.0, 0.0), abs=0.02)
+    flight.airborne(5.0)
+    assert flight.last("GLOBAL_POSITION_INT").relative_alt == pytest.approx(5000, abs=600)
+    before = len(flight.all("GPS_GLOBAL_ORIGIN"))
+    flight.send("SET_GPS_GLOBAL_ORIGIN", 1, *place, 0)
+    assert len(flight.all("GPS_GLOBAL_ORIGIN")) == before, "not in the air"
+
+
 def test_estimation_noise_has_the_measured_size():
     vehicle = MockVehicle("px4", seed=1, ready_after_s=0.5)
     encoder = Encoder(1, 195)
