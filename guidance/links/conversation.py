@@ -1,4 +1,4 @@
-"""What every link does whatever its library: decode, join, answer, repeat, count. No wire and no thread in here.
+"""What every link does whatever its library: decode, join, answer, ask again, count. No wire and no thread in here.
 
 A link feeds the messages it heard to `hear`, calls `tend` once per poll, and hands out what `take` returns; frames to
 be sent leave through the `send` function it gave.
@@ -103,7 +103,7 @@ class Conversation:
         return messages
 
     def request(self, request: Request, now_s: float) -> None:
-        """Send a request now and repeat it until it is answered.
+        """Send a request now; what only asks is repeated until it is answered.
 
         Raises:
             ValueError: If it cannot be sent as it is.

@@ -185,9 +185,9 @@ class MavsdkLink:
             self._conversation.setpoint(setpoint, self._clock())
 
     def request(self, request: Request) -> None:
-        """Send a command or a parameter request, and repeat it from `receive` until it is answered.
+        """Send a command, once, or a question, which is repeated from `receive` until it is answered.
 
-        MAVSDK's own repetition (`send_command`) is not used: there a new mode waits behind one not yet answered.
+        MAVSDK's own `send_command` is not used: it repeats a mode change blindly, whatever a pilot does meanwhile.
         """
         if not self._closed:
             self._conversation.request(request, self._clock())

@@ -19,7 +19,7 @@ class VehicleLink(Protocol):
 
         Empty when there is nothing. A bounded number is kept (oldest dropped, counted). Messages whose values cannot
         be meant (a position that is not finite, latitude and longitude both 0) are dropped and counted. Call it every
-        tick: requests are repeated, and TIMESYNC is asked and answered, from in here.
+        tick: what asks is repeated, and TIMESYNC is asked and answered, from in here.
         """
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
@@ -32,10 +32,11 @@ class VehicleLink(Protocol):
         """
 
     def request(self, request: Request) -> None:
-        """Send a command or a parameter request, and repeat it every 0.5 s, 4 times in all, until it is answered.
+        """Send a command or a parameter request; the answer (COMMAND_ACK, PARAM_VALUE) comes back through `receive`.
 
-        The answer (COMMAND_ACK, PARAM_VALUE) comes back through `receive`. A newer command of the same number takes
-        the place of one that is still waiting, except stream and message requests (511, 512), which queue.
+        What only asks (parameters; streams and messages, 511 and 512) is repeated every 0.5 s, 4 times in all, until it
+        is answered, one command of a number at a time. A command that acts on the vehicle is sent exactly once: if it
+        is to be repeated, then by someone who looked at a HEARTBEAT first, lest it is taken back from a pilot.
 
         Raises:
             ValueError: If it cannot be sent as it is (an infinite parameter, a latitude that is none).

@@ -121,7 +121,7 @@ class PymavlinkLink:
             self._conversation.setpoint(setpoint, self._clock())
 
     def request(self, request: Request) -> None:
-        """Send a command or a parameter request, and repeat it from `receive` until it is answered."""
+        """Send a command, once, or a question, which is repeated from `receive` until it is answered."""
         if not self._closed:
             self._conversation.request(request, self._clock())
 

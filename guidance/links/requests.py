@@ -1,7 +1,11 @@
-"""Requests in flight: repeated every half second, four times in all, until they are answered.
+"""Requests in flight. Those that only ask are repeated every half second, four times in all, until they are answered.
+
+A command that acts on the vehicle (a mode, arming, take-off) is sent once: its acknowledgement may have been lost and a
+pilot may have taken over since, and a blind repeat would take the vehicle back. Whoever wants it repeated has to look
+at a HEARTBEAT first.
 
 A COMMAND_ACK names only the command's number. So of one number there is one in flight at a time: stream and message
-requests queue behind each other, while any other command (a mode, say) takes the place of its predecessor at once.
+requests queue behind each other, while any other command takes the place of its predecessor at once.
 """
 
 from collections import deque
@@ -9,14 +13,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from guidance.telemetry import Command, ParameterRequest, Request
+from guidance.telemetry import ParameterRequest, Request
 
 REPEAT_S: Final = 0.5
 MOST_SENDS: Final = 4
 IN_PROGRESS_PATIENCE_S: Final = 10.0
 MOST_QUEUED: Final = 64
 MAV_RESULT_IN_PROGRESS: Final = 5
-_QUEUED_COMMANDS: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
+_ASKING: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
 
 Key = tuple[str, int | str]
 
@@ -28,9 +32,15 @@ def key_of(request: Request) -> Key:
     return "command", request.command
 
 
+def only_asks(request: Request) -> bool:
+    """Whether a repeat can do no harm: parameters, streams and messages."""
+    return isinstance(request, ParameterRequest) or request.command in _ASKING
+
+
 @dataclass(slots=True)
 class _Flight:
     request: Request
+    most_sends: int
     sends: int = 0
     next_send_s: float = float("-inf")
 
@@ -46,19 +56,18 @@ class RequestQueue:
     def add(self, request: Request) -> None:
         """Take a request; it is due at once, unless it has to queue."""
         lane = self.waiting.setdefault(key_of(request), deque())
-        queues = isinstance(request, Command) and request.command in _QUEUED_COMMANDS
-        if not queues:
+        if isinstance(request, ParameterRequest) or not only_asks(request):
             lane.clear()
         if len(lane) >= MOST_QUEUED:
             self.refused += 1
             return
-        lane.append(_Flight(request))
+        lane.append(_Flight(request, MOST_SENDS if only_asks(request) else 1))
 
     def due(self, now_s: float) -> Iterator[tuple[Request, int]]:
         """Yield (request, attempt counted from 0) for all that must be sent now; drop what was never answered."""
         for key in list(self.waiting):
             lane = self.waiting[key]
-            while lane and lane[0].sends >= MOST_SENDS and now_s >= lane[0].next_send_s:
+            while lane and lane[0].sends >= lane[0].most_sends and now_s >= lane[0].next_send_s:
                 lane.popleft()
                 self.unanswered += 1
             if not lane:
@@ -76,7 +85,7 @@ class RequestQueue:
         if not lane or lane[0].sends == 0:
             return
         if result == MAV_RESULT_IN_PROGRESS:
-            lane[0].sends = MOST_SENDS
+            lane[0].sends = lane[0].most_sends
             lane[0].next_send_s = now_s + IN_PROGRESS_PATIENCE_S
             return
         lane.popleft()

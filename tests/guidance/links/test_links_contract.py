@@ -23,6 +23,7 @@ from guidance.telemetry import (
 )
 
 ARM = Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+STREAM = Command(511, (32.0, 20000.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 FLY = Setpoint((1.5, -2.25, 0.5), yaw_rad=0.75)
 
 
@@ -90,31 +91,39 @@ def test_a_setpoint_that_is_not_finite_is_refused_and_not_sent(rig):
     assert rig.peer.of("SET_POSITION_TARGET_LOCAL_NED") == []
 
 
-def test_a_command_is_repeated_until_it_is_answered(rig):
+def asked(rig: Rig) -> list:
+    return [message for message in rig.peer.of("COMMAND_LONG") if (message.command, message.param1) == (511, 32.0)]
+
+
+def test_a_question_is_repeated_until_it_is_answered(rig):
     rig.peer.answers = False
-    rig.link.request(ARM)
-
-    def arms() -> list:
-        return [message for message in rig.peer.of("COMMAND_LONG") if message.command == 400]
-
-    assert rig.hear(lambda got: len(arms()) == 2)
-    assert [message.confirmation for message in arms()] == [0, 1]
+    rig.link.request(STREAM)
+    assert rig.hear(lambda got: len(asked(rig)) == 2)
+    assert [message.confirmation for message in asked(rig)] == [0, 1]
     rig.peer.answers = True
-    assert rig.hear(lambda got: any(message.command == 400 for message in rig.of(CommandAck)))
+    assert rig.hear(lambda got: any(message.command == 511 for message in rig.of(CommandAck)))
     settle()  # one may have been on its way when the answer came
-    count = len(arms())
+    count = len(asked(rig))
     for _ in range(3):
         rig.received += rig.link.receive()
         settle()
-    assert len(arms()) == count <= 4
+    assert len(asked(rig)) == count <= 4
     assert rig.counted("requests_unanswered") == 0
 
 
-def test_a_command_nobody_answers_is_given_up(rig):
+def test_a_question_nobody_answers_is_given_up(rig):
+    rig.peer.answers = False
+    rig.link.request(STREAM)
+    assert rig.hear(lambda got: rig.counted("requests_unanswered") == 1)
+    assert len(asked(rig)) == 4
+
+
+def test_a_command_that_acts_goes_out_once_even_without_an_answer(rig):
     rig.peer.answers = False
     rig.link.request(ARM)
     assert rig.hear(lambda got: rig.counted("requests_unanswered") == 1)
-    assert sum(message.command == 400 for message in rig.peer.of("COMMAND_LONG")) == 4
+    settle()
+    assert sum(message.command == 400 for message in rig.peer.of("COMMAND_LONG")) == 1
 
 
 def test_nan_parameters_arrive_as_nan(rig):
