@@ -16,6 +16,7 @@ from guidance.flight.requests import requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, TRANSITIONS, Event, State, next_state
 from guidance.flight.tracking import Tracking
+from guidance.monitor import Alarm, Guarantee, watch
 from guidance.telemetry import Heartbeat, Home, LocalPosition, Message, Request, Setpoint, TargetReport
 from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
 from guidance.vehicle import VehicleState, observe
@@ -62,6 +63,7 @@ class Outputs(NamedTuple):
     requests: tuple[Request, ...]
     happenings: tuple[Happening, ...]
     certificate: Certificate | None
+    alarm: Alarm | None = None
 
 
 class Flight:
@@ -76,6 +78,8 @@ class Flight:
         self._echo = Echo()
         self._memory = TickMemory()
         self._certificate: Certificate | None = None
+        self._guarantee = Guarantee()
+        self._alarm: Alarm | None = None
         self._other_mode_seen = False
         self._last_s: float | None = None
         self._since_s = 0.0
@@ -100,6 +104,7 @@ class Flight:
         if self._last_s is None:
             self._since_s = now_s
         self._last_s = now_s
+        self._alarm = None
 
         self.vehicle = observe(self.vehicle, inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports)
@@ -112,7 +117,7 @@ class Flight:
             self._echo.silent()
         else:
             self._echo.sent(now_s, setpoint)
-        return Outputs(self.state, setpoint, requests, happenings, self._certificate)
+        return Outputs(self.state, setpoint, requests, happenings, self._certificate, self._alarm)
 
     def _hear(self, inputs: Inputs) -> None:
         self._echo.hear(inputs.messages, guided=self._mode() is Mode.GUIDED)
@@ -146,7 +151,7 @@ class Flight:
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
             self._certificate, self._other_mode_seen = None, False
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
-                self._memory = TickMemory()
+                self._memory, self._guarantee = TickMemory(), Guarantee()
         elif (before, event) in TRANSITIONS:
             self._since_s = now_s
         return Happening(now_s, event, before, after)
@@ -218,4 +223,11 @@ class Flight:
         self._memory = output.memory
         if output.certificate is not None:
             self._certificate = output.certificate
+            self._guarantee, self._alarm = watch(
+                self._guarantee,
+                now_s,
+                output.certificate,
+                with_target=self._tick.target_game_m is not None,
+                slack=self.settings.guarantee_slack,
+            )
         return output.setpoint

@@ -26,7 +26,7 @@ class EngageOn(StrEnum):
     PILOT_MODE = "pilot_mode"  # a pilot who switches to the guided mode; a neutral setpoint stream makes that possible
 
 
-_LIMITS_S: Mapping[State, float] = MappingProxyType(
+LIMITS_S: Mapping[State, float] = MappingProxyType(
     {
         State.CONNECTING: 30.0,
         State.CHECKING: 90.0,
@@ -51,6 +51,7 @@ class FlightSettings:
         after_capture: What to do at the stand-off disc.
         engage_on: What begins the game.
         battery_minimum: Battery remaining (0 to 1) below which the flight returns.
+        guarantee_slack: How much of the value may be lost, s (PE) or m (TAD), before an alarm says so.
         settle_s: How long everything must be well again before a paused game goes on.
         limits_s: Longest stay in a state, where there is a limit.
     """
@@ -63,4 +64,5 @@ class FlightSettings:
     engage_on: EngageOn = EngageOn.COMMAND
     battery_minimum: float = 0.2
     settle_s: float = 1.0
-    limits_s: Mapping[State, float] = field(default_factory=lambda: _LIMITS_S)
+    guarantee_slack: float = 1.0
+    limits_s: Mapping[State, float] = field(default_factory=lambda: LIMITS_S)

@@ -153,6 +153,7 @@ def _table(result: FlightResult) -> Table:
         "game lasted": f"{result.capture_time_s:.2f} s",
         "setpoints sent": f"{result.setpoints_sent}",
         "late ticks": f"{result.late_ticks} of {result.cycles}",
+        "guarantee alarms": f"{len(result.alarms)}",
         "flight ended": f"{result.ended}, after {result.duration_s:.1f} s",
     }
     for name, value in rows.items():

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from guidance.flight import Event, Flight, Happening, Outputs, State
 from guidance.frames import Vector
+from guidance.monitor import Alarm
 from guidance.scenarios.director import Director
 from guidance.scenarios.evader import EvaderPilot
 from guidance.scenarios.model import Scenario
@@ -68,6 +69,7 @@ class FlightResult:
     wall_s: float = 0.0
     samples: list[Sample] = field(default_factory=list)
     happenings: list[Happening] = field(default_factory=list)
+    alarms: list[tuple[float, Alarm]] = field(default_factory=list)
 
     @property
     def ratio(self) -> float:
@@ -133,6 +135,8 @@ def _note(
     result.cycles += 1
     result.ended = outputs.state
     result.happenings.extend(outputs.happenings)
+    if outputs.alarm is not None:
+        result.alarms.append((now_s, outputs.alarm))
     if pursuer_m is not None and evader_m is not None:
         result.samples.append(Sample(now_s, outputs.state, pursuer_m, evader_m))
     certificate = outputs.certificate

@@ -5,7 +5,7 @@ from typing import Any
 
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import TargetSource, VehicleLink
-from guidance.service.record import Recorder
+from guidance.service.record import Record
 
 HEARTBEAT_S = 1.0
 
@@ -13,17 +13,18 @@ HEARTBEAT_S = 1.0
 class Cycle:
     """The loop's body, the same in real and in virtual time."""
 
-    def __init__(self, flight: Flight, link: VehicleLink, target: TargetSource, recorder: Recorder | None) -> None:
+    def __init__(self, flight: Flight, link: VehicleLink, target: TargetSource, recorder: Record | None) -> None:
         self.flight = flight
         self._link = link
         self._target = target
         self._recorder = recorder
         self._heartbeat_s = float("-inf")
         self.setpoints_sent = 0
+        self.inputs = Inputs(float("-inf"))
 
-    def run(self, now_s: float, orders: Sequence[Event] = ()) -> Outputs:
-        """Run one cycle at `now_s`."""
-        inputs = Inputs(now_s, self._link.receive(), self._target.receive(), orders)
+    def run(self, now_s: float, orders: Sequence[Event] = (), refusals: Sequence[str] = ()) -> Outputs:
+        """Run one cycle at `now_s`; `inputs` is then what it has seen."""
+        inputs = self.inputs = Inputs(now_s, self._link.receive(), self._target.receive(), orders, refusals)
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
@@ -38,11 +39,13 @@ class Cycle:
             self._keep(self._recorder, inputs, outputs)
         return outputs
 
-    def _keep(self, recorder: Recorder, inputs: Inputs, outputs: Outputs) -> None:
+    def _keep(self, recorder: Record, inputs: Inputs, outputs: Outputs) -> None:
         recorder.tick(inputs.now_s, row(inputs, outputs))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"
             recorder.event(happening.now_s, str(happening.event), detail)
+        if outputs.alarm is not None:
+            recorder.event(inputs.now_s, str(outputs.alarm.broken), f"{outputs.alarm.amount:.2f}")
 
 
 def row(inputs: Inputs, outputs: Outputs) -> dict[str, Any]:
@@ -54,8 +57,10 @@ def row(inputs: Inputs, outputs: Outputs) -> dict[str, Any]:
             "messages": [{"kind": type(message).__name__, **message._asdict()} for message in inputs.messages],
             "reports": inputs.reports,
             "orders": [str(order) for order in inputs.orders],
+            "refusals": inputs.refusals,
         },
         "requests": outputs.requests,
         "setpoint": outputs.setpoint,
         "certificate": outputs.certificate,
+        "alarm": outputs.alarm,
     }
