@@ -1,4 +1,4 @@
-"""How each autopilot's vehicle is flown: servo, catching up, approach, and the envelope's dynamic limits, as data.
+"""How each autopilot's vehicle is flown: how it follows the game, and the envelope's dynamic limits, as data.
 
 Sources: our own measurements of PX4 v1.17 (SIH quadrotor) and ArduCopter 4.5.7 (its simulated quadrotor), default
 parameters. A vehicle that handles differently gets numbers of its own in its configuration.
@@ -11,6 +11,7 @@ from types import MappingProxyType
 from guidance.approach import Approach
 from guidance.catch_up import CatchUp
 from guidance.errors import ConfigError
+from guidance.follow import Following
 from guidance.servo import ServoGains
 
 
@@ -18,9 +19,7 @@ from guidance.servo import ServoGains
 class Handling:
     """One vehicle's handling; the last six are of `guidance.limits.Envelope`, with its names and meanings."""
 
-    servo: ServoGains
-    approach: Approach
-    catch_up: CatchUp
+    following: Following
     acceleration_m_s2: float
     vertical_acceleration_m_s2: float
     jerk_m_s3: float
@@ -30,21 +29,23 @@ class Handling:
 
 
 PX4 = Handling(
-    # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe flies
-    # no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
-    servo=ServoGains(
-        acceleration_m_s2=7.0,
-        vertical_acceleration_m_s2=2.0,
-        jerk_m_s3=60.0,
-        lag_s=0.3,
-        drag_per_s=0.3,
-        drag_limit_per_s=1.5,
-        trim_limit_m_s2=1.5,
-        drag_learning_per_s2=2.0,
-        trim_learning_per_s2=0.3,
+    following=Following(
+        # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe
+        # flies no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
+        servo=ServoGains(
+            acceleration_m_s2=7.0,
+            vertical_acceleration_m_s2=2.0,
+            jerk_m_s3=60.0,
+            lag_s=0.3,
+            drag_per_s=0.3,
+            drag_limit_per_s=1.5,
+            trim_limit_m_s2=1.5,
+            drag_learning_per_s2=2.0,
+            trim_learning_per_s2=0.3,
+        ),
+        approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, vertical_settle_s=0.4),
+        catch_up=CatchUp(),
     ),
-    approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, vertical_settle_s=0.4),
-    catch_up=CatchUp(),
     acceleration_m_s2=9.0,
     vertical_acceleration_m_s2=3.0,
     jerk_m_s3=80.0,
@@ -54,11 +55,13 @@ PX4 = Handling(
 )
 
 ARDUCOPTER = Handling(
-    # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7, PSC_JERK_XY 5 m/s³ both.
-    # Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s².
-    servo=ServoGains(acceleration_m_s2=4.5, vertical_acceleration_m_s2=1.0, jerk_m_s3=6.0, lag_s=0.2),
-    approach=Approach(braking_m_s2=1.8, vertical_braking_m_s2=0.6),
-    catch_up=CatchUp(),
+    following=Following(
+        # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
+        # both. Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s².
+        servo=ServoGains(acceleration_m_s2=4.5, vertical_acceleration_m_s2=1.0, jerk_m_s3=6.0),
+        approach=Approach(braking_m_s2=1.8, vertical_braking_m_s2=0.6),
+        catch_up=CatchUp(),
+    ),
     acceleration_m_s2=5.0,
     vertical_acceleration_m_s2=2.0,
     jerk_m_s3=20.0,

@@ -9,16 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.approach import Approach, Gaps, approach
-from guidance.catch_up import CatchUp, catch_up
-from guidance.drift import Drift, observe_drift
+from guidance.approach import Gaps
+from guidance.drift import observe_drift
 from guidance.errors import ConfigError
+from guidance.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
 from guidance.game import PURSUER_POLICIES, Game, Solution, SpeedSet, StandOff, solve
 from guidance.game.game import horizontal_speed
 from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
 from guidance.limits import Memory as LimitMemory
-from guidance.servo import ServoGains, ServoMemory, serve
 from guidance.station import Place, keep_station
 from guidance.telemetry import Setpoint
 
@@ -36,9 +35,7 @@ class TickSettings:
         standoff: The terminal disc: radius around the evader, height above its plane.
         tolerance_m: How near to the disc, horizontally and vertically each, counts as reached.
         envelope: The limits.
-        servo: Gains of the velocity servo.
-        approach: How the vehicle arrives at the disc.
-        catch_up: How way that is lost to acceleration is made good.
+        following: How the vehicle is made to fly the game's velocity; None sends that as it is.
         target_game_m: The place the evader wants to reach, in the game frame (TAD); None in the PE game.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
         target_timeout_s: Age of the target's last report from which it counts as lost.
@@ -50,9 +47,7 @@ class TickSettings:
     standoff: StandOff
     tolerance_m: float
     envelope: Envelope
-    servo: ServoGains
-    approach: Approach
-    catch_up: CatchUp
+    following: Following | None
     target_game_m: Vector | None = None
     site: tuple[float, float, Amsl] | None = None
     target_timeout_s: float = 1.5
@@ -83,12 +78,10 @@ class TickInputs(NamedTuple):
 class TickMemory(NamedTuple):
     """What one cycle leaves to the next."""
 
-    servo: ServoMemory = ServoMemory()
+    follow: FollowMemory = FollowMemory()
     limits: LimitMemory | None = None
     height: AltitudeHold | None = None
     yaw_rad: float | None = None
-    owed_m: float = 0.0
-    drift: Drift = Drift()
     place: Place | None = None
 
 
@@ -146,24 +139,15 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
         output = hover(inputs, settings, memory)
         return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
     solution, wanted_game = _strategy(game, settings, pursuer, evader, game_from_ned(target.velocity_ned_m_s))
-    drift = _drift(inputs, memory)
-    flown = _less(inputs.velocity_ned_m_s, drift.velocity_ned_m_s)
-    caught_up = catch_up(ned_from_game(wanted_game), flown, memory.owed_m, settings.catch_up, dt_s=inputs.dt_s)
-    approached = approach(caught_up.velocity_ned_m_s, flown, target.velocity_ned_m_s, gaps, settings.approach)
-    # What braking at the disc costs is not owed.
-    owed_m = memory.owed_m if approached.braking else caught_up.owed_m
-    served = serve(approached.velocity_ned_m_s, flown, memory.servo, settings.servo, dt_s=inputs.dt_s)
+    motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, target.velocity_ned_m_s)
+    followed = follow(ned_from_game(wanted_game), motion, gaps, settings.following, memory.follow, dt_s=inputs.dt_s)
     yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
-    limited = _limit(
-        Setpoint(_plus(served.velocity_ned_m_s, drift.velocity_ned_m_s), served.acceleration_ned_m_s2, yaw_rad=yaw_rad),
-        inputs,
-        settings,
-        memory,
-    )
+    command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
+    limited = _limit(command, inputs, settings, memory)
     return TickOutput(
         limited.setpoint,
-        _certify(inputs, settings, game, solution, pursuer, evader, gaps, approached.velocity_ned_m_s, limited),
-        TickMemory(served.memory, limited.memory, None, yaw_rad, owed_m, drift),
+        _certify(inputs, settings, game, solution, pursuer, evader, gaps, followed.wanted_ned_m_s, limited),
+        TickMemory(followed.memory, limited.memory, None, yaw_rad),
     )
 
 
@@ -177,12 +161,11 @@ def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tic
         envelope=settings.envelope,
         dt_s=inputs.dt_s,
     )
-    drift = _drift(inputs, memory)
-    flown = _less(inputs.velocity_ned_m_s, drift.velocity_ned_m_s)
-    (north, east), place = keep_station(memory.place, inputs.position_ned_m, flown)
-    still = _plus((north, east, held.velocity_down_m_s), drift.velocity_ned_m_s)
+    drift = observe_drift(memory.follow.drift, inputs.position_ned_m, inputs.velocity_ned_m_s, dt_s=inputs.dt_s)
+    (north, east), place = keep_station(memory.place, inputs.position_ned_m, less_drift(inputs.velocity_ned_m_s, drift))
+    still = with_drift((north, east, held.velocity_down_m_s), drift)
     limited = _limit(Setpoint(still, yaw_rad=yaw_rad), inputs, settings, memory)
-    kept = TickMemory(limits=limited.memory, height=held.memory, yaw_rad=yaw_rad, drift=drift, place=place)
+    kept = TickMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place)
     return TickOutput(limited.setpoint, None, kept)
 
 
@@ -205,10 +188,6 @@ def _gaps(position_ned_m: Vector, target_ned_m: Vector, standoff: StandOff) -> G
     scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
     height_m = target_ned_m[2] - position_ned_m[2] - standoff.height_m
     return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
-
-
-def _drift(inputs: TickInputs, memory: TickMemory) -> Drift:
-    return observe_drift(memory.drift, inputs.position_ned_m, inputs.velocity_ned_m_s, dt_s=inputs.dt_s)
 
 
 def _limit(command: Setpoint, inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Limited:
@@ -293,11 +272,3 @@ def _outside(position_ned_m: Vector, envelope: Envelope) -> bool:
     north, east = (position_ned_m[axis] - envelope.home_ned_m[axis] for axis in (0, 1))
     beyond = envelope.fence_radius_m is not None and math.hypot(north, east) > envelope.fence_radius_m
     return beyond or (envelope.fence_polygon is not None and not envelope.fence_polygon.contains(position_ned_m[:2]))
-
-
-def _plus(one: Vector, other: Vector) -> Vector:
-    return (one[0] + other[0], one[1] + other[1], one[2] + other[2])
-
-
-def _less(one: Vector, other: Vector) -> Vector:
-    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])

@@ -1,0 +1,247 @@
+"""One chase in virtual time: the daemon's own cycle, a mock autopilot, and an evader that is at full speed at once.
+
+The evader is a point mass whose reports reach the cycle without a wire, so that nothing but the pursuer costs time.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from random import Random
+
+from guidance.flight import AfterCapture, Event, Flight, FlightSettings, State
+from guidance.frames import Amsl, LocalFrame
+from guidance.links import MemoryWire
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.scenarios.model import Scenario, load_scenario
+from guidance.scenarios.settings import flight_settings
+from guidance.service.clock import VirtualClock
+from guidance.service.cycle import Cycle
+from guidance.telemetry import TargetReport
+from guidance.tick import Certificate
+from sitl_mock.vehicle import MockVehicle
+from sitl_mock.world import Home
+
+TICK_S = 0.02
+REPORT_S = 0.1
+POSITION_SD_M = 0.05
+VELOCITY_SD_M_S = 0.03
+SETTLED_S = 2.0
+LONGEST_S = 90.0
+
+ORDERS = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,)}
+
+
+def hover_chase(autopilot: str, *, seed: int) -> Scenario:
+    """The scenario that is measured, on one autopilot."""
+    scenario = load_scenario("hover_chase")[1]
+    pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot})
+    return scenario.model_copy(update={"pursuer": pursuer, "seed": seed})
+
+
+class Runner:
+    """The evader: stands until told, then runs from the pursuer at full speed at once; a `TargetSource`."""
+
+    def __init__(self, scenario: Scenario, settings: FlightSettings) -> None:
+        site = scenario.site
+        amsl = Amsl(site.altitude_amsl_m)
+        projection = settings.profile.projection
+        self._frame = LocalFrame(site.latitude_deg, site.longitude_deg, amsl, amsl, projection=projection)
+        east, north = scenario.evader.position_m
+        self.place_m = (north, east)
+        self.velocity_m_s = (0.0, 0.0)
+        self._speed_m_s = scenario.evader.speed_m_s
+        self._random = Random(scenario.seed)
+        self._now_s = 0.0
+        self._next_s = 0.0
+        self._due: list[TargetReport] = []
+
+    def advance(self, now_s: float, pursuer_m: tuple[float, float], *, running: bool) -> None:
+        """Run on to now."""
+        away = [mine - his for mine, his in zip(self.place_m, pursuer_m, strict=True)]
+        pace = self._speed_m_s / math.hypot(*away) if running else 0.0
+        self.velocity_m_s = (away[0] * pace, away[1] * pace)
+        dt_s, self._now_s = now_s - self._now_s, now_s
+        self.place_m = (
+            self.place_m[0] + self.velocity_m_s[0] * dt_s,
+            self.place_m[1] + self.velocity_m_s[1] * dt_s,
+        )
+        if now_s >= self._next_s - 1e-9:
+            self._next_s = now_s + REPORT_S
+            self._due.append(self._report())
+
+    def _report(self) -> TargetReport:
+        gauss = self._random.gauss
+        north, east = (metres + gauss(0.0, POSITION_SD_M) for metres in self.place_m)
+        speed_north, speed_east = (speed + gauss(0.0, VELOCITY_SD_M_S) for speed in self.velocity_m_s)
+        latitude_deg, longitude_deg, altitude = self._frame.wgs84_from_ned((north, east, 0.0))
+        return TargetReport(
+            received_s=self._now_s,
+            sent_s=self._now_s,
+            source="runner",
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            altitude_amsl_m=altitude.metres,
+            velocity_ned_m_s=(speed_north, speed_east, 0.0),
+            position_sd_m=POSITION_SD_M,
+            velocity_sd_m_s=VELOCITY_SD_M_S,
+        )
+
+    def receive(self) -> list[TargetReport]:
+        """See `TargetSource`."""
+        due, self._due = self._due, []
+        return due
+
+    def counters(self) -> Mapping[str, int]:
+        """See `TargetSource`."""
+        return {}
+
+    def close(self) -> None:
+        """See `TargetSource`."""
+
+
+@dataclass(slots=True)
+class Chased:
+    """What a chase came to. Lengths and speeds are of the true motion; `flown_s` is what the certificate said.
+
+    Attributes:
+        value_s: The game's value at engagement.
+        flown_s: From engagement until within the tolerance of the disc; NaN if it never came to that.
+        nearest_m: Least horizontal distance to the rim of the disc: negative is inside.
+        lowest_m: Least height above the disc: negative is below.
+        fastest_m_s: Largest speed over the ground.
+        station_m: From two seconds after the capture on: every distance to the rim of the disc,
+        slip_m_s: and every speed over the ground relative to the evader.
+        commands: Every setpoint's velocity and acceleration, NED.
+    """
+
+    value_s: float = math.nan
+    flown_s: float = math.nan
+    nearest_m: float = math.inf
+    lowest_m: float = math.inf
+    fastest_m_s: float = 0.0
+    station_m: list[float] = field(default_factory=list)
+    slip_m_s: list[float] = field(default_factory=list)
+    commands: list[tuple[float, ...]] = field(default_factory=list)
+
+    @property
+    def ratio(self) -> float:
+        """Flown over value."""
+        return self.flown_s / self.value_s
+
+    @property
+    def worst_station_m(self) -> float:
+        """Farthest from the rim after the capture."""
+        return max(map(abs, self.station_m), default=math.nan)
+
+    @property
+    def slip_rms_m_s(self) -> float:
+        """Root of the mean square of the slip."""
+        return math.sqrt(sum(slip * slip for slip in self.slip_m_s) / max(1, len(self.slip_m_s)))
+
+    def note(self, since_s: float, certificate: Certificate, gap_m: float, height_m: float, slip_m_s: float) -> None:
+        """Take down one tick of the game."""
+        if math.isnan(self.value_s):
+            self.value_s = certificate.value
+        if math.isnan(self.flown_s) and certificate.captured:
+            self.flown_s = since_s
+        self.nearest_m, self.lowest_m = min(self.nearest_m, gap_m), min(self.lowest_m, height_m)
+        if since_s > self.flown_s + SETTLED_S:
+            self.station_m.append(gap_m)
+            self.slip_m_s.append(slip_m_s)
+
+
+def chase(
+    scenario: Scenario,
+    *,
+    change: Callable[[FlightSettings], FlightSettings] = lambda settings: settings,
+    alter: Callable[[MockVehicle], None] = lambda _vehicle: None,
+    station_s: float = 8.0,
+) -> Chased:
+    """Fly a PE scenario until some time after the capture, the evader still running; the pursuer keeps station.
+
+    Args:
+        scenario: What is flown; its evader's policy is not asked.
+        change: Of the flight's settings.
+        alter: Of the mock, before it begins.
+        station_s: How long station is kept.
+    """
+    clock = VirtualClock()
+    settings = change(replace(flight_settings(scenario), after_capture=AfterCapture.SHADOW))
+    vehicle = _vehicle(scenario)
+    alter(vehicle)
+    ours, theirs = MemoryWire.pair(clock.now_s)
+    link = PymavlinkLink(ours, clock.now_s, system_id=1)
+    runner = Runner(scenario, settings)
+    cycle = Cycle(Flight(settings), link, runner, None)
+    chased, state, engaged_s = Chased(), State.CONNECTING, math.nan
+    height_m = settings.tick.standoff.height_m
+    while (now_s := clock.now_s()) < LONGEST_S and not now_s > engaged_s + chased.flown_s + station_s:
+        for frame in vehicle.step(now_s, [frame for _, frame in theirs.receive()]):
+            theirs.send(frame)
+        (north, east, down), speed = _truth(vehicle, scenario)
+        runner.advance(now_s, (north, east), running=now_s > engaged_s)
+        outputs = cycle.run(now_s, ORDERS.get(state, ()))
+        state, certificate = outputs.state, outputs.certificate
+        if certificate is not None and outputs.setpoint is not None:
+            engaged_s = now_s if math.isnan(engaged_s) else engaged_s
+            gap_m = math.dist((north, east), runner.place_m) - settings.tick.standoff.radius_m
+            slip_m_s = math.dist(speed, runner.velocity_m_s)
+            chased.note(now_s - engaged_s, certificate, gap_m, -down - height_m, slip_m_s)
+            chased.fastest_m_s = max(chased.fastest_m_s, math.hypot(*speed))
+            chased.commands.append(
+                (*outputs.setpoint.velocity_ned_m_s, *(outputs.setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0)))
+            )
+        clock.sleep_until(now_s + TICK_S)
+    link.close()
+    return chased
+
+
+def _vehicle(scenario: Scenario) -> MockVehicle:
+    site, pursuer = scenario.site, scenario.pursuer
+    vertical = {"MPC_Z_VEL_MAX_UP": pursuer.climb_m_s, "MPC_Z_VEL_MAX_DN": pursuer.descent_m_s}
+    return MockVehicle(
+        pursuer.autopilot,
+        home=Home(site.latitude_deg, site.longitude_deg, site.altitude_amsl_m),
+        start_ned=(pursuer.position_m[1], pursuer.position_m[0], 0.0),
+        seed=scenario.seed,
+        parameters=vertical if pursuer.autopilot == "px4" else None,
+        ready_after_s=1.0,
+    )
+
+
+def _truth(vehicle: MockVehicle, scenario: Scenario) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    """True place about the site's point and true speed over the ground; the mock's frame begins at its start."""
+    body = vehicle.truth
+    east, north, _ = scenario.pursuer.position_m
+    place = body.position_ned_m
+    return (place[0] + north, place[1] + east, place[2]), body.velocity_ned_m_s[:2]
+
+
+def altered(*, drag: float = 1.0, lag: float = 1.0, noise: float = 1.0) -> Callable[[MockVehicle], None]:
+    """Return what multiplies the drag, the lags (dead time, attitude, rotors) and the estimator's errors of a mock."""
+
+    def alter(vehicle: MockVehicle) -> None:
+        autopilot = vehicle.autopilot
+        flavour = autopilot.flavour
+
+        def plant(parameters: Mapping[str, float]):
+            made = flavour.plant(parameters)
+            airframe = replace(
+                made.airframe,
+                drag_1_s=made.airframe.drag_1_s * drag,
+                drag_1_m=made.airframe.drag_1_m * drag,
+                attitude_gain_1_s=made.airframe.attitude_gain_1_s / lag,
+                rate_gain_1_s=made.airframe.rate_gain_1_s / lag,
+                rotor_lag_s=made.airframe.rotor_lag_s * lag,
+            )
+            return replace(made, airframe=airframe, setpoint_delay_s=made.setpoint_delay_s * lag)
+
+        wander = replace(
+            flavour.wander,
+            velocity_sd_ned_m_s=tuple(noise * sd for sd in flavour.wander.velocity_sd_ned_m_s),
+            position_sd_ned_m=tuple(noise * sd for sd in flavour.wander.position_sd_ned_m),
+        )
+        autopilot.flavour = replace(flavour, plant=plant, wander=wander)
+        autopilot.plant = plant(autopilot.parameters)
+
+    return alter
