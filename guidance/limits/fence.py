@@ -49,7 +49,7 @@ def keep_in_circle(velocity_ned_m_s: Vector, situation: Situation, envelope: Env
     speed over the ground never rises.
     """
     limit_m, point = _circle(situation, envelope)
-    north, east = _stop_point(velocity_ned_m_s, point, stop)
+    north, east = point[0] + velocity_ned_m_s[0] * stop.ground_s, point[1] + velocity_ned_m_s[1] * stop.ground_s
     reached_m = math.hypot(north, east)
     if reached_m <= limit_m:
         return velocity_ned_m_s
@@ -69,20 +69,6 @@ def outward_wall(situation: Situation, envelope: Envelope) -> Wall:
     return Wall(Limiter.FENCE_RADIUS, outward, 0.0)
 
 
-def shrink_to_circle(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope, stop: Stop) -> Vector:
-    """Scale the velocity over the ground down, direction kept, until the stop point is within the circle."""
-    limit_m, point = _circle(situation, envelope)
-    if math.hypot(*_stop_point(velocity_ned_m_s, point, stop)) <= limit_m:
-        return velocity_ned_m_s
-    # |point + share · travel|² = limit²; point itself is within the limit, so that one root lies in [0, 1].
-    travel = (velocity_ned_m_s[0] * stop.ground_s, velocity_ned_m_s[1] * stop.ground_s)
-    square = travel[0] ** 2 + travel[1] ** 2
-    half = point[0] * travel[0] + point[1] * travel[1]
-    spare = max(0.0, limit_m**2 - point[0] ** 2 - point[1] ** 2)
-    share = max(0.0, math.sqrt(half**2 + square * spare) - half) / square
-    return (share * velocity_ned_m_s[0], share * velocity_ned_m_s[1], velocity_ned_m_s[2])
-
-
 def _circle(situation: Situation, envelope: Envelope) -> tuple[float, Point]:
     point = _about_home(situation, envelope)
     if envelope.fence_radius_m is None:
@@ -97,7 +83,3 @@ def _about_home(situation: Situation, envelope: Envelope) -> Point:
         situation.position_ned_m[0] - envelope.home_ned_m[0],
         situation.position_ned_m[1] - envelope.home_ned_m[1],
     )
-
-
-def _stop_point(velocity_ned_m_s: Vector, point: Point, stop: Stop) -> Point:
-    return (point[0] + velocity_ned_m_s[0] * stop.ground_s, point[1] + velocity_ned_m_s[1] * stop.ground_s)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from guidance.frames import Vector
 from guidance.limits.altitude import floor_and_ceiling
 from guidance.limits.envelope import Envelope
-from guidance.limits.fence import keep_in_circle, outward_wall, polygon_walls, shrink_to_circle
+from guidance.limits.fence import keep_in_circle, outward_wall, polygon_walls
 from guidance.limits.limiter import Limiter
 from guidance.limits.situation import Situation
 from guidance.limits.stand_off import stand_off_walls
@@ -34,8 +34,8 @@ def walls(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) ->
 def keep_within(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> Allowed:
     """Slide along every limit in turn, then scale until all hold at once.
 
-    The sliding keeps as much of the motion as may be; the scaling makes it exact where limits meet in a corner. Speed
-    over the ground and vertical speed never rise.
+    The sliding keeps as much of the motion as may be; the scaling makes it exact where limits meet in a corner, and
+    leaves the circle's law alone: what may be may also be slower. Speed over the ground and vertical speed never rise.
     """
     seconds = stop(velocity_ned_m_s, envelope)
     obstacles = walls(velocity_ned_m_s, situation, envelope)
@@ -51,7 +51,7 @@ def keep_within(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelo
         velocity = inside
     for one in obstacles:
         velocity = shrink(velocity, one)
-    return Allowed(shrink_to_circle(velocity, situation, envelope, seconds), tuple(leaning))
+    return Allowed(velocity, tuple(leaning))
 
 
 def full_speed_walls(velocity_ned_m_s: Vector, envelope: Envelope) -> tuple[Wall, ...]:

@@ -157,6 +157,55 @@ def test_what_goes_along_a_polygon_s_edge_is_kept():
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((asked_ground(3.0, 5.0), 4.0, 1.0))
 
 
+SQUARE = replace(OPEN, fence_polygon=Polygon(((-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0))))
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "allowed"),
+    [
+        ((25.0, 0.0), (5.0, 4.0), (0.0, 4.0)),  # beyond the north edge: no further, along it freely
+        ((25.0, 0.0), (-5.0, 4.0), (-5.0, 4.0)),  # the way in is free
+        ((25.0, 19.0), (-1.0, 6.0), (-1.0, 6.0)),  # the other edges hold nothing out there
+        ((23.0, 24.0), (3.0, 4.0), (0.0, 0.0)),  # beyond a corner: away from it is further out
+        ((23.0, 24.0), (4.0, -3.0), (4.0, -3.0)),  # across that is not
+        ((20.0, 0.0), (5.0, 4.0), (0.0, 4.0)),  # on the line
+        ((20.0, 20.0), (5.0, 4.0), (0.0, 0.0)),  # in the corner
+        ((20.0, 20.0), (-5.0, -4.0), (-5.0, -4.0)),
+        ((19.995, 0.0), (5.0, 4.0), (0.005 / (0.5 + math.hypot(5.0, 4.0) / 4.0), 4.0)),  # a hair inside
+        ((20.005, 19.995), (0.0, 8.0), (0.0, 0.005 / 2.5)),  # a hair outside one edge, the other one still holds
+        ((20.005, 0.0), (5.0, 4.0), (0.0, 4.0)),
+        ((20.0, 21.0), (0.0, 8.0), (0.0, 0.0)),
+    ],
+)
+def test_a_polygon_holds_on_its_line_in_its_corners_and_outside(position, velocity, allowed):
+    at = Situation((*position, 0.0), (0.0, 0.0, 0.0))
+    limited = settled((*velocity, 0.0), at, SQUARE)
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((*allowed, 0.0), abs=1e-9)
+
+
+def test_a_polygon_keeps_its_margin_from_inside_and_outside():
+    with_margin = replace(SQUARE, fence_margin_m=2.0)
+    for north in (18.0, 19.0, 20.0, 21.0):
+        at = Situation((north, 0.0, 0.0), (0.0, 0.0, 0.0))
+        assert settled((5.0, 4.0, 0.0), at, with_margin).setpoint.velocity_ned_m_s == pytest.approx((0.0, 4.0, 0.0))
+        assert settled((-5.0, 4.0, 0.0), at, with_margin).setpoint.velocity_ned_m_s == (-5.0, 4.0, 0.0)
+
+
+def test_an_acceleration_does_not_lean_on_the_circle_and_may_point_inwards():
+    fenced = replace(OPEN, fence_radius_m=6.0, home_ned_m=(0.0, -2.0, 0.0))
+    at_fence = Situation((0.0, 4.0, 0.0), (0.0, 0.0, 0.0))
+    out = settled((0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=(2.0, 3.0, 1.0))
+    assert out.setpoint.acceleration_ned_m_s2 == pytest.approx((2.0, 0.0, 1.0), abs=1e-9)
+    inwards = settled((0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=(2.0, -3.0, 1.0))
+    assert inwards.setpoint.acceleration_ned_m_s2 == pytest.approx((2.0, -3.0, 1.0), abs=1e-9)
+
+
+def test_at_home_itself_the_circle_has_no_direction_and_still_its_law():
+    fenced = replace(OPEN, fence_radius_m=1.0)
+    limited = settled((8.0, 0.0, 0.0), HOVER, fenced, acceleration_ned_m_s2=(3.0, 0.0, 0.0))
+    assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(asked_ground(1.0, 8.0))
+
+
 def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
     fenced = replace(OPEN, fence_radius_m=30.0)
     at_rim = Situation((30.0, 0.0, 0.0), (0.0, 0.0, 0.0))
