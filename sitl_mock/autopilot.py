@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.conditions import Conditions
 from sitl_mock.craft import Craft
-from sitl_mock.dynamics import ZERO, Kind, Motion, Setpoint, Surroundings, Vehicle, Wind, attitude_of
+from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, Wind, attitude_of
 from sitl_mock.errors import ConfigError
 from sitl_mock.estimator import STEP_S as ESTIMATOR_S
 from sitl_mock.estimator import Estimator
@@ -226,10 +226,10 @@ class Autopilot:
         (n, e, d), (v_n, v_e, v_d) = craft.position_m, craft.velocity_m_s
         craft.position_m = (n + v_n * TICK_S, e + v_e * TICK_S, d + v_d * TICK_S)
         roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = craft.attitude
-        craft.attitude = type(craft.attitude)(
+        craft.attitude = Euler(
             roll + roll_rate * TICK_S,
             pitch + pitch_rate * TICK_S,
-            wrap_pi(yaw + yaw_rate * TICK_S),
+            yaw + yaw_rate * TICK_S,
             roll_rate,
             pitch_rate,
             yaw_rate,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.mavlink import SPEC_BY_ID, Decoder, EncodeError, Encoder
+from sitl_mock.mavlink import SPEC_BY_ID, SPEC_BY_NAME, Decoder, EncodeError, Encoder
 from sitl_mock.protocols import (
     Command,
     CommandAnswer,
@@ -35,6 +35,7 @@ COMPONENT: Final = 1
 PROTOCOL_TICKS: Final = 2
 """Late answers are looked for every 20 ms."""
 OFFERED: Final = frozenset(BUILDERS)
+PREPARED: Final = {name: (build, SPEC_BY_NAME[name]) for name, build in BUILDERS.items()}
 _ONCE: Final = frozenset({"PING", "TIMESYNC"})
 _SET_INTERVAL, _GET_INTERVAL, _REQUEST_MESSAGE, _CAPABILITIES = 511, 510, 512, 520
 _AVAILABLE_MODES, _AUTOPILOT_VERSION = 435, 148
@@ -88,16 +89,17 @@ class Link:
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
         autopilot = self.autopilot
-        report, pack = autopilot.report, self.encoder.pack
+        report, frame_of = autopilot.report, self.encoder.frame
         only_heartbeat = autopilot.conditions.telemetry_frozen
         frames: list[bytes] = []
         for name in self.streams.due(now_s):
             if only_heartbeat and name != "HEARTBEAT":
                 continue
-            fields = BUILDERS[name](report)
+            build, spec = PREPARED[name]
+            fields = build(report)
             if fields is not None:
                 try:
-                    frames.append(pack(name, *fields))
+                    frames.append(frame_of(spec, fields))
                 except EncodeError:  # a setpoint at the end of the range, turned beyond it
                     self.unsendable += 1
         if tick % PROTOCOL_TICKS == 0:

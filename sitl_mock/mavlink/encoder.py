@@ -10,6 +10,9 @@ from fastcrc.crc16 import mcrf4xx
 from sitl_mock.mavlink.dialect import SPEC_BY_ID, SPEC_BY_NAME, EncodeError, FieldValue, Message, spec_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sitl_mock.mavlink.dialect import MessageSpec
     from sitl_mock.mavlink.signing import Signing
 
 _HEADER = struct.Struct("<BBBBBB3s").pack
@@ -43,13 +46,20 @@ class Encoder:
         Raises:
             EncodeError: Unknown message, wrong number of values, or a value out of its field's range.
         """
-        spec = SPEC_BY_NAME.get(message) or spec_of(message)  # type: ignore[arg-type]  # an int only misses the dict
+        return self.frame(SPEC_BY_NAME.get(message) or spec_of(message), values)  # type: ignore[arg-type]  # an id misses
+
+    def frame(self, spec: MessageSpec, values: Sequence[FieldValue]) -> bytes:
+        """Return one frame of a message that has been looked up before.
+
+        Raises:
+            EncodeError: Wrong number of values, or a value out of its field's range.
+        """
         try:
             payload = spec.pack_payload(values)
-            if not payload[-1]:
-                payload = payload.rstrip(b"\0") or b"\0"
         except _UNFIT as error:
             raise EncodeError(f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}") from error
+        if not payload[-1]:
+            payload = payload.rstrip(b"\0") or b"\0"
         sequence = self.sequence
         self.sequence = (sequence + 1) & 0xFF
         signing = self.signing
