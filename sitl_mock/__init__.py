@@ -1,7 +1,30 @@
-"""A mock autopilot that real MAVLink clients can fly: PX4, ArduCopter and a rover, nothing to build."""
+"""A mock autopilot that real MAVLink clients can fly: PX4, ArduCopter and a rover, nothing to build.
 
-from sitl_mock.errors import ConfigError, MockError, TransportError
-from sitl_mock.vehicle import MockVehicle
-from sitl_mock.world import DEFAULT_HOME, Home
+What is exported is imported when it is first used: `sitl-mock --help`, and a pytest that only has the plugin
+installed, shall not pay for MAVLink's dialect.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sitl_mock.errors import ConfigError, MockError, TransportError
+    from sitl_mock.vehicle import MockVehicle
+    from sitl_mock.world import DEFAULT_HOME, Home
 
 __all__ = ["DEFAULT_HOME", "ConfigError", "Home", "MockError", "MockVehicle", "TransportError"]
+
+_IN = {
+    "DEFAULT_HOME": "sitl_mock.world",
+    "ConfigError": "sitl_mock.errors",
+    "Home": "sitl_mock.world",
+    "MockError": "sitl_mock.errors",
+    "MockVehicle": "sitl_mock.vehicle",
+    "TransportError": "sitl_mock.errors",
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - as different as the exports
+    if name not in _IN:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_IN[name]), name)

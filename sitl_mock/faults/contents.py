@@ -58,14 +58,13 @@ def _changes(message: str, names: tuple[str, ...], sort: str) -> dict[str, float
 def _bad_fields(making: Making) -> Effect:
     options, signing = making.options, making.vehicle.autopilot.signing
     by_id = {
-        SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"])
-        for name in options["messages"]
+        SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"]) for name in making.messages
     }
     found = {name for changes in by_id.values() for name in changes}
     for name in options["fields"]:
         if name not in found:
             raise ConfigError(
-                f"fields = {name!r}: no message of {', '.join(options['messages'])} has such a field that can be "
+                f"fields = {name!r}: no message of {', '.join(making.messages)} has such a field that can be "
                 f"{options['value']} (whole numbers: zero, int_max, int_min; others: nan, inf, zero)"
             )
 

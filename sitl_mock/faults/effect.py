@@ -58,11 +58,13 @@ class Making(NamedTuple):
         vehicle: The one it strikes.
         random: Its own source of randomness, seeded by script, vehicle and position.
         options: Checked values by name.
+        messages: Names of the messages struck; empty for all.
     """
 
     vehicle: MockVehicle
     random: Random
     options: Mapping[str, Any]
+    messages: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)

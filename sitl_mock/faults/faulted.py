@@ -156,7 +156,7 @@ class Faulted:
         random = Random(f"{self.seed}/{self.name}/{number}/{fault.kind}")
         try:
             event = self._event(fault.after)
-            effect = KINDS[fault.kind].make(Making(self.vehicle, random, fault.options))
+            effect = KINDS[fault.kind].make(Making(self.vehicle, random, fault.options, fault.messages))
         except ConfigError as error:
             raise ConfigError(f"{where}.{error}") from None
         struck = frozenset(SPEC_BY_NAME[name].message_id for name in fault.messages)

@@ -56,9 +56,10 @@ def _corrupt(making: Making) -> Effect:
 
     def damage(_now_s: float, frame: bytes) -> Passed:
         damaged = bytearray(frame)
-        first = 8 * (4 if frame[:1] == b"\xfd" else 2)  # behind the length: CRC-16 finds every change of up to 3 bits
-        count = 8 * len(frame) - (8 * 13 if first == 32 and len(frame) > 2 and frame[2] & 1 else 0)
-        for bit in random.sample(range(min(first, count - 1), count), min(bits, max(1, count - first))):
+        first = 10 if frame[:1] == b"\xfd" else 6
+        end = len(frame) - (13 if first == 10 and frame[2:3] == b"\x01" else 0)
+        wrong = range(8 * first, 8 * end) if end > first else range(8 * len(frame))
+        for bit in random.sample(wrong, min(bits, len(wrong))):  # CRC-16 finds every change of up to 3 bits
             damaged[bit // 8] ^= 1 << bit % 8
         return ((0.0, bytes(damaged)),)
 

@@ -1,0 +1,217 @@
+"""A fleet as a child process: started, waited for, and ended for sure; what test suites and examples build on.
+
+with running([{"name": "uav1", "flavour": "px4", "ready_after_s": 1.0}]) as fleet:
+    fleet["uav1"].udp           # udpin://127.0.0.1:25000, as MAVSDK wants it
+    fleet["uav1"].zenoh         # tcp/127.0.0.1:41234, with fleet["uav1"].namespace
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from sitl_mock.errors import ConfigError, TransportError
+
+Over = Literal["udp", "zenoh"]
+
+LISTENS_ABOVE: Final = 40
+"""A vehicle listens so many ports above the one it sends to."""
+_FIRST_PORT, _LAST_PORT, _PORT_STEP = 21_000, 31_000, 100
+_ATTEMPTS: Final = 5
+_START_S, _STOP_S = 20.0, 5.0
+_PORT_TAKEN: Final = 3
+
+
+@dataclass(frozen=True)
+class RunningVehicle:
+    """Where one vehicle can be reached.
+
+    Attributes:
+        name: Its name.
+        flavour: px4, arducopter or rover.
+        system_id: MAVLink system id.
+        udp_port: The port on 127.0.0.1 that it sends to, where a client listens; None without UDP.
+        udp_listens: The port it listens on.
+        zenoh: Endpoint for a Zenoh client, None without Zenoh.
+    """
+
+    name: str
+    flavour: str
+    system_id: int
+    udp_port: int | None = None
+    udp_listens: int | None = None
+    zenoh: str | None = None
+
+    @property
+    def udp(self) -> str:
+        """The URL for MAVSDK; `udpin:127.0.0.1:<udp_port>` is pymavlink's and MAVProxy's."""
+        return f"udpin://127.0.0.1:{self.udp_port}"
+
+    @property
+    def namespace(self) -> str:
+        """The Zenoh namespace under which are mavlink_raw/in, mavlink_raw/out and faults."""
+        return self.name
+
+
+@dataclass(frozen=True)
+class RunningFleet(Mapping[str, RunningVehicle]):
+    """The vehicles of one child process, by name.
+
+    Attributes:
+        vehicles: Where each can be reached.
+        process: The child; `running` ends it.
+    """
+
+    vehicles: Mapping[str, RunningVehicle]
+    process: subprocess.Popen[str]
+
+    def __getitem__(self, name: str) -> RunningVehicle:
+        return self.vehicles[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.vehicles)
+
+    def __len__(self) -> int:
+        return len(self.vehicles)
+
+
+@contextlib.contextmanager
+def running(
+    vehicles: Sequence[Mapping[str, Any]],
+    *,
+    over: Sequence[Over] = ("udp", "zenoh"),
+    faults: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    **fleet: Any,  # noqa: ANN401 - further keys of a fleet file
+) -> Iterator[RunningFleet]:
+    """Run a fleet in a child process on free ports of 127.0.0.1; it ends with the block, or with this process.
+
+    Args:
+        vehicles: The `[[vehicle]]` tables of a fleet file: name, flavour, ready_after_s, parameters, ...
+        over: What it is reached over.
+        faults: The tables of a faults file.
+        seed: Of all randomness.
+        fleet: Other keys of a fleet file, such as home.
+
+    Raises:
+        ConfigError: A key is unknown or wrong.
+        TransportError: It did not come up.
+    """
+    unknown = sorted(set(over) - {"udp", "zenoh"})
+    if unknown or not over:
+        raise ConfigError(f"over = {tuple(over)!r}: allowed are udp and zenoh")
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        (folder / "fleet.toml").write_text(_toml({"seed": seed, **fleet, "vehicle": list(vehicles)}), encoding="utf-8")
+        (folder / "faults.toml").write_text(_toml(faults or {}), encoding="utf-8")
+        for attempt in range(_ATTEMPTS):
+            port = _free_ports(len(vehicles)) if "udp" in over else None
+            process = _start(folder, port, zenoh="zenoh" in over)
+            stack.callback(end, process)
+            line = _first_line(process)
+            if line:
+                yield RunningFleet(_told(json.loads(line), port), process)
+                return
+            end(process)
+            reason = process.stderr.read().strip() if process.stderr is not None else ""
+            if process.returncode != _PORT_TAKEN or attempt == _ATTEMPTS - 1:
+                break
+        error = ConfigError if process.returncode == ConfigError.exit_code else TransportError
+        raise error(reason.removeprefix("error: ") or "the mock did not come up")
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """End a child: by closing its standard input, and by force if that does not help."""
+    if process.stdin is not None:
+        with contextlib.suppress(OSError):
+            process.stdin.close()
+    try:
+        process.wait(_STOP_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stdout is not None:
+        process.stdout.close()
+
+
+def _start(folder: Path, port: int | None, *, zenoh: bool) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
+    command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
+    command += ["--udp", str(port)] if port is not None else []
+    command += ["--zenoh", "tcp/127.0.0.1:0"] if zenoh else []
+    return subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8"
+    )
+
+
+def _first_line(process: subprocess.Popen[str]) -> str:
+    """Return the line that says ready, empty if the child ended or took too long."""
+    if process.stdout is None or not select.select([process.stdout], [], [], _START_S)[0]:
+        return ""
+    return process.stdout.readline()
+
+
+def _told(ready: Mapping[str, Any], port: int | None) -> dict[str, RunningVehicle]:
+    vehicles = {}
+    for index, each in enumerate(ready["vehicles"]):
+        zenoh = next((place.split()[0] for place in each["endpoints"] if "mavlink_raw" in place), None)
+        vehicles[each["name"]] = RunningVehicle(
+            each["name"],
+            each["flavour"],
+            each["system_id"],
+            None if port is None else port + index,
+            None if port is None else port + LISTENS_ABOVE + index,
+            zenoh,
+        )
+    return vehicles
+
+
+def _free_ports(count: int) -> int:
+    """Return a first port such that all the vehicles' ports, and those of their clients, are free now."""
+    first = _FIRST_PORT + _PORT_STEP * (_any_free_port() % ((_LAST_PORT - _FIRST_PORT) // _PORT_STEP))
+    spread = count + LISTENS_ABOVE
+    for start in itertools.chain(range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)):
+        if all(_is_free(start + index) and _is_free(start + LISTENS_ABOVE + index) for index in range(count)):
+            return start
+    raise TransportError(f"no {2 * count} free UDP ports from {_FIRST_PORT} to {_LAST_PORT} on 127.0.0.1")
+
+
+def _any_free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+    return port
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+        return True
+
+
+def _toml(table: Mapping[str, Any], path: str = "") -> str:
+    """Write nested tables as TOML."""
+    plain, nested = [], []
+    for key, value in table.items():
+        name = json.dumps(key)
+        where = f"{path}.{name}" if path else name
+        if isinstance(value, Mapping):
+            nested.append(f"[{where}]\n{_toml(value, where)}")
+        elif isinstance(value, (list, tuple)) and value and isinstance(value[0], Mapping):
+            nested += [f"[[{where}]]\n{_toml(each, where)}" for each in value]
+        elif value is not None:
+            plain.append(f"{name} = {json.dumps(value)}")
+    return "\n".join([*plain, *nested]) + "\n"

@@ -1,0 +1,115 @@
+"""A client by pymavlink beside a stepped vehicle with faults; the clock moves by hand."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from pymavlink.dialects.v20 import all as dialect
+
+from sitl_mock import MockVehicle
+from sitl_mock.faults import Faulted, parse_script
+
+GUIDED = {"px4": (1.0, 6.0), "arducopter": (1.0, 4.0), "rover": (1.0, 15.0)}
+
+
+class Rig:
+    """One vehicle with faults, and what a client 255/190 has heard from it."""
+
+    def __init__(self, *faults, flavour="px4", seed=1, dt_s=0.02, name="uav1", **settings):
+        settings.setdefault("ready_after_s", 0.5)
+        settings.setdefault("noise", False)
+        script = parse_script({"seed": seed, "fault": list(faults)})
+        self.flavour = flavour
+        self.faulted = Faulted(MockVehicle(flavour, **settings), name, script)
+        self.vehicle = self.faulted.vehicle
+        self.dt_s = dt_s
+        self.now_s = 0.0
+        self.count = 0
+        self.heard = []
+        self.frames = []
+        self.broken = 0
+        nowhere = SimpleNamespace(write=lambda _: None)
+        self.client = dialect.MAVLink(nowhere, 255, 190)
+        self.parser = dialect.MAVLink(nowhere, 255, 190)
+        self.parser.robust_parsing = True
+        self._hear(self.faulted.step(0.0))
+
+    def _hear(self, frames):
+        self.frames += [(self.now_s, frame) for frame in frames]
+        for frame in frames:
+            for message in self.parser.parse_buffer(frame) or []:
+                if message.get_type() == "BAD_DATA":
+                    self.broken += 1
+                else:
+                    self.heard.append((self.now_s, message))
+
+    def pack(self, name, *values):
+        """A frame of the client."""
+        frame = getattr(dialect, f"MAVLink_{name.lower()}_message")(*values).pack(self.client)
+        self.client.seq = (self.client.seq + 1) % 256
+        return frame
+
+    def run(self, seconds, *stream):
+        """Move the clock, sending a message at each step if one is given."""
+        for _ in range(round(seconds / self.dt_s)):
+            self.count += 1
+            self.now_s = round(self.count * self.dt_s, 9)
+            self._hear(self.faulted.step(self.now_s, [self.pack(*stream)] if stream else []))
+        return self
+
+    def send(self, *message):
+        """Send one message now."""
+        self._hear(self.faulted.step(self.now_s, [self.pack(*message)]))
+
+    def command(self, number, *params, wait_s=0.1):
+        """Send a command; return (component, result) of the answers that come within wait_s."""
+        since = len(self.heard)
+        fill = [math.nan if self.flavour == "px4" else 0.0] * (7 - len(params))
+        self.send("COMMAND_LONG", 1, 1, number, 0, *params, *fill)
+        self.run(wait_s)
+        return [
+            (m.get_srcComponent(), m.result)
+            for _, m in self.heard[since:]
+            if m.get_type() == "COMMAND_ACK" and m.command == number
+        ]
+
+    def all(self, name, since_s=0.0, until_s=math.inf):
+        """The messages of a name, with the times they came at."""
+        return [(t, m) for t, m in self.heard if m.get_type() == name and since_s <= t < until_s]
+
+    def airborne(self, height_m=10.0):
+        """Arm, take off, hover."""
+        self.run(1.5)
+        if self.flavour == "arducopter":
+            self.command(176, *GUIDED["arducopter"])
+        assert (1, 0) in self.command(400, 1.0)
+        top_m = self.vehicle.autopilot.frame.origin.alt_amsl_m if self.flavour == "px4" else 0.0
+        fill = [math.nan if self.flavour == "px4" else 0.0] * 6
+        assert self.command(22, *fill, top_m + height_m)[-1] == (1, 0)
+        while -self.vehicle.truth.position_ned_m[2] < height_m - 0.5:
+            assert self.now_s < 60.0
+            self.run(0.5)
+        return self.run(2.0)
+
+    def guided(self, *stream):
+        """Stream, and enter OFFBOARD or GUIDED."""
+        self.run(0.3, *stream)
+        self.command(176, *GUIDED[self.flavour])
+        return self.run(0.2, *stream)
+
+
+def velocity(north, east, down):
+    """A velocity setpoint for 1/1."""
+    return ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 2503, 0, 0, 0, north, east, down, 0, 0, 0, 0, 0)
+
+
+@pytest.fixture
+def rig():
+    """``rig({"kind": ...}, ...)`` switches a vehicle with faults on."""
+    return Rig
+
+
+@pytest.fixture
+def ned_velocity():
+    """A velocity setpoint."""
+    return velocity
