@@ -25,6 +25,8 @@ from sitl_mock.vehicle import MockVehicle
 
 PX4_LOCAL_OFFSET = 40
 """PX4's simulation listens 40 ports above the one it sends to: 14580 beside 14540."""
+ARDUPILOT_STEP = 10
+"""ArduPilot's instances are ten ports apart: 14550, 14560."""
 GCS_LOCAL_PORT = 18570
 
 
@@ -35,7 +37,8 @@ class Wires:
     Attributes:
         zenoh: Endpoint to listen on; port 0 takes a free one.
         zenoh_connect: Endpoint to connect to instead.
-        udp: First port of the onboard links; vehicle i sends to udp + i and listens on udp + 40 + i.
+        udp: First port of the onboard links. As in the simulations of each, PX4 number i sends to udp + i and listens
+            on udp + 40 + i, ArduPilot number i sends to udp + 10 i and listens on any port; who sends is answered.
         gcs: Port of a ground station, to which every vehicle sends from 18570 + i.
     """
 
@@ -101,8 +104,7 @@ def _opened(wires: Wires, vehicles: Mapping[str, Faulted], stack: contextlib.Exi
     names = list(vehicles)
     endpoints: list[Endpoint] = []
     if wires.udp is not None:
-        first = wires.udp
-        ports = {name: (first + PX4_LOCAL_OFFSET + index, first + index) for index, name in enumerate(names)}
+        ports = udp_ports(wires.udp, {name: each.vehicle.flavour for name, each in vehicles.items()})
         endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("onboard", ports, time.monotonic))))
     if wires.gcs is not None:
         ports = {name: (GCS_LOCAL_PORT + index, wires.gcs) for index, name in enumerate(names)}
@@ -121,6 +123,26 @@ def _opened(wires: Wires, vehicles: Mapping[str, Faulted], stack: contextlib.Exi
         endpoints.append(stack.enter_context(contextlib.closing(opened)))
         opened.declare(lambda session: queryable.declare(session, vehicles))
     return endpoints
+
+
+def udp_ports(first: int, flavours: Mapping[str, str]) -> dict[str, tuple[int, int]]:
+    """Own port (0 for any) and target port of each vehicle, from its place in the fleet and its flavour.
+
+    Raises:
+        ConfigError: A port would be beyond 65535.
+    """
+    ports = {
+        name: (first + PX4_LOCAL_OFFSET + index, first + index)
+        if flavour == "px4"
+        else (0, first + ARDUPILOT_STEP * index)
+        for index, (name, flavour) in enumerate(flavours.items())
+    }
+    highest = max(max(pair) for pair in ports.values())
+    if highest > 65535:
+        raise ConfigError(
+            f"udp = {first}: {len(ports)} vehicles would need ports up to {highest}; allowed is up to 65535"
+        )
+    return ports
 
 
 def _say_ready(vehicles: dict[str, MockVehicle], endpoints: Sequence[Endpoint], *, as_json: bool) -> None:

@@ -24,7 +24,10 @@ def run(
     ] = None,
     zenoh_connect: Annotated[str | None, typer.Option(help="Zenoh router to connect to instead of listening.")] = None,
     udp: Annotated[
-        int | None, typer.Option(help="First port of the onboard links; vehicle i sends to PORT + i.", min=1, max=65000)
+        int | None,
+        typer.Option(
+            help="First port of the onboard links; vehicle i sends to PORT + i (ArduPilot: + 10 i).", min=1, max=65000
+        ),
     ] = None,
     gcs: Annotated[
         int | None, typer.Option(help="Port of a ground station; every vehicle sends to it.", min=1, max=65535)

@@ -6,14 +6,17 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from sitl_mock import ConfigError
 from sitl_mock.cli import app
 from sitl_mock.conditions import CONDITIONS
 from sitl_mock.flavour import NAMES
 from sitl_mock.mavlink import Decoder
+from sitl_mock.serving import udp_ports
 
 
 @pytest.fixture
@@ -115,6 +118,18 @@ def test_a_wrong_use_is_one_line_and_exit_code_2(start, arguments, named):
     said = child.stderr.read()
     assert named in said
     assert said.count("\n") == 1
+
+
+def test_the_page_of_modes_is_what_the_command_draws():
+    page = (Path(__file__).parents[3] / "docs" / "modes.md").read_text(encoding="utf-8")
+    assert page.endswith(CliRunner().invoke(app, ["modes"]).output)
+
+
+def test_ports_are_those_of_the_simulations():
+    flavours = {"a": "px4", "b": "px4", "c": "arducopter", "d": "rover"}
+    assert udp_ports(14540, flavours) == {"a": (14580, 14540), "b": (14581, 14541), "c": (0, 14560), "d": (0, 14570)}
+    with pytest.raises(ConfigError, match="65535"):
+        udp_ports(65500, {f"uav{number}": "px4" for number in range(20)})
 
 
 def test_help_teaches():
