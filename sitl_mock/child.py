@@ -30,6 +30,7 @@ _FIRST_PORT, _LAST_PORT, _PORT_STEP = 21_000, 31_000, 100
 _ATTEMPTS: Final = 5
 _START_S, _STOP_S = 20.0, 5.0
 _PORT_TAKEN: Final = 3
+_ERRORS: Final = "errors.txt"
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def running(
                 yield RunningFleet(_told(json.loads(line), port), process)
                 return
             end(process)
-            reason = process.stderr.read().strip() if process.stderr is not None else ""
+            reason = (folder / _ERRORS).read_text(encoding="utf-8").strip()
             if process.returncode != _PORT_TAKEN or attempt == _ATTEMPTS - 1:
                 break
         error = ConfigError if process.returncode == ConfigError.exit_code else TransportError
@@ -149,9 +150,10 @@ def _start(folder: Path, port: int | None, *, zenoh: bool) -> subprocess.Popen[s
     command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
     command += ["--udp", str(port)] if port is not None else []
     command += ["--zenoh", "tcp/127.0.0.1:0"] if zenoh else []
-    return subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8"
-    )
+    with (folder / _ERRORS).open("w", encoding="utf-8") as errors:  # a pipe that nobody reads would fill up
+        return subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True, encoding="utf-8"
+        )
 
 
 def _first_line(process: subprocess.Popen[str]) -> str:
