@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
 from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, integer, number
 from sitl_mock.mavlink import Signing
+from sitl_mock.telemetry import BUILDERS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from sitl_mock.faults.effect import Alter
 
@@ -18,6 +20,7 @@ ANY: Final = Scope(Direction.BOTH, open=True)
 OUT: Final = Scope(Direction.OUT, open=True)
 _SHARE: Final = Option("share of the frames", 1.0, number(0.0, 1.0))
 _MOST_S: Final = 60.0
+_SLACK_S: Final = 1e-9
 
 
 def always(alter: Alter, making: Making) -> Alter:
@@ -87,9 +90,25 @@ def _sign(making: Making) -> Effect:
     return Effect(alter=sign)
 
 
-def _nothing(making: Making) -> Effect:
-    del making
-    return Effect(alter=lambda _now_s, _frame: ())
+def _gap(making: Making) -> Effect:
+    """One HEARTBEAT more passes, then none until the gap is over, when one comes at once."""
+    vehicle, gap_s = making.vehicle, making.options["gap_s"]
+    until_s = [math.nan]
+
+    def alter(now_s: float, frame: bytes) -> Passed:
+        if math.isnan(until_s[0]):
+            until_s[0] = now_s + gap_s
+            return ((0.0, frame),)
+        return () if now_s < until_s[0] - _SLACK_S else ((0.0, frame),)
+
+    def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
+        if not (math.isfinite(until_s[0]) and now_s >= until_s[0] - _SLACK_S):
+            return ()
+        beat = ("HEARTBEAT", *BUILDERS["HEARTBEAT"](vehicle.autopilot.report))
+        until_s[0] = -math.inf
+        return [(name, frame) for name, link in vehicle.links.items() for frame in link.pack([beat])]
+
+    return Effect(alter=alter, advance=advance)
 
 
 def _cut(making: Making) -> Effect:
@@ -146,10 +165,10 @@ LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
         ),
         "heartbeat_gap": Kind(
             Group.LINK,
-            "no HEARTBEAT comes (MAVSDK: disconnected after 3 s)",
-            _nothing,
-            scope=Scope(Direction.OUT, ("HEARTBEAT",)),
-            for_s=3.1,
+            "one gap between two HEARTBEATs (MAVSDK: disconnected after 3 s)",
+            _gap,
+            {"gap_s": Option("seconds from the last one before to the first one after", 3.1, number(0.0, 1e6))},
+            Scope(Direction.OUT, ("HEARTBEAT",)),
         ),
         "v1_frames": Kind(Group.LINK, "frames are MAVLink 1; those it cannot carry are lost", _as_v1, scope=OUT),
         "signed_frames": Kind(

@@ -78,11 +78,14 @@ def test_corrupt_frames_are_refused_by_pymavlink_and_by_the_vehicle(rig, bits):
     assert flight.broken > 100
 
 
-def test_a_heartbeat_gap_is_as_long_as_asked_and_lets_the_rest_pass(rig):
-    flight = rig({"kind": "heartbeat_gap", "at_s": 5.5, "for_s": 2.9}).run(12.0)
+@pytest.mark.parametrize("gap_s", [2.9, 3.1])
+def test_a_heartbeat_gap_is_as_long_as_asked_comes_once_and_lets_the_rest_pass(rig, gap_s):
+    flight = rig({"kind": "heartbeat_gap", "at_s": 5.5, "gap_s": gap_s}).run(14.0)
     times = [t for t, _ in flight.all("HEARTBEAT")]
-    assert max(b - a for a, b in itertools.pairwise(times)) == pytest.approx(4.0, abs=0.05)
-    assert rate_hz(flight, "ATTITUDE", 5.5, 8.4) == pytest.approx(100.0, abs=2.0)
+    gaps = sorted(b - a for a, b in itertools.pairwise(times))
+    assert gaps[-1] == pytest.approx(gap_s, abs=0.021)
+    assert gaps[-2] == pytest.approx(1.0, abs=0.021)
+    assert rate_hz(flight, "ATTITUDE", 6.0, 9.0) == pytest.approx(100.0, abs=2.0)
 
 
 def test_v1_frames_carry_the_same_values_without_extensions(rig):
