@@ -4,8 +4,11 @@ import sys
 
 import typer
 
+from guidance.cli.check import check
+from guidance.cli.ctl import ctl
 from guidance.cli.fly import fly
 from guidance.cli.paper import paper
+from guidance.cli.run import run
 from guidance.cli.solve import solve
 from guidance.errors import GuidanceError
 
@@ -18,6 +21,9 @@ app = typer.Typer(
 app.command()(fly)
 app.command()(paper)
 app.command()(solve)
+app.command()(run)
+app.command()(check)
+app.command()(ctl)
 
 
 @app.callback()

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, runtime_checkable
 
 from guidance.links.arrivals import Clock, Handler
 from guidance.links.port import Wire
@@ -18,6 +18,7 @@ class Passed(NamedTuple):
     frame: bytes
 
 
+@runtime_checkable
 class PushingWire(Wire, Protocol):
     """A wire that can also hand over what arrives at once (Zenoh, memory)."""
 
@@ -28,7 +29,7 @@ class PushingWire(Wire, Protocol):
 class TappedWire:
     """A `Wire` around another. Both directions are kept under the Zenoh keys of the vehicle's namespace."""
 
-    def __init__(self, wire: PushingWire, clock: Clock, namespace: str) -> None:
+    def __init__(self, wire: Wire, clock: Clock, namespace: str) -> None:
         self._wire = wire
         self._clock = clock
         self._to, self._from = f"{namespace}/mavlink_raw/in", f"{namespace}/mavlink_raw/out"
@@ -46,7 +47,13 @@ class TappedWire:
         return arrived
 
     def hand_to(self, handler: Handler) -> None:
-        """As the wire's."""
+        """As the wire's.
+
+        Raises:
+            TypeError: If the wire cannot hand over what arrives.
+        """
+        if not isinstance(self._wire, PushingWire):
+            raise TypeError(f"{type(self._wire).__name__} cannot hand over what arrives")
 
         def listening(received_s: float, frame: bytes) -> None:
             self._kept.append(Passed(received_s, self._from, frame))

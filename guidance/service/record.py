@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from mcap.writer import CompressionType, Writer
 from typing_extensions import Buffer
@@ -35,6 +35,19 @@ _EVENT_SCHEMA = {
 
 TICK_TOPIC = "guidance/tick"
 EVENT_TOPIC = "guidance/event"
+
+
+class Record(Protocol):
+    """Where a cycle is kept. Nothing is raised and nothing is waited for that could disturb a flight."""
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame."""
+
+    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
+        """Keep one guidance cycle."""
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
 
 
 class Recorder:

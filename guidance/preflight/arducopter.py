@@ -1,0 +1,134 @@
+"""ArduCopter's parameters. Meanings as in its parameter list; behaviour as measured on ArduCopter 4.5.7."""
+
+import math
+from typing import Final
+
+from guidance.preflight.row import Verdict
+from guidance.preflight.rule import Judgement, Parameters, Rule, bits, named, passes
+from guidance.preflight.wants import Wants
+
+_OFF_ON: Final = {0: "off", 1: "on"}
+_FENCE_ACTIONS: Final = {
+    0: "report only",
+    1: "RTL or Land",
+    2: "Land",
+    3: "SmartRTL",
+    4: "Brake",
+    5: "SmartRTL or Land",
+}
+_FENCE_TYPES: Final = {0: "height", 1: "circle", 2: "polygon", 3: "floor"}
+_RADIO_LOSS_ACTIONS: Final = {0: "none", 1: "RTL", 3: "Land", 4: "SmartRTL or RTL", 5: "SmartRTL or Land"}
+_ESTIMATOR_ACTIONS: Final = {0: "none", 1: "Land", 2: "AltHold", 3: "Land always"}
+_OPTIONS: Final = {0: "arming from the transmitter", 2: "pilot's yaw ignored", 3: "thrust", 4: "position not held"}
+_CENTI: Final = 0.01
+_SHORTEST_LOSS_S: Final = 0.2
+
+
+def _guided_timeout(value: float, wants: Wants, _: Parameters) -> Judgement:
+    limit_s = wants.loss_time_limit_s
+    return passes(
+        _SHORTEST_LOSS_S <= value <= limit_s,
+        f"{_SHORTEST_LOSS_S:g} to {limit_s:g} s",
+        min(1.0, limit_s),
+        "the last velocity is flown for this long when setpoints stop (3 s by default)",
+    )
+
+
+def _otherwise(wants: Wants) -> Verdict:
+    return Verdict.REFUSE if wants.fence_required else Verdict.WARN
+
+
+def _fence_on(value: float, wants: Wants, _: Parameters) -> Judgement:
+    return passes(round(value) == 1, "1 (on)", 1, "the autopilot's fence is off", otherwise=_otherwise(wants))
+
+
+def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
+    why = "the fence would only report"
+    return passes(round(value) != 0, "1 (RTL or Land), 2 or 4 (Brake)", 1, why, otherwise=_otherwise(wants))
+
+
+def _fence_type(value: float, wants: Wants, _: Parameters) -> Judgement:
+    why = "height and circle are to stand behind ours"
+    return passes(round(value) & 3 == 3, "with height and circle", round(value) | 3, why, otherwise=_otherwise(wants))
+
+
+def _fence(distance_m: float, least_m: float, wants: Wants) -> Judgement:
+    return passes(
+        distance_m >= least_m,
+        f"at least {least_m:g} m, ours",
+        math.ceil(least_m + 5.0),
+        "it would act inside ours",
+        otherwise=_otherwise(wants),
+    )
+
+
+def _fence_radius(value: float, wants: Wants, _: Parameters) -> Judgement:
+    return _fence(value, wants.fence_radius_m, wants)
+
+
+def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
+    return _fence(value, wants.ceiling_m, wants)
+
+
+def _not_enforced(wanted: str) -> Judgement:
+    # Measured: WPNAV_SPEED 500 still gave 15.2 m/s, and D ±10 gave ±9.7 despite 250/150.
+    return Judgement(Verdict.PASS, f"{wanted} (not enforced on GUIDED velocities: only our own limits are)")
+
+
+def _speed(_: float, wants: Wants, __: Parameters) -> Judgement:
+    return _not_enforced(f"any; the game asks {wants.speed_m_s:g} m/s")
+
+
+def _climb(_: float, wants: Wants, __: Parameters) -> Judgement:
+    return _not_enforced(f"any; the game asks {wants.climb_m_s:g} m/s")
+
+
+def _descent(_: float, wants: Wants, __: Parameters) -> Judgement:
+    return _not_enforced(f"any; the game asks {wants.descent_m_s:g} m/s")
+
+
+def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:
+    why = f"too flat to fly {wants.speed_m_s:g} m/s against drag"
+    return passes(value >= 2000.0, "at least 2000 (20°)", 3000, why, otherwise=Verdict.WARN)
+
+
+def _options(value: float, _: Wants, __: Parameters) -> Judgement:
+    why = "velocities would not be held: the servo expects ArduCopter's own loop"
+    return passes(not round(value) & 48, "without bits 4 and 5", round(value) & ~48, why)
+
+
+def _radio_loss(value: float, _: Wants, __: Parameters) -> Judgement:
+    return passes(round(value) != 0, "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN)
+
+
+def _estimator(value: float, _: Wants, __: Parameters) -> Judgement:
+    why = "nothing happens when the estimator fails"
+    return passes(round(value) != 0, "1 (Land)", 1, why, otherwise=Verdict.WARN)
+
+
+def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
+    fence_m = parameters.get("FENCE_ALT_MAX", math.inf)
+    why = "RTL would climb through the fence"
+    return passes(value * _CENTI < fence_m, "below FENCE_ALT_MAX", 100.0 * (fence_m - 5.0), why, otherwise=Verdict.WARN)
+
+
+def _centi(unit: str) -> str:
+    return "{:g} c" + unit
+
+
+RULES: Final = (
+    Rule("GUID_TIMEOUT", _guided_timeout, "{:g} s".format),
+    Rule("GUID_OPTIONS", _options, bits(_OPTIONS), needed=False),
+    Rule("FENCE_ENABLE", _fence_on, named(_OFF_ON)),
+    Rule("FENCE_ACTION", _fence_action, named(_FENCE_ACTIONS)),
+    Rule("FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
+    Rule("FENCE_RADIUS", _fence_radius, "{:g} m".format),
+    Rule("FENCE_ALT_MAX", _fence_height, "{:g} m".format),
+    Rule("RTL_ALT", _return_height, _centi("m").format, needed=False),
+    Rule("FS_THR_ENABLE", _radio_loss, named(_RADIO_LOSS_ACTIONS), needed=False),
+    Rule("FS_EKF_ACTION", _estimator, named(_ESTIMATOR_ACTIONS), needed=False),
+    Rule("WPNAV_SPEED", _speed, _centi("m/s").format, needed=False),
+    Rule("WPNAV_SPEED_UP", _climb, _centi("m/s").format, needed=False),
+    Rule("WPNAV_SPEED_DN", _descent, _centi("m/s").format, needed=False),
+    Rule("ANGLE_MAX", _lean, _centi("deg").format, needed=False),
+)

@@ -1,0 +1,142 @@
+"""PX4's parameters. Meanings as in PX4 v1.17's parameter reference; behaviour as measured on it."""
+
+import math
+from typing import Final
+
+from guidance.preflight.row import Verdict
+from guidance.preflight.rule import Judgement, Parameters, Rule, bits, named, passes
+from guidance.preflight.wants import Wants
+
+_LOSS_ACTIONS: Final = {
+    -1: "disabled",
+    0: "Position",
+    1: "Altitude",
+    2: "Stabilized",
+    3: "Return",
+    4: "Land",
+    5: "Hold",
+    6: "Terminate",
+    7: "Disarm",
+}
+_FENCE_ACTIONS: Final = {0: "none", 1: "warning", 2: "Hold", 3: "Return", 4: "Terminate", 5: "Land"}
+_RADIO_LOSS_ACTIONS: Final = {0: "disabled", 1: "Hold", 2: "Return", 3: "Land", 5: "Terminate", 6: "Disarm"}
+_BATTERY_ACTIONS: Final = {0: "warning", 2: "Land", 3: "Return, then Land"}
+_EXCEPTIONS: Final = {0: "Mission", 1: "Hold and other auto modes", 2: "Offboard"}
+_OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
+_SHORTEST_LOSS_S: Final = 0.2
+
+
+def _loss_time(value: float, wants: Wants, _: Parameters) -> Judgement:
+    limit_s = wants.loss_time_limit_s
+    return passes(
+        _SHORTEST_LOSS_S <= value <= limit_s,
+        f"{_SHORTEST_LOSS_S:g} to {limit_s:g} s",
+        min(1.0, limit_s),
+        "the last velocity is flown for this long when setpoints stop",
+    )
+
+
+def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
+    wanted = "5 (Hold), 3 (Return) or 4 (Land)"
+    action = round(value)
+    if action == 0:
+        # Measured: with a radio the pilot has it in Position; without one PX4 falls through to Return.
+        return Judgement(Verdict.WARN, wanted, 5, "Position is safe with a pilot's radio; without one PX4 returns")
+    reason = {
+        1: "Altitude drifts on with the wind until a pilot acts",
+        2: "Stabilized flies on until a pilot acts",
+        6: "Terminate lets the vehicle fall",
+        7: "Disarm lets the vehicle fall",
+    }.get(action, "nothing would be done when setpoints stop")
+    return passes(action in {3, 4, 5}, wanted, 5, reason)
+
+
+def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
+    otherwise = Verdict.REFUSE if wants.fence_required else Verdict.WARN
+    why = "Terminate lets the vehicle fall" if round(value) == 4 else "the autopilot's fence would not act"
+    return passes(round(value) in {2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why, otherwise=otherwise)
+
+
+def _fence(distance_m: float, least_m: float, wants: Wants) -> Judgement:
+    otherwise = Verdict.REFUSE if wants.fence_required else Verdict.WARN
+    why = "0 is off; a fence uploaded as a plan is not seen here" if distance_m == 0.0 else "it would act inside ours"
+    wanted = f"at least {least_m:g} m, ours"
+    return passes(distance_m >= least_m, wanted, math.ceil(least_m + 5.0), why, otherwise=otherwise)
+
+
+def _fence_distance(value: float, wants: Wants, _: Parameters) -> Judgement:
+    return _fence(value, wants.fence_radius_m, wants)
+
+
+def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
+    return _fence(value, wants.ceiling_m, wants)
+
+
+def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
+    if wants.speed_m_s <= value < wants.limit_speed_m_s:
+        why = "enough for the game; catching up is cut to it"
+        return Judgement(Verdict.WARN, f"at least {wants.limit_speed_m_s:g} m/s", wants.limit_speed_m_s, why)
+    return _at_least(value, wants.speed_m_s)
+
+
+def _climb(value: float, wants: Wants, _: Parameters) -> Judgement:
+    return _at_least(value, wants.climb_m_s)
+
+
+def _descent(value: float, wants: Wants, _: Parameters) -> Judgement:
+    return _at_least(value, wants.descent_m_s)
+
+
+def _at_least(value: float, wanted_m_s: float) -> Judgement:
+    # A parameter is single precision on the wire.
+    enough = value >= wanted_m_s - 1e-4
+    return passes(enough, f"at least {wanted_m_s:g} m/s", wanted_m_s, "or play with less: PX4 cuts setpoints to it")
+
+
+def _radio_exceptions(value: float, _: Wants, __: Parameters) -> Judgement:
+    return passes(
+        not round(value) & 4,
+        "without Offboard, where a pilot has a radio",
+        round(value) & ~4,
+        "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost",
+        otherwise=Verdict.WARN,
+    )
+
+
+def _override(value: float, _: Wants, __: Parameters) -> Judgement:
+    why = "the sticks do not end OFFBOARD: a pilot takes over by the mode switch"
+    return passes(bool(round(value) & 2), "with Offboard", round(value) | 2, why, otherwise=Verdict.WARN)
+
+
+def _radio_loss(value: float, _: Wants, __: Parameters) -> Judgement:
+    return passes(round(value) in {1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, otherwise=Verdict.WARN)
+
+
+def _battery(value: float, _: Wants, __: Parameters) -> Judgement:
+    why = "only our own limit returns; it does not when we are silent"
+    return passes(round(value) != 0, "3 (Return, then Land)", 3, why, otherwise=Verdict.WARN)
+
+
+def _return_height(value: float, _: Wants, parameters: Parameters) -> Judgement:
+    fence_m = parameters.get("GF_MAX_VER_DIST", 0.0)
+    if fence_m <= 0.0:
+        return Judgement(Verdict.PASS, "below the fence, where there is one")
+    why = "Return would climb through the fence"
+    return passes(value < fence_m, f"below GF_MAX_VER_DIST = {fence_m:g} m", fence_m - 5.0, why, otherwise=Verdict.WARN)
+
+
+RULES: Final = (
+    Rule("COM_OF_LOSS_T", _loss_time, "{:g} s".format),
+    Rule("COM_OBL_RC_ACT", _loss_action, named(_LOSS_ACTIONS)),
+    Rule("COM_RCL_EXCEPT", _radio_exceptions, bits(_EXCEPTIONS), needed=False),
+    Rule("COM_RC_OVERRIDE", _override, bits(_OVERRIDES), needed=False),
+    Rule("NAV_RCL_ACT", _radio_loss, named(_RADIO_LOSS_ACTIONS), needed=False),
+    Rule("COM_LOW_BAT_ACT", _battery, named(_BATTERY_ACTIONS), needed=False),
+    Rule("GF_ACTION", _fence_action, named(_FENCE_ACTIONS)),
+    Rule("GF_MAX_HOR_DIST", _fence_distance, "{:g} m".format),
+    Rule("GF_MAX_VER_DIST", _fence_height, "{:g} m".format),
+    Rule("RTL_RETURN_ALT", _return_height, "{:g} m".format, needed=False),
+    Rule("MPC_XY_VEL_MAX", _speed, "{:g} m/s".format),
+    Rule("MPC_Z_VEL_MAX_UP", _climb, "{:g} m/s".format),
+    Rule("MPC_Z_VEL_MAX_DN", _descent, "{:g} m/s".format),
+)

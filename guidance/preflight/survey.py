@@ -1,0 +1,64 @@
+"""Gathers what preflight judges: asks for parameters, counts what arrives, remembers. Time is given, never read."""
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
+
+from guidance.preflight.wants import Facts
+from guidance.telemetry import Heartbeat, Message, Parameter, ParameterRequest, TargetReport
+from guidance.vehicle import VehicleState
+
+ASK_AGAIN_S: Final = 5.0
+"""A link repeats a request four times in two seconds; what is not answered by then is asked for anew after this."""
+
+COUNTED_S: Final = 2.0
+"""Rates are counted over this time."""
+
+
+class Survey:
+    """The memory of one vehicle's preflight."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._parameters: dict[str, float] = {}
+        self._arrivals: dict[type[Message], deque[float]] = {}
+        self._asked_s: float | None = None
+        self._target_amsl_m: float | None = None
+        self._heard = False
+
+    def observe(self, messages: Iterable[Message], reports: Iterable[TargetReport]) -> None:
+        """Take in what one cycle heard. Autopilots announce parameters that are changed, so that this stays true."""
+        for message in messages:
+            self._heard |= isinstance(message, Heartbeat)
+            self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
+            if isinstance(message, Parameter) and message.name in self._names:
+                self._parameters[message.name] = message.value
+        for report in reports:
+            self._target_amsl_m = report.altitude_amsl_m
+
+    def requests(self, now_s: float) -> tuple[ParameterRequest, ...]:
+        """Ask for all parameters that are still missing, every few seconds."""
+        if not self._heard or (self._asked_s is not None and now_s - self._asked_s < ASK_AGAIN_S):
+            return ()
+        self._asked_s = now_s
+        return tuple(ParameterRequest(name) for name in self._names if name not in self._parameters)
+
+    @property
+    def complete(self) -> bool:
+        """True once every parameter has been read."""
+        return self._parameters.keys() >= set(self._names)
+
+    def ask_all_again(self) -> None:
+        """Forget the parameters and read them anew."""
+        self._parameters.clear()
+        self._asked_s = None
+
+    def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
+        """What is known now."""
+        rates_hz = {kind: _rate_hz(times_s, now_s) for kind, times_s in self._arrivals.items()}
+        parameters: Mapping[str, float] = dict(self._parameters)
+        return Facts(parameters=parameters, vehicle=vehicle, rates_hz=rates_hz, target_amsl_m=self._target_amsl_m)
+
+
+def _rate_hz(times_s: deque[float], now_s: float) -> float:
+    return sum(now_s - time_s <= COUNTED_S for time_s in times_s) / COUNTED_S

@@ -1,0 +1,46 @@
+"""What the configuration asks of the autopilot, and what is known of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from guidance.telemetry import Message
+from guidance.vehicle import VehicleState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wants:
+    """The configuration's side.
+
+    Attributes:
+        speed_m_s: Horizontal speed of the game.
+        limit_speed_m_s: Horizontal speed that our own limits allow (catching up is a little faster than the game).
+        climb_m_s: Climb of the game.
+        descent_m_s: Descent of the game.
+        fence_required: Whether the autopilot's own fence must stand behind ours.
+        fence_radius_m: How far from home our fence lets the vehicle go.
+        ceiling_m: How high above home.
+        loss_time_limit_s: Longest time that an old setpoint may be flown when ours stop.
+        origin_distance_limit_m: Farthest that the local frame's zero may be from home.
+        target_height_limit_m: Largest difference between the target's altitude and home's.
+    """
+
+    speed_m_s: float
+    limit_speed_m_s: float
+    climb_m_s: float
+    descent_m_s: float
+    fence_required: bool
+    fence_radius_m: float
+    ceiling_m: float
+    loss_time_limit_s: float = 1.5
+    origin_distance_limit_m: float = 1000.0
+    target_height_limit_m: float = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """The vehicle's side: parameters as read, the vehicle as heard, messages per second, the target's last altitude."""
+
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    vehicle: VehicleState = field(default_factory=VehicleState)
+    rates_hz: Mapping[type[Message], float] = field(default_factory=dict)
+    target_amsl_m: float | None = None

@@ -1,0 +1,189 @@
+"""What `guidance run` and `guidance check` do: open everything, run, and close everything again."""
+
+import contextlib
+import gc
+import logging
+import os
+import time
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from guidance.config import find, load
+from guidance.errors import ConfigError
+from guidance.preflight import Row, Verdict
+from guidance.preflight.survey import COUNTED_S
+from guidance.service.background import BackgroundRecorder
+from guidance.service.bus import ControlBus
+from guidance.service.clock import MonotonicClock
+from guidance.service.daemon import Daemon, Plan
+from guidance.service.leaving import ORDER_OF
+from guidance.service.log import Log
+from guidance.service.loop import PERIOD_S, Signals, run
+from guidance.service.mailbox import Mailbox
+from guidance.service.metrics import Metrics, MetricsServer
+from guidance.service.model import Config
+from guidance.service.notify import Notifier
+from guidance.service.opening import Opened, open_all
+from guidance.service.record import Recorder
+from guidance.service.settings import flight_settings, wants
+from guidance.telemetry import GlobalPosition, Home, LocalPosition, Origin
+
+SURVEY_LIMIT_S: Final = 20.0
+
+_FIXED: Final = ("name", "vehicle", "target", "control", "log", "metrics", "record")
+"""Sections that are opened at the start: a change of these needs a restart."""
+
+
+def run_vehicle(name: str) -> None:
+    """Run the daemon of a configuration until it is ended.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    path = find(name, "vehicles")
+    config = load(Config, path)
+    plan = plan_of(config)
+    clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
+    signals = Signals()
+    signals.install()
+    with contextlib.ExitStack() as closing:
+        log = Log(config.log.format, config.log.level)
+        closing.callback(log.close)
+        notifier = Notifier.from_environment(os.environ, os.getpid())
+        closing.callback(notifier.close)
+        control = ControlBus(config.name, mailbox, endpoint=config.control.endpoint, host=config.control.host)
+        closing.callback(control.close)
+        if config.metrics.port is not None:
+            closing.callback(MetricsServer(metrics, config.metrics.port).close)
+        log.say(logging.INFO, "waiting for the vehicle", name=config.name, url=config.vehicle.url)
+        opened = open_all(config, clock, tapped=config.record.folder is not None)
+        closing.callback(opened.close)
+        record = closing.enter_context(_recording(config, log))
+        daemon = Daemon(
+            config.name,
+            plan,
+            opened.link,
+            opened.target,
+            mailbox=mailbox,
+            log=log,
+            metrics=metrics,
+            notifier=notifier,
+            record=record,
+        )
+        notifier.ready()
+        log.say(logging.INFO, "running", name=config.name, control=config.control.endpoint, autopilot=plan_name(plan))
+        gc.freeze()  # what was made so far stays: collections in the loop need not look at it
+        run(
+            daemon,
+            clock,
+            signals=signals,
+            metrics=metrics,
+            on_terminate=ORDER_OF[config.flight.on_terminate],
+            load=lambda: reload(path, config),
+            drain=opened.drain,
+            record=record,
+        )
+        log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
+
+
+def plan_of(config: Config) -> Plan:
+    """Return what a flight of this configuration is flown by.
+
+    Raises:
+        ConfigError: If something in it contradicts itself.
+    """
+    return Plan(flight=flight_settings(config), wants=wants(config))
+
+
+def plan_name(plan: Plan) -> str:
+    """Name the autopilot that is expected."""
+    return plan.flight.profile.name
+
+
+def reload(path: Path, before: Config) -> Plan:
+    """Read the configuration again.
+
+    Raises:
+        ConfigError: If it is wrong, or a section has changed that was opened at the start.
+    """
+    after = load(Config, path)
+    changed = [key for key in _FIXED if getattr(after, key) != getattr(before, key)]
+    if changed:
+        raise ConfigError(f"{path}: {', '.join(changed)} changed: end the daemon and start it again for that")
+    return plan_of(after)
+
+
+@contextlib.contextmanager
+def _recording(config: Config, log: Log) -> Iterator[BackgroundRecorder | None]:
+    if config.record.folder is None:
+        yield None
+        return
+    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
+    metadata = {"config": config.model_dump_json(), "guidance": version("pursuit-guidance")}
+    try:
+        recorder = BackgroundRecorder(Recorder(path, metadata))
+    except OSError as error:
+        raise ConfigError(
+            f"record.folder = {str(config.record.folder)!r}: cannot be written ({error.strerror})"
+        ) from error
+    try:
+        yield recorder
+    finally:
+        recorder.close()
+        if recorder.failed is not None or recorder.dropped:
+            log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
+
+
+def check_vehicle(name: str) -> Sequence[Row]:
+    """Connect, read what preflight needs, and judge it. Nothing is ordered and nothing is set.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    config = load(Config, find(name, "vehicles"))
+    plan = plan_of(config)
+    clock = MonotonicClock()
+    log = Log("console", "error")
+    try:
+        opened = open_all(config, clock, tapped=False)
+        try:
+            return _survey(config, plan, opened, clock, log)
+        finally:
+            opened.close()
+    finally:
+        log.close()
+
+
+def _survey(config: Config, plan: Plan, opened: Opened, clock: MonotonicClock, log: Log) -> Sequence[Row]:
+    daemon = Daemon(
+        config.name,
+        plan,
+        opened.link,
+        opened.target,
+        mailbox=Mailbox(),
+        log=log,
+        metrics=Metrics(config.name),
+        notifier=Notifier(None, None),
+    )
+    begun_s = due_s = clock.now_s()
+    while clock.now_s() - begun_s < SURVEY_LIMIT_S:
+        clock.sleep_until(due_s)
+        due_s = max(due_s + PERIOD_S, clock.now_s())
+        daemon.step(clock.now_s())
+        vehicle = daemon.flight.vehicle
+        everything = all(vehicle.last(kind) for kind in (Home, Origin, GlobalPosition, LocalPosition))
+        if not (everything and daemon.surveyed):
+            complete_s = clock.now_s()
+        elif clock.now_s() - complete_s > COUNTED_S + 1.0:
+            break
+    return (*daemon.rows, *_readiness(daemon, clock.now_s()))
+
+
+def _readiness(daemon: Daemon, now_s: float) -> Iterator[Row]:
+    """The flight's own checks, as rows: they may still come true, so that none of them is refused here."""
+    for check in daemon.flight.checks(now_s):
+        verdict = Verdict.PASS if check.passed else Verdict.WARN
+        yield Row(f"ready: {check.name}", check.found, "before start", verdict)

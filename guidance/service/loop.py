@@ -1,0 +1,78 @@
+"""The real-time loop: fifty times a second on the clock's grid, signals heard in between, frames kept behind."""
+
+import signal
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Final
+
+from guidance.flight import Event
+from guidance.links.tap import Passed
+from guidance.service.clock import Clock
+from guidance.service.daemon import Daemon, Plan
+from guidance.service.metrics import Metrics
+from guidance.service.record import Record
+
+PERIOD_S: Final = 0.02
+
+
+class Signals:
+    """What the operating system asked for, noted by handlers and acted on by the loop."""
+
+    def __init__(self) -> None:
+        self._end = 0
+        self._again = False
+
+    def install(self) -> None:
+        """Take SIGTERM, SIGINT and SIGHUP."""
+        signal.signal(signal.SIGTERM, self._note)
+        signal.signal(signal.SIGINT, self._note)
+        signal.signal(signal.SIGHUP, self._note)
+
+    def _note(self, number: int, _: FrameType | None) -> None:
+        if number == signal.SIGHUP:
+            self._again = True
+        else:
+            self._end += 1
+
+    def take(self) -> tuple[int, bool]:
+        """How often an end was asked for, and whether the configuration is to be read again, since the last call."""
+        taken = self._end, self._again
+        self._end, self._again = 0, False
+        return taken
+
+
+def run(
+    daemon: Daemon,
+    clock: Clock,
+    *,
+    signals: Signals,
+    metrics: Metrics,
+    on_terminate: Event,
+    load: Callable[[], Plan],
+    drain: Callable[[], Sequence[Passed]],
+    record: Record | None,
+) -> None:
+    """Run the daemon until it has finished."""
+    due_s = clock.now_s()
+    while not daemon.finished:
+        clock.sleep_until(due_s)
+        now_s = clock.now_s()
+        ends, again = signals.take()
+        for _ in range(ends):
+            daemon.leave(on_terminate, now_s)
+        if again:
+            daemon.exchange(load)
+        daemon.step(now_s, late_s=now_s - due_s)
+        if record is not None:
+            for passed in drain():
+                record.frame(*passed)
+        done_s = clock.now_s()
+        metrics.work.observe(done_s - now_s)
+        due_s, missed = next_due(due_s, done_s)
+        metrics.late.inc(missed)
+
+
+def next_due(due_s: float, done_s: float) -> tuple[float, int]:
+    """Return the next moment of the grid that is still to come, and how many were missed: none is made up for."""
+    missed = max(0, int((done_s - due_s) // PERIOD_S))
+    return due_s + (missed + 1) * PERIOD_S, missed

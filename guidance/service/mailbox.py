@@ -1,0 +1,54 @@
+"""Orders on their way to the loop, and answers on their way back. Bounded: who asks too much is told so."""
+
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+MOST_WAITING: Final = 16
+
+Answer = Mapping[str, Any]
+
+
+class Question:
+    """One order, until it is answered."""
+
+    def __init__(self, order: str) -> None:
+        self.order = order
+        self._answer: Answer | None = None
+        self._answered = threading.Event()
+
+    def answer(self, answer: Answer) -> None:
+        """Answer it; only the loop does."""
+        self._answer = answer
+        self._answered.set()
+
+    def wait(self, timeout_s: float) -> Answer | None:
+        """Wait for the answer; None if there is none in time."""
+        self._answered.wait(timeout_s)
+        return self._answer
+
+
+class Mailbox:
+    """Filled by any thread, emptied by the loop once a cycle."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Question] = deque()
+        self._lock = threading.Lock()
+
+    def ask(self, order: str) -> Question:
+        """Put an order to the loop. It is answered at once where there is no room for it."""
+        question = Question(order)
+        with self._lock:
+            if len(self._waiting) < MOST_WAITING:
+                self._waiting.append(question)
+                return question
+        question.answer({"accepted": False, "order": order, "reason": "too many orders wait; is the loop running?"})
+        return question
+
+    def take(self) -> Sequence[Question]:
+        """All that wait, oldest first."""
+        with self._lock:
+            taken = list(self._waiting)
+            self._waiting.clear()
+        return taken

@@ -1,0 +1,229 @@
+"""A vehicle's configuration: how it is reached, whom it pursues, which game it plays and within which limits."""
+
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from guidance.config import Section
+
+SystemId = Annotated[int, Field(ge=1, le=255)]
+Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
+Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
+Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
+
+TargetKind = Literal[
+    "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
+]
+_IN_METRES = ("odometry", "ros_pose", "ros_odometry")
+ON_ZENOH = ("json", "ros_pose", "ros_odometry")
+_LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+")
+
+
+class Vehicle(Section):
+    """How the autopilot is reached."""
+
+    autopilot: Literal["px4", "arducopter"]
+    link: Literal["mavsdk", "pymavlink"] = "pymavlink"
+    url: str = Field(description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://")
+    system_id: SystemId = 1
+    component_id: SystemId = 1
+    connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0)
+    signing_key_file: Path | None = Field(None, description="64 hexadecimal digits, readable by nobody else")
+
+    @model_validator(mode="after")
+    def _check_signing(self) -> Self:
+        if self.signing_key_file is not None and self.link == "mavsdk":
+            raise ValueError('vehicle.signing_key_file with link = "mavsdk": MAVSDK does not sign; use "pymavlink"')
+        return self
+
+
+class TargetFrame(Section):
+    """The target's own local frame, for sources that report metres or heights that need a datum."""
+
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    altitude_amsl_m: Altitude
+    home_altitude_amsl_m: Altitude | None = None
+    undulation_m: float | None = Field(None, ge=-120.0, le=120.0, description="of the geoid above the ellipsoid there")
+
+
+class Target(Section):
+    """Where reports of the target come from. Without a `url` they come on the vehicle's own link."""
+
+    kind: TargetKind
+    url: str | None = None
+    system_id: SystemId | None = None
+    component_id: SystemId | None = None
+    icao_address: int | None = Field(None, ge=1, le=0xFFFFFF)
+    id_or_mac: str | None = Field(
+        None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal, of OPEN_DRONE_ID"
+    )
+    timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="silence after which the target counts as lost")
+    frame: TargetFrame | None = None
+
+    @model_validator(mode="after")
+    def _check_source(self) -> Self:
+        if self.kind in ON_ZENOH and self.url is None:
+            raise ValueError(f'target.url: missing; kind = "{self.kind}" needs zenoh://host:port/key')
+        if self.kind not in ON_ZENOH and self.system_id is None:
+            raise ValueError(f'target.system_id: missing; kind = "{self.kind}" hears one pinned MAVLink system only')
+        if self.kind in _IN_METRES and self.frame is None:
+            raise ValueError(f'target.frame: missing; kind = "{self.kind}" reports metres about a place of its own')
+        if self.kind == "adsb" and self.icao_address is None:
+            raise ValueError('target.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
+        return self
+
+
+class Place(Section):
+    """A place on Earth."""
+
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    altitude_amsl_m: Altitude = Field(0.0, description="for people only: heights in a game are differences")
+
+
+class GameSection(Section):
+    """What is played."""
+
+    kind: Literal["pe", "tad"] = "pe"
+    speed_set: Literal["ball", "cylinder"] = "cylinder"
+    speed_m_s: float = Field(gt=0.0, le=30.0)
+    climb_m_s: float = Field(1.5, gt=0.0, le=10.0)
+    descent_m_s: float = Field(1.0, gt=0.0, le=10.0)
+    policy: str = "optimal"
+    evader_speed_m_s: float = Field(gt=0.0, le=30.0, description="what the target says it never exceeds")
+    standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0)
+    standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="above the target")
+    tolerance_m: float = Field(1.0, gt=0.0, le=10.0)
+    guarded: Place | None = Field(None, description="TAD: the place that the target wants to reach")
+
+    @model_validator(mode="after")
+    def _check_game(self) -> Self:
+        if self.speed_m_s <= self.evader_speed_m_s:
+            raise ValueError(
+                f"game.speed_m_s = {self.speed_m_s:g}: must be above game.evader_speed_m_s = "
+                f"{self.evader_speed_m_s:g}; a slower pursuer is another game"
+            )
+        if self.kind == "tad" and self.guarded is None:
+            raise ValueError('game.guarded: missing; kind = "tad" needs the latitude_deg and longitude_deg to guard')
+        if self.kind == "pe" and self.guarded is not None:
+            raise ValueError('game.guarded: not allowed with kind = "pe"; use kind = "tad"')
+        return self
+
+
+class Limits(Section):
+    """What the flight never leaves. Heights are above home, distances from home."""
+
+    floor_m: float = Field(5.0, ge=1.0)
+    ceiling_m: float = Field(60.0, gt=5.0, le=500.0)
+    fence_radius_m: float | None = Field(200.0, gt=10.0, le=10_000.0)
+    fence_polygon_ne_m: tuple[tuple[float, float], ...] | None = Field(None, description="corners north, east of home")
+    fence_margin_m: float = Field(2.0, ge=0.0)
+    yaw_rate_deg_s: float = Field(45.0, gt=0.0, le=180.0)
+
+    @model_validator(mode="after")
+    def _check_fence(self) -> Self:
+        if self.floor_m >= self.ceiling_m:
+            raise ValueError(f"limits.floor_m = {self.floor_m:g}: must be below limits.ceiling_m = {self.ceiling_m:g}")
+        if self.fence_radius_m is None and self.fence_polygon_ne_m is None:
+            raise ValueError(
+                "limits.fence_radius_m: missing; give it or limits.fence_polygon_ne_m: no flight is unfenced"
+            )
+        return self
+
+    @property
+    def reach_m(self) -> float:
+        """How far from home the fence lets the vehicle go."""
+        corners = self.fence_polygon_ne_m or ()
+        farthest_m = max((math.hypot(*corner) for corner in corners), default=math.inf)
+        return min(farthest_m, self.fence_radius_m if self.fence_radius_m is not None else math.inf)
+
+
+class FlightSection(Section):
+    """How the flight goes around the game."""
+
+    takeoff_height_m: float = Field(15.0, ge=2.0, le=120.0)
+    after_capture: Literal["hold", "shadow", "return"] = "hold"
+    engage_on: Literal["command", "pilot_mode"] = "command"
+    on_terminate: Literal["hold", "land", "return"] = Field("hold", description="what SIGTERM hands the vehicle to")
+    battery_minimum: float = Field(0.25, ge=0.0, le=1.0)
+
+
+class Preflight(Section):
+    """What the autopilot has to be set to."""
+
+    fence_required: bool = True
+    loss_time_limit_s: float = Field(1.5, gt=0.2, le=5.0)
+    origin_distance_limit_m: float = Field(1000.0, gt=0.0)
+    target_height_limit_m: float = Field(30.0, gt=0.0)
+
+
+class Control(Section):
+    """Where orders come from: Zenoh queryables on loopback."""
+
+    endpoint: str = "tcp/127.0.0.1:7448"
+    host: bool = Field(True, description="listen there; false connects to a Zenoh router that is there already")
+
+    @field_validator("endpoint")
+    @classmethod
+    def _check_loopback(cls, endpoint: str) -> str:
+        if _LOOPBACK.fullmatch(endpoint) is None:
+            raise ValueError("must be on loopback, as tcp/127.0.0.1:7448: who reaches it commands the vehicle")
+        return endpoint
+
+
+class Log(Section):
+    """The log, on standard error."""
+
+    format: Literal["console", "json"] = "console"
+    level: Literal["debug", "info", "warning", "error"] = "info"
+
+
+class Metrics(Section):
+    """Prometheus, on loopback."""
+
+    port: int | None = Field(None, ge=1, le=65535, description="of 127.0.0.1; none by default")
+
+
+class Record(Section):
+    """The flight record."""
+
+    folder: Path | None = Field(None, description="one MCAP file per start; none by default")
+
+
+class Config(Section):
+    """A whole vehicle file."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,32}$", description="of the vehicle, in orders, metrics and records")
+    vehicle: Vehicle
+    target: Target
+    game: GameSection
+    limits: Limits = Limits()
+    flight: FlightSection = FlightSection()
+    preflight: Preflight = Preflight()
+    control: Control = Control()
+    log: Log = Log()
+    metrics: Metrics = Metrics()
+    record: Record = Record()
+
+    @model_validator(mode="after")
+    def _check_together(self) -> Self:
+        low, high = self.limits.floor_m, self.limits.ceiling_m
+        for key, height_m in (
+            ("flight.takeoff_height_m", self.flight.takeoff_height_m),
+            ("game.standoff_height_m", self.game.standoff_height_m),
+        ):
+            if not low <= height_m <= high:
+                raise ValueError(
+                    f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
+                )
+        own_wire = self.vehicle.link == "pymavlink" or self.vehicle.url.startswith("zenoh://")
+        if self.target.url is None and not own_wire:
+            raise ValueError(
+                'target.url: missing; vehicle.link = "mavsdk" keeps its wire to itself: use "pymavlink", zenoh://, or '
+                "another url for the target"
+            )
+        return self
