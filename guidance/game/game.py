@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Real
@@ -142,9 +142,6 @@ class Game:
             )
 
 
-Record = TypeVar("Record", bound="DataclassInstance")
-
-
 def horizontal_speed(pursuer: SpeedSet) -> Real:
     """Return the largest horizontal speed of a speed set, m/s; δ compares this one with the evader's."""
     return pursuer.speed_m_s if isinstance(pursuer, Ball) else pursuer.horizontal_m_s
@@ -171,10 +168,11 @@ def for_rows(game: Game, index: object) -> Game:
     """Return the game of some rows: every parameter that is an array, indexed alike (`...` and None are fine too)."""
     if not game.varies:
         return game
-    inside = replace(game, pursuer=_indexed(game.pursuer, index), standoff=_indexed(game.standoff, index))
-    return _indexed(inside, index)
+    pursuer = replace(game.pursuer, **_indexed(game.pursuer, index))
+    standoff = replace(game.standoff, **_indexed(game.standoff, index))
+    return replace(game, pursuer=pursuer, standoff=standoff, **_indexed(game, index))
 
 
-def _indexed(record: Record, index: object) -> Record:
+def _indexed(record: "DataclassInstance", index: object) -> dict[str, Real]:
     values = {part.name: getattr(record, part.name) for part in fields(record) if part.init}
-    return replace(record, **{name: value[index] for name, value in values.items() if is_array(value)})
+    return {name: value[index] for name, value in values.items() if is_array(value)}

@@ -35,6 +35,9 @@ from guidance.game.arrays import (
 from guidance.game.checks import is_zero
 from guidance.game.game import Cylinder, Game
 
+TOUCH_M = 1e-9
+"""What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""
+
 NEWTON_STEPS = 10
 """Eight reach the last bit even at δ = 1.02; wider speed ratios need four or five."""
 
@@ -117,8 +120,8 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
     length = norm2(xp, y)
     direction = unit2(xp, y, length)
     if isinstance(game.pursuer, Cylinder):
-        beside, pace = gap > 0, game.pursuer.horizontal_m_s
-        above = abs(z) > game.capture_radius_m
+        beside, pace = gap > TOUCH_M, game.pursuer.horizontal_m_s
+        above = abs(z) - game.capture_radius_m > TOUCH_M
         vertical = select(xp, z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
     else:
         reach = positive_part(length - game.standoff.radius_m)

@@ -64,5 +64,7 @@ def _left2(game: Game, to_target: Plane, run: Plane, t: Array) -> Array:
 
 
 def _open(value: Array) -> Array:
-    """Give an array, or each of a tuple of them, one more axis at the end, for the fan."""
-    return tuple(_open(part) for part in value) if isinstance(value, tuple) else value[..., None]
+    """Give an array, or each of a tuple of them, one more axis at the end, for the fan; a number needs none."""
+    if isinstance(value, tuple):
+        return tuple(_open(part) for part in value)
+    return value[..., None] if hasattr(value, "shape") else value

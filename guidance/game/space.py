@@ -2,7 +2,8 @@
 
 P, E and T lie in one plane and neither player gains by leaving it, so the game is the planar one (z_P = 0) played in
 that plane; its circle is the sphere's section. The state is folded into it, with the first axis from E to T (PE: from P
-to E), solved there, and the answer unfolded.
+to E), solved there, and the answer unfolded. Where all three are on one line the second axis is what rounding left; what
+leans towards the first is taken off, so that no velocity is unfolded to more than its bound.
 """
 
 from guidance.game.arrays import Array, Library, Space, component, select
@@ -24,6 +25,8 @@ def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, 
         to_evader[2] - along * first[2],
     )
     second, across = _unit(xp, rest)
+    lean = _dot(second, first)
+    second = (second[0] - lean * first[0], second[1] - lean * first[1], second[2] - lean * first[2])
     nought = 0.0 * along
     distance = xp.sqrt(along * along + across * across)
     state = State((nought, nought), nought, (along, across), distance, nought, (nought, nought))

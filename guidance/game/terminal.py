@@ -6,7 +6,7 @@ from typing import NamedTuple
 from guidance.game.arrays import Array, Library, component, larger, norm2, positive_part, select
 from guidance.game.game import Ball, Game, horizontal_speed
 from guidance.game.play import take_apart
-from guidance.game.reach import vertical_speed
+from guidance.game.reach import TOUCH_M, vertical_speed
 
 NANOSECOND_S = 1e-9
 
@@ -17,7 +17,7 @@ class Ahead(NamedTuple):
     Attributes:
         capture_s: the evader can be captured.
         arrival_s: the evader can be at its target; infinite without one.
-        turn_s: a Cylinder can meet the first of its two unmet parts, horizontal and vertical; infinite for a Ball.
+        turn_s: a Cylinder that is not level with its disc can be so, and turns; infinite for a Ball.
     """
 
     capture_s: Array
@@ -26,7 +26,10 @@ class Ahead(NamedTuple):
 
 
 def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: Array | None) -> Ahead:
-    """Return the least times to the ends of a game, from positions (..., 3)."""
+    """Return the least times to the ends of a game, from positions (..., 3).
+
+    A Cylinder's parts are met a little outside of where its pursuer holds, for it to come there.
+    """
     state = take_apart(xp, game, pursuer, evader, None)
     never = state.z * 0.0 + math.inf
     closing = horizontal_speed(game.pursuer) + game.evader_speed_m_s + math.hypot(*game.wind_m_s)
@@ -35,18 +38,14 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
     if isinstance(game.pursuer, Ball):
         ahead = positive_part(norm2(xp, (positive_part(beside), state.z)) - capture) / closing
     else:
-        beside = positive_part(beside - capture) / closing
-        above = positive_part(abs(state.z) - capture) / vertical_speed(xp, game.pursuer, state.z)
+        met = capture + 2.0 * TOUCH_M
+        beside = positive_part(beside - met) / closing
+        above = positive_part(abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
         ahead = larger(xp, beside, above)
-        turn = _sooner(xp, select(xp, beside > NANOSECOND_S, beside, never), above)
-        turn = select(xp, above > NANOSECOND_S, turn, select(xp, beside > NANOSECOND_S, beside, never))
+        turn = select(xp, above > NANOSECOND_S, above, never)
     if target is None:
         return Ahead(ahead, never, turn)
     x, y, z = (component(target, index) - component(evader, index) for index in range(3))
     rise = z if game.evader_space == "space" else 0.0 * z
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
     return Ahead(ahead, xp.sqrt(x * x + y * y + rise * rise) / speed, turn)
-
-
-def _sooner(xp: Library, a: Array, b: Array) -> Array:
-    return select(xp, a < b, a, b)

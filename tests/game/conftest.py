@@ -23,9 +23,7 @@ GAMES = {
         Cylinder(2.0, 0.7, 0.5), 1.0, wind_m_s=(0.2, 0.5), standoff=DISC, information_age_s=0.5, capture_radius_m=0.2
     ),
     "space": Game(Ball(2.0), 1.0, evader_space="space"),
-    "space_radius_and_age": Game(
-        Ball(2.0), 1.0, evader_space="space", capture_radius_m=0.5, information_age_s=0.3
-    ),
+    "space_radius_and_age": Game(Ball(2.0), 1.0, evader_space="space", capture_radius_m=0.5, information_age_s=0.3),
 }
 MOVING = {
     "moving_target": Game(Ball(2.0), 1.0, target_velocity_m_s=(0.3, 0.2)),

@@ -17,8 +17,8 @@ STEP_M = 1e-3
 def smooth(game, P, E, T):
     """States where the value is smooth within the reach of a finite difference.
 
-    Not on the barrier, not at the end of the game, not with P's height spent at the very instant that its distance is, not at the
-    corners of the disc, and not where two headings of the evader are nearly as good as each other.
+    Not on the barrier, not at the end of the game, not with P's height spent at the very instant that its distance is,
+    not at the corners of the disc, and not where two headings of the evader are nearly as good as each other.
     """
     here = value_gradient(game, P, E, T)
     good = np.ones(len(P), dtype=bool)
@@ -38,10 +38,8 @@ def smooth(game, P, E, T):
 def test_the_residual_vanishes_in_pe(games, oracle, seed):
     for name, game in games.items():
         P, E, _ = oracle.states(seed, 40, game)
-        if game.evader_space == "space":
-            good = solve(game, P, E).value > 0.1
-        else:
-            good = smooth(game, P, E, None)
+        in_space = game.evader_space == "space"
+        good = solve(game, P, E).value > 0.1 if in_space else smooth(game, P, E, None)
         assert good.mean() > 0.5, name
         assert np.abs(hji_residual(game, P[good], E[good], step_m=STEP_M)).max() < 1e-7, name
 

@@ -1,0 +1,147 @@
+"""One function for one state and for a million: the same bits, whatever the batch looks like."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, StandOff, solve, value_gradient
+from guidance.game.batch import solve_rows
+
+
+def same(a, b):
+    """Equal to the bit, NaN and the sign of zero included."""
+    a, b = np.asarray(a), np.asarray(b)
+    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def assert_rows_equal_singles(answer, singles):
+    for name, field in answer._asdict().items():
+        for row, single in zip(field, singles, strict=True):
+            one = getattr(single, name)
+            assert np.asarray(row).tobytes() == np.asarray(one, dtype=field.dtype).tobytes(), name
+
+
+@settings(max_examples=4, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 40))
+def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
+    for game in games.values():
+        P, E, T = oracle.states(seed, count, game)
+        seen = np.random.default_rng(seed).normal(size=(count, 3))
+        P[0, :2] = E[0, :2]
+        for target in (None, T):
+            answer = solve(game, P, E, target, evader_velocity_m_s=seen)
+            singles = [
+                solve(game, P[i], E[i], None if target is None else T[i], evader_velocity_m_s=seen[i])
+                for i in range(min(count, 12))
+            ]
+            head = type(answer)(*(field[: len(singles)] for field in answer))
+            assert_rows_equal_singles(head, singles)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), precision=st.sampled_from([np.float32, np.float64]))
+def test_the_layout_in_memory_does_not_matter(games, oracle, seed, precision):
+    for name in ("paper", "ball_standoff", "cylinder_everything"):
+        P, E, T = (array.astype(precision) for array in oracle.states(seed, 24))
+        plain = solve(games[name], P, E, T)
+        folded = solve(games[name], *(array.reshape(2, 3, 4, 3) for array in (P, E, T)))
+        fortran = solve(games[name], *(np.asfortranarray(array) for array in (P, E, T)))
+        backwards = solve(games[name], P[::-1], E[::-1], T[::-1])
+        for a, b, c, d in zip(plain, folded, fortran, backwards, strict=True):
+            assert same(a, b.reshape(a.shape))
+            assert same(a, c)
+            assert same(a, np.ascontiguousarray(d[::-1]))
+
+
+def test_leading_axes_broadcast(games, oracle):
+    P, E, T = oracle.states(3, 20)
+    crossed = solve(games["paper"], P[:5, None], E[None, 5:12], T[0])
+    assert crossed.value.shape == (5, 7)
+    assert crossed.pursuer_velocity_m_s.shape == (5, 7, 3)
+    assert crossed.value[3, 4] == solve(games["paper"], P[3], E[9], T[0]).value
+
+
+def test_single_precision_stays_single_and_close(games, oracle):
+    P, E, T = oracle.states(4, 200)
+    for name in ("paper", "capture_radius", "cylinder_standoff"):
+        single = solve(games[name], *(array.astype(np.float32) for array in (P, E, T)))
+        double = solve(games[name], P, E, T)
+        for field in ("value", "meeting_point_m", "pursuer_velocity_m_s", "margin_s"):
+            assert getattr(single, field).dtype == np.float32
+        clear = np.abs(double.margin_s) > 1e-3
+        np.testing.assert_allclose(single.value[clear], double.value[clear], rtol=2e-4, atol=2e-3)
+
+
+@pytest.mark.parametrize("rows", [1, 7, 64, 1000])
+def test_chunks_join_to_the_whole(games, oracle, rows):
+    P, E, T = oracle.states(5, 100)
+    seen = 0.1 * E
+    for game in (games["paper"], games["cylinder_standoff"]):
+        for target in (None, T):
+            whole = solve(game, P, E, target, evader_velocity_m_s=seen)
+            parts = solve_rows(game, P, E, target, evader_velocity_m_s=seen, rows=rows)
+            assert all(same(a, b) for a, b in zip(whole, parts, strict=True))
+
+
+def test_no_rows_give_no_answers(games):
+    answer = solve_rows(games["paper"], np.empty((0, 3)), np.empty((0, 3)))
+    assert answer.value.shape == (0,)
+    assert answer.meeting_point_m.shape == (0, 3)
+
+
+PER_ROW = {
+    "ball": lambda n: Game(
+        Ball(np.linspace(2.0, 4.0, n)),
+        np.linspace(0.5, 1.5, n),
+        capture_radius_m=np.linspace(0.1, 0.5, n),
+        standoff=StandOff(np.linspace(0.0, 2.0, n), 1.0),
+        information_age_s=np.linspace(0.0, 0.4, n),
+    ),
+    "cylinder": lambda n: Game(
+        Cylinder(np.linspace(2.0, 4.0, n), np.linspace(0.5, 1.0, n), 0.7),
+        np.linspace(0.5, 1.5, n),
+        standoff=StandOff(1.0, np.linspace(0.0, 2.0, n)),
+    ),
+}
+
+
+def one_row(game, index):
+    def number(value):
+        return float(value[index]) if np.ndim(value) else value
+
+    pursuer = type(game.pursuer)(*(number(getattr(game.pursuer, name)) for name in game.pursuer.__slots__))
+    return Game(
+        pursuer,
+        number(game.evader_speed_m_s),
+        capture_radius_m=number(game.capture_radius_m),
+        standoff=StandOff(number(game.standoff.radius_m), number(game.standoff.height_m)),
+        information_age_s=number(game.information_age_s),
+    )
+
+
+@pytest.mark.parametrize("kind", PER_ROW)
+def test_parameters_may_differ_from_row_to_row(oracle, kind):
+    P, E, T = oracle.states(6, 30)
+    game = PER_ROW[kind](30)
+    assert game.varies
+    for target in (None, T):
+        answer = solve(game, P, E, target)
+        chunks = solve_rows(game, P, E, target, rows=8)
+        assert all(same(a, b) for a, b in zip(answer, chunks, strict=True))
+        for i in range(30):
+            single = solve(one_row(game, i), P[i], E[i], None if target is None else T[i])
+            np.testing.assert_allclose(answer.value[i], single.value, rtol=1e-12)
+            np.testing.assert_allclose(answer.pursuer_velocity_m_s[i], single.pursuer_velocity_m_s, atol=1e-6)
+
+
+def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracle):
+    P, E, T = oracle.states(7, 9)
+    for name in ("paper", "wind", "cylinder_standoff"):
+        game = games[name]
+        for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
+            batch = policy(game, P, E, T)
+            assert all(same(batch[i], policy(game, P[i], E[i], T[i])) for i in range(9))
+        gradient = value_gradient(game, P, E, T)
+        for i in range(9):
+            assert all(same(a[i], b) for a, b in zip(gradient, value_gradient(game, P[i], E[i], T[i]), strict=True))

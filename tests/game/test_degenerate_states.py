@@ -1,0 +1,199 @@
+"""The states where the formulas divide by zero or have nothing left to say: finite, sensible, and named."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
+from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES
+
+BALL, CYLINDER = Game(Ball(2.0), 1.0), Game(Cylinder(2.0, 0.7, 0.5), 1.0)
+HELD = Game(Cylinder(2.0, 0.7, 0.5), 1.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.25)
+ORIGIN = np.zeros(3)
+
+
+def at(*place):
+    return np.array(place, dtype=float)
+
+
+def test_right_above_an_unknown_evader_the_ball_goes_straight_down_in_the_limit_of_the_value():
+    solution = solve(BALL, at(3, 4, 6), at(3, 4, 0))
+    assert solution.reason == Reason.OVERHEAD
+    assert solution.value == pytest.approx(6.0 / math.sqrt(2.0**2 - 1.0))
+    np.testing.assert_array_equal(solution.pursuer_velocity_m_s, (0.0, 0.0, -2.0))
+    np.testing.assert_array_equal(solution.evader_velocity_m_s, (1.0, 0.0, 0.0))
+
+
+def test_right_above_a_running_evader_the_ball_copies_it_and_descends_with_the_rest():
+    solution = solve(BALL, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(0.6, -0.8, 0))
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, -math.sqrt(3.0)), rtol=1e-15)
+    np.testing.assert_allclose(solution.evader_velocity_m_s, (0.6, -0.8, 0.0))
+    slower = solve(BALL, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(0.0, 0.5, 0))
+    np.testing.assert_allclose(slower.pursuer_velocity_m_s, (0.0, 0.5, -math.sqrt(3.75)), rtol=1e-15)
+    np.testing.assert_allclose(slower.evader_velocity_m_s, (0.0, 1.0, 0.0))
+
+
+def test_an_evader_seen_faster_than_its_bound_is_copied_at_its_bound():
+    solution = solve(BALL, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(6, -8, 0))
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, -math.sqrt(3.0)), rtol=1e-15)
+
+
+def test_where_the_wind_carries_the_pursuer_right_over_the_evader_it_copies_in_the_air():
+    """A start so far upwind that P is over E at the capture: wind and time are powers of two, so it is exactly so."""
+    game = Game(Ball(1.25), 0.75, wind_m_s=(0.25, 0.0))
+    start = at(-2.0, 0.0, 8.0)
+    solution = solve(game, start, ORIGIN, evader_velocity_m_s=at(0.0, 0.75, 0.0))
+    assert solution.value == 8.0
+    assert solution.reason == Reason.OVERHEAD
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.25, 0.75, -1.0))
+    np.testing.assert_allclose(solution.evader_velocity_m_s, (0.0, 0.75, 0.0))
+    np.testing.assert_allclose(solution.meeting_point_m, (0.0, 6.0, 0.0))
+
+
+def test_below_the_disc_the_ball_climbs_while_it_follows():
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(0.0, 9.0))
+    solution = solve(game, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(0.6, -0.8, 0))
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, math.sqrt(3.0)))
+
+
+def test_above_an_evader_that_cannot_leave_the_disc_in_time_the_ball_spends_all_speed_on_the_descent():
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(5.0, 2.0))
+    for P in (at(3, 4, 6), at(4, 4, 6)):
+        solution = solve(game, P, at(3, 4, 0))
+        assert solution.value == pytest.approx(4.0 / 2.0)
+        assert solution.reason == Reason.SOLVED
+        np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0, 0, -2.0), atol=1e-15)
+
+
+def test_a_cylinder_above_the_evader_keeps_with_it_and_descends_in_full():
+    solution = solve(CYLINDER, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(0.6, -0.8, 0))
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, -0.5))
+    assert solution.value == pytest.approx(12.0)
+    assert solution.reason == Reason.OVERHEAD
+    still = solve(CYLINDER, at(3, 4, 6), at(3, 4, 0))
+    np.testing.assert_array_equal(still.pursuer_velocity_m_s, (0.0, 0.0, -0.5))
+
+
+@pytest.mark.parametrize("height", [4.75, 5.0, 5.25])
+def test_inside_the_disc_and_its_tolerance_the_pursuer_only_follows(height):
+    solution = solve(HELD, at(1, 1, height), at(0, 0, 0), evader_velocity_m_s=at(0.3, 0.4, 0))
+    assert solution.value == 0.0
+    assert solution.reason == Reason.CAPTURED
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.3, 0.4, 0.0))
+    race = solve(HELD, at(1, 1, height), at(0, 0, 0), at(9, 0, 0), evader_velocity_m_s=at(0.3, 0.4, 0))
+    assert (race.value, race.winner, race.reason) == (9.0, Winner.PURSUER, Reason.CAPTURED)
+    np.testing.assert_allclose(race.pursuer_velocity_m_s, (0.3, 0.4, 0.0))
+
+
+def test_below_the_disc_a_cylinder_climbs_at_its_climb_speed():
+    solution = solve(HELD, at(1, 1, 2.0), at(0, 0, 0))
+    assert solution.value == pytest.approx((3.0 - 0.25) / 0.7)
+    np.testing.assert_array_equal(solution.pursuer_velocity_m_s, (0.0, 0.0, 0.7))
+    assert solution.reason == Reason.SOLVED
+
+
+def test_in_the_evaders_plane_everybody_stays_in_it():
+    for target in (None, at(40, 3, 0)):
+        solution = solve(BALL, at(-5, 0, 0), ORIGIN, target)
+        assert solution.pursuer_velocity_m_s[2] == 0.0
+    assert solve(BALL, at(-5, 0, 0), ORIGIN).value == pytest.approx(5.0)
+
+
+def test_at_the_evader_the_game_is_over():
+    for game in (BALL, CYLINDER):
+        chase, race = solve(game, ORIGIN, ORIGIN), solve(game, ORIGIN, ORIGIN, at(3, 4, 0))
+        assert (chase.value, chase.reason) == (0.0, Reason.CAPTURED)
+        assert (race.value, race.winner, race.reason) == (5.0, Winner.PURSUER, Reason.CAPTURED)
+        np.testing.assert_array_equal(chase.pursuer_velocity_m_s, 0.0)
+        np.testing.assert_array_equal(race.meeting_point_m, 0.0)
+        np.testing.assert_allclose(race.evader_velocity_m_s, (0.6, 0.8, 0.0))
+
+
+def test_an_evader_at_its_target_has_won_and_stays():
+    for game in (BALL, CYLINDER):
+        solution = solve(game, at(0, 0, 7), ORIGIN, ORIGIN)
+        assert (solution.winner, solution.reason, solution.meeting_time_s) == (Winner.EVADER, Reason.ARRIVED, 0.0)
+        assert solution.value == pytest.approx(7.0)
+        np.testing.assert_array_equal(solution.evader_velocity_m_s, 0.0)
+        assert solution.pursuer_velocity_m_s[2] < 0
+
+
+def test_all_three_in_one_place_is_the_barrier():
+    solution = solve(BALL, ORIGIN, ORIGIN, ORIGIN)
+    assert (solution.winner, solution.value, solution.margin_s) == (Winner.UNDECIDED, 0.0, 0.0)
+    assert solution.reason == Reason.CAPTURED
+
+
+def test_a_state_on_the_barrier_is_undecided_and_both_go_for_the_target():
+    solution = solve(BALL, at(8, 0, 0), at(0, 4, 0), ORIGIN)
+    assert (solution.winner, solution.reason, solution.margin_s) == (Winner.UNDECIDED, Reason.ON_BARRIER, 0.0)
+    assert solution.value == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (-2.0, 0.0, 0.0), atol=1e-9)
+    np.testing.assert_allclose(solution.evader_velocity_m_s, (0.0, -1.0, 0.0), atol=1e-9)
+
+
+def test_a_target_at_the_centre_of_the_circle_is_finite():
+    P, E = at(0, 0, 9), at(3, 0, 0)
+    solution = solve(BALL, P, E, at(4, 0, 0))
+    assert solution.winner == Winner.EVADER
+    assert all(np.isfinite(field).all() for field in solution)
+
+
+def test_the_pursuer_that_guards_the_target_in_time_waits_there():
+    solution = solve(CYLINDER, ORIGIN, at(9, 0, 0), ORIGIN)
+    assert solution.winner == Winner.PURSUER
+    late = solve(BALL, at(0.5, 0, 30), at(1, 0, 0), ORIGIN)
+    assert late.winner == Winner.EVADER
+    there = solve(Game(Ball(2.0), 1.0, standoff=StandOff(1.0, 3.0)), at(30, 0, 3), at(1, 0, 0), ORIGIN)
+    assert there.winner == Winner.EVADER
+    np.testing.assert_allclose(there.pursuer_velocity_m_s, (-2.0, 0.0, 0.0))
+
+
+def test_a_cylinder_with_nothing_to_gain_horizontally_holds_over_its_point():
+    solution = solve(HELD, at(0.5, 0, 25), at(8, 0, 0), ORIGIN)
+    assert solution.winner == Winner.EVADER
+    np.testing.assert_array_equal(solution.pursuer_velocity_m_s, (0.0, 0.0, -0.5))
+
+
+def test_an_evader_in_space_that_is_captured_is_followed_in_space():
+    game = Game(Ball(2.0), 1.0, capture_radius_m=1.0, evader_space="space")
+    seen = at(0.1, 0.2, -0.3)
+    held = solve(game, at(0, 0, 0.5), ORIGIN, evader_velocity_m_s=seen)
+    assert (held.value, held.reason) == (0.0, Reason.CAPTURED)
+    np.testing.assert_allclose(held.pursuer_velocity_m_s, seen)
+    fast = solve(game, at(0, 0, 0.5), ORIGIN, evader_velocity_m_s=at(0, 0, -30))
+    np.testing.assert_allclose(fast.pursuer_velocity_m_s, (0, 0, -1.0))
+    free = solve(game, at(0, 0, 5.0), ORIGIN, evader_velocity_m_s=seen)
+    np.testing.assert_allclose(free.pursuer_velocity_m_s, (0, 0, -2.0))
+
+
+grid = st.sampled_from([-3.0, -1.0, 0.0, 0.0, 0.5, 1.0, 2.0, 3.0])
+place = st.tuples(grid, grid, grid).map(np.array)
+
+
+@settings(max_examples=20, deadline=None)
+@given(P=place, E=place, T=place, seen=place)
+def test_no_state_is_without_a_finite_answer(games, P, E, T, seen):
+    """Places on a coarse grid, so that all kinds of coincidence happen."""
+    for name, game in games.items():
+        level = 0.0 if game.evader_space == "plane" else 1.0
+        E, T = E * [1, 1, level], T * [1, 1, level]
+        for target in (None, T):
+            solution = solve(game, P, E, target, evader_velocity_m_s=seen)
+            for field in solution._replace(margin_s=0.0):
+                assert np.isfinite(field).all(), name
+            assert solution.value >= -1e-12, name
+            assert solution.meeting_time_s >= 0.0, name
+            speed = np.linalg.norm(solution.evader_velocity_m_s)
+            assert speed <= game.evader_speed_m_s * (1 + 1e-12), name
+            through_air = solution.pursuer_velocity_m_s - [*game.wind_m_s, 0.0]
+            if isinstance(game.pursuer, Ball):
+                assert np.linalg.norm(through_air) <= game.pursuer.speed_m_s * (1 + 1e-12), name
+            else:
+                assert math.hypot(*through_air[:2]) <= game.pursuer.horizontal_m_s * (1 + 1e-12), name
+                assert -game.pursuer.descent_m_s <= through_air[2] <= game.pursuer.climb_m_s, name
+        for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
+            assert np.isfinite(policy(game, P, E, T, seen)).all(), name
