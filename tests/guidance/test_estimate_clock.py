@@ -4,7 +4,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.estimate import ClockOffset, Observer, Outcome, TrackSettings, compare_clocks, observe, target_at
@@ -37,6 +37,7 @@ def test_the_least_delay_seen_is_the_offset():
     assert not clock.measured
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(0.0, 0.9), min_size=1, max_size=40), st.floats(-1e6, 1e6))
 def test_no_report_is_ever_from_after_its_arrival_and_the_offset_is_at_least_the_truth(delays, offset):
     clock = None

@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.estimate import TrackSettings, height, imm
@@ -53,6 +53,7 @@ def test_the_turn_is_the_one_that_its_definition_gives(turn_rate):
     assert step(both(state), 0.7, SETTINGS).mean[1, :4] == pytest.approx(turned(state, 0.7), abs=1e-6)
 
 
+@settings(deadline=None)
 @given(states, st.sampled_from(STEPS_S))
 def test_the_steady_model_goes_straight(state, dt_s):
     moved = step(both(state), dt_s, SETTINGS).mean[0]
@@ -60,6 +61,7 @@ def test_the_steady_model_goes_straight(state, dt_s):
     assert moved[:4] == pytest.approx([north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate])
 
 
+@settings(deadline=None)
 @given(states, st.sampled_from(STEPS_S))
 def test_the_jacobians_are_those_of_the_steps(state, dt_s):
     jacobian = step(both(state), dt_s, SETTINGS).jacobian

@@ -195,7 +195,7 @@ def test_a_first_report_that_is_no_good_starts_nothing(report, outcome):
     assert (track.outcome, track.estimate) == (outcome, None)
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 1000), st.permutations(range(6)))
 def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, order):
     reports = straight(30, seed=seed)
@@ -208,7 +208,7 @@ def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, orde
     assert one.age_s == pytest.approx(other.age_s)
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 29))
 def test_a_report_heard_twice_counts_once(seed, index):
     reports = straight(30, seed=seed)
@@ -244,7 +244,7 @@ def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
         assert getattr(there, name) == pytest.approx(getattr(here, name), abs=1e-6)
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(st.floats(0.0, 1e6))
 def test_the_estimate_knows_no_beginning_of_time(start_s):
     reports = straight(20, seed=9)

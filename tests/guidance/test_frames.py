@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymap3d.vincenty import vreckon
 
@@ -30,6 +30,7 @@ PROJECTIONS = st.sampled_from(list(Projection))
 ZURICH = LocalFrame(47.397742, 8.545594, Amsl(488.0), home=Amsl(490.0), undulation_m=47.5)
 
 
+@settings(deadline=None)
 @given(LATITUDES, LONGITUDES, METRES, METRES, st.floats(-100, 3000), PROJECTIONS)
 def test_the_way_to_wgs84_and_back_is_the_identity_within_a_millimetre(lat, lon, north, east, down, projection):
     frame = LocalFrame(lat, lon, Amsl(400.0), projection=projection)
@@ -38,6 +39,7 @@ def test_the_way_to_wgs84_and_back_is_the_identity_within_a_millimetre(lat, lon,
     assert frame.ned_from_wgs84(latitude, longitude, altitude) == pytest.approx((north, east, down), abs=1e-3)
 
 
+@settings(deadline=None)
 @given(LATITUDES, LONGITUDES, st.floats(-math.pi, math.pi), st.floats(1.0, 2000.0))
 def test_wgs84_metres_are_the_geodesic_s_metres(lat, lon, bearing, distance):
     # An independent derivation: Vincenty's direct geodesic, against the tangent plane (error of order s³/R²).
@@ -135,6 +137,7 @@ def test_the_game_s_axes_are_east_north_up_above_the_plane():
     assert game_from_ned((1.0, 2.0, 3.0)) == (2.0, 1.0, -3.0)
 
 
+@settings(deadline=None)
 @given(st.tuples(METRES, METRES, METRES), st.tuples(METRES, METRES, METRES))
 def test_the_way_to_the_game_and_back_is_the_identity(position, origin):
     game = GameFrame(origin)
@@ -142,6 +145,7 @@ def test_the_way_to_the_game_and_back_is_the_identity(position, origin):
     assert ned_from_game(game_from_ned(position)) == position
 
 
+@settings(deadline=None)
 @given(st.tuples(METRES, METRES, METRES), st.tuples(METRES, METRES, METRES))
 def test_distances_survive_the_turn_into_the_game(one, other):
     game = GameFrame((10.0, -20.0, 3.0))
@@ -164,11 +168,13 @@ def test_right_is_clockwise_of_forward():
     assert ned_from_body((0.0, 1.0, 0.0), math.pi / 2) == pytest.approx((-1.0, 0.0, 0.0))
 
 
+@settings(deadline=None)
 @given(st.tuples(METRES, METRES, METRES), st.floats(-10.0, 10.0))
 def test_the_way_to_the_body_and_back_is_the_identity(vector, yaw):
     assert ned_from_body(body_from_ned(vector, yaw), yaw) == pytest.approx(vector, abs=1e-8)
 
 
+@settings(deadline=None)
 @given(st.floats(-1e3, 1e3))
 def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle):
     wrapped = wrap_rad(angle)

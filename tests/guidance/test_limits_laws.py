@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
@@ -52,6 +52,7 @@ def asked_ground(distance_m, speed, envelope=OPEN):
     return distance_m / (envelope.reaction_s + speed / (2.0 * envelope.braking_m_s2))
 
 
+@settings(deadline=None)
 @given(st.floats(0.0, 1e4), st.floats(0.1, 100.0), st.floats(0.0, 3.0))
 def test_the_approach_speed_uses_up_the_distance_exactly(distance, deceleration, lag):
     speed = approach_speed(distance, deceleration, lag)
@@ -93,6 +94,7 @@ def test_jerk_limits_the_rise_of_acceleration():
     assert accelerations == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
 
 
+@settings(max_examples=30, deadline=None)
 @given(st.floats(-10, 10), st.floats(-10, 10), st.floats(1.0, 50.0))
 def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk):
     soft, memory = replace(OPEN, jerk_m_s3=jerk), Memory((before, 0.0, 0.0))
@@ -501,6 +503,7 @@ def test_a_polygon_that_is_none_is_refused(corners, words):
         Polygon(corners)
 
 
+@settings(deadline=None)
 @given(st.floats(-8, 8), st.floats(-8, 8), st.booleans())
 def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east, clockwise):
     corners = ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0))
