@@ -1,9 +1,11 @@
 """A height commanded beside a velocity: cut to what the autopilot's own height loop may make of it."""
 
 from guidance.frames import Vector
+from guidance.limits.altitude import floor_and_ceiling
 from guidance.limits.envelope import Envelope
 from guidance.limits.situation import Situation
-from guidance.limits.space import walls
+from guidance.limits.stand_off import stand_off_walls
+from guidance.limits.stopping import stop
 from guidance.limits.wall import leans, slide
 
 
@@ -24,7 +26,9 @@ def cut_height(wanted_down_m: float, velocity_ned_m_s: Vector, situation: Situat
     north, east, down = velocity_ned_m_s
     total = down + gain * (wanted_down_m - present_m)
     total = min(envelope.descent_m_s, max(-envelope.climb_m_s, total))
-    for one in walls((north, east, total), situation, envelope):
+    asked = (north, east, total)
+    walls = floor_and_ceiling(situation, envelope, stop(asked, envelope))
+    for one in (*stand_off_walls(asked, situation, envelope), *walls):  # a fence holds no height
         if leans((north, east, total), one):
             level = one.normal_ned_s[0] == one.normal_ned_s[1] == 0.0
             total = slide((north, east, total), one)[2] if level else down

@@ -185,6 +185,15 @@ def test_a_polygon_holds_on_its_line_in_its_corners_and_outside(position, veloci
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((*allowed, 0.0), abs=1e-9)
 
 
+def test_past_an_inward_corner_the_way_is_free():
+    notched = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (0.0, 0.0), (-50.0, 50.0)))
+    at = Situation((0.0, -0.5, 0.0), (0.0, 0.0, 0.0))
+    free, closing = (5.0, 0.0, 0.0), (0.0, 5.0, 0.0)
+    assert settled(free, at, replace(OPEN, fence_polygon=notched)).setpoint.velocity_ned_m_s == free
+    allowed = settled(closing, at, replace(OPEN, fence_polygon=notched)).setpoint.velocity_ned_m_s
+    assert allowed == pytest.approx((0.0, asked_ground(0.5, 5.0), 0.0))
+
+
 def test_a_polygon_keeps_its_margin_from_inside_and_outside():
     with_margin = replace(SQUARE, fence_margin_m=2.0)
     for north in (18.0, 19.0, 20.0, 21.0):
