@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.errors import ConfigError
 from guidance.estimate.motion import Array
 from guidance.estimate.settings import TrackSettings
-from guidance.frames import Altitude, Amsl, LocalFrame, Vector
+from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.telemetry import TargetReport
 
 
@@ -39,10 +38,8 @@ class Measurement(NamedTuple):
         )
 
 
-def measure(
-    report: TargetReport, frame: LocalFrame, time_s: float, settings: TrackSettings, altitude: Altitude | None = None
-) -> Measurement | None:
-    """Bring a report into the local frame. None if its altitude cannot be brought into the frame's datum.
+def measure(report: TargetReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:
+    """Bring a report into the local frame.
 
     A velocity of which any part is NaN is not known, and none is invented; a spread that is not given, or not
     positive, is the setting's.
@@ -52,19 +49,12 @@ def measure(
         frame: The vehicle's local frame.
         time_s: When it was true, on our clock.
         settings: For spreads that are not given.
-        altitude: In place of the report's altitude above mean sea level.
     """
-    try:
-        position = frame.ned_from_wgs84(
-            report.latitude_deg, report.longitude_deg, altitude or Amsl(report.altitude_amsl_m)
-        )
-    except ConfigError:
-        return None
     known = not any(math.isnan(part) for part in report.velocity_ned_m_s)
     return Measurement(
         time_s,
         report.received_s,
-        position,
+        frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)),
         report.velocity_ned_m_s if known else None,
         report.position_sd_m if report.position_sd_m > 0.0 else settings.position_sd_m,
         report.velocity_sd_m_s if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 from guidance.estimate.clock_offset import ClockOffset, hear, synchronise
 from guidance.estimate.measurement import measure
-from guidance.estimate.outcome import Outcome
 from guidance.estimate.settings import TrackSettings
 from guidance.estimate.target_state import TargetState, predict
-from guidance.estimate.track import Track, dropped, update
+from guidance.estimate.track import Track, update
 from guidance.frames import LocalFrame
 from guidance.telemetry import TargetReport, Timesync
 
@@ -24,8 +23,6 @@ def observe(observer: Observer, report: TargetReport, frame: LocalFrame, setting
     """Take in one report of the one target."""
     clock = hear(observer.clock, report.sent_s, report.received_s)
     measurement = measure(report, frame, _true_at(report, clock, settings), settings)
-    if measurement is None:
-        return Observer(clock, dropped(observer.track, Outcome.NO_FRAME))
     return Observer(clock, update(observer.track, measurement, settings))
 
 

@@ -18,7 +18,6 @@ class Outcome(StrEnum):
     DUPLICATE = "duplicate"
     TOO_OLD = "too old"  # from before everything that can still be put in order
     OUTLIER = "outlier"
-    NO_FRAME = "no frame"  # its altitude or the local frame is not known
 
 
 TAKEN = frozenset({Outcome.STARTED, Outcome.ACCEPTED, Outcome.REORDERED, Outcome.JUMPED, Outcome.REACQUIRED})

@@ -86,11 +86,6 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     return Track(_recent(history, settings), None, outcome, _counted(track, outcome), nis)
 
 
-def dropped(track: Track, outcome: Outcome) -> Track:
-    """Count a report that never became a measurement."""
-    return _ended(track, outcome)
-
-
 def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estimate:
     """Move an estimate on to a later time; an earlier one leaves it as it is."""
     dt_s = time_s - estimate.time_s

@@ -64,9 +64,7 @@ def keep_in_circle(velocity_ned_m_s: Vector, situation: Situation, envelope: Env
 def outward_wall(situation: Situation, envelope: Envelope) -> Wall:
     """The circle as a wall to accelerations, once it acts on the velocity."""
     north, east = _about_home(situation, envelope)
-    distance_m = math.hypot(north, east)
-    outward = (north / distance_m, east / distance_m, 0.0) if distance_m > 0.0 else (0.0, 0.0, 0.0)
-    return Wall(Limiter.FENCE_RADIUS, outward, 0.0)
+    return Wall(Limiter.FENCE_RADIUS, (north, east, 0.0), 0.0)
 
 
 def _circle(situation: Situation, envelope: Envelope) -> tuple[float, Point]:

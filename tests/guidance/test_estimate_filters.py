@@ -152,6 +152,11 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
         assert modes.turning == pytest.approx(reference.mu[1], abs=1e-7)
 
 
+def test_no_time_changes_nothing():
+    modes = imm.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS)
+    assert imm.advance(modes, 0.0, SETTINGS) is modes
+
+
 def test_the_innovation_is_that_of_the_mixture():
     modes = imm.advance(imm.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS), 0.5, SETTINGS)
     measured, noise = np.array([3.0, -1.0]), np.diag([0.3, 0.3])

@@ -348,6 +348,16 @@ def test_a_late_report_that_contradicts_the_track_is_an_outlier():
     assert late.outcome is Outcome.OUTLIER
 
 
+def test_a_report_that_no_longer_fits_once_an_earlier_one_is_known_is_left_out():
+    # Without velocities the second report could be anything; a late first witness shows that it was wild.
+    options = replace(SETTINGS, history_s=10.0)
+    begun = tracked([measured(0.0, (0.0, 0.0, 0.0)), measured(3.0, (60.0, 0.0, 0.0))], options)
+    assert begun.counts == {Outcome.STARTED: 1, Outcome.ACCEPTED: 1}
+    late = update(begun, measured(2.9, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), received_s=3.1, velocity_sd_m_s=0.05), options)
+    assert late.outcome is Outcome.REORDERED
+    assert [one.measurement.time_s for one in late.history] == [0.0, 2.9]
+
+
 def test_the_memory_reaches_back_as_far_as_it_says():
     track = tracked(straight(200))
     times = [one.measurement.time_s for one in track.history]
