@@ -30,13 +30,14 @@ class Frame(NamedTuple):
 class Framer:
     """Feed pieces of a byte stream, get frames. `crc_extra` maps a message id to MAVLink's seed for its checksum.
 
-    Frames of unknown messages cannot be checked: they are skipped by their length where that leads to another frame
-    or to the end, and byte by byte otherwise.
+    A message that is not in the map cannot be checked, so that its length may be a lie: it is counted as unknown and
+    searched through for frames that can.
     """
 
     def __init__(self, crc_extra: Mapping[int, int]) -> None:
         self._crc_extra = crc_extra
         self._buffer = bytearray()
+        self._unknown_left = 0
         self.garbage_bytes = 0
         self.unknown = 0
 
@@ -53,13 +54,11 @@ class Framer:
             frame = self._frame_at(position, length)
             if frame is None:
                 position += 1
-                self.garbage_bytes += 1
-                continue
-            position += length
-            if frame.message_id in self._crc_extra:
-                frames.append(frame)
+                self._pass_over(1)
             else:
-                self.unknown += 1
+                frames.append(frame)
+                position += length
+                self._unknown_left = 0
         del buffer[:position]
         self._forget(stream=stream)
         return frames
@@ -69,21 +68,30 @@ class Framer:
         if length == 0 or end > len(self._buffer):
             return None
         frame = _header(bytes(self._buffer[position:end]))
-        return frame if self._checked(frame, self._buffer, end) else None
-
-    def _checked(self, frame: Frame, buffer: bytearray, end: int) -> bool:
         extra = self._crc_extra.get(frame.message_id)
         if extra is None:
-            return end == len(buffer) or buffer[end] in (MAGIC_V1, MAGIC_V2)
-        body_end = len(frame.data) - (_SIGNATURE_BYTES if frame.signed else 0) - 2
-        expected = crc16.mcrf4xx(frame.data[1:body_end] + bytes((extra,)))
-        return expected == int.from_bytes(frame.data[body_end : body_end + 2], "little")
+            if self._unknown_left == 0:
+                self.unknown += 1
+                self._unknown_left = length
+            return None
+        return frame if _is_whole(frame, extra) else None
+
+    def _pass_over(self, count: int) -> None:
+        unknown = min(count, self._unknown_left)
+        self._unknown_left -= unknown
+        self.garbage_bytes += count - unknown
 
     def _forget(self, *, stream: bool) -> None:
         excess = len(self._buffer) - (_MOST_BUFFERED if stream else 0)
         if excess > 0:
-            self.garbage_bytes += excess
+            self._pass_over(excess)
             del self._buffer[:excess]
+
+
+def _is_whole(frame: Frame, extra: int) -> bool:
+    body_end = len(frame.data) - (_SIGNATURE_BYTES if frame.signed else 0) - 2
+    expected = crc16.mcrf4xx(frame.data[1:body_end] + bytes((extra,)))
+    return expected == int.from_bytes(frame.data[body_end : body_end + 2], "little")
 
 
 def _frame_length(buffer: bytearray, position: int) -> int:

@@ -58,6 +58,15 @@ def test_unknown_messages_are_skipped_and_counted():
     unknown = bytes([0xFD, 3, 0, 0, 0, 1, 1]) + (70000).to_bytes(3, "little") + b"abc" + b"\x12\x34"
     assert [frame.data for frame in framer.feed(unknown + known + unknown)] == [known]
     assert framer.unknown == 2
+    assert framer.garbage_bytes == 0
+
+
+def test_a_length_that_cannot_be_checked_swallows_nothing():
+    framer = Framer(CRC_EXTRA)
+    sent = frames(4)
+    inside = b"".join(sent)
+    lie = bytes([0xFD, len(inside) - 2, 0, 0, 0, 1, 1]) + (70000).to_bytes(3, "little") + inside
+    assert [frame.data for frame in framer.feed(lie + sent[0])] == [*sent, sent[0]]
 
 
 def test_what_waits_for_a_rest_that_never_comes_is_bounded():

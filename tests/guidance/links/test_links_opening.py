@@ -139,6 +139,12 @@ def test_the_first_vehicle_heard_is_not_taken_for_ours(kind):
             open_vehicle_link(kind, f"udpin://127.0.0.1:{port}", system_id=7, clock=now, sleep=now.sleep, timeout_s=3.0)
 
 
+@pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
+def test_a_serial_device_that_is_not_there_is_a_link_error_of_either_link(kind):
+    with pytest.raises(LinkError, match="/dev/ttyNOBODY"):
+        open_vehicle_link(kind, "serial:///dev/ttyNOBODY:57600", system_id=1, clock=clock)
+
+
 def test_a_serial_device_that_is_not_there_is_a_link_error():
     with pytest.raises(LinkError, match="/dev/ttyNOBODY"):
         open_wire("serial:///dev/ttyNOBODY:57600", clock=clock)

@@ -80,6 +80,17 @@ def test_arrivals_from_many_threads_are_all_there():
     assert len(arrivals.take()) == 4000
 
 
+def test_memory_hands_on_to_whoever_asks_for_it():
+    ours, theirs = MemoryWire.pair(lambda: 7.0)
+    handed = []
+    ours.hand_to(lambda at_s, frame: handed.append((at_s, frame)))
+    theirs.send(FRAME)
+    assert handed == [(7.0, FRAME)]
+    ours.close()
+    theirs.send(FRAME)
+    assert len(handed) == 1
+
+
 def test_a_closed_end_of_memory_takes_nothing():
     ours, theirs = MemoryWire.pair(clock)
     ours.send(b"a")
@@ -96,8 +107,11 @@ class Port:
     def __init__(self) -> None:
         self.room = 0
         self.taken = b""
+        self.broken = False
 
     def write(self, data: bytes) -> int:
+        if self.broken:
+            raise ConnectionResetError
         if self.room == 0:
             raise BlockingIOError
         part = data[: self.room]
@@ -117,6 +131,19 @@ def test_a_full_port_never_sees_half_a_frame_followed_by_another():
     tail.send(b"DDDD")
     assert port.taken == b"BBBBDDDD"
     assert (tail.sent, tail.unsent) == (2, 2)
+
+
+def test_a_port_that_broke_forgets_the_rest_of_its_frame():
+    port = Port()
+    tail = Tail(port.write)
+    port.room = 2
+    tail.send(b"BBBB")
+    port.broken = True
+    tail.send(b"CCCC")
+    assert (tail.sent, tail.unsent) == (1, 1)
+    port.broken, port.room = False, 100
+    tail.send(b"DDDD")
+    assert port.taken == b"BBDDDD"
 
 
 def test_a_new_peer_begins_with_a_whole_frame():

@@ -10,11 +10,12 @@ import pytest
 import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
-from links_peer import until
+from links_peer import Peer, until
 from links_rigs import clock, free_port
 
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
+from guidance.links import MemoryWire
 from guidance.links.targets import Refused, RosPose, json_report, rmw_key
 from guidance.links.targets.opening import TargetIdentity, open_target
 from guidance.links.targets.zenoh_source import ZenohTarget
@@ -176,6 +177,7 @@ def test_a_ros_stamp_of_zero_is_no_stamp():
         (b"\x00\x07" + pose_stamped()[2:], "encoding"),
         (pose_stamped()[:12] + b"\xff\xff\xff\xff" + pose_stamped()[16:], "length"),
         (pose_stamped()[:12] + b"\x00\x00\x00\x00" + pose_stamped()[16:], "length"),
+        (pose_stamped()[:16] + b"mapX" + pose_stamped()[20:], "encoding"),
     ],
 )
 def test_a_ros_pose_that_is_none_is_refused(payload, reason):
@@ -256,6 +258,20 @@ def test_what_a_source_cannot_do_without_is_asked_for_by_name(kind, url, identit
     with pytest.raises(ConfigError) as caught:
         open_target(kind, url, clock=clock, frame=FRAME, identity=identity)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"])
+def test_mavlink_targets_open_on_a_port_of_their_own_or_on_a_wire_that_is_shared(kind):
+    who = TargetIdentity(system_id=9, icao_address=5)
+    own = open_target(kind, f"udpin://127.0.0.1:{free_port()}", clock=clock, frame=FRAME, identity=who)
+    assert own.receive() == []
+    own.close()
+    ours, theirs = MemoryWire.pair(clock)
+    shared = open_target(kind, "", clock=clock, frame=FRAME, identity=who, wire=ours)
+    Peer(theirs.send, system_id=9).heartbeat()
+    assert shared.receive() == []
+    shared.close()
+    assert ours.counters()["wire_sent"] == 0
 
 
 def test_a_source_without_a_router_is_a_clear_error():
