@@ -153,6 +153,25 @@ def test_the_vehicle_s_own_drift_is_taken_from_the_distance():
     assert settled((0.0, 0.0, 2.0), moving, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(1.0 / 1.5)
 
 
+@pytest.mark.parametrize(
+    ("velocity", "drift_m"),
+    [
+        ((4.0, 0.0), 2.0),
+        ((-4.0, 0.0), 0.0),
+        ((0.0, 4.0), math.hypot(20.0, 2.0) - 20.0),
+        ((0.0, -4.0), math.hypot(20.0, 2.0) - 20.0),
+    ],
+)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_circle_counts_a_drift_by_how_much_further_out_it_leads(velocity, drift_m, axis):
+    fenced = replace(OPEN, fence_radius_m=30.0, home_ned_m=(7.0, -9.0, 0.0))
+    turn = slice(None, None, 1 - 2 * axis)
+    north, east = (20.0, 0.0)[turn]
+    moving = Situation((7.0 + north, -9.0 + east, 0.0), (*velocity[turn], 0.0))
+    allowed = settled((*(8.0, 0.0)[turn], 0.0), moving, fenced).setpoint.velocity_ned_m_s
+    assert allowed[axis] == pytest.approx(asked_ground(10.0 - drift_m, 8.0))
+
+
 def test_what_goes_along_a_polygon_s_edge_is_kept():
     edge = replace(OPEN, fence_polygon=Polygon(((-90.0, -90.0), (3.0, -90.0), (3.0, 90.0), (-90.0, 90.0))))
     limited = settled((3.0, 4.0, 1.0), envelope=edge)
