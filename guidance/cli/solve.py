@@ -48,10 +48,10 @@ def solve(
 
         guidance solve --states states.csv --out answers.parquet --speed-ratio 2
     """
-    if states is None and (speed_ratio is None) == (cylinder is None):
+    if (speed_ratio is None) == (cylinder is None) and (states is None or cylinder is not None):
         raise ConfigError("--speed-ratio, --cylinder: exactly one of them must be given")
-    if speed_ratio is not None and cylinder is not None:
-        raise ConfigError("--speed-ratio, --cylinder: only one of them may be given")
+    if not (math.isfinite(evader_speed) and evader_speed > 0):
+        raise ConfigError(f"--evader-speed = {evader_speed!r}: must be a finite number above 0")
     if speed_ratio is not None and not (math.isfinite(speed_ratio) and speed_ratio > 1):
         raise ConfigError(f"--speed-ratio = {speed_ratio!r}: must be a finite number above 1")
     radius, height = _numbers("--standoff", standoff, 2)

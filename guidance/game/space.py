@@ -2,8 +2,8 @@
 
 P, E and T lie in one plane and neither player gains by leaving it, so the game is the planar one (z_P = 0) played in
 that plane; its circle is the sphere's section. The state is folded into it, with the first axis from E to T (PE: from P
-to E), solved there, and the answer unfolded. Where all three are on one line the second axis is what rounding left; what
-leans towards the first is taken off, so that no velocity is unfolded to more than its bound.
+to E), solved there, and the answer unfolded. Where all three are on one line the second axis is what rounding left;
+what leans towards the first is taken off, so that no velocity is unfolded to more than its bound.
 """
 
 from guidance.game.arrays import Array, Library, Space, component, select
@@ -19,18 +19,14 @@ def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, 
     to_evader = _minus(evader, _components(P))
     first, far = _unit(xp, to_evader if T is None else _minus(_components(T), evader))
     along = _dot(to_evader, first)
-    rest = (
-        to_evader[0] - along * first[0],
-        to_evader[1] - along * first[1],
-        to_evader[2] - along * first[2],
-    )
-    second, across = _unit(xp, rest)
-    lean = _dot(second, first)
-    second = (second[0] - lean * first[0], second[1] - lean * first[1], second[2] - lean * first[2])
+    second, across = _across(xp, to_evader, first, along)
     nought = 0.0 * along
-    distance = xp.sqrt(along * along + across * across)
-    state = State((nought, nought), nought, (along, across), distance, nought, (nought, nought))
-    play = pursuit(xp, game, state) if T is None else defence(xp, game, state, (far, nought))
+    if T is None:
+        play = pursuit(xp, game, State((nought, nought), nought, (along, nought), along, nought, (nought, nought)))
+    else:
+        distance = xp.sqrt(along * along + across * across)
+        state = State((nought, nought), nought, (along, across), distance, nought, (nought, nought))
+        play = defence(xp, game, state, (far, nought))
 
     def unfold(v: Space) -> Space:
         return (
@@ -45,6 +41,13 @@ def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, 
     if seen is not None:
         flown = _follow(xp, game, play.time <= 0, _components(seen), flown)
     return play._replace(meeting=meeting, pursuer=flown, evader=unfold(play.evader))
+
+
+def _across(xp: Library, v: Space, first: Space, along: Array) -> tuple[Space, Array]:
+    """Return the direction and length of what a vector has across the first axis."""
+    second, across = _unit(xp, (v[0] - along * first[0], v[1] - along * first[1], v[2] - along * first[2]))
+    lean = _dot(second, first)
+    return (second[0] - lean * first[0], second[1] - lean * first[1], second[2] - lean * first[2]), across
 
 
 def _follow(xp: Library, game: Game, caught: Array, seen: Space, flown: Space) -> Space:

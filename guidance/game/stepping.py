@@ -98,8 +98,7 @@ def exact_samples(
         if not bool(xp.any(running)):
             return
         h = duration_s - sample.time_s
-        for least_s in ahead:
-            limit = share * least_s
+        for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s):
             h = select(xp, limit < h, limit, h)
         h = select(xp, running, select(xp, h < stepping.step_s, h, stepping.step_s), 0.0)
         sample, seen = _advance(xp, game, sample, velocities, h, seen, stepping.order)

@@ -17,7 +17,7 @@ class Ahead(NamedTuple):
     Attributes:
         capture_s: the evader can be captured.
         arrival_s: the evader can be at its target; infinite without one.
-        turn_s: a Cylinder that is not level with its disc can be so, and turns; infinite for a Ball.
+        turn_s: a Cylinder that is not level with its disc is so, and holds its height; infinite for a Ball.
     """
 
     capture_s: Array
@@ -42,7 +42,9 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         beside = positive_part(beside - met) / closing
         above = positive_part(abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
         ahead = larger(xp, beside, above)
-        turn = select(xp, above > NANOSECOND_S, above, never)
+        over = abs(state.z) - capture
+        inside = (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z)
+        turn = select(xp, over > TOUCH_M, inside, never)
     if target is None:
         return Ahead(ahead, never, turn)
     x, y, z = (component(target, index) - component(evader, index) for index in range(3))

@@ -1,0 +1,120 @@
+"""The same functions on the arrays of other libraries, where they are installed."""
+
+import numpy as np
+import pytest
+
+from guidance.errors import ConfigError
+from guidance.game import (
+    EVADER_POLICIES,
+    PURSUER_POLICIES,
+    Exact,
+    apollonius_circle,
+    apollonius_sphere,
+    hji_residual,
+    rollout,
+    solve,
+    value_gradient,
+)
+
+NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")
+
+
+class Torch:
+    """PyTorch, on the CPU."""
+
+    def __init__(self):
+        self.torch = pytest.importorskip("torch")
+        self.dtypes = {"single": self.torch.float32, "double": self.torch.float64}
+
+    def array(self, values, precision="double"):
+        return self.torch.asarray(np.array(values), dtype=self.dtypes[precision])
+
+
+class Jax:
+    """JAX, on the CPU, with double precision switched on."""
+
+    def __init__(self):
+        jax = pytest.importorskip("jax")
+        jax.config.update("jax_enable_x64", True)
+        self.numpy = jax.numpy
+        self.dtypes = {"single": jax.numpy.float32, "double": jax.numpy.float64}
+
+    def array(self, values, precision="double"):
+        return self.numpy.asarray(values, dtype=self.dtypes[precision])
+
+
+@pytest.fixture(scope="module", params=[Torch, Jax])
+def library(request):
+    return request.param()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("precision", "tolerance"), [("double", 1e-6), ("single", 2e-2)])
+def test_another_library_solves_the_same_games(library, games, oracle, name, precision, tolerance):
+    states = oracle.states(21, 40, games[name])
+    seen = np.full((40, 3), 0.1)
+    for with_target in (False, True):
+        given = states[: 3 if with_target else 2]
+        here = solve(games[name], *given, evader_velocity_m_s=seen)
+        there = solve(
+            games[name],
+            *(library.array(array, precision) for array in given),
+            evader_velocity_m_s=library.array(seen, precision),
+        )
+        clear = np.abs(here.margin_s) > 0.05
+        assert there.value.dtype == library.dtypes[precision]
+        np.testing.assert_array_equal(np.asarray(there.winner)[clear], here.winner[clear])
+        np.testing.assert_array_equal(np.asarray(there.reason)[clear], here.reason[clear])
+        for a, b in zip(there[1:-1], here[1:-1], strict=True):
+            np.testing.assert_allclose(np.asarray(a)[clear], b[clear], rtol=tolerance, atol=tolerance)
+
+
+def test_a_row_that_is_not_finite_is_lost_alone(library, games, oracle):
+    P, E, T = oracle.states(22, 4)
+    P[1, 1] = np.nan
+    there = solve(games["cylinder_standoff"], *(library.array(array) for array in (P, E, T)))
+    assert np.isnan(np.asarray(there.value)).tolist() == [False, True, False, False]
+
+
+def test_a_single_state_works_too(library, games, oracle):
+    P, E, T = oracle.states(23, 1)
+    for name in NAMES:
+        here = solve(games[name], P[0], E[0], T[0])
+        there = solve(games[name], *(library.array(array[0]) for array in (P, E, T)))
+        assert float(there.value) == pytest.approx(float(here.value), rel=1e-9)
+        assert there.pursuer_velocity_m_s.shape == (3,)
+
+
+def test_policies_circles_gradients_and_rollouts_work_too(library, games, oracle):
+    P, E, T = oracle.states(24, 6)
+    given = [library.array(array) for array in (P, E, T)]
+    for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
+        np.testing.assert_allclose(np.asarray(policy(games["wind"], *given)), policy(games["wind"], P, E, T), atol=1e-7)
+    for shape in (apollonius_circle, apollonius_sphere):
+        for a, b in zip(shape(*given[:2], 2.0), shape(P, E, 2.0), strict=True):
+            np.testing.assert_allclose(np.asarray(a), b)
+    for a, b in zip(value_gradient(games["cylinder"], *given), value_gradient(games["cylinder"], P, E, T), strict=True):
+        np.testing.assert_allclose(np.asarray(a), b, atol=1e-9)
+    stepping = Exact(step_s=0.5, order=1)
+    there, here = (rollout(games["paper"], *places, stepping=stepping) for places in (given, (P, E, T)))
+    np.testing.assert_allclose(np.asarray(there.time_s), here.time_s, atol=1e-9)
+    np.testing.assert_array_equal(np.asarray(there.end), here.end)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_automatic_differentiation_leaves_no_residual(library, games, oracle, name):
+    P, E, T = oracle.states(25, 60, games[name])
+    given = [library.array(array) for array in (P, E, T)]
+    chase = np.asarray(hji_residual(games[name], *given[:2], method="automatic"))
+    over = solve(games[name], P, E).value > 0.1
+    assert np.abs(chase[over]).max() < 1e-9
+    race = np.asarray(hji_residual(games[name], *given, method="automatic"))
+    solution = solve(games[name], P, E, T)
+    over = (solution.value > 0.1) & (solution.meeting_time_s > 0.1) & (np.abs(solution.margin_s) > 0.01)
+    assert np.abs(race[over]).max() < 1e-6
+
+
+def test_numpy_alone_refuses_to_differentiate(games, oracle):
+    P, E, _ = oracle.states(26, 2)
+    with pytest.raises(ConfigError, match="cannot be differentiated"):
+        hji_residual(games["paper"], P, E, method="automatic")

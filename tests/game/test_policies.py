@@ -1,0 +1,73 @@
+"""The catalogue of strategies: what each of them does, and that it does it at full speed."""
+
+import numpy as np
+import pytest
+
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, StandOff, solve
+
+PAPER = Game(Ball(2.0), 1.0)
+P, E, T = np.array([3.0, 4.0, 12.0]), np.zeros(3), np.array([-6.0, 8.0, 0.0])
+
+
+def test_the_catalogues_name_what_the_paper_compares():
+    assert list(PURSUER_POLICIES) == ["optimal", "pure_pursuit", "task_oriented", "hold"]
+    assert list(EVADER_POLICIES) == ["optimal", "pure_evade", "task_oriented", "hold"]
+
+
+def test_the_optimal_policies_are_the_solution():
+    seen = np.array([0.1, 0.0, 0.0])
+    for target in (None, T):
+        solution = solve(PAPER, P, E, target, evader_velocity_m_s=seen)
+        np.testing.assert_array_equal(
+            PURSUER_POLICIES["optimal"](PAPER, P, E, target, seen), solution.pursuer_velocity_m_s
+        )
+        np.testing.assert_array_equal(
+            EVADER_POLICIES["optimal"](PAPER, P, E, target, seen), solution.evader_velocity_m_s
+        )
+    above = np.array([0.0, 0.0, 5.0])
+    followed = PURSUER_POLICIES["optimal"](PAPER, above, E, None, seen)
+    np.testing.assert_array_equal(followed[:2], seen[:2])
+    np.testing.assert_array_equal(EVADER_POLICIES["optimal"](PAPER, above, E, None, -seen), [-1.0, 0.0, 0.0])
+
+
+def test_pure_pursuit_flies_straight_at_the_evader():
+    np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](PAPER, P, E), -2.0 * P / 13.0)
+
+
+def test_pure_pursuit_of_a_cylinder_uses_both_its_speeds():
+    game = Game(Cylinder(5.0, 3.0, 1.0), 1.0, standoff=StandOff(1.0, 2.0))
+    np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, P, E), [-3.0, -4.0, -1.0])
+    np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, P * [1, 1, 0], E), [-3.0, -4.0, 3.0])
+    seen = np.array([0.0, 0.5, 0.0])
+    inside = np.array([0.3, 0.0, 2.0])
+    np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, inside, E, None, seen), seen)
+
+
+def test_pure_pursuit_of_a_stand_off_disc_flies_to_its_edge():
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(2.0, 8.0))
+    np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, P, E), 2.0 * np.array([-1.8, -2.4, -4.0]) / 5.0)
+
+
+def test_wind_does_not_turn_a_straight_flight():
+    game = Game(Ball(2.0), 1.0, wind_m_s=(0.3, -0.4))
+    flown = PURSUER_POLICIES["pure_pursuit"](game, P, E)
+    np.testing.assert_allclose(np.cross(flown, P), 0.0, atol=1e-12)
+    assert np.linalg.norm(flown - [0.3, -0.4, 0.0]) == pytest.approx(2.0)
+
+
+def test_task_oriented_players_go_straight_to_the_target_and_stay():
+    np.testing.assert_allclose(PURSUER_POLICIES["task_oriented"](PAPER, P, E, T), 2.0 * (T - P) / np.linalg.norm(T - P))
+    np.testing.assert_allclose(EVADER_POLICIES["task_oriented"](PAPER, P, E, T), [-0.6, 0.8, 0.0])
+    np.testing.assert_array_equal(EVADER_POLICIES["task_oriented"](PAPER, P, T, T), 0.0)
+    seen = np.array([0.5, 0.0, 0.0])
+    np.testing.assert_array_equal(PURSUER_POLICIES["task_oriented"](PAPER, T, E, T, seen), 0.0)
+
+
+def test_pure_evade_runs_away_in_the_plane():
+    np.testing.assert_allclose(EVADER_POLICIES["pure_evade"](PAPER, P, E), [-0.6, -0.8, 0.0])
+    np.testing.assert_array_equal(EVADER_POLICIES["pure_evade"](PAPER, np.array([0.0, 0.0, 7.0]), E), [-1.0, 0.0, 0.0])
+
+
+def test_hold_holds():
+    for catalogue in (PURSUER_POLICIES, EVADER_POLICIES):
+        np.testing.assert_array_equal(catalogue["hold"](PAPER, P, E, T), 0.0)

@@ -1,0 +1,180 @@
+"""`guidance solve`: one state on the command line, or a file of them."""
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import csv, parquet
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.errors import ConfigError
+from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
+
+PAPER = ["--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2"]
+PLACES = ["pursuer_x_m", "pursuer_y_m", "pursuer_z_m", "evader_x_m", "evader_y_m"]
+TARGET = ["target_x_m", "target_y_m"]
+
+
+def run(*arguments):
+    result = CliRunner().invoke(app, ["solve", *map(str, arguments)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def table(count, seed=0, *, target=True):
+    rng = np.random.default_rng(seed)
+    return pa.table({name: rng.uniform(1.0, 30.0, count) for name in PLACES + (TARGET if target else [])})
+
+
+def read(path):
+    return csv.read_csv(path) if path.suffix == ".csv" else parquet.read_table(path)
+
+
+def test_one_state_is_answered_in_json():
+    answer = json.loads(run(*PAPER, "--json"))
+    expected = solve(Game(Ball(2.0), 1.0), np.array([8, 1.42, 9.41]), np.array([7.92, 9.6, 0]))
+    assert answer["winner"] == "PURSUER"
+    assert answer["reason"] == "SOLVED"
+    assert answer["value"] == float(expected.value)
+    assert answer["margin_s"] is None
+    assert answer["meeting_point_m"] == expected.meeting_point_m.tolist()
+    assert answer["pursuer_velocity_m_s"] == expected.pursuer_velocity_m_s.tolist()
+
+
+def test_one_state_is_answered_for_people():
+    output = run(*PAPER)
+    for said in ("pursuer", "10.4247", "7.8181, 20.0242, 0.0000", "none: without a target"):
+        assert said in output
+    escape = run("--pursuer", "9,9,9", "--evader", "-1,1", "--target", "0,0", "--speed-ratio", "2")
+    assert "evader" in escape
+    assert "short of a capture" in escape
+    caught = run("--pursuer", "9,9,9", "--evader", "10,1", "--target", "0,0", "--speed-ratio", "2")
+    assert "final distance to the target" in caught
+
+
+def test_every_option_reaches_the_game():
+    output = run(
+        "--pursuer", "40,0,30", "--evader", "30,2", "--target", "0,0", "--cylinder", "12,3,1.5", "--evader-speed", "3",
+        "--standoff", "3,5", "--capture-radius", "0.5", "--information-age", "0.4", "--wind", "1,-2",
+        "--target-velocity", "0.5,-0.5", "--json",
+    )  # fmt: skip
+    game = Game(
+        Cylinder(12.0, 3.0, 1.5),
+        3.0,
+        capture_radius_m=0.5,
+        standoff=StandOff(3.0, 5.0),
+        information_age_s=0.4,
+        wind_m_s=(1.0, -2.0),
+        target_velocity_m_s=(0.5, -0.5),
+    )
+    expected = solve(game, np.array([40.0, 0.0, 30.0]), np.array([30.0, 2.0, 0.0]), np.zeros(3))
+    assert json.loads(output)["value"] == float(expected.value)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+@pytest.mark.parametrize("chunk", [7, 65536])
+def test_a_file_of_states_is_answered_row_by_row(tmp_path, kind, chunk):
+    states, out = tmp_path / f"states.{kind}", tmp_path / "deep" / f"answers.{kind}"
+    given = table(50)
+    csv.write_csv(given, states) if kind == "csv" else parquet.write_table(given, states)
+    run("--states", states, "--out", out, "--speed-ratio", "2", "--chunk", chunk)
+    answers = read(out)
+    assert answers.column_names[:7] == PLACES + TARGET
+    columns = [given.column(name).to_numpy() for name in PLACES + TARGET]
+    P, E, T = np.zeros((3, 50, 3))
+    P[:], E[:, :2], T[:, :2] = np.stack(columns[:3], 1), np.stack(columns[3:5], 1), np.stack(columns[5:], 1)
+    expected = solve(Game(Ball(2.0), 1.0), P, E, T)
+    np.testing.assert_allclose(answers.column("value").to_numpy(), expected.value, rtol=1e-12)
+    np.testing.assert_allclose(answers.column("pursuer_velocity_z_m_s").to_numpy(), expected.pursuer_velocity_m_s[:, 2])
+    np.testing.assert_allclose(answers.column("meeting_point_y_m").to_numpy(), expected.meeting_point_m[:, 1])
+    assert answers.column("winner").to_pylist() == [Winner(code).name for code in expected.winner]
+
+
+def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
+    states, out = tmp_path / "states.csv", tmp_path / "answers.parquet"
+    rows = ["8,1,9,7,9,2,a", "8,1,9,,9,2,b", "8,1,9,7,9,0.9,c", "8,1,9,7,9,-1,d", "8,1,9,7,9,3,e"]
+    states.write_text("\n".join([",".join([*PLACES, "speed_ratio", "note"]), *rows]) + "\n")
+    run("--states", states, "--out", out, "--evader-speed", "2")
+    answers = read(out)
+    assert answers.column("note").to_pylist() == list("abcde")
+    assert answers.column("reason").to_pylist() == [
+        Reason.SOLVED.name, Reason.NOT_FINITE.name, Reason.PURSUER_TOO_SLOW.name, Reason.OUT_OF_RANGE.name, "SOLVED",
+    ]  # fmt: skip
+    value = answers.column("value").to_numpy()
+    assert np.isnan(value).tolist() == [False, True, True, True, False]
+    single = solve(Game(Ball(6.0), 2.0), np.array([8.0, 1.0, 9.0]), np.array([7.0, 9.0, 0.0]))
+    assert value[4] == pytest.approx(float(single.value))
+
+
+def test_answers_solved_again_replace_the_old_ones(tmp_path):
+    first, second, third = (tmp_path / f"{name}.parquet" for name in "abc")
+    parquet.write_table(table(5, target=False), first)
+    run("--states", first, "--out", second, "--speed-ratio", "2")
+    run("--states", second, "--out", third, "--speed-ratio", "4")
+    assert read(third).column_names == read(second).column_names
+    assert (read(third).column("value").to_numpy() < read(second).column("value").to_numpy()).all()
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_file_without_rows_has_answers_without_rows(tmp_path, kind):
+    states, out = tmp_path / f"none.{kind}", tmp_path / "answers.csv"
+    empty = table(0)
+    csv.write_csv(empty, states) if kind == "csv" else parquet.write_table(empty, states)
+    run("--states", states, "--out", out, "--speed-ratio", "2")
+    assert "meeting_point_x_m" in out.read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--pursuer", "1,2", "--evader", "1,2", "--speed-ratio", "2"], "--pursuer = '1,2': must be 3 finite numbers"),
+        (["--pursuer", "1,2,nan", "--evader", "1,2", "--speed-ratio", "2"], "--pursuer = '1,2,nan'"),
+        (["--pursuer", "1,2,3", "--evader", "a,b", "--speed-ratio", "2"], "--evader = 'a,b'"),
+        (["--pursuer", "1,2,3", "--speed-ratio", "2"], "--pursuer, --evader: both must be given"),
+        ([*PAPER[:-1], "1"], "--speed-ratio = 1.0: must be a finite number above 1"),
+        ([*PAPER[:-1], "nan"], "--speed-ratio = nan"),
+        (PAPER[:-2], "exactly one of them must be given"),
+        ([*PAPER, "--cylinder", "3,1,1"], "exactly one of them must be given"),
+        ([*PAPER, "--evader-speed", "-1"], "--evader-speed = -1.0: must be"),
+        ([*PAPER, "--wind", "3,3"], "speed ratio δ > 1"),
+        ([*PAPER, "--standoff", "3"], "--standoff = '3': must be 2 finite numbers"),
+    ],
+)
+def test_a_wrong_argument_is_named_with_what_is_allowed(arguments, said):
+    with pytest.raises(ConfigError) as error:
+        run(*arguments)
+    assert said in str(error.value)
+
+
+def test_wrong_files_and_columns_are_named(tmp_path):
+    states, out = tmp_path / "states.csv", tmp_path / "answers.csv"
+    csv.write_csv(table(3), states)
+    ratio = tmp_path / "ratio.parquet"
+    parquet.write_table(table(3).append_column("speed_ratio", pa.array([2.0, 2.0, 2.0])), ratio)
+    short = tmp_path / "short.csv"
+    csv.write_csv(table(3).drop_columns(["target_y_m"]), short)
+    words = tmp_path / "words.csv"
+    words.write_text(",".join(PLACES) + "\n1,2,three,4,5\n")
+    texts = tmp_path / "texts.parquet"
+    parquet.write_table(pa.table({name: ["a"] for name in PLACES}), texts)
+    given = ["--speed-ratio", "2"]
+    for arguments, said in (
+        (["--states", tmp_path / "no.csv", "--out", out, *given], "must be an existing file"),
+        (["--states", tmp_path, "--out", out, *given], "must be an existing file that ends in .csv or .parquet"),
+        (["--states", states, *given], "--out = None: must name a file"),
+        (["--states", states, "--out", tmp_path / "out.txt", *given], "must name a file that ends in"),
+        (["--states", states, "--out", states, *given], "must not be the file of the states"),
+        (["--states", states, "--out", out], "has no column speed_ratio"),
+        (["--states", ratio, "--out", out, *given], "has the column speed_ratio"),
+        (["--states", ratio, "--out", out, "--cylinder", "3,1,1"], "has the column speed_ratio"),
+        (["--states", short, "--out", out, *given], "the column target_y_m is missing"),
+        (["--states", words, "--out", out, *given], "cannot be read"),
+        (["--states", texts, "--out", out, *given], "pursuer_x_m holds string"),
+    ):
+        with pytest.raises(ConfigError) as error:
+            run(*arguments)
+        assert said in str(error.value)
