@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.approach import Gaps
+from guidance.boundary import keep_inside
 from guidance.drift import observe_drift
 from guidance.errors import ConfigError
 from guidance.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
@@ -140,7 +141,8 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
         return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
     solution, wanted_game = _strategy(game, settings, pursuer, evader, game_from_ned(target.velocity_ned_m_s))
     motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, target.velocity_ned_m_s)
-    followed = follow(ned_from_game(wanted_game), motion, gaps, settings.following, memory.follow, dt_s=inputs.dt_s)
+    wanted = keep_inside(ned_from_game(wanted_game), inputs.position_ned_m, settings.envelope)
+    followed = follow(wanted, motion, gaps, settings.following, memory.follow, dt_s=inputs.dt_s)
     yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     limited = _limit(command, inputs, settings, memory)
@@ -271,4 +273,4 @@ def _outside(position_ned_m: Vector, envelope: Envelope) -> bool:
     """Whether the vehicle has left the fence: the limits should have kept it in."""
     north, east = (position_ned_m[axis] - envelope.home_ned_m[axis] for axis in (0, 1))
     beyond = envelope.fence_radius_m is not None and math.hypot(north, east) > envelope.fence_radius_m
-    return beyond or (envelope.fence_polygon is not None and not envelope.fence_polygon.contains(position_ned_m[:2]))
+    return beyond or (envelope.fence_polygon is not None and not envelope.fence_polygon.contains((north, east)))
