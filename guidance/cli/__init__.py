@@ -8,6 +8,7 @@ from guidance.cli.check import check
 from guidance.cli.ctl import ctl
 from guidance.cli.fly import fly
 from guidance.cli.paper import paper
+from guidance.cli.replay import replay
 from guidance.cli.run import run
 from guidance.cli.solve import solve
 from guidance.errors import GuidanceError
@@ -20,6 +21,7 @@ app = typer.Typer(
 )
 app.command()(fly)
 app.command()(paper)
+app.command()(replay)
 app.command()(solve)
 app.command()(run)
 app.command()(check)

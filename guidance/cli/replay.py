@@ -1,0 +1,78 @@
+"""`guidance replay`: a recorded flight through the present code."""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from guidance.records import Step
+    from guidance.records.replay import Apart
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")],
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--with", help="KEY=VALUE: what another setting would have commanded; may be repeated."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV with both velocities of every cycle.")] = None,
+) -> None:
+    """Feed the recorded inputs through the present code and compare the setpoints bit for bit.
+
+    Exits with 1 and shows the first difference with its inputs if there is one. With `--with`, shows how far what
+    another setting would have commanded lies from what was; the motion of both vehicles stays as recorded.
+
+    - `guidance replay flights/pe-001/record.mcap`: has the code changed what it commands?
+    - `guidance replay record.mcap --with policy=pure_pursuit`: another policy at the same moments
+    - `guidance replay record.mcap --with pursuer.speed_m_s=4.0 --out both.csv`
+    """
+    from guidance.records import changes_of, flight_settings, metadata_of  # noqa: PLC0415 - numpy takes its time
+    from guidance.records.both import compare_into  # noqa: PLC0415
+
+    wanted = changes_of(changes or [])
+    comparison, survey = compare_into(file, flight_settings(metadata_of(file), wanted), out, what_if=bool(wanted))
+    if survey.torn is not None:
+        typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
+    if out is not None:
+        typer.echo(f"both velocities: {out}")
+    typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
+    if wanted:
+        typer.echo(f"{comparison.differing} cycles differ")
+        typer.echo(_apart("wanted by the policy", comparison.wanted))
+        typer.echo(_apart("commanded", comparison.commanded))
+        return
+    if comparison.first is not None:
+        typer.echo(f"{comparison.differing} cycles differ; the first:")
+        typer.echo(_shown(comparison.first))
+        raise typer.Exit(1)
+    typer.echo("every setpoint, state and request came back bit for bit")
+
+
+def _apart(what: str, apart: "Apart") -> str:
+    count = max(1, apart.cycles)
+    return (
+        f"{what} over {apart.cycles} cycles: {apart.speed_sum_m_s / count:.2f} m/s apart on average, "
+        f"{apart.speed_most_m_s:.2f} at most; {math.degrees(apart.angle_sum_rad / count):.1f}° on average, "
+        f"{math.degrees(apart.angle_most_rad):.1f}° at most"
+    )
+
+
+def _shown(step: "Step") -> str:
+    from guidance.service.record import plain  # noqa: PLC0415
+
+    recorded, present = step.row.json, step.outputs._asdict()
+    lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]
+    for name in step.differing:
+        lines += [f"  {name}", f"    recorded  {json.dumps(recorded.get(name))}"]
+        lines.append(f"    now       {json.dumps(plain(present[name]))}")
+    return "\n".join([*lines, "  inputs", *_inputs(step)])
+
+
+def _inputs(step: "Step") -> list[str]:
+    shown = []
+    for name, value in step.row.json["inputs"].items():
+        shown += [f"    {name}  {json.dumps(one)}" for one in value]
+    return shown

@@ -1,0 +1,25 @@
+"""Flight records afterwards: reading them, whole or torn, replaying them through the present code, exporting them."""
+
+from guidance.records.reading import Item, Survey, metadata_of, scan, survey_of
+from guidance.records.replay import Comparison, Step, compare, replay
+from guidance.records.rows import EventRow, Row, events_of, rows_of
+from guidance.records.settings import changes_of, flight_settings, title_of
+
+__all__ = [
+    "Comparison",
+    "EventRow",
+    "Item",
+    "Row",
+    "Step",
+    "Survey",
+    "changes_of",
+    "compare",
+    "events_of",
+    "flight_settings",
+    "metadata_of",
+    "replay",
+    "rows_of",
+    "scan",
+    "survey_of",
+    "title_of",
+]

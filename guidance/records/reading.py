@@ -1,0 +1,144 @@
+"""Read a flight record, whole or torn: a file that a killed process left is read up to its last whole chunk."""
+
+import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import zstandard
+from mcap.exceptions import InvalidMagic, McapError
+from mcap.records import Channel, Footer, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+from guidance.errors import ConfigError
+
+_LONGEST_RECORD_BYTES: Final = 64 * 1024 * 1024
+"""A torn length field must not make us ask for gigabytes."""
+
+_TORN: Final = (McapError, ValueError, struct.error, zstandard.ZstdError, EOFError, MemoryError, OverflowError)
+
+RUN: Final = "run"
+"""Name of the metadata record: what flew, with which settings and versions."""
+
+
+class Item(NamedTuple):
+    """One message of the record: log time, channel and bytes."""
+
+    now_s: float
+    topic: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(slots=True)
+class Survey:
+    """What a record holds.
+
+    Attributes:
+        metadata: What was written at the start.
+        messages: How many, by topic.
+        data_bytes: How long they are, by topic.
+        first_s: The earliest log time.
+        last_s: The latest log time.
+        sequence: Number of the last message.
+        missing: Messages whose number is jumped over: the chunk that held them is damaged.
+        torn: Why reading ended early; None where the file was finished properly.
+    """
+
+    metadata: dict[str, str] = field(default_factory=dict)
+    messages: Counter[str] = field(default_factory=Counter)
+    data_bytes: Counter[str] = field(default_factory=Counter)
+    first_s: float | None = None
+    last_s: float | None = None
+    sequence: int = -1
+    missing: int = 0
+    torn: str | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """Time between the first and the last message."""
+        return 0.0 if self.first_s is None or self.last_s is None else self.last_s - self.first_s
+
+
+def scan(path: Path, survey: Survey | None = None) -> Iterator[Item]:
+    """Yield the messages of a record in the order they were written.
+
+    Args:
+        path: The MCAP file.
+        survey: Filled along the way, complete after the last item.
+
+    Raises:
+        ConfigError: If the file cannot be read or is no MCAP file. A torn one is no error: `survey.torn` says so.
+    """
+    seen = Survey() if survey is None else survey
+    channels: dict[int, Channel] = {}
+    for record in _records(path, seen):
+        if isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Metadata) and record.name == RUN:
+            seen.metadata.update(record.metadata)
+        elif isinstance(record, Message) and record.channel_id in channels:
+            yield _noted(seen, channels[record.channel_id], record)
+
+
+def survey_of(path: Path) -> Survey:
+    """Read a whole record for what it holds.
+
+    Raises:
+        ConfigError: As `scan`.
+    """
+    survey = Survey()
+    for _ in scan(path, survey):
+        pass
+    return survey
+
+
+def metadata_of(path: Path) -> Mapping[str, str]:
+    """Read what was written at the start: configuration, versions, seed.
+
+    Raises:
+        ConfigError: As `scan`, or if the record is torn before its metadata.
+    """
+    survey = Survey()
+    next(scan(path, survey), None)
+    if not survey.metadata:
+        raise ConfigError(f"{path}: is torn before its first message: nothing in it can be read")
+    return survey.metadata
+
+
+def _records(path: Path, seen: Survey) -> Iterator[McapRecord]:
+    """Yield the file's records, one after the other, up to its end or to where it is torn."""
+    try:
+        with path.open("rb") as stream:
+            yield from _untorn(StreamReader(stream, validate_crcs=True, record_size_limit=_LONGEST_RECORD_BYTES), seen)
+    except InvalidMagic as error:
+        raise ConfigError(f"{path}: is no MCAP file; give a record.mcap that a flight wrote") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def _untorn(reader: StreamReader, seen: Survey) -> Iterator[McapRecord]:
+    finished = False
+    try:
+        for record in reader.records:
+            yield record
+            finished = finished or isinstance(record, Footer)
+    except InvalidMagic:
+        if not finished:
+            raise
+        seen.torn = "its end mark is wrong"
+    except _TORN as error:
+        seen.torn = str(error) or "it ends in the middle"
+
+
+def _noted(survey: Survey, channel: Channel, message: Message) -> Item:
+    now_s = message.log_time * 1e-9
+    survey.missing += max(0, message.sequence - survey.sequence - 1)
+    survey.sequence = message.sequence
+    survey.messages[channel.topic] += 1
+    survey.data_bytes[channel.topic] += len(message.data)
+    survey.first_s = now_s if survey.first_s is None else min(survey.first_s, now_s)
+    survey.last_s = now_s if survey.last_s is None else max(survey.last_s, now_s)
+    return Item(now_s, channel.topic, channel.message_encoding, message.data)

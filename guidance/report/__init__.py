@@ -1,0 +1,1 @@
+"""A flight as one page: pictures and a summary of its record."""
