@@ -32,6 +32,15 @@ _DEFAULT_HOME = HomeConfig(
 )
 
 
+class SigningConfig(BaseModel):
+    """MAVLink 2 signing of a vehicle: its key, and whether unsigned frames are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    key_hex: str = Field(pattern=r"^[0-9A-Fa-f]{64}$")
+    required: bool = True
+
+
 class VehicleConfig(BaseModel):
     """One vehicle; see `MockVehicle` for what the keys mean."""
 
@@ -47,6 +56,7 @@ class VehicleConfig(BaseModel):
     texts: bool | None = None
     origin: HomeConfig | None = None
     parameters: dict[str, float] = Field(default_factory=dict)
+    signing: SigningConfig | None = None
 
 
 class FleetConfig(BaseModel):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from sitl_mock.config import FleetConfig, VehicleConfig
-from sitl_mock.errors import ConfigError
+from sitl_mock.mavlink import Signing
 from sitl_mock.vehicle import MockVehicle
 
 FLEET_LINKS: Mapping[str, str] = {"onboard": "onboard", "gcs": "gcs"}
@@ -12,13 +12,16 @@ FLEET_LINKS: Mapping[str, str] = {"onboard": "onboard", "gcs": "gcs"}
 def build(config: FleetConfig, *, unix_us: int | None = None, ground_link: bool = False) -> dict[str, MockVehicle]:
     """Make every vehicle of a fleet, each with its own seed.
 
+    Vehicles without a system id get the free ones in order; ids that are given may be equal, as those of ArduPilot's
+    instances are, for vehicles are told apart by their links.
+
     Args:
         config: The fleet.
         unix_us: Microseconds since 1970 at time 0 of the clock, None for a fixed date.
         ground_link: Give each vehicle a link with a ground station's rates as well.
 
     Raises:
-        ConfigError: Two vehicles have the same system id.
+        ConfigError: A vehicle's parameters are not those of its flavour.
     """
     ids = _system_ids(config)
     return {
@@ -28,10 +31,7 @@ def build(config: FleetConfig, *, unix_us: int | None = None, ground_link: bool 
 
 
 def _system_ids(config: FleetConfig) -> dict[str, int]:
-    given = [each.system_id for each in config.vehicle if each.system_id is not None]
-    doubled = {number for number in given if given.count(number) > 1}
-    if doubled:
-        raise ConfigError(f"vehicle.system_id = {min(doubled)} is given twice; every vehicle needs its own")
+    given = {each.system_id for each in config.vehicle}
     free = iter([number for number in range(1, 256) if number not in given])
     return {each.name: each.system_id or next(free) for each in config.vehicle}
 
@@ -52,5 +52,6 @@ def _vehicle(
         texts=each.texts,
         origin=each.origin.place() if each.origin else None,
         links=FLEET_LINKS if ground_link else None,
+        signing=Signing(bytes.fromhex(each.signing.key_hex), require=each.signing.required) if each.signing else None,
         unix_us=unix_us,
     )

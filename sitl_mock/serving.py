@@ -81,6 +81,8 @@ def serve(
         stop = stack.enter_context(_stop_signals())
         unix_us = time.time_ns() // 1000 - time.monotonic_ns() // 1000
         vehicles = build(config, unix_us=unix_us, ground_link=wires.gcs is not None)
+        for vehicle in vehicles.values():
+            vehicle.autopilot.signing.advance_to(time.time_ns() * 1e-9)
         faults.check_vehicles(list(vehicles))
         faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
         endpoints = _opened(wires, faulted, stack)

@@ -25,13 +25,13 @@ MODES: Final = ModeTable(
         Mode("MISSION", _number(4, 4), _GLOBAL | {Need.MISSION}, True, _AUTO, "flies the uploaded mission"),
         Mode("RTL", _number(4, 5), _GLOBAL | {Need.HOME}, False, _AUTO, "climbs, returns home, lands"),
         Mode("LAND", _number(4, 6), _POSITION, False, _AUTO, "lands here"),
-        Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, 17, "comes down without a position"),
+        Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, _AUTO, "comes down without a position"),
         Mode("ACRO", _number(5), frozenset({Need.PILOT}), True, 65, "sticks are body rates"),
-        Mode("OFFBOARD", _number(6), frozenset({Need.STREAM}), True, 25, "follows SET_POSITION_TARGET and the like"),
+        Mode("OFFBOARD", _number(6), frozenset({Need.STREAM}), True, _AUTO, "follows SET_POSITION_TARGET and the like"),
         Mode(
             "STABILIZED", _number(7), frozenset({Need.PILOT}), True, 81, "sticks are tilt and thrust, level when free"
         ),
-        Mode("TERMINATION", _number(10), frozenset(), False, 1, "motors off, for good"),
+        Mode("TERMINATION", _number(10), frozenset(), False, 65, "motors off, for good"),
     ),
     transitions=(
         Transition("TAKEOFF", "height reached", "HOLD"),

@@ -5,6 +5,7 @@ import pytest
 from sitl_mock import ConfigError
 from sitl_mock.config import checked, parse_vehicles, read_fleet
 from sitl_mock.fleet import build
+from sitl_mock.mavlink import Encoder
 
 
 def fleet(*vehicles, **more):
@@ -50,9 +51,21 @@ def test_a_wrong_key_or_value_is_named(vehicles, named):
         fleet(*vehicles)
 
 
-def test_a_system_id_given_twice_is_refused():
-    with pytest.raises(ConfigError, match="system_id = 7"):
-        build(fleet({"name": "a", "system_id": 7}, {"name": "b", "system_id": 7}))
+def test_system_ids_that_are_given_may_be_equal_as_ardupilots_instances_are():
+    vehicles = build(fleet({"name": "a", "system_id": 1}, {"name": "b", "system_id": 1}, {"name": "c"}))
+    assert [each.system_id for each in vehicles.values()] == [1, 1, 2]
+
+
+@pytest.mark.parametrize(("required", "armed"), [(True, False), (False, True)])
+def test_a_vehicle_may_sign_and_may_refuse_what_is_not_signed(required, armed):
+    signing = {"key_hex": "ab" * 32, "required": required}
+    vehicle = build(fleet({"name": "a", "ready_after_s": 0.1, "signing": signing}))["a"]
+    frames = vehicle.step(0.0) + vehicle.step(0.5)
+    assert all(frame[2] & 1 for frame in frames), "signed"
+    vehicle.step(0.5, [Encoder(255, 190).pack("COMMAND_LONG", 1, 1, 400, 0, 1.0, *[0.0] * 6)])
+    assert vehicle.armed == armed
+    with pytest.raises(ConfigError, match=r"signing\.key_hex"):
+        fleet({"name": "a", "signing": {"key_hex": "abc"}})
 
 
 def test_an_unknown_parameter_is_refused_by_name():
