@@ -135,7 +135,13 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
     pursuer, evader = frame.position_from_ned(inputs.position_ned_m), frame.position_from_ned(target.position_ned_m)
     gaps = _gaps(inputs.position_ned_m, target.position_ned_m, settings.standoff)
     try:
-        game = Game(settings.speed_set, target.speed_bound_m_s, standoff=settings.standoff)
+        # The position is the estimate for now; its age says how long the evader may have been running elsewhere.
+        game = Game(
+            settings.speed_set,
+            target.speed_bound_m_s,
+            standoff=settings.standoff,
+            information_age_s=min(max(target.age_s, 0.0), settings.target_timeout_s),
+        )
     except ConfigError:  # the target is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
         return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
