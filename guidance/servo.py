@@ -11,7 +11,7 @@ behind the 2.5 m/s² to which it limits that one (`shape_vel_accel_xy`, total no
 reference that ArduCopter flies, exactly, so that nothing may be learned on top.
 
 Drag is learned as a rate, acceleration per speed: it then falls at once when the vehicle brakes, where a plain integral
-would push on. Learning stands still while the vehicle is far from what is expected of it (tilted to its limit, say),
+would push on. A vehicle that is far from what is expected of it (tilted to its limit, say) teaches little or nothing,
 and what is learned is bounded: nothing winds up.
 """
 
@@ -42,7 +42,8 @@ class ServoGains:
         trim_limit_m_s2: Largest acceleration over the ground that is learned besides.
         drag_learning_per_s2: Acceleration learned per second and per velocity error, as drag.
         trim_learning_per_s2: The same, as trim.
-        learning_within_m_s: Largest velocity error that is learned from.
+        learning_within_m_s: Velocity error up to which all of it is learned from, beyond it less and less, and nothing
+            beyond three times as much.
     """
 
     acceleration_m_s2: float
@@ -55,7 +56,7 @@ class ServoGains:
     trim_limit_m_s2: float = 0.0
     drag_learning_per_s2: float = 0.0
     trim_learning_per_s2: float = 0.0
-    learning_within_m_s: float = 3.0
+    learning_within_m_s: float = 1.0
 
 
 class ServoMemory(NamedTuple):
@@ -105,12 +106,10 @@ def serve(
     late = memory.expected_ned_m_s if begun else flown_ned_m_s
     expected = _moved(late, _less(reference, late), 1.0 - math.exp(-dt_s / gains.lag_s))
     error = _less(expected, flown_ned_m_s)
-    learns = math.hypot(error[0], error[1]) <= gains.learning_within_m_s
+    lesson_s = dt_s * _weight(math.hypot(error[0], error[1]), gains.learning_within_m_s)
     drag_per_s = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s
-    trim = memory.trim_ned_m_s2
-    if learns:
-        drag_per_s = _learned_drag(drag_per_s, expected, error, gains, dt_s)
-        trim = _learned_trim(trim, error, gains, dt_s)
+    drag_per_s = _learned_drag(drag_per_s, expected, error, gains, lesson_s)
+    trim = _learned_trim(memory.trim_ned_m_s2, error, gains, lesson_s)
 
     feed_forward = (
         acceleration[0] + drag_per_s * reference[0] + trim[0],
@@ -145,6 +144,13 @@ def _eased(missing_m_s: float, largest_m_s2: float, gains: ServoGains, dt_s: flo
     reserve = gains.jerk_m_s3 * dt_s
     root = math.sqrt(reserve * reserve + 2.0 * gains.jerk_m_s3 * missing_m_s) - reserve
     return min(root, gains.settle_per_s * missing_m_s, largest_m_s2)
+
+
+def _weight(error_m_s: float, within_m_s: float) -> float:
+    """Return how much an error counts: a large one is more likely a vehicle at its limits than one that needs more."""
+    if error_m_s > 3.0 * within_m_s:
+        return 0.0
+    return (within_m_s / error_m_s) ** 2 if error_m_s > within_m_s else 1.0
 
 
 def _learned_drag(drag_per_s: float, expected: Vector, error: Vector, gains: ServoGains, dt_s: float) -> float:
