@@ -1,0 +1,45 @@
+"""The README says nothing that does not run."""
+
+import doctest
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BIN = Path(sys.executable).parent
+COMMANDS = sorted(set(re.findall(r"`(guidance|sitl-mock) ([a-z]+)", README)))
+
+
+def test_its_python_examples_give_what_they_show():
+    result = doctest.testfile(str(ROOT / "README.md"), module_relative=False, verbose=False)
+    assert result.attempted >= 5
+    assert result.failed == 0
+
+
+def test_its_first_two_commands_are_one_line_each_and_the_second_is_what_ci_runs():
+    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    assert [block.count("\n") for block in blocks[:2]] == [1, 1]
+    assert blocks[0].strip().endswith("guidance fly")
+    line = re.compile(r"^python3 -m venv .*-m tests$", re.MULTILINE)
+    assert line.findall(README) == [blocks[1].strip()]
+    assert "'^python3 -m venv .*-m tests$' README.md" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("program", "command"), COMMANDS)
+def test_every_command_it_names_explains_itself(program, command):
+    done = subprocess.run([BIN / program, command, "--help"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "Usage" in done.stdout
+
+
+def test_every_file_and_picture_it_names_is_there():
+    named = re.findall(r"\]\(([^)h][^)]*)\)", README) + re.findall(
+        r"`((?:guidance|sitl_mock|config|tests)/[\w./-]+)`", README
+    )
+    assert len(named) > 8
+    missing = [name for name in named if not (ROOT / name).exists()]
+    assert missing == []
