@@ -152,7 +152,8 @@ Message = (
 class TargetReport(NamedTuple):
     """One report of the target, from whichever source. NaN velocity means unknown, never zero.
 
-    `sent_s` is the sender's clock (NaN where the source has none); altitude is above mean sea level.
+    `sent_s` is the sender's clock (NaN where the source has none); altitude is above mean sea level. `timesync` is the
+    sender's own answer to our TIMESYNC, with the first report after it came: it tells its clock from ours.
     """
 
     received_s: float
@@ -164,6 +165,7 @@ class TargetReport(NamedTuple):
     velocity_ned_m_s: Vector
     position_sd_m: float
     velocity_sd_m_s: float
+    timesync: Timesync | None = None
 
 
 class Setpoint(NamedTuple):

@@ -20,7 +20,9 @@ class Observer(NamedTuple):
 
 
 def observe(observer: Observer, report: TargetReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
-    """Take in one report of the one target."""
+    """Take in one report of the one target, and the answer to our TIMESYNC that it may bring along."""
+    if report.timesync is not None:
+        observer = compare_clocks(observer, report.timesync)
     clock = hear(observer.clock, report.sent_s, report.received_s)
     measurement = measure(report, frame, _true_at(report, clock, settings), settings)
     return Observer(clock, update(observer.track, measurement, settings))

@@ -12,7 +12,7 @@ from guidance.records.rows import inputs_of
 from guidance.records.typed import decoder
 from guidance.service.cycle import row
 from guidance.service.record import plain
-from guidance.telemetry import Message, Setpoint, TargetReport
+from guidance.telemetry import Message, Setpoint, TargetReport, Timesync
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 VALUES = {
@@ -27,6 +27,8 @@ VALUES = {
 def of_kind(kind):
     return st.builds(kind, **{name: VALUES[hint] for name, hint in get_type_hints(kind).items()})
 
+
+VALUES[Timesync | None] = st.none() | of_kind(Timesync)
 
 inputs = st.builds(
     Inputs,

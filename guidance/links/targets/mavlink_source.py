@@ -1,17 +1,28 @@
-"""Reports of a target from MAVLink messages of one pinned system on a wire; everybody else is ignored."""
+"""Reports of a target from MAVLink messages of one pinned system on a wire; everybody else is ignored.
+
+A target that answers TIMESYNC is asked once a second for its clock, so that the age of a report is measured and not
+guessed. Its answer goes along with its next report, if the report's own time agrees with it: some messages carry
+another clock than TIMESYNC does.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Final, Protocol
 
 from pymavlink.dialects.v20 import common
 
+from guidance.links.arrivals import Clock
 from guidance.links.codec import Fields
 from guidance.links.dialect import CRC_EXTRA, NAMES
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire
 from guidance.links.targets.refusal import Refused
-from guidance.telemetry import TargetReport
+from guidance.links.timesync import TimesyncPeer
+from guidance.telemetry import TargetReport, Timesync
+
+OWN_COMPONENT_ID: Final = 195
+_CLOCKS_AGREE_S: Final = 0.1
+_LONGEST_DELAY_S: Final = 5.0
 
 
 class Carrier(Protocol):
@@ -32,14 +43,25 @@ class Carrier(Protocol):
 class MavlinkTarget:
     """`TargetSource` over a wire. The system id is pinned: when it falls silent, nobody takes its place."""
 
-    def __init__(self, wire: Wire, carrier: Carrier, *, system_id: int, component_id: int | None = None) -> None:
-        """Take over a wire; `component_id` None hears any component of the system."""
+    def __init__(
+        self,
+        wire: Wire,
+        carrier: Carrier,
+        *,
+        system_id: int,
+        component_id: int | None = None,
+        clock: Clock | None = None,
+    ) -> None:
+        """Take over a wire. `component_id` None hears any component; without a `clock` nothing is ever sent."""
         self._wire = wire
         self._carrier = carrier
         self._system_id = system_id
         self._component_id = component_id
         self._framer = Framer(CRC_EXTRA)
-        self._mavlink = common.MAVLink(None)
+        self._mavlink = common.MAVLink(None, system_id, OWN_COMPONENT_ID)
+        self._clock = clock
+        self._timesync = TimesyncPeer()
+        self._answer: Timesync | None = None
         self._counts: Counter[str] = Counter()
 
     def receive(self) -> Sequence[TargetReport]:
@@ -49,10 +71,18 @@ class MavlinkTarget:
             for frame in self._framer.feed(data, stream=self._wire.stream):
                 if self._is_meant(frame):
                     reports += self._read(frame, received_s)
+        if self._clock is not None and self._counts["reports"]:
+            self._ask(self._clock())
         return reports
 
+    def _ask(self, now_s: float) -> None:
+        question = self._timesync.ask(now_s)
+        if question is not None:
+            self._wire.send(bytes(common.MAVLink_timesync_message(**question).pack(self._mavlink)))
+            self._mavlink.seq = (self._mavlink.seq + 1) % 256
+
     def _is_meant(self, frame: Frame) -> bool:
-        if NAMES[frame.message_id] != self._carrier.message:
+        if NAMES[frame.message_id] not in (self._carrier.message, "TIMESYNC"):
             return False
         if frame.system_id == self._system_id and self._component_id in (None, frame.component_id):
             return True
@@ -62,7 +92,11 @@ class MavlinkTarget:
     def _read(self, frame: Frame, received_s: float) -> list[TargetReport]:
         try:
             fields = self._mavlink.decode(bytearray(frame.data)).to_dict()
-            report = self._carrier.report(fields, received_s)
+            if NAMES[frame.message_id] == "TIMESYNC":
+                answer, _ = self._timesync.hear(fields, received_s)
+                self._answer = answer or self._answer
+                return []
+            report = self._with_answer(self._carrier.report(fields, received_s))
         except Refused as refused:
             self._counts[f"refused_{refused.reason}"] += 1
             return []
@@ -71,6 +105,18 @@ class MavlinkTarget:
             return []
         self._counts["reports"] += 1
         return [report]
+
+    def _with_answer(self, report: TargetReport) -> TargetReport:
+        answer, self._answer = self._answer, None
+        if answer is None:
+            return report
+        theirs_less_ours_s = answer.remote_ns / 1e9 - 0.5 * (answer.local_ns / 1e9 + answer.received_s)
+        delay_s = report.received_s - (report.sent_s - theirs_less_ours_s)
+        if not -_CLOCKS_AGREE_S < delay_s < _LONGEST_DELAY_S:
+            self._counts["clock_disagrees"] += 1
+            return report
+        self._counts["clock_answers"] += 1
+        return report._replace(timesync=answer)
 
     def counters(self) -> Mapping[str, int]:
         """Reports, and what was refused, by reason."""

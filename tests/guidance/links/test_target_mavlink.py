@@ -9,6 +9,7 @@ from links_peer import Peer
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
+from guidance.estimate import Observer, TrackSettings, observe, target_at
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.targets import (
@@ -319,9 +320,81 @@ def test_a_carrier_of_ellipsoidal_heights_asks_for_the_geoid_before_the_flight(m
         make(replace(FRAME, undulation_m=None))
 
 
+def global_position(ms: int):
+    return dialect.MAVLink_global_position_int_message(ms, 473977418, 85455939, 520250, 32000, 0, 0, 0, 0)
+
+
+class AskedWorld(World):
+    """A target whose boot was at our 2 s, and whose way to us takes 30 ms each way."""
+
+    def __init__(self, carrier, **pins) -> None:
+        super().__init__(carrier, **pins)
+        ours, self.theirs = MemoryWire.pair(lambda: self.now_s)
+        self.peer = Peer(self.theirs.send, system_id=9)
+        self.source = MavlinkTarget(ours, carrier, system_id=9, clock=lambda: self.now_s)
+
+    def second(self, message=global_position, *, boot_s: float = 2.0, answer_as: int = 9) -> list[TargetReport]:
+        reports = []
+        for _ in range(10):
+            sent_s = self.now_s
+            self.now_s += 0.03
+            self.peer.say(message(round((sent_s - boot_s) * 1e3)))
+            for _, data in self.theirs.receive():
+                self.peer.hear(data)
+            for question in self.peer.of("TIMESYNC"):
+                answer = dialect.MAVLink_timesync_message(round((sent_s - 2.0) * 1e9), question.ts1)
+                self.peer.say(answer, system_id=answer_as)
+            self.peer.heard.clear()
+            reports += self.source.receive()
+            self.now_s += 0.07
+        return reports
+
+
+def test_the_targets_clock_is_asked_for_and_goes_along_with_a_report():
+    world = AskedWorld(GlobalPositionInt())
+    reports = [report for _ in range(3) for report in world.second()]
+    answers = [report.timesync for report in reports if report.timesync is not None]
+    assert 2 <= len(answers) <= 3
+    for answer in answers:
+        middle_s = 0.5 * (answer.local_ns / 1e9 + answer.received_s)
+        assert answer.remote_ns / 1e9 - middle_s == pytest.approx(-2.0, abs=0.06)
+    assert world.source.counters()["clock_answers"] == len(answers)
+
+
+def test_answers_of_somebody_else_say_nothing_of_the_targets_clock():
+    world = AskedWorld(GlobalPositionInt())
+    assert all(report.timesync is None for _ in range(3) for report in world.second(answer_as=1))
+
+
+def test_an_answer_by_another_clock_than_the_reports_is_not_used():
+    world = AskedWorld(GlobalPositionInt())
+    assert all(report.timesync is None for _ in range(3) for report in world.second(boot_s=-1000.0))
+    assert world.source.counters()["clock_disagrees"] >= 2
+
+
+def test_a_source_without_a_clock_never_sends():
+    ours, theirs = MemoryWire.pair(lambda: 1.0)
+    source = MavlinkTarget(ours, GlobalPositionInt(), system_id=9)
+    Peer(theirs.send, system_id=9).say(global_position(5))
+    assert len(source.receive()) == 1
+    assert theirs.receive() == []
+
+
 def test_garbage_and_other_messages_are_nothing():
     world = World(FollowTarget())
     world.peer._send(b"\xfd\xff\x00garbage")
     world.peer.heartbeat()
     assert world.report(follow()) is not None
     assert world.source.counters()["garbage_bytes"] > 0
+
+
+def test_the_estimate_needs_no_guess_of_the_delay_once_the_targets_clock_is_known():
+    settings = TrackSettings(declared_speed_m_s=3.0, latency_s=0.5)
+    world = AskedWorld(GlobalPositionInt())
+    observer = Observer()
+    ages = []
+    for _ in range(3):
+        for report in world.second():
+            observer = observe(observer, report, FRAME, settings)
+        ages.append(target_at(observer, world.now_s, settings).age_s)
+    assert ages[-1] == pytest.approx(0.1, abs=0.03)  # the last report was true when it was sent, 0.1 s ago
