@@ -73,10 +73,10 @@ def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
 
 
 def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
-    if wants.speed_m_s <= value < wants.limit_speed_m_s:
-        why = "enough for the game; catching up is cut to it"
-        return Judgement(Verdict.WARN, f"at least {wants.limit_speed_m_s:g} m/s", wants.limit_speed_m_s, why)
-    return _at_least(value, wants.speed_m_s)
+    enough = _at_least(value, wants.limit_speed_m_s)
+    if enough.verdict is Verdict.REFUSE and value >= wants.speed_m_s:
+        return enough._replace(verdict=Verdict.WARN, why="enough for the game; catching up is cut to it")
+    return enough
 
 
 def _climb(value: float, wants: Wants, _: Parameters) -> Judgement:

@@ -4,6 +4,8 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final
 
+import zenoh
+
 from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh_session import open_session
 from guidance.service.bus import control_key
@@ -40,5 +42,5 @@ def ask(order: str, *, endpoint: str, name: str | None, timeout_s: float = TIMEO
 
 
 def _answers(session: Any, key: str, timeout_s: float) -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session
-    replies = session.get(key, timeout=timeout_s)
+    replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL)
     return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]

@@ -100,6 +100,7 @@ class ControlBus:
     """
 
     def __init__(self, name: str, mailbox: Mailbox, *, endpoint: str, host: bool) -> None:
+        self._name = name
         self._mailbox = mailbox
         self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
         self._asked = threading.Event()
@@ -134,7 +135,8 @@ class ControlBus:
             reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
             answer = {"accepted": False, "order": order, "reason": reason}
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
-            query.reply(query.key_expr, json.dumps(answer), encoding=zenoh.Encoding.APPLICATION_JSON)
+            # Under our own key: answers to one question of several daemons are told apart by theirs.
+            query.reply(control_key(self._name, order), json.dumps(answer), encoding=zenoh.Encoding.APPLICATION_JSON)
             query.drop()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:

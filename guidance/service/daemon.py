@@ -66,7 +66,7 @@ class Daemon:
         self._leaving: Leaving | None = None
         self._rows: tuple[Row, ...] = ()
         self._judged_s = self._shown_s = float("-inf")
-        self._missing = ""
+        self._refused: tuple[str, ...] = ()
         self.outputs: Outputs | None = None
         self.finished = False
         self._begin(plan)
@@ -178,9 +178,9 @@ class Daemon:
         accepted = not reason
         self._metrics.order(order if order in WORDS else "unknown", accepted=accepted)
         level = logging.INFO if accepted else logging.WARNING
-        self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, reason=reason)
-        answer = {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state)}
-        return answer if accepted else {**answer, "reason": reason}
+        why = {} if accepted else {"reason": reason}
+        self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **why)
+        return {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
 
     def _status(self, now_s: float) -> dict[str, Any]:
         return status(self.name, now_s, self.flight, self.outputs, self._rows)
@@ -209,11 +209,11 @@ class Daemon:
         self._judged_s = now_s
         facts = self._survey.facts(self.flight.vehicle, now_s)
         self._rows = rows(facts, self._plan.flight.profile, self._plan.wants)
-        lacking = "" if not refusals(self._rows) else missing(self.flight, now_s, self._rows)
-        if lacking != self._missing and self._survey.complete:
-            self._missing = lacking
-            if lacking:
-                self._log.say(logging.WARNING, "not ready", missing=lacking)
+        refused = refusals(self._rows)
+        if refused != self._refused and self._survey.complete:
+            self._refused = refused
+            if refused:
+                self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self._rows))
 
     def _show(self, now_s: float, outputs: Outputs) -> None:
         if now_s - self._shown_s < SHOWN_EVERY_S:

@@ -1,5 +1,6 @@
 """The log: one line an event, as JSON or for people, written by a thread of its own so that nothing waits for it."""
 
+import contextlib
 import json
 import logging
 import queue
@@ -11,6 +12,7 @@ from guidance.service.record import plain
 
 LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000
+STOP_LIMIT_S: Final = 2.0
 
 
 class _Bounded(QueueHandler):
@@ -24,6 +26,28 @@ class _Bounded(QueueHandler):
             self.queue.put_nowait(record)
         except queue.Full:
             self.dropped += 1
+
+
+class _Patient(QueueListener):
+    """Ends even where the stream stands still for good: a log must not keep a process from ending."""
+
+    def enqueue_sentinel(self) -> None:
+        """Make room for it, if there is none."""
+        while True:
+            try:
+                self.queue.put_nowait(None)
+            except queue.Full:
+                with contextlib.suppress(queue.Empty):
+                    self.queue.get_nowait()
+            else:
+                return
+
+    def stop(self) -> None:
+        """Write what waits, within reason."""
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            self.enqueue_sentinel()
+            thread.join(STOP_LIMIT_S)
 
 
 class JsonLines(logging.Formatter):
@@ -59,7 +83,7 @@ class Log:
         writing = logging.StreamHandler(stream if stream is not None else sys.stderr)
         writing.setFormatter(JsonLines() if form == "json" else ConsoleLines())
         self._handler = _Bounded(queue.Queue(MOST_WAITING))
-        self._listener = QueueListener(self._handler.queue, writing)
+        self._listener = _Patient(self._handler.queue, writing)
         self._logger = logging.getLogger(LOGGER)
         self._logger.setLevel(level.upper())
         self._logger.propagate = False

@@ -1,0 +1,94 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from guidance.flight.echo import IN_A_ROW, REMEMBERED_S, TOLERANCE_M_S, Echo
+from guidance.telemetry import PositionTarget, Setpoint
+
+
+def reported(now_s, velocity):
+    return [PositionTarget(now_s, now_s, 2503, velocity)]
+
+
+def flown(echo, velocity, seconds=3.0):
+    """Send one velocity at 50 Hz, hear it back at 5 Hz."""
+    for tick in range(round(seconds * 50)):
+        now_s = 0.02 * tick
+        echo.sent(now_s, Setpoint(velocity))
+        if tick % 10 == 9:
+            echo.hear(reported(now_s, velocity), guided=True)
+    return 0.02 * round(seconds * 50)
+
+
+component = st.floats(-8.0, 8.0)
+
+
+@given(st.tuples(component, component, component), st.floats(0.5, 1.0))
+def test_our_own_setpoint_is_ours_also_where_the_autopilot_cut_it_to_its_limits(velocity, share):
+    echo = Echo()
+    now_s = flown(echo, velocity)
+    for later in range(10):
+        echo.hear(reported(now_s + 0.1 * later, tuple(share * part for part in velocity)), guided=True)
+        echo.sent(now_s + 0.1 * later, Setpoint(velocity))
+    assert not echo.foreign
+
+
+@given(st.tuples(component, component, component), st.tuples(component, component, component))
+def test_a_velocity_far_from_all_that_was_sent_is_foreign_after_a_few_reports(ours, theirs):
+    nearest = min(math.dist(theirs, [share / 100 * part for part in ours]) for share in range(50, 101))
+    if nearest < TOLERANCE_M_S + 0.1:
+        return
+    echo = Echo()
+    now_s = flown(echo, ours)
+    for count in range(IN_A_ROW):
+        assert not echo.foreign
+        echo.hear(reported(now_s + 0.01 * count, theirs), guided=True)
+    assert echo.foreign
+
+
+def test_a_single_odd_report_is_no_alarm():
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0))
+    for _ in range(10):
+        echo.hear(reported(now_s, (-3.0, 0.0, 0.0)), guided=True)
+        echo.hear(reported(now_s, (3.0, 0.0, 0.0)), guided=True)
+    assert not echo.foreign
+
+
+@pytest.mark.parametrize("velocity", [(math.nan, math.nan, math.nan), (math.nan, 0.0, 0.0)])
+def test_a_report_that_says_nothing_of_the_velocity_is_no_alarm(velocity):
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0))
+    for _ in range(10):
+        echo.hear(reported(now_s, velocity), guided=True)
+    assert not echo.foreign
+
+
+def test_outside_the_guided_mode_the_autopilots_setpoints_are_its_own_affair():
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0))
+    for _ in range(10):
+        echo.hear(reported(now_s, (-3.0, 0.0, 0.0)), guided=False)
+    assert not echo.foreign
+
+
+def test_what_the_autopilot_still_reports_from_before_we_began_is_not_held_against_anyone():
+    echo = Echo()
+    for tick in range(60):
+        now_s = 0.02 * tick
+        echo.sent(now_s, Setpoint((0.0, 0.0, 0.0)))
+        echo.hear(reported(now_s, (5.0, 0.0, 0.0)), guided=True)
+    assert now_s < REMEMBERED_S
+    assert not echo.foreign
+
+
+def test_silence_forgets_everything():
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0))
+    for _ in range(IN_A_ROW):
+        echo.hear(reported(now_s, (-3.0, 0.0, 0.0)), guided=True)
+    assert echo.foreign
+    echo.silent()
+    assert not echo.foreign

@@ -1,0 +1,165 @@
+"""Frames, datum, rates and the survey that gathers them."""
+
+import math
+
+import pytest
+
+from guidance.autopilots import ARDUCOPTER, PX4
+from guidance.frames import Amsl, LocalFrame, Projection
+from guidance.preflight import Facts, Survey, Verdict, Wants, rows
+from guidance.preflight.survey import ASK_AGAIN_S
+from guidance.telemetry import (
+    Attitude,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LocalPosition,
+    Odometry,
+    Origin,
+    Parameter,
+    ParameterRequest,
+    PositionTarget,
+    TargetReport,
+)
+from guidance.vehicle import VehicleState, observe
+
+WANTS = Wants(
+    speed_m_s=6.0, limit_speed_m_s=9.0, climb_m_s=2.0, descent_m_s=1.5, fence_required=True, fence_radius_m=200.0,
+    ceiling_m=60.0,
+)  # fmt: skip
+ORIGIN = Origin(0.0, 47.397742, 8.545594, 488.0)
+FRAME = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=Projection.PX4)
+REST = (0.0, 0.0, 0.0)
+
+
+def vehicle_at(position_ned_m=REST, *, home_ned_m=REST, home_told_m=None, height_error_m=0.0, home_error_m=0.0):
+    """A vehicle that says where it is twice: in its frame, and on Earth."""
+    latitude, longitude, altitude = FRAME.wgs84_from_ned(position_ned_m)
+    home_latitude, home_longitude, home_altitude = FRAME.wgs84_from_ned(home_ned_m)
+    amsl = altitude.metres + height_error_m
+    messages = [
+        ORIGIN,
+        Home(0.0, home_latitude, home_longitude, home_altitude.metres + home_error_m, home_told_m or home_ned_m),
+        LocalPosition(0.0, 1.0, position_ned_m, REST),
+        GlobalPosition(0.0, 1.0, latitude, longitude, amsl, amsl - home_altitude.metres, REST),
+    ]
+    return observe(VehicleState(), messages)
+
+
+def verdicts(vehicle, target_amsl_m=488.0):
+    facts = Facts(vehicle=vehicle, target_amsl_m=target_amsl_m)
+    return {row.name: row.verdict for row in rows(facts, PX4, WANTS)}
+
+
+PLACE = ("frame origin", "home in the frame", "local = global", "datum of home", "target's altitude")
+
+
+def test_a_vehicle_that_agrees_with_itself_passes_wherever_its_origin_is():
+    for home in (REST, (300.0, -200.0, 12.0)):
+        found = verdicts(vehicle_at((310.0, -205.0, -3.0), home_ned_m=home))
+        assert {found[name] for name in PLACE} == {Verdict.PASS}
+
+
+def test_an_unknown_origin_is_refused():
+    found = rows(Facts(vehicle=observe(VehicleState(), [])), PX4, WANTS)
+    row = next(row for row in found if row.name == "local frame")
+    assert row.verdict is Verdict.REFUSE
+    assert row.wanted == "GPS_GLOBAL_ORIGIN and HOME_POSITION heard"
+
+
+def test_an_origin_left_over_from_another_field_is_refused():
+    assert verdicts(vehicle_at(home_ned_m=(5000.0, 0.0, 0.0)))["frame origin"] is Verdict.REFUSE
+
+
+def test_a_home_that_was_set_in_another_frame_is_refused():
+    assert verdicts(vehicle_at(home_told_m=(0.0, 0.0, -600.0)))["home in the frame"] is Verdict.REFUSE
+
+
+@pytest.mark.parametrize("error_m", [47.0, -600.0])
+def test_positions_that_contradict_each_other_are_refused(error_m):
+    assert verdicts(vehicle_at(height_error_m=error_m))["local = global"] is Verdict.REFUSE
+
+
+def test_a_home_above_another_zero_is_refused():
+    assert verdicts(vehicle_at(home_error_m=47.0))["datum of home"] is Verdict.REFUSE
+
+
+@pytest.mark.parametrize(
+    ("target_amsl_m", "verdict"),
+    [(488.0, "pass"), (510.0, "pass"), (535.0, "refuse"), (688.0, "refuse"), (0.0, "refuse"), (None, "warn")],
+)
+def test_a_target_above_another_zero_is_refused(target_amsl_m, verdict):
+    assert str(verdicts(vehicle_at(), target_amsl_m)["target's altitude"]) == verdict
+
+
+def streamed(rates_hz, seconds=4.0):
+    """Messages of several kinds at their rates, in order of arrival."""
+    made = {
+        LocalPosition: lambda t: LocalPosition(t, t, REST, REST),
+        Attitude: lambda t: Attitude(t, t, 0.0),
+        Odometry: lambda t: Odometry(t, 0),
+        PositionTarget: lambda t: PositionTarget(t, t, 0, REST),
+        GlobalPosition: lambda t: GlobalPosition(t, t, 47.0, 8.0, 488.0, 0.0, REST),
+    }
+    messages = [
+        made[kind](count / rate_hz) for kind, rate_hz in rates_hz.items() for count in range(round(seconds * rate_hz))
+    ]
+    return sorted(messages, key=lambda message: message.received_s)
+
+
+def test_rates_are_those_that_arrive():
+    survey = Survey([])
+    survey.observe(streamed({LocalPosition: 50.0, Attitude: 20.0, Odometry: 2.0}), [])
+    facts = survey.facts(VehicleState(), 3.99)
+    assert facts.rates_hz[LocalPosition] == pytest.approx(50.0, abs=1.0)
+    found = {row.name: row for row in rows(facts, PX4, WANTS)}
+    assert found["LOCAL_POSITION_NED"].verdict is Verdict.PASS
+    assert found["ODOMETRY"].verdict is Verdict.WARN
+    assert found["POSITION_TARGET_LOCAL_NED"].verdict is Verdict.WARN
+    assert "is the link fast enough for 30 Hz?" in found["ODOMETRY"].advice
+
+
+def test_a_position_stream_that_is_slow_or_has_stopped_is_refused():
+    slow = Survey([])
+    slow.observe(streamed({LocalPosition: 4.0, Attitude: 20.0}), [])
+    stopped = Survey([])
+    stopped.observe(streamed({LocalPosition: 50.0, Attitude: 20.0}), [])
+    for survey, now_s in ((slow, 4.0), (stopped, 7.0)):
+        found = {row.name: row.verdict for row in rows(survey.facts(VehicleState(), now_s), ARDUCOPTER, WANTS)}
+        assert found["LOCAL_POSITION_NED"] is Verdict.REFUSE
+        assert "POSITION_TARGET_LOCAL_NED" not in found  # ArduCopter tells it in GUIDED only
+        assert "ODOMETRY" not in found
+
+
+def heard(now_s=0.0):
+    return Heartbeat(now_s, 0, armed=False, system_status=3, autopilot=12)
+
+
+def test_parameters_are_asked_for_once_the_vehicle_is_heard_and_again_while_they_are_missing():
+    survey = Survey(["A", "B"])
+    assert survey.requests(0.0) == ()
+    survey.observe([heard()], [])
+    assert survey.requests(1.0) == (ParameterRequest("A"), ParameterRequest("B"))
+    survey.observe([Parameter(1.5, "B", 2.0)], [])
+    assert survey.requests(1.0 + ASK_AGAIN_S - 0.1) == ()
+    assert survey.requests(1.0 + ASK_AGAIN_S) == (ParameterRequest("A"),)
+    assert not survey.complete
+    survey.observe([Parameter(7.0, "A", 1.0), Parameter(7.0, "UNASKED", 9.0)], [])
+    assert survey.complete
+    assert survey.requests(100.0) == ()
+    assert survey.facts(VehicleState(), 8.0).parameters == {"A": 1.0, "B": 2.0}
+
+
+def test_a_parameter_that_the_autopilot_announces_as_changed_is_taken_over():
+    survey = Survey(["A"])
+    survey.observe([heard(), Parameter(0.0, "A", 1.0)], [])
+    survey.observe([Parameter(5.0, "A", 7.0)], [])
+    assert survey.facts(VehicleState(), 5.0).parameters == {"A": 7.0}
+
+
+def test_the_targets_last_altitude_is_kept():
+    survey = Survey([])
+    nan = math.nan
+    report = TargetReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, (nan, nan, nan), nan, nan)
+    survey.observe([], [report, report._replace(altitude_amsl_m=491.0)])
+    assert survey.facts(VehicleState(), 1.0).target_amsl_m == 491.0

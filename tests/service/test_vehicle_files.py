@@ -1,0 +1,161 @@
+"""Vehicle files: what is refused, with which words, and what becomes of what is not."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from guidance.config import config_folder, find, load, parse
+from guidance.errors import ConfigError
+from guidance.flight import AfterCapture, EngageOn, State
+from guidance.game import Ball, Cylinder
+from guidance.service.model import Config
+from guidance.service.settings import flight_settings, wants
+
+ZENOH = "zenoh://127.0.0.1:7447/uav1"
+FRAME = {"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_amsl_m": 488.0}
+
+
+@pytest.fixture
+def read(vehicle_document):
+    return lambda **sections: parse(Config, vehicle_document(**sections), source="file.toml")
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"nmae": "uav1"}, "nmae: unknown key; did you mean 'name'?"),
+        ({"name": "two words"}, "name = 'two words'"),
+        ({"vehicle": {"autopilot": "betaflight"}}, "vehicle.autopilot = 'betaflight': input should be 'px4' or"),
+        ({"vehicle": {"link": "pigeon"}}, "vehicle.link = 'pigeon': input should be 'mavsdk' or 'pymavlink'"),
+        ({"vehicle": {"system_id": 0}}, "vehicle.system_id = 0: input should be greater than or equal to 1"),
+        ({"vehicle": {"speed": 5.0}}, "vehicle.speed: unknown key; known here: autopilot"),
+        ({"vehicle": {"link": "mavsdk", "signing_key_file": "key"}}, "MAVSDK does not sign"),
+        ({"vehicle": {"connect_timeout_s": 0.0}}, "vehicle.connect_timeout_s = 0.0"),
+        ({"target": {"kind": "radar"}}, "target.kind = 'radar'"),
+        ({"target": {"system_id": None}}, "target.system_id: missing"),
+        ({"target": {"kind": "json", "url": None}}, "target.url: missing"),
+        ({"target": {"kind": "ros_pose"}}, "target.frame: missing"),
+        ({"target": {"kind": "adsb"}}, "target.icao_address: missing"),
+        ({"target": {"timeout_s": 0.0}}, "target.timeout_s = 0.0"),
+        ({"target": {"id_or_mac": "xyz"}}, "target.id_or_mac = 'xyz'"),
+        ({"target": {"url": None}, "vehicle": {"link": "mavsdk"}}, "keeps its wire to itself"),
+        ({"game": {"speed_m_s": 3.0}}, "a slower pursuer is another game"),
+        ({"game": {"speed_m_s": math.inf}}, "game.speed_m_s = inf: input should be a finite number"),
+        ({"game": {"speed_set": "cube"}}, "game.speed_set = 'cube'"),
+        ({"game": {"kind": "tad"}}, "game.guarded: missing"),
+        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, 'not allowed with kind = "pe"'),
+        ({"game": {"kind": "tad", "guarded": {"latitude_deg": 97.0, "longitude_deg": 8.0}}}, "latitude_deg = 97.0"),
+        ({"game": {"standoff_height_m": 2.0}}, "game.standoff_height_m = 2: allowed is limits.floor_m = 3"),
+        ({"limits": {"floor_m": 60.0}}, "limits.floor_m = 60: must be below limits.ceiling_m"),
+        ({"limits": {"fence_radius_m": None}}, "no flight is unfenced"),
+        ({"flight": {"takeoff_height_m": 90.0}}, "flight.takeoff_height_m = 90"),
+        ({"flight": {"after_capture": "celebrate"}}, "flight.after_capture = 'celebrate'"),
+        ({"flight": {"engage_on": "boot"}}, "flight.engage_on = 'boot'"),
+        ({"flight": {"on_terminate": "fall"}}, "flight.on_terminate = 'fall'"),
+        ({"flight": {"battery_minimum": 20.0}}, "flight.battery_minimum = 20.0"),
+        ({"preflight": {"loss_time_limit_s": 60.0}}, "preflight.loss_time_limit_s = 60.0"),
+        ({"control": {"endpoint": "tcp/0.0.0.0:7448"}}, "must be on loopback"),
+        ({"control": {"endpoint": "tcp/192.168.1.9:7448"}}, "who reaches it commands the vehicle"),
+        ({"metrics": {"port": 70000}}, "metrics.port = 70000"),
+        ({"log": {"format": "xml"}}, "log.format = 'xml'"),
+    ],
+)  # fmt: skip
+def test_a_wrong_file_is_refused_with_key_value_and_what_is_allowed(read, sections, words):
+    with pytest.raises(ConfigError) as refused:
+        read(**sections)
+    assert words in str(refused.value)
+    assert str(refused.value).startswith("file.toml:\n")
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"game": {"policy": "hope"}}, "game.policy = 'hope': allowed are"),
+        ({"limits": {"fence_polygon_ne_m": [[0, 0], [9, 9]]}}, "fence_polygon has 2 corners"),
+        ({"limits": {"fence_margin_m": 100.0}}, "fence_margin_m = 100.0"),
+    ],
+)
+def test_what_only_the_core_can_judge_is_refused_as_well(read, sections, words):
+    with pytest.raises(ConfigError, match=words.replace("(", r"\(")):
+        flight_settings(read(**sections))
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", "tcp/[::1]:7448", "unixsock-stream//run/guidance.sock"])
+def test_loopback_endpoints_are_allowed(read, endpoint):
+    assert read(control={"endpoint": endpoint}).control.endpoint == endpoint
+
+
+@pytest.mark.parametrize("name", ["px4", "arducopter"])
+def test_the_vehicle_files_that_come_along_can_be_flown(name):
+    config = load(Config, find(name, "vehicles"))
+    settings = flight_settings(config)
+    assert settings.profile.name == name == config.name
+    assert isinstance(settings.tick.speed_set, Cylinder)
+    assert settings.engage_on is EngageOn.COMMAND
+    assert config.preflight.fence_required
+    assert find(f"config/vehicles/{name}.toml", "vehicles").resolve() == find(name, "vehicles").resolve()
+
+
+def test_every_vehicle_file_is_tested():
+    assert {path.stem for path in (config_folder() / "vehicles").glob("*.toml")} == {"px4", "arducopter"}
+
+
+def test_defaults_are_the_safe_ones(read):
+    config = read()
+    assert config.preflight.fence_required
+    assert config.control.endpoint.startswith("tcp/127.0.0.1:")
+    assert (config.flight.engage_on, config.flight.after_capture, config.flight.on_terminate) == (
+        "command", "hold", "hold",
+    )  # fmt: skip
+    assert config.metrics.port is None
+    assert config.game.speed_set == "cylinder"
+
+
+def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
+    config = read(game={"climb_m_s": 2.5, "descent_m_s": 1.2})
+    envelope = flight_settings(config).tick.envelope
+    assert envelope.speed_m_s > config.game.speed_m_s
+    assert (envelope.climb_m_s, envelope.descent_m_s) == (2.5, 1.2)
+    assert envelope.stand_off.radius_m < config.game.standoff_radius_m
+    assert envelope.stand_off.height_m < config.game.standoff_height_m
+    assert wants(config).limit_speed_m_s == envelope.speed_m_s
+
+
+def test_a_guarded_place_is_the_zero_of_the_game(read):
+    place = {"latitude_deg": 47.4, "longitude_deg": 8.55, "altitude_amsl_m": 480.0}
+    tick = flight_settings(read(game={"kind": "tad", "guarded": place, "speed_set": "ball"})).tick
+    assert tick.target_game_m == (0.0, 0.0, 0.0)
+    assert tick.site[:2] == (47.4, 8.55)
+    assert tick.speed_set == Ball(6.0)
+
+
+def test_a_daemon_waits_for_its_vehicle_as_long_as_it_takes(read):
+    limits_s = flight_settings(read()).limits_s
+    assert State.CONNECTING not in limits_s
+    assert State.CHECKING not in limits_s
+    assert limits_s[State.ARMING] > 0.0
+
+
+@pytest.mark.parametrize("choice", AfterCapture)
+def test_what_follows_a_capture_is_configured(read, choice):
+    assert flight_settings(read(flight={"after_capture": str(choice)})).after_capture is choice
+
+
+def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
+    square = [[-30.0, -40.0], [-30.0, 40.0], [30.0, 40.0], [30.0, -40.0]]
+    config = read(limits={"fence_radius_m": None, "fence_polygon_ne_m": square})
+    assert config.limits.reach_m == pytest.approx(50.0)
+    assert wants(config).fence_radius_m == pytest.approx(50.0)
+    envelope = flight_settings(config).tick.envelope
+    assert envelope.fence_radius_m is None
+    assert envelope.fence_polygon.contains((0.0, 39.0))
+    assert not envelope.fence_polygon.contains((0.0, 41.0))
+
+
+def test_sources_of_targets_need_what_they_need_and_no_more(read):
+    assert read(target={"kind": "json", "url": ZENOH, "system_id": None}).target.kind == "json"
+    assert read(target={"kind": "ros_pose", "url": ZENOH, "frame": FRAME}).target.frame.undulation_m is None
+    assert read(target={"url": None}).target.url is None
+    assert read(target={"url": None}, vehicle={"link": "mavsdk", "url": ZENOH}).vehicle.link == "mavsdk"
+    assert read(vehicle={"signing_key_file": "key"}).vehicle.signing_key_file == Path("key")
