@@ -157,15 +157,13 @@ class Autopilot:
         reached.clear()
         return replies
 
-    def set_mission_item(self, now_s: float, seq: int) -> list[Reply]:
+    def set_mission_item(self, _now_s: float, seq: int) -> list[Reply]:
         """MISSION_SET_CURRENT: go on there; MISSION_CURRENT follows at its own rate."""
-        del now_s
         self.brain.mission.set_current(seq)
         return []
 
-    def set_origin(self, now_s: float, place: Place) -> bool:
+    def set_origin(self, _now_s: float, place: Place) -> bool:
         """SET_GPS_GLOBAL_ORIGIN: disarmed, the local frame moves there; armed it stays."""
-        del now_s
         if self.craft.armed:
             return False
         body, craft, old = self.motion.body, self.craft, self.frame
@@ -179,9 +177,8 @@ class Autopilot:
             craft.home_m = self.frame.to_local(*old.to_geodetic(*craft.home_m))
         return True
 
-    def set_home(self, now_s: float, place: Place) -> bool:
+    def set_home(self, _now_s: float, place: Place) -> bool:
         """SET_HOME_POSITION."""
-        del now_s
         self.craft.home_m = self.frame.to_local(*place)
         return True
 

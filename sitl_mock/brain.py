@@ -62,7 +62,7 @@ class Brain(Protocol):
         """Obey or refuse."""
         ...
 
-    def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
+    def set_mode(self, now_s: float, /, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message, which has no answer of its own."""
         ...
 
@@ -70,6 +70,6 @@ class Brain(Protocol):
         """Take a setpoint."""
         ...
 
-    def switch(self, now_s: float, mode: str) -> None:
+    def switch(self, now_s: float, /, mode: str) -> None:
         """Take the pilot's choice."""
         ...

@@ -154,8 +154,7 @@ class Link:
         fields = BUILDERS[spec.name](autopilot.report)
         return [] if fields is None else [(spec.name, *fields)]
 
-    def _capabilities(self, _now_s: float, command: Command) -> Result:
-        del command
+    def _capabilities(self, _now_s: float, _command: Command) -> Result:
         self._requested.append(self.autopilot.identity.autopilot_version())
         return Result.ACCEPTED
 

@@ -55,9 +55,8 @@ class Stop:
     wake_fileno: int
     asked: bool = False
 
-    def ask(self, number: int, frame: FrameType | None) -> None:
+    def ask(self, _number: int, _frame: FrameType | None) -> None:
         """Take a signal."""
-        del number, frame
         self.asked = True
 
 

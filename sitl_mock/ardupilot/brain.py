@@ -104,11 +104,11 @@ class ArduPilot:
         """Obey or refuse a command."""
         return commands.execute(self, now_s, command)
 
-    def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
+    def set_mode(self, _now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
         mode = self.by_number.get(custom_mode)
         if base_mode & 1 and mode is not None:
-            self.request(now_s, mode.name)
+            self.request(mode.name)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint, in GUIDED only; it ends a take-off."""
@@ -120,13 +120,12 @@ class ArduPilot:
             self.stream_s = now_s
             self.takeoff_m = math.nan
 
-    def switch(self, now_s: float, mode: str) -> None:
+    def switch(self, _now_s: float, mode: str) -> None:
         """Take the pilot's mode switch."""
-        self.request(now_s, mode)
+        self.request(mode)
 
-    def request(self, now_s: float, mode: str) -> bool:
+    def request(self, mode: str) -> bool:
         """Ask for a mode; a refusal leaves the old one."""
-        del now_s
         self._look()
         missing = self.by_name[mode].needs - self.there
         refused = mode == "GUIDED" and self.craft.conditions.offboard_refused

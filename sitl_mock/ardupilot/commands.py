@@ -40,17 +40,16 @@ def _done(done: bool) -> Answers:
     return ACCEPTED if done else FAILED
 
 
-def _set_mode(brain: ArduPilot, now_s: float, command: Command) -> Answers:
+def _set_mode(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     base, number = command.params[:2]
     if not math.isfinite(base + number) or not int(base) & 1:
         return DENIED
     mode = brain.by_number.get(int(number))
-    return _done(mode is not None and brain.request(now_s, mode.name))
+    return _done(mode is not None and brain.request(mode.name))
 
 
-def _arm(brain: ArduPilot, now_s: float, command: Command) -> Answers:
+def _arm(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     """COMPONENT_ARM_DISARM; param2 2989 or 21196 forces."""
-    del now_s
     craft = brain.craft
     want, force = command.params[:2]
     if want == 1.0:
@@ -74,9 +73,8 @@ def _arm(brain: ArduPilot, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _takeoff(brain: ArduPilot, now_s: float, command: Command) -> Answers:
+def _takeoff(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     """NAV_TAKEOFF: height above home, armed, in GUIDED, on the ground."""
-    del now_s
     craft = brain.craft
     if command.is_int and command.frame not in _RELATIVE:
         return DENIED
@@ -92,55 +90,49 @@ def _takeoff(brain: ArduPilot, now_s: float, command: Command) -> Answers:
 
 
 def _to(mode: str) -> Callable[[ArduPilot, float, Command], Answers]:
-    def handler(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-        del command
+    def handler(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
         if mode not in brain.by_name:
             return UNSUPPORTED
-        return _done(brain.request(now_s, mode))
+        return _done(brain.request(mode))
 
     return handler
 
 
-def _start_mission(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-    del command
+def _start_mission(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
     if not flyable(brain.plans.mission.items):
         return FAILED
-    return _done(brain.request(now_s, "AUTO"))
+    return _done(brain.request("AUTO"))
 
 
-def _set_mission_item(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-    del now_s
+def _set_mission_item(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     seq = command.params[0]
     return _done(math.isfinite(seq) and brain.mission.set_current(int(seq)))
 
 
-def _reposition(brain: ArduPilot, now_s: float, command: Command) -> Answers:
+def _reposition(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     """DO_REPOSITION: in GUIDED, or changing to it with param2 bit 0."""
-    speed, flags, _, yaw, lat, lon, alt = command.params
+    speed, flags, _, _, lat, lon, alt = command.params
     if not command.is_int or not on_earth(Place(lat, lon, alt)):
         return DENIED
     change = math.isfinite(flags) and int(flags) & 1
-    if brain.mode != "GUIDED" and not (change and brain.request(now_s, "GUIDED")):
+    if brain.mode != "GUIDED" and not (change and brain.request("GUIDED")):
         return DENIED
     craft = brain.craft
     north, east, down = craft.frame.to_local(lat, lon, alt)
     if command.frame in _RELATIVE:
         down = (craft.home_m or (0.0, 0.0, 0.0))[2] - alt
-    del yaw
     brain.guided = Setpoint(Kind.TRAVEL, (north, east, down), speed_m_s=speed if speed > 0.0 else brain.speed_m_s)
     return ACCEPTED
 
 
-def _change_speed(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-    del now_s
+def _change_speed(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     if not command.params[1] > 0.0:
         return FAILED
     brain.speed_m_s = brain.mission.speed_m_s = command.params[1]
     return ACCEPTED
 
 
-def _set_home(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-    del now_s
+def _set_home(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     craft = brain.craft
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0:
@@ -152,16 +144,14 @@ def _set_home(brain: ArduPilot, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _terminate(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-    del now_s
+def _terminate(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     if command.params[0] > 0.5:
         brain.disarm()
         brain.craft.say(Severity.CRITICAL, "Terminating due to GCS request")
     return ACCEPTED
 
 
-def _reboot(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-    del now_s
+def _reboot(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     if brain.craft.armed:
         return FAILED
     if command.params[0] in {1.0, 3.0}:
@@ -169,9 +159,8 @@ def _reboot(brain: ArduPilot, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _prearm(brain: ArduPilot, now_s: float, command: Command) -> Answers:
+def _prearm(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """RUN_PREARM_CHECKS: the reasons come as texts."""
-    del now_s, command
     for reason in safety.refusals(brain):
         brain.craft.say(Severity.CRITICAL, f"PreArm: {reason}")
     return ACCEPTED

@@ -10,8 +10,7 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.setpoints import turned
 
 
-def _stand(brain: ArduPilot) -> Setpoint:
-    del brain
+def _stand(_brain: ArduPilot) -> Setpoint:
     return Setpoint(Kind.BRAKE)
 
 

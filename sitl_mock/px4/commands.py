@@ -51,9 +51,8 @@ def _set_mode(px4: Px4, now_s: float, command: Command) -> Answers:
     return (CommandAnswer(Result.ACCEPTED), real)
 
 
-def _arm(px4: Px4, now_s: float, command: Command) -> Answers:
+def _arm(px4: Px4, _now_s: float, command: Command) -> Answers:
     """COMPONENT_ARM_DISARM; param2 21196 forces, which disarms in the air as well."""
-    del now_s
     want, force = command.params[:2]
     if want not in {0.0, 1.0}:
         return (CommandAnswer(Result.UNSUPPORTED),)
@@ -94,8 +93,7 @@ def _takeoff(px4: Px4, now_s: float, command: Command) -> Answers:
 
 
 def _to(mode: str) -> Callable[[Px4, float, Command], Answers]:
-    def handler(px4: Px4, now_s: float, command: Command) -> Answers:
-        del command
+    def handler(px4: Px4, now_s: float, _command: Command) -> Answers:
         return _granted(px4.request(now_s, mode))
 
     return handler
@@ -110,8 +108,7 @@ def _start_mission(px4: Px4, now_s: float, command: Command) -> Answers:
     return _granted(px4.request(now_s, "MISSION"))
 
 
-def _set_mission_item(px4: Px4, now_s: float, command: Command) -> Answers:
-    del now_s
+def _set_mission_item(px4: Px4, _now_s: float, command: Command) -> Answers:
     seq = command.params[0]
     return ACCEPTED if math.isfinite(seq) and px4.mission.set_current(int(seq)) else DENIED
 
@@ -141,15 +138,13 @@ def _reposition(px4: Px4, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _change_speed(px4: Px4, now_s: float, command: Command) -> Answers:
-    del now_s
+def _change_speed(px4: Px4, _now_s: float, command: Command) -> Answers:
     if command.params[1] > 0.0:
         px4.plan.speed_m_s = px4.mission.speed_m_s = command.params[1]
     return ACCEPTED
 
 
-def _set_home(px4: Px4, now_s: float, command: Command) -> Answers:
-    del now_s
+def _set_home(px4: Px4, _now_s: float, command: Command) -> Answers:
     craft = px4.craft
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0:
@@ -161,16 +156,14 @@ def _set_home(px4: Px4, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _terminate(px4: Px4, now_s: float, command: Command) -> Answers:
-    del now_s
+def _terminate(px4: Px4, _now_s: float, command: Command) -> Answers:
     if command.params[0] > 0.5:
         px4.mode = px4.intention = "TERMINATION"
         px4.craft.say(Severity.EMERGENCY, "Flight termination")
     return ACCEPTED
 
 
-def _reboot(px4: Px4, now_s: float, command: Command) -> Answers:
-    del now_s
+def _reboot(px4: Px4, _now_s: float, command: Command) -> Answers:
     if px4.craft.armed:
         return REFUSED
     if command.params[0] in {1.0, 3.0}:
@@ -178,8 +171,7 @@ def _reboot(px4: Px4, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _calibrate(px4: Px4, now_s: float, command: Command) -> Answers:
-    del now_s, command
+def _calibrate(px4: Px4, _now_s: float, _command: Command) -> Answers:
     return REFUSED if px4.craft.armed else ACCEPTED
 
 

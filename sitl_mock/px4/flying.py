@@ -135,9 +135,8 @@ _RETURN: Mapping[str, Callable[[Craft, Plan], Setpoint]] = MappingProxyType(
 )
 
 
-def by_stick(craft: Craft, plan: Plan) -> Setpoint:
+def by_stick(craft: Craft, _plan: Plan) -> Setpoint:
     """POSCTL and the other manual modes: sticks are velocities, and without sticks it stops."""
-    del plan
     sticks, parameters = craft.pilot.sticks, craft.parameters
     fast = float(parameters["MPC_VEL_MANUAL"])
     up, down = float(parameters["MPC_Z_VEL_MAX_UP"]), float(parameters["MPC_Z_VEL_MAX_DN"])

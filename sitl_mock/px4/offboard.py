@@ -29,7 +29,7 @@ STAND: Final = Setpoint(Kind.BRAKE)
 def read(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, or why it is none."""
     if message.get_type() == "SET_ATTITUDE_TARGET":
-        return _attitude(craft, message)
+        return _attitude(message)
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         target = read_global(message, craft.frame, craft.home_m)
         return _judged(craft, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES)
@@ -87,7 +87,7 @@ def _paired(vector: Vector) -> bool:
     return math.isfinite(vector[0]) == math.isfinite(vector[1])
 
 
-def _attitude(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
+def _attitude(message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
     """Attitude and thrust as the acceleration they make; thrust 0.5 hovers."""
     if message.type_mask & 0xC0:
         return "SET_ATTITUDE_TARGET body rates only are not supported by this mock"
@@ -102,5 +102,4 @@ def _attitude(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - p
         GRAVITY_M_S2 - lift * (w * w - x * x - y * y + z * z),
     )
     yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    del craft
     return Setpoint(Kind.STREAM, IGNORED, IGNORED, acceleration, yaw_rad=yaw)

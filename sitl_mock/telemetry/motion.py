@@ -204,9 +204,8 @@ def ahrs2(report: Report) -> Fields:
     return (roll, pitch, yaw, alt, round(lat * 1e7), round(lon * 1e7))
 
 
-def ahrs(report: Report) -> Fields:
+def ahrs(_report: Report) -> Fields:
     """AHRS."""
-    del report
     return (0.0, 0.0, 0.0, 0.0, 0.0, 0.003, 0.003)
 
 

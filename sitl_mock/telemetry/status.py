@@ -235,9 +235,8 @@ def fence_status(report: Report) -> Fields:
     return (int(breached), int(breached), 3 if breached else 0, report.boot_ms if breached else 0, 0)
 
 
-def power_status(report: Report) -> Fields:
+def power_status(_report: Report) -> Fields:
     """POWER_STATUS."""
-    del report
     return (5000, 0, 0)
 
 
