@@ -288,16 +288,32 @@ def test_across_the_rim_both_closing_parts_share_the_gap():
     assert north / down == pytest.approx(8.0 / 2.0)
 
 
-def test_a_target_that_flees_takes_its_wall_along():
-    position, target = (-10.0, 0.0, -2.0), (0.0, 0.0, 0.0)
-    fleeing = Situation(position, (3.0, 0.0, 0.0), 0.0, target, (3.0, 0.0, 0.0))
-    north = settled((8.0, 0.0, 0.0), fleeing, ZONE).setpoint.velocity_ned_m_s[0]
-    assert north == pytest.approx(3.0 + asked_ground(7.0, 5.0))
-    for velocity in (None, (math.nan, 0.0, 0.0), (-3.0, 0.0, 0.0), (0.0, 3.0, 0.0)):
+@pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 217.0])
+def test_a_target_that_flees_takes_its_wall_along(bearing_deg):
+    cosine, sine = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
+
+    def turned(along, across=0.0, down=0.0):
+        return (cosine * along - sine * across, sine * along + cosine * across, down)
+
+    fleeing = Situation(turned(-10.0, down=-2.0), turned(3.0), 0.0, (0.0, 0.0, 0.0), turned(3.0))
+    assert settled(turned(8.0), fleeing, ZONE)[0].velocity_ned_m_s == pytest.approx(
+        turned(3.0 + asked_ground(7.0, 5.0))
+    )
+    faster = fleeing._replace(velocity_ned_m_s=turned(5.0))  # only what it is faster by is drift
+    assert settled(turned(8.0), faster, ZONE)[0].velocity_ned_m_s == pytest.approx(turned(3.0 + asked_ground(6.0, 5.0)))
+    across = settled(turned(8.0, 5.0), fleeing, ZONE)[0].velocity_ned_m_s
+    assert across == pytest.approx(turned(3.0 + asked_ground(7.0, math.hypot(5.0, 5.0)), 5.0))
+    for velocity in (None, (math.nan, 0.0, 0.0), turned(-3.0), turned(0.0, 3.0), (0.0, 0.0, 9.0)):
         other = fleeing._replace(target_velocity_ned_m_s=velocity, velocity_ned_m_s=(0.0, 0.0, 0.0))
-        assert settled((8.0, 0.0, 0.0), other, ZONE).setpoint.velocity_ned_m_s[0] == pytest.approx(
-            asked_ground(7.0, 8.0)
-        )
+        assert settled(turned(8.0), other, ZONE)[0].velocity_ned_m_s == pytest.approx(turned(asked_ground(7.0, 8.0)))
+
+
+def test_across_the_rim_a_target_that_flees_moves_the_level_part_of_the_wall():
+    position = (-6.0, 0.0, -9.0)  # 3 m beside and 4 m above: a gap of 5 m
+    fleeing = Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
+    north, _, down = settled((8.0, 0.0, 2.0), fleeing, ZONE).setpoint.velocity_ned_m_s
+    ground_s, vertical_s = 0.5 + 6.0 / 4.0, 0.5 + 2.0 / 2.0
+    assert 0.6 * (north - 2.0) * ground_s + 0.8 * down * vertical_s == pytest.approx(5.0)
 
 
 def test_no_target_no_stand_off():
@@ -413,6 +429,9 @@ def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
         ((0.0, 0.0, 2.0), {}, (3.0, 2.0, 1.0), (3.0, 2.0, 0.0)),
         ((0.0, 0.0, -4.0), {}, (3.0, 2.0, -1.0), (3.0, 2.0, 0.0)),
         ((0.0, 0.0, -4.0), {}, (3.0, 2.0, 1.0), (3.0, 2.0, 1.0)),
+        ((0.0, 0.0, -3.0), {}, (3.0, 2.0, -1.0), (3.0, 2.0, -1.0)),  # faster than the descent, slower than the climb
+        ((6.0, 8.0, 0.0), {}, (3.0, 4.0, 1.0), (0.0, 0.0, 1.0)),
+        ((0.0, -10.0, 0.0), {}, (1.0, -3.0, 1.0), (1.0, 0.0, 1.0)),
     ],
 )
 def test_a_feed_forward_does_not_lean_on_a_limit_that_acts(velocity, limits, wanted, allowed):
