@@ -7,6 +7,7 @@ import typer
 from guidance.cli.check import check
 from guidance.cli.ctl import ctl
 from guidance.cli.fly import fly
+from guidance.cli.log import log
 from guidance.cli.paper import paper
 from guidance.cli.replay import replay
 from guidance.cli.run import run
@@ -22,6 +23,7 @@ app = typer.Typer(
 app.command()(fly)
 app.command()(paper)
 app.command()(replay)
+app.add_typer(log, name="log")
 app.command()(solve)
 app.command()(run)
 app.command()(check)

@@ -75,11 +75,13 @@ def _tuple(*kinds: Any) -> Decoder:  # noqa: ANN401
 
 def _named(kind: Any) -> Decoder:  # noqa: ANN401
     fields = {name: decoder(hint) for name, hint in get_type_hints(kind).items()}
+    needed = fields.keys() - kind._field_defaults.keys()  # what came later has a default, and older records lack it
 
     def read(value: Any) -> Any:  # noqa: ANN401
-        if not isinstance(value, Mapping) or value.keys() - {"kind"} != fields.keys():
-            keys = ", ".join(sorted(value)) if isinstance(value, Mapping) else repr(value)
+        given = value.keys() - {"kind"} if isinstance(value, Mapping) else frozenset()
+        if not needed <= given <= fields.keys():
+            keys = ", ".join(sorted(given)) or repr(value)
             raise ConfigError(f"{kind.__name__} with {keys}: this version knows {', '.join(sorted(fields))}")
-        return kind(**{name: one(value[name]) for name, one in fields.items()})
+        return kind(**{name: fields[name](value[name]) for name in given})
 
     return read

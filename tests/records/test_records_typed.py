@@ -55,6 +55,17 @@ def test_an_absent_part_of_a_setpoint_stays_none_and_is_no_nan():
     assert decoder(Setpoint | None)(None) is None
 
 
+class Later(NamedTuple):
+    a: float
+    b: float = 2.0
+
+
+def test_what_came_later_with_a_default_may_be_missing_in_an_older_record():
+    assert decoder(Later)({"a": 1.0}) == Later(1.0, 2.0)
+    with pytest.raises(ConfigError, match="Later with b"):
+        decoder(Later)({"b": 1.0})
+
+
 class Old(NamedTuple):
     a: float
     state: State

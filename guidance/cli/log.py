@@ -1,0 +1,52 @@
+"""`guidance log`: what a record holds, its events, and the same in formats of other tools."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+log = typer.Typer(no_args_is_help=True, help="Look into a flight record, and export it for other tools.")
+
+File = Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")]
+
+
+@log.command()
+def info(file: File) -> None:
+    """Show what a record holds: how long, which channels, which versions, and whether it is whole."""
+    from guidance.records import survey_of, title_of  # noqa: PLC0415 - numpy takes its time
+
+    survey = survey_of(file)
+    typer.echo(f"{title_of(survey.metadata)}: {survey.duration_s:.2f} s")
+    for topic in sorted(survey.messages):
+        count, data = survey.messages[topic], survey.data_bytes[topic]
+        typer.echo(f"{count:9d} messages {data / 1024:10.1f} KiB  {topic}")
+    for name, text in survey.metadata.items():
+        typer.echo(f"{name:>12}  {text if len(text) < 100 else text[:97] + '...'}")
+    if survey.missing:
+        typer.echo(f"{survey.missing} messages are missing in between: the file is damaged")
+    typer.echo("whole" if survey.torn is None else f"torn ({survey.torn}): all that can be read is counted here")
+
+
+@log.command()
+def events(file: File) -> None:
+    """List the events: what happened, when, and what it changed."""
+    from guidance.records import events_of  # noqa: PLC0415
+
+    for event in events_of(file):
+        typer.echo(f"{event.now_s:10.3f} s  {event.event}  {event.detail}".rstrip())
+
+
+@log.command()
+def export(
+    file: File,
+    out: Annotated[Path, typer.Argument(help="Ends in .tlog, .csv, .parquet, .geojson or .kml.")],
+) -> None:
+    """Write a record in another format, by the ending of the wanted file.
+
+    - `.tlog`: the raw frames, for QGroundControl, Mission Planner and mavlogdump
+    - `.csv`, `.parquet`: one row a cycle, for spreadsheets and pandas
+    - `.geojson`, `.kml`: tracks, fence and changes of state on a map
+    """
+    from guidance.records.export import export as write  # noqa: PLC0415
+
+    typer.echo(f"{out}: {write(file, out)}")

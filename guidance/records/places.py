@@ -1,0 +1,91 @@
+"""Where everything was on Earth: both tracks, the places where the flight's state changed, the fence, the goal."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from guidance.flight import FlightSettings
+from guidance.frames import Amsl, LocalFrame
+from guidance.records.reading import Survey
+from guidance.records.rows import rows_of
+from guidance.telemetry import GlobalPosition, Home
+
+Place = tuple[float, float, float]
+"""Longitude and latitude in degrees, altitude above mean sea level in metres."""
+
+_CIRCLE_CORNERS = 72
+
+
+class Feature(NamedTuple):
+    """One thing on the map: a track of many places, a single place, or an area by its closed edge."""
+
+    name: str
+    shape: str
+    places: tuple[Place, ...]
+    properties: Mapping[str, Any]
+
+
+def features_of(path: Path, settings: FlightSettings | None, survey: Survey | None = None) -> list[Feature]:
+    """Gather what a map shows.
+
+    Args:
+        path: The record.
+        settings: The flight's, for the fence and the goal; None leaves both out.
+        survey: Filled along the way.
+
+    Raises:
+        ConfigError: If the record cannot be read.
+    """
+    tracks: dict[str, list[tuple[float, Place]]] = {"pursuer": []}
+    changes: list[Feature] = []
+    home: Home | None = None
+    state = ""
+    for row in rows_of(path, survey):
+        inputs = row.inputs
+        for message in inputs.messages:
+            if isinstance(message, GlobalPosition):
+                tracks["pursuer"].append((message.received_s, _place(message)))
+            elif isinstance(message, Home):
+                home = message
+        for report in inputs.reports:
+            tracks.setdefault(f"target ({report.source})", []).append((report.received_s, _place(report)))
+        if row.state != state and tracks["pursuer"]:
+            state = row.state
+            changes.append(Feature(state, "place", (tracks["pursuer"][-1][1],), {"time_s": row.now_s}))
+    drawn = [_track(name, track) for name, track in tracks.items() if len(track) > 1]
+    return [*drawn, *changes, *(_around(settings, home) if settings is not None else ())]
+
+
+def _track(name: str, track: list[tuple[float, Place]]) -> Feature:
+    times_s = [round(now_s, 3) for now_s, _ in track]
+    return Feature(name, "track", tuple(place for _, place in track), {"times_s": times_s})
+
+
+def _around(settings: FlightSettings, home: Home | None) -> list[Feature]:
+    features = []
+    envelope, site = settings.tick.envelope, settings.tick.site
+    if home is not None and envelope.fence_radius_m is not None:
+        altitude = Amsl(home.altitude_amsl_m)
+        frame = LocalFrame(home.latitude_deg, home.longitude_deg, altitude, projection=settings.profile.projection)
+        edge = tuple(_on_circle(frame, envelope.fence_radius_m, corner) for corner in range(_CIRCLE_CORNERS))
+        features.append(Feature("fence", "area", (*edge, edge[0]), {"radius_m": envelope.fence_radius_m}))
+    if settings.tick.target_game_m is not None and site is not None:
+        frame = LocalFrame(*site, projection=settings.profile.projection)
+        x, y, _ = settings.tick.target_game_m
+        latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned((y, x, 0.0))
+        features.append(Feature("guarded place T", "place", ((longitude_deg, latitude_deg, amsl.metres),), {}))
+    return features
+
+
+def _on_circle(frame: LocalFrame, radius_m: float, corner: int) -> Place:
+    """A corner of the circle, counted anticlockwise as RFC 7946 wants an outer edge."""
+    angle = 2.0 * math.pi * corner / _CIRCLE_CORNERS
+    latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned(
+        (radius_m * math.sin(angle), radius_m * math.cos(angle), 0.0)
+    )
+    return (longitude_deg, latitude_deg, amsl.metres)
+
+
+def _place(said: Any) -> Place:  # noqa: ANN401 - a GlobalPosition or a TargetReport
+    return (said.longitude_deg, said.latitude_deg, said.altitude_amsl_m)
