@@ -21,12 +21,11 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from sitl_mock.errors import ConfigError, TransportError
+from sitl_mock.serving import udp_ports
 
 Over = Literal["udp", "zenoh"]
 
-LISTENS_ABOVE: Final = 40
-"""A vehicle listens so many ports above the one it sends to."""
-_FIRST_PORT, _LAST_PORT, _PORT_STEP = 21_000, 31_000, 100
+_FIRST_PORT, _LAST_PORT = 21_000, 31_000
 _ATTEMPTS: Final = 5
 _START_S, _STOP_S = 20.0, 5.0
 _PORT_TAKEN: Final = 3
@@ -111,17 +110,18 @@ def running(
     unknown = sorted(set(over) - {"udp", "zenoh"})
     if unknown or not over:
         raise ConfigError(f"over = {tuple(over)!r}: allowed are udp and zenoh")
+    flavours = {str(each.get("name")): str(each.get("flavour", "px4")) for each in vehicles}
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         (folder / "fleet.toml").write_text(_toml({"seed": seed, **fleet, "vehicle": list(vehicles)}), encoding="utf-8")
         (folder / "faults.toml").write_text(_toml(faults or {}), encoding="utf-8")
         for attempt in range(_ATTEMPTS):
-            port = _free_ports(len(vehicles)) if "udp" in over else None
+            port = _free_ports(flavours) if "udp" in over else None
             process = _start(folder, port, zenoh="zenoh" in over)
             stack.callback(end, process)
             line = _first_line(process)
             if line:
-                yield RunningFleet(_told(json.loads(line), port), process)
+                yield RunningFleet(_told(json.loads(line), _targets(port, flavours)), process)
                 return
             end(process)
             reason = (folder / _ERRORS).read_text(encoding="utf-8").strip()
@@ -163,29 +163,32 @@ def _first_line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline()
 
 
-def _told(ready: Mapping[str, Any], port: int | None) -> dict[str, RunningVehicle]:
+def _targets(port: int | None, flavours: Mapping[str, str]) -> dict[str, int]:
+    """Return the port that each vehicle sends to."""
+    return {} if port is None else {name: target for name, (_, target) in udp_ports(port, flavours).items()}
+
+
+def _told(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, RunningVehicle]:
     vehicles = {}
-    for index, each in enumerate(ready["vehicles"]):
-        zenoh = next((place.split()[0] for place in each["endpoints"] if "mavlink_raw" in place), None)
-        vehicles[each["name"]] = RunningVehicle(
-            each["name"],
-            each["flavour"],
-            each["system_id"],
-            None if port is None else port + index,
-            None if port is None else port + LISTENS_ABOVE + index,
-            zenoh,
-        )
+    for each in ready["vehicles"]:
+        name, places = each["name"], each["endpoints"]
+        zenoh = next((place.split()[0] for place in places if "mavlink_raw" in place), None)
+        listens = next((int(place.rsplit(":", 1)[1]) for place in places if place.startswith("udp:")), None)
+        vehicles[name] = RunningVehicle(name, each["flavour"], each["system_id"], targets.get(name), listens, zenoh)
     return vehicles
 
 
-def _free_ports(count: int) -> int:
+def _free_ports(flavours: Mapping[str, str]) -> int:
     """Return a first port such that all the vehicles' ports, and those of their clients, are free now."""
-    first = _FIRST_PORT + _PORT_STEP * (_any_free_port() % ((_LAST_PORT - _FIRST_PORT) // _PORT_STEP))
-    spread = count + LISTENS_ABOVE
+    spread = max(max(pair) for pair in udp_ports(0, flavours).values()) + 1
+    first = _FIRST_PORT + _any_free_port() % (_LAST_PORT - _FIRST_PORT)
     for start in itertools.chain(range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)):
-        if all(_is_free(start + index) and _is_free(start + LISTENS_ABOVE + index) for index in range(count)):
+        wanted = [port for pair in udp_ports(start, flavours).values() for port in pair if port]
+        if len(set(wanted)) < len(wanted):
+            raise TransportError(f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets")
+        if all(_is_free(port) for port in wanted):
             return start
-    raise TransportError(f"no {2 * count} free UDP ports from {_FIRST_PORT} to {_LAST_PORT} on 127.0.0.1")
+    raise TransportError(f"no free UDP ports from {_FIRST_PORT} to {_LAST_PORT} on 127.0.0.1")
 
 
 def _any_free_port() -> int:

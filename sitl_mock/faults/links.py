@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sitl_mock.faults import frames
 from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, integer, number
 from sitl_mock.mavlink import Signing
-from sitl_mock.telemetry import BUILDERS
+from sitl_mock.telemetry.status import heartbeat
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -104,7 +104,7 @@ def _gap(making: Making) -> Effect:
     def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
         if not (math.isfinite(until_s[0]) and now_s >= until_s[0] - _SLACK_S):
             return ()
-        beat = ("HEARTBEAT", *BUILDERS["HEARTBEAT"](vehicle.autopilot.report))
+        beat = ("HEARTBEAT", *heartbeat(vehicle.autopilot.report))
         until_s[0] = -math.inf
         return [(name, frame) for name, link in vehicle.links.items() for frame in link.pack([beat])]
 
