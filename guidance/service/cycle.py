@@ -5,7 +5,7 @@ from typing import Any
 
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import TargetSource, VehicleLink
-from guidance.service.record import Record
+from guidance.service.record import BEGUN, Record
 
 HEARTBEAT_S = 1.0
 

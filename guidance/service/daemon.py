@@ -216,7 +216,8 @@ class Daemon:
                 self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self._rows))
 
     def _show(self, now_s: float, outputs: Outputs) -> None:
-        if now_s - self._shown_s < SHOWN_EVERY_S:
+        changed = any(happening.after is not happening.before for happening in outputs.happenings)
+        if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
         counters = {"vehicle": self._link.counters(), "target": self._target.counters()}

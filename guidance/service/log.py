@@ -31,14 +31,18 @@ class _Bounded(QueueHandler):
 class _Patient(QueueListener):
     """Ends even where the stream stands still for good: a log must not keep a process from ending."""
 
+    def __init__(self, room: "queue.Queue[logging.LogRecord | None]", writing: logging.Handler) -> None:
+        super().__init__(room, writing)
+        self._room = room
+
     def enqueue_sentinel(self) -> None:
         """Make room for it, if there is none."""
         while True:
             try:
-                self.queue.put_nowait(None)
+                self._room.put_nowait(None)
             except queue.Full:
                 with contextlib.suppress(queue.Empty):
-                    self.queue.get_nowait()
+                    self._room.get_nowait()
             else:
                 return
 
@@ -82,8 +86,9 @@ class Log:
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
         writing = logging.StreamHandler(stream if stream is not None else sys.stderr)
         writing.setFormatter(JsonLines() if form == "json" else ConsoleLines())
-        self._handler = _Bounded(queue.Queue(MOST_WAITING))
-        self._listener = _Patient(self._handler.queue, writing)
+        room: queue.Queue[logging.LogRecord | None] = queue.Queue(MOST_WAITING)
+        self._handler = _Bounded(room)
+        self._listener = _Patient(room, writing)
         self._logger = logging.getLogger(LOGGER)
         self._logger.setLevel(level.upper())
         self._logger.propagate = False

@@ -6,7 +6,10 @@ second. A record that cannot be written never disturbs the flight: recording sto
 
 import json
 import math
+import platform
+import time
 from collections.abc import Mapping
+from importlib.metadata import version
 from io import BytesIO, FileIO
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,6 +18,10 @@ from mcap.writer import CompressionType, Writer
 from typing_extensions import Buffer
 
 CHUNK_BYTES = 8 * 1024
+CHUNK_S = 0.1
+"""A chunk is written when it is this long or this old: what a killed process had not written is lost."""
+
+_PACKAGES = ("pursuit-guidance", "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 
 _TICK_SCHEMA = {
     "type": "object",
@@ -24,6 +31,9 @@ _TICK_SCHEMA = {
         "inputs": {"type": "object"},
         "certificate": {"type": ["object", "null"]},
         "setpoint": {"type": ["object", "null"]},
+        "requests": {"type": "array"},
+        "alarm": {"type": ["object", "null"]},
+        "timing": {"type": "object", "properties": {"late_s": {"type": "number"}, "worked_s": {"type": "number"}}},
     },
     "required": ["now_s", "state"],
 }
@@ -35,6 +45,9 @@ _EVENT_SCHEMA = {
 
 TICK_TOPIC = "guidance/tick"
 EVENT_TOPIC = "guidance/event"
+
+BEGUN = "flight begins"
+"""Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
 
 
 class Record(Protocol):
@@ -71,6 +84,7 @@ class Recorder:
         self._writer.add_metadata("run", dict(metadata))
         self._channels: dict[str, int] = {}
         self._sequence = 0
+        self._chunk_began_s = math.inf
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Keep one raw MAVLink frame as it went over the wire; `topic` is the Zenoh key."""
@@ -111,6 +125,10 @@ class Recorder:
             time_ns = round(now_s * 1e9)
             self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
             self._sequence += 1
+            self._chunk_began_s = min(self._chunk_began_s, now_s)
+            if now_s - self._chunk_began_s >= CHUNK_S:
+                self._writer.flush()
+                self._chunk_began_s = math.inf
         except OSError as error:
             self.failed = str(error)
 
@@ -132,6 +150,18 @@ class _Whole(BytesIO):
     def tell(self) -> int:
         """Where the file stands."""
         return self._raw.tell()
+
+
+def versions() -> dict[str, str]:
+    """Name what a record was made by: Python, and the packages whose numbers or bytes are in it."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+
+
+def started_utc(now_s: float) -> str:
+    """Return when the injected clock was at zero, as ISO 8601, for a clock of real time that shows `now_s`."""
+    whole_s = time.time_ns() * 1e-9 - now_s
+    seconds, fraction = divmod(whole_s, 1.0)
+    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds)) + f"{fraction:.6f}"[1:] + "+00:00"
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any value of a row

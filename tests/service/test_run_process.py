@@ -1,0 +1,250 @@
+"""The daemon as a process of its own, in real time, against the mock as another one, over Zenoh on loopback."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+GUIDANCE = Path(sys.executable).parent / "guidance"
+FLEET = """
+[[vehicle]]
+name = "uav1"
+flavour = "px4"
+system_id = 1
+ready_after_s = 0.5
+[vehicle.parameters]
+GF_MAX_HOR_DIST = 120.0
+GF_MAX_VER_DIST = 70.0
+[[vehicle]]
+name = "copter"
+flavour = "arducopter"
+system_id = 1
+ready_after_s = 0.5
+[vehicle.parameters]
+GUID_TIMEOUT = 1.0
+FENCE_ENABLE = 1
+[[vehicle]]
+name = "unfenced"
+flavour = "px4"
+system_id = 1
+ready_after_s = 0.5
+[[vehicle]]
+name = "target"
+flavour = "px4"
+system_id = 2
+start_ned_m = [30.0, 0.0, 0.0]
+ready_after_s = 0.5
+"""
+
+
+@pytest.fixture(scope="module")
+def mock(tmp_path_factory):
+    """Start the mock; it ends when its standard input closes. Returns host:port of its Zenoh endpoint."""
+    fleet = tmp_path_factory.mktemp("fleet") / "fleet.toml"
+    fleet.write_text(FLEET)
+    command = [sys.executable, "-m", "sitl_mock", "run", "--fleet", fleet, "--json", "--parent-pipe"]
+    child = subprocess.Popen(
+        [*command, "--zenoh", "tcp/127.0.0.1:0"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    ready = json.loads(child.stdout.readline())
+    yield ready["vehicles"][0]["endpoints"][0].split()[0].removeprefix("tcp/")
+    child.stdin.close()
+    child.wait(timeout=10)
+    child.stdout.close()
+
+
+@pytest.fixture
+def vehicle_file(tmp_path, mock):
+    """Write a vehicle file; every one gets a control port of its own."""
+
+    def write(name="uav1", *, autopilot="px4", link="pymavlink", timeout_s=10.0):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            control = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        path = tmp_path / f"{name}.toml"
+        path.write_text(
+            f"""
+name = "{name}"
+[vehicle]
+autopilot = "{autopilot}"
+link = "{link}"
+url = "zenoh://{mock}/{name}"
+connect_timeout_s = {timeout_s}
+[target]
+kind = "global_position"
+url = "zenoh://{mock}/target"
+system_id = 2
+[game]
+speed_m_s = 6.0
+evader_speed_m_s = 3.0
+standoff_radius_m = 6.0
+standoff_height_m = 5.0
+[limits]
+floor_m = 3.0
+fence_radius_m = 100.0
+[flight]
+takeoff_height_m = 5.0
+on_terminate = "land"
+[control]
+endpoint = "{control}"
+[log]
+format = "json"
+[record]
+folder = "{tmp_path}"
+"""
+        )
+        return path, control
+
+    return write
+
+
+def ctl(control, order):
+    done = subprocess.run([GUIDANCE, "ctl", order, "--endpoint", control], capture_output=True, text=True, check=False)
+    return done.returncode, json.loads(done.stdout) if done.stdout else done.stderr
+
+
+def until(control, *states, limit_s=30.0):
+    deadline_s = time.monotonic() + limit_s
+    while time.monotonic() < deadline_s:
+        _, answer = ctl(control, "status")
+        if isinstance(answer, dict) and answer.get("state") in states:
+            return answer
+    pytest.fail(f"not {states} within {limit_s} s, but {answer}")
+
+
+class Systemd:
+    """What systemd would read of one service, as it comes: the socket holds no more than a few."""
+
+    def __init__(self, path):
+        self.path = str(path)
+        self.said = []
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._listener.bind(self.path)
+        self._listener.settimeout(0.1)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _read(self):
+        while not self._stop.is_set():
+            with contextlib.suppress(TimeoutError):
+                self.said.append(self._listener.recv(4096).decode())
+
+    def wait_for(self, words, limit_s=20.0):
+        deadline_s = time.monotonic() + limit_s
+        while words not in self.said:
+            if time.monotonic() > deadline_s:
+                pytest.fail(f"{words} was not said within {limit_s} s: {self.said}")
+            time.sleep(0.02)
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        self._listener.close()
+
+
+@pytest.fixture
+def systemd(tmp_path):
+    systemd = Systemd(tmp_path / "notify")
+    yield systemd
+    systemd.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "autopilot", "link"), [("uav1", "px4", "mavsdk"), ("copter", "arducopter", "pymavlink")]
+)
+def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
+    vehicle_file, systemd, tmp_path, name, autopilot, link
+):
+    path, control = vehicle_file(name, autopilot=autopilot, link=link)
+    environment = {**os.environ, "NOTIFY_SOCKET": systemd.path, "WATCHDOG_USEC": "3000000"}
+    daemon = subprocess.Popen([GUIDANCE, "run", path], stderr=subprocess.PIPE, text=True, env=environment)
+    try:
+        systemd.wait_for("READY=1")
+        until(control, "ready")
+        rival, _ = vehicle_file(name, autopilot=autopilot)
+        second = subprocess.run([GUIDANCE, "run", rival], capture_output=True, text=True, timeout=20, check=False)
+        assert second.returncode == 3
+        assert "another daemon owns this vehicle" in second.stderr
+        assert ctl(control, "engage")[0] == 4
+        assert ctl(control, "start")[0] == 0
+        until(control, "standing by")
+        assert ctl(control, "engage")[0] == 0
+        until(control, "engaged", "on station")
+        daemon.send_signal(signal.SIGHUP)
+        status = until(control, "on station")
+        assert status["mode"] == "guided"
+        daemon.send_signal(signal.SIGTERM)
+        _, err = daemon.communicate(timeout=20)
+    finally:
+        daemon.kill()
+        daemon.wait()
+    assert daemon.returncode == 0, err
+    log = [json.loads(line) for line in err.splitlines() if line.startswith("{")]
+    messages = [row["message"] for row in log]
+    assert "configuration not read again: refused in flight" in messages
+    assert log[-1]["message"] == "ended"
+    assert log[-1]["mode"] == "land"
+    systemd.wait_for("STOPPING=1")
+    assert systemd.said.count("WATCHDOG=1") > 5
+    assert "STATUS=on station, mode guided" in systemd.said
+    (record,) = tmp_path.glob(f"{name}-*.mcap")
+    with record.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    counts = {
+        channel.topic: summary.statistics.channel_message_counts[key] for key, channel in summary.channels.items()
+    }
+    assert counts["guidance/tick"] > 300
+    assert counts[f"{name}/mavlink_raw/in"] > 100
+    assert counts[f"{name}/mavlink_raw/out"] > 500
+
+
+@pytest.mark.slow
+def test_check_prints_every_row_and_its_verdict(vehicle_file):
+    environment = {**os.environ, "COLUMNS": "240"}
+    fenced, _ = vehicle_file("uav1")
+    done = subprocess.run([GUIDANCE, "check", fenced], capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "nothing is refused" in done.stdout
+    unfenced, _ = vehicle_file("unfenced", link="mavsdk")
+    done = subprocess.run([GUIDANCE, "check", unfenced, "--json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 4, done.stdout + done.stderr
+    rows = {row["name"]: row for row in json.loads(done.stdout)}
+    assert [name for name, row in rows.items() if row["verdict"] == "refuse"] == ["GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"]
+    assert rows["GF_MAX_HOR_DIST"]["advice"].startswith("param set GF_MAX_HOR_DIST 105")
+    assert rows["local = global"]["verdict"] == "pass"
+    assert rows["LOCAL_POSITION_NED"]["verdict"] == "pass"
+
+
+def test_a_vehicle_that_is_not_there_is_one_clear_message(vehicle_file):
+    path, _ = vehicle_file("nobody", timeout_s=0.5)
+    done = subprocess.run([GUIDANCE, "run", path], capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode == 3
+    assert "no HEARTBEAT within 0.5 s" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["run", "nonsense"], 2, "no vehicle 'nonsense': give a path, or one of: arducopter, px4"),
+        (["check", "nonsense"], 2, "no vehicle 'nonsense'"),
+        (["ctl", "explode"], 2, "order = 'explode': allowed are abort, engage"),
+        (["ctl", "hold", "--endpoint", "tcp/127.0.0.1:9"], 3, "no session within"),
+    ],
+)
+def test_what_cannot_be_done_ends_with_one_clear_message(arguments, code, words, tmp_path):
+    done = subprocess.run([GUIDANCE, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == code
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
