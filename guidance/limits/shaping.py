@@ -56,8 +56,6 @@ def next_acceleration(
     It is no larger than what the jerk limit can take back to nothing before the wanted velocity is reached, so that
     the velocity arrives without overshoot (Σ of a stair of jerk·dt, which a²/(2·jerk) + a·dt bounds from above).
     """
-    if dt_s <= 0.0:
-        return acceleration_m_s2
     error = tuple(wanted - now for wanted, now in zip(wanted_m_s, velocity_m_s, strict=True))
     ground = math.hypot(error[0], error[1])
     level = approach_speed(ground, envelope.jerk_m_s3, dt_s) / ground if ground > 0.0 else 0.0

@@ -270,6 +270,8 @@ ZONE = replace(OPEN, stand_off=StandOff(radius_m=3.0, height_m=5.0))
         ((-1.0, 0.0, -2.0), (8.0, 3.0, 2.0), (0.0, 3.0, 0.0)),  # inside: no deeper
         ((-1.0, 0.0, -2.0), (-8.0, 0.0, -2.0), (-8.0, 0.0, -2.0)),  # inside: the way out is free
         ((-2.0, 0.0, -50.0), (8.0, 0.0, 2.0), (8.0, 0.0, 2.0)),  # far above
+        ((0.0, 0.0, -2.0), (8.0, 3.0, 2.0), (8.0, 3.0, 0.0)),  # right over it and too low: every way out is free
+        ((0.0, 0.0, 1.0), (-3.0, 8.0, -4.0), (-3.0, 8.0, -4.0)),
     ],
 )
 def test_the_stand_off_is_a_wall_beside_and_a_lid_above(position, velocity, allowed):
@@ -314,6 +316,20 @@ def test_across_the_rim_a_target_that_flees_moves_the_level_part_of_the_wall():
     north, _, down = settled((8.0, 0.0, 2.0), fleeing, ZONE).setpoint.velocity_ned_m_s
     ground_s, vertical_s = 0.5 + 6.0 / 4.0, 0.5 + 2.0 / 2.0
     assert 0.6 * (north - 2.0) * ground_s + 0.8 * down * vertical_s == pytest.approx(5.0)
+
+
+def test_inside_the_stand_off_a_target_that_flees_may_be_followed():
+    inside = Situation((-1.0, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    assert settled((8.0, 1.0, 1.0), inside, ZONE)[0].velocity_ned_m_s == pytest.approx((3.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("braking", [0.5, 1.0, 3.0])
+def test_each_axis_has_its_own_braking(braking):
+    low = Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0))
+    floored = replace(OPEN, floor_m=3.0, vertical_braking_m_s2=braking)
+    assert settled((0.0, 0.0, 2.0), low, floored)[0].velocity_ned_m_s[2] == pytest.approx(1.0 / (0.5 + 1.0 / braking))
+    fenced = replace(OPEN, fence_radius_m=3.0, braking_m_s2=braking)
+    assert settled((8.0, 0.0, 2.0), HOVER, fenced)[0].velocity_ned_m_s[0] == pytest.approx(3.0 / (0.5 + 4.0 / braking))
 
 
 def test_no_target_no_stand_off():
