@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from guidance.telemetry import Vector
 
-SETTLE_S = 1.5
+SETTLE_S = 1.2
 LARGEST_M_S = 0.6
 JUMP_M = 1.0
 _LONGEST_STEP_S = 0.1

@@ -8,7 +8,7 @@ import math
 
 from guidance.telemetry import Vector
 
-GAIN_PER_S = 0.5
+GAIN_PER_S = 0.8
 LARGEST_M_S = 0.5
 AT_REST_M_S = 0.5
 AWAY_M = 1.5
