@@ -21,6 +21,7 @@ from sitl_mock.px4.modes import AFTER, BY_NAME, BY_NUMBER
 CHECK_S: Final = 0.1
 _MANUAL: Final = frozenset({"POSCTL", "ALTCTL", "STABILIZED", "MANUAL", "ACRO"})
 _PLACED: Final = ("HOLD", "TAKEOFF", "RTL", "LAND", "MISSION")
+_OFF_THE_GROUND_M: Final = 0.3
 _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMINATION": 6}
 _STOPPED: Final = Setpoint(Kind.STOPPED)
 _IDLING: Final = Setpoint(Kind.IDLING)
@@ -256,9 +257,16 @@ class Px4:
             self.disarm()
 
     def _climbing(self) -> bool:
-        return self.mode == "OFFBOARD" and (
-            self.setpoint.velocity_ned_m_s[2] < 0.0 or self.setpoint.position_ned_m[2] < self.craft.position_m[2] - 0.3
+        """Whether a stream asks to leave the ground: by height, by climb rate, or by thrust alone."""
+        if self.mode != "OFFBOARD":
+            return False
+        to, along, push = (
+            self.setpoint.position_ned_m[2],
+            self.setpoint.velocity_ned_m_s[2],
+            self.setpoint.acceleration_ned_m_s2[2],
         )
+        by_thrust = math.isnan(to) and math.isnan(along) and push < 0.0
+        return along < 0.0 or to < self.craft.position_m[2] - _OFF_THE_GROUND_M or by_thrust
 
     def _fly(self) -> Setpoint:
         """The flown mode's setpoint; on the ground nothing but a climb leaves idling."""

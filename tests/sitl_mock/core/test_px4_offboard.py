@@ -260,3 +260,16 @@ def test_lost_position_estimate_counts_as_a_lost_stream(fly, ned_velocity):
     flight.vehicle.inject("gps_lost", True)
     flight.run(6.0, stream)
     assert flight.mode == "DESCEND"
+
+
+def test_taking_off_by_thrust_alone_works_and_the_ground_holds_otherwise(fly):
+    def thrust(share):
+        return ("SET_ATTITUDE_TARGET", 0, 1, 1, 7, (1.0, 0.0, 0.0, 0.0), 0, 0, 0, share)
+
+    flight = fly("px4").run(1.0)
+    flight.offboard(thrust(0.4))
+    flight.command(400, 1.0, wait_s=0.0)
+    flight.run(2.0, thrust(0.4))
+    assert flight.height == 0.0
+    flight.run(4.0, thrust(0.6))
+    assert flight.height > 1.0
