@@ -48,7 +48,23 @@ def component(array: Array, index: int) -> Array:
 
 
 def select(xp: Library, condition: Array, yes: Real, no: Real) -> Array:
-    """Choose elementwise, as `where` does; a single NumPy state picks the very same number without it."""
+    """Choose elementwise, as `where` does, except that the answer is only as long as it has to be.
+
+    A single NumPy state picks the very same number, and a NumPy batch of one mind the very same array or number,
+    without the copy: most conditions are about rare states.
+    """
+    if isinstance(condition, (np.bool_, bool)):
+        return yes if condition else no
+    if isinstance(condition, np.ndarray):
+        if not condition.any():
+            return no
+        if condition.all():
+            return yes
+    return xp.where(condition, yes, no)
+
+
+def choose(xp: Library, condition: Array, yes: Real, no: Real) -> Array:
+    """Choose elementwise, as `where` does, in the full shape; a single NumPy state picks the number without it."""
     if isinstance(condition, (np.bool_, bool)):
         return yes if condition else no
     return xp.where(condition, yes, no)
@@ -100,23 +116,36 @@ def bounded2(xp: Library, v: Plane, bound: Real) -> Plane:
     return v[0] * scale, v[1] * scale
 
 
-def pack(xp: Library, shape: tuple[int, ...], like: Array, *components: Real) -> Array:
-    """Put components together into (*shape, n), in the precision and on the device of `like`."""
+def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[Real], plus: Real = 0.0) -> Array:
+    """Put components together into (*shape, n), in the precision and on the device of `like`.
+
+    `plus`, (...), is added to each of them on the way: 0, or NaN where a row shall be lost.
+    """
     if is_numpy(xp):
         packed = np.empty((*shape, len(components)), dtype=like.dtype)
         for index, part in enumerate(components):
-            packed[..., index] = part
+            np.add(part, plus, out=packed[..., index], casting="same_kind")
         return packed
-    return xp.stack([spread(xp, shape, like, part) for part in components], axis=-1)
+    return xp.stack([spread(xp, shape, like, part + plus) for part in components], axis=-1)
 
 
-def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Array:
-    """Spread a number or an array over the leading shape, in the precision and on the device of `like`."""
+def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real, plus: Real = 0.0) -> Array:
+    """Spread a number or an array, `plus` added, over the leading shape, in the precision and place of `like`."""
     if is_numpy(xp):
         filled = np.empty(shape, dtype=like.dtype)
+        np.add(value, plus, out=filled, casting="same_kind")
+        return filled
+    return xp.broadcast_to(constant(xp, like, value + plus), shape)
+
+
+def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Array:
+    """Spread small integers over the leading shape, on the device of `like`."""
+    if is_numpy(xp):
+        filled = np.empty(shape, dtype=np.int8)
         filled[...] = value
         return filled
-    return xp.broadcast_to(constant(xp, like, value), shape)
+    where = {} if is_jax_array(like) else {"device": device_of(like)}
+    return xp.broadcast_to(xp.asarray(value, dtype=xp.int8, **where), shape)
 
 
 def constant(xp: Library, like: Array, value: Real | Sequence[float]) -> Array:

@@ -1,4 +1,4 @@
-"""Millions of states in chunks that stay in the processor's cache: six times the speed of one call for all of them."""
+"""Millions of states in chunks that stay in the processor's cache: five times the speed of one call for all of them."""
 
 import numpy as np
 
@@ -18,6 +18,7 @@ def solve_rows(
     *,
     evader_velocity_m_s: Array | None = None,
     rows: int = ROWS,
+    out: Solution | None = None,
 ) -> Solution:
     """Solve a long batch of states chunk by chunk; the answer is that of `solve`, to the bit.
 
@@ -28,12 +29,13 @@ def solve_rows(
         target: position T, (n, 3), m, or None for PE.
         evader_velocity_m_s: the evader's velocity as observed, (n, 3), where it is known.
         rows: length of a chunk.
+        out: an earlier answer of the same length whose arrays are filled again; fresh memory costs more than the maths.
 
     Raises:
         ConfigError: as `solve`.
     """
     given = (pursuer, evader, target, evader_velocity_m_s)
-    whole: list[Array] = []
+    whole: list[Array] = [] if out is None else list(out)
     for start in range(0, max(len(pursuer), 1), rows):
         part = slice(start, start + rows)
         P, E, T, seen = (None if array is None else array[part] for array in given)

@@ -61,9 +61,9 @@ def value_gradient(game: Game, pursuer: Array, evader: Array, target: Array | No
         state = take_apart(xp, game, pursuer, evader, None)
         by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, target)
     return Gradient(
-        pack(xp, shape, pursuer, *by_pursuer),
-        pack(xp, shape, pursuer, *by_evader, 0.0),
-        pack(xp, shape, pursuer, *by_target, 0.0),
+        pack(xp, shape, pursuer, by_pursuer),
+        pack(xp, shape, pursuer, (*by_evader, 0.0)),
+        pack(xp, shape, pursuer, (*by_target, 0.0)),
     )
 
 

@@ -28,7 +28,7 @@ def pursuit(xp: Library, game: Game, state: State) -> Play:
     to = (state.to_evader[0] + run * direction[0], state.to_evader[1] + run * direction[1])
     if isinstance(game.pursuer, Cylinder):
         gap = gap - game.capture_radius_m
-    flown = steer(xp, game, to, gap, t, state.z, state.seen)
+    flown = steer(xp, game, to, gap, t, state.z, state.hold)
     overhead = free & ~caught & (gap + v * t > 0)
     if isinstance(game.pursuer, Ball):
         flown = _follow(xp, game, game.pursuer, state, overhead, flown)
@@ -60,12 +60,16 @@ def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
             distance = norm2(xp, away)
             direction = unit2(xp, away, distance)
     free = distance <= 0
-    return t, select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction), free
+    if state.seen is not None:
+        direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)
+    return t, direction, free
 
 
 def _follow(xp: Library, game: Game, pursuer: Ball, state: State, overhead: Array, flown: Space) -> Space:
     """Above the evader: copy its velocity, and spend the rest of the speed on the height."""
-    rest = xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - dot2(state.seen, state.seen))
-    copied = (state.seen[0] + game.wind_m_s[0], state.seen[1] + game.wind_m_s[1])
+    rest = pursuer.speed_m_s
+    if state.seen is not None:
+        rest = xp.sqrt(rest * rest - dot2(state.seen, state.seen))
+    copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
     vertical = select(xp, state.z > 0, -rest, rest)
     return *select2(xp, overhead, copied, (flown[0], flown[1])), select(xp, overhead, vertical, flown[2])

@@ -19,8 +19,13 @@ class State(NamedTuple):
     """Its length d, m."""
     z: Array
     """Height of the pursuer above the stand-off disc, m."""
-    seen: Plane
-    """Observed velocity of the evader, at most v; zero where it is unknown, m/s."""
+    seen: Plane | None
+    """Observed velocity of the evader, at most v, m/s; None where it is unknown."""
+
+    @property
+    def hold(self) -> Plane:
+        """Velocity of a pursuer that has nothing to gain: the evader's, or none."""
+        return (0.0, 0.0) if self.seen is None else self.seen
 
 
 class Play(NamedTuple):
@@ -42,7 +47,7 @@ def take_apart(xp: Library, game: Game, P: Array, E: Array, seen: Array | None) 
     ground = component(E, 2)
     to_evader = (evader[0] - component(P, 0), evader[1] - component(P, 1))
     z = component(P, 2) - ground - game.standoff.height_m
-    velocity: Plane = (0.0 * z, 0.0 * z)
+    velocity = None
     if seen is not None:
         velocity = bounded2(xp, (component(seen, 0), component(seen, 1)), game.evader_speed_m_s)
     return State(evader, ground, to_evader, norm2(xp, to_evader), z, velocity)

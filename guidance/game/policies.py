@@ -107,8 +107,8 @@ def _fly_straight(game: Game, pursuer: Array, evader: Array, aim: Array, seen: A
         goal = (component(aim, 0) - state.evader[0], component(aim, 1) - state.evader[1])
         to = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
         gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
-        flown = steer(xp, game, to, gap, guard_time(xp, game, state, goal), state.z, state.seen)
-        return pack(xp, shape, pursuer, *flown)
+        flown = steer(xp, game, to, gap, guard_time(xp, game, state, goal), state.z, state.hold)
+        return pack(xp, shape, pursuer, flown)
 
 
 def _run(game: Game, evader: Array, point: Array, *, away: bool) -> Array:
@@ -120,4 +120,4 @@ def _run(game: Game, evader: Array, point: Array, *, away: bool) -> Array:
         length = norm2(xp, way)
         direction = unit2(xp, way, length)
         pace = -game.evader_speed_m_s if away else select(xp, length > 0, game.evader_speed_m_s, 0.0)
-        return pack(xp, shape, evader, pace * direction[0], pace * direction[1], 0.0)
+        return pack(xp, shape, evader, (pace * direction[0], pace * direction[1], 0.0))

@@ -33,7 +33,7 @@ from guidance.game.arrays import (
     unit2,
 )
 from guidance.game.checks import is_zero
-from guidance.game.game import Cylinder, Game
+from guidance.game.game import Ball, Cylinder, Game, is_calm
 
 TOUCH_M = 1e-9
 """What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""
@@ -116,18 +116,26 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
         hold: horizontal velocity over the ground of a pursuer that has nothing to gain.
     """
     wind = game.wind_m_s
-    y = (to[0] - wind[0] * t, to[1] - wind[1] * t)
+    y = to if is_calm(game) else (to[0] - wind[0] * t, to[1] - wind[1] * t)
     length = norm2(xp, y)
-    direction = unit2(xp, y, length)
     if isinstance(game.pursuer, Cylinder):
         beside, pace = gap > TOUCH_M, game.pursuer.horizontal_m_s
         above = abs(z) - game.capture_radius_m > TOUCH_M
         vertical = select(xp, z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
+        direction = unit2(xp, y, length)
     else:
-        reach = positive_part(length - game.standoff.radius_m)
-        distance = xp.sqrt(reach * reach + z * z)
         beside = above = t > 0
-        rate = game.pursuer.speed_m_s / select(xp, distance > 0, distance, 1.0)
-        pace, vertical = reach * rate, -z * rate
+        pace, vertical, direction = _aim(xp, game, game.pursuer, y, length, z)
     flown = (pace * direction[0] + wind[0], pace * direction[1] + wind[1])
     return *select2(xp, beside, flown, hold), select(xp, above, vertical, 0.0)
+
+
+def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, length: Real, z: Real) -> tuple[Real, Real, Plane]:
+    """Point a Ball at the disc around y: horizontal pace, vertical velocity, and what the pace multiplies."""
+    radius = game.standoff.radius_m
+    reach = length if is_zero(radius) else positive_part(length - radius)
+    distance = xp.sqrt(reach * reach + z * z)
+    rate = pursuer.speed_m_s / select(xp, distance > 0, distance, 1.0)
+    if is_zero(radius):
+        return rate, -z * rate, y
+    return reach * rate, -z * rate, unit2(xp, y, length)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, namespace, norm3, select, spread
+from guidance.game.arrays import Array, choose, namespace, norm3, spread
 from guidance.game.checks import is_zero, require
 from guidance.game.game import Game
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
@@ -78,7 +78,7 @@ def rollout(
         pursuer + nought[..., None],
         evader + nought[..., None],
         None if target is None else target + nought[..., None],
-        select(xp, nought == 0, int(End.RUNNING), int(End.NO_ANSWER)),
+        choose(xp, nought == 0, int(End.RUNNING), int(End.NO_ANSWER)),
     )
     path = []
     with quiet(xp):

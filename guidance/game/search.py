@@ -29,7 +29,9 @@ def closest_heading(xp: Library, game: Game, state: State, to_target: Plane, goa
     """
     ahead = unit2(xp, goal, norm2(xp, goal))
     fan = constant(xp, state.z, FAN)
-    wide, opened, opened_target = for_rows(game, (..., None)), State(*_open(tuple(state))), _open(to_target)
+    wide, opened_target = for_rows(game, (..., None)), _open(to_target)
+    evader, ground, to_evader, distance, z = (_open(part) for part in state[:-1])
+    opened = State(evader, ground, to_evader, distance, z, None)
     centre, half = 0.0 * state.z, 1.0
     for _ in range(ROUNDS):
         run, t = _run(xp, wide, opened, _open(ahead), _open(centre) + half * fan)

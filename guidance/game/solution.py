@@ -7,7 +7,19 @@ import numpy as np
 from array_api_compat import is_jax_namespace
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Space, component, is_numpy, namespace, pack, select, spread
+from guidance.game.arrays import (
+    Array,
+    Library,
+    Real,
+    Space,
+    codes,
+    component,
+    is_numpy,
+    namespace,
+    pack,
+    select,
+    spread,
+)
 from guidance.game.checks import is_finite
 from guidance.game.game import Game, parameters, speed_in_hand
 from guidance.game.pe import pursuit
@@ -151,18 +163,18 @@ def _put_together(xp: Library, shape: tuple[int, ...], like: Array, play: Play, 
     spoil = select(xp, sound, 0.0, NAN)
 
     def number(value: Real) -> Array:
-        return spread(xp, shape, like, value + spoil)
+        return spread(xp, shape, like, value, spoil)
 
     def vector(v: Space) -> Array:
-        return pack(xp, shape, like, v[0] + spoil, v[1] + spoil, v[2] + spoil)
+        return pack(xp, shape, like, v, spoil)
 
     return Solution(
-        winner=select(xp, sound, play.winner, int(Winner.UNDECIDED)),
+        winner=codes(xp, shape, like, select(xp, sound, play.winner, int(Winner.UNDECIDED))),
         value=number(play.value),
         margin_s=number(play.margin),
         meeting_point_m=vector(play.meeting),
         meeting_time_s=number(play.time),
         pursuer_velocity_m_s=vector(play.pursuer),
         evader_velocity_m_s=vector(play.evader),
-        reason=select(xp, sound, play.reason, fault),
+        reason=codes(xp, shape, like, select(xp, sound, play.reason, fault)),
     )

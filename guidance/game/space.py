@@ -22,10 +22,10 @@ def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, 
     second, across = _across(xp, to_evader, first, along)
     nought = 0.0 * along
     if T is None:
-        play = pursuit(xp, game, State((nought, nought), nought, (along, nought), along, nought, (nought, nought)))
+        play = pursuit(xp, game, State((nought, nought), nought, (along, nought), along, nought, None))
     else:
         distance = xp.sqrt(along * along + across * across)
-        state = State((nought, nought), nought, (along, across), distance, nought, (nought, nought))
+        state = State((nought, nought), nought, (along, across), distance, nought, None)
         play = defence(xp, game, state, (far, nought))
 
     def unfold(v: Space) -> Space:

@@ -16,7 +16,7 @@ from enum import IntEnum
 from typing import Literal, NamedTuple, TypeAlias
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, constant, norm3, select
+from guidance.game.arrays import Array, Library, choose, constant, norm3
 from guidance.game.checks import require
 from guidance.game.game import Game
 from guidance.game.terminal import NANOSECOND_S, look_ahead
@@ -99,19 +99,19 @@ def exact_samples(
             return
         h = duration_s - sample.time_s
         for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s):
-            h = select(xp, limit < h, limit, h)
-        h = select(xp, running, select(xp, h < stepping.step_s, h, stepping.step_s), 0.0)
+            h = choose(xp, limit < h, limit, h)
+        h = choose(xp, running, choose(xp, h < stepping.step_s, h, stepping.step_s), 0.0)
         sample, seen = _advance(xp, game, sample, velocities, h, seen, stepping.order)
-    yield sample._replace(end=select(xp, sample.end == End.RUNNING, int(End.TIME_UP), sample.end))
+    yield sample._replace(end=choose(xp, sample.end == End.RUNNING, int(End.TIME_UP), sample.end))
 
 
 def _judge(xp: Library, sample: Sample, capture_s: Array, arrival_s: Array, duration_s: float) -> Array:
     """Say which games have ended now; capture comes before arrival where both are now."""
-    now = select(xp, sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
-    now = select(xp, arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
-    now = select(xp, capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
-    now = select(xp, capture_s - capture_s == 0, now, int(End.NO_ANSWER))
-    return select(xp, sample.end == End.RUNNING, now, sample.end)
+    now = choose(xp, sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
+    now = choose(xp, arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
+    now = choose(xp, capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
+    now = choose(xp, capture_s - capture_s == 0, now, int(End.NO_ANSWER))
+    return choose(xp, sample.end == End.RUNNING, now, sample.end)
 
 
 def published_samples(
@@ -122,15 +122,15 @@ def published_samples(
     count = math.ceil(duration_s / stepping.step_s)
     for index in range(1, count + 1):
         near = norm3(xp, sample.pursuer_m - sample.evader_m) < stepping.capture_m
-        now = select(xp, near, int(End.CAPTURED), int(End.TIME_UP if index == count else End.RUNNING))
+        now = choose(xp, near, int(End.CAPTURED), int(End.TIME_UP if index == count else End.RUNNING))
         running = sample.end == End.RUNNING
-        time = select(xp, running, index * stepping.step_s, sample.time_s)
-        sample = sample._replace(end=select(xp, running, now, sample.end), time_s=time)
+        time = choose(xp, running, index * stepping.step_s, sample.time_s)
+        sample = sample._replace(end=choose(xp, running, now, sample.end), time_s=time)
         yield sample
         running = sample.end == End.RUNNING
         if not bool(xp.any(running)):
             return
-        h = select(xp, running, stepping.step_s, 0.0)
+        h = choose(xp, running, stepping.step_s, 0.0)
         sample, seen = _advance(xp, game, sample, velocities, h, seen, 1)
 
 

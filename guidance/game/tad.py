@@ -37,7 +37,7 @@ def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
     to = (state.to_evader[0] + lead[0], state.to_evader[1] + lead[1])
     gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
     caught = cover_time(xp, game, state.distance + v * age - game.standoff.radius_m, 0.0, state.z) <= 0
-    hold = select2(xp, caught, state.seen, (0.0, 0.0))
+    hold = (0.0, 0.0) if state.seen is None else select2(xp, caught, state.seen, (0.0, 0.0))
     length = norm2(xp, run)
     heading = select2(xp, length > 0, unit2(xp, run, length), unit2(xp, goal, norm2(xp, goal)))
     pace = select(xp, arrived, 0.0, v)
