@@ -22,6 +22,19 @@ class Modes(NamedTuple):
     turning: float
 
 
+class Innovation(NamedTuple):
+    """What a report says beyond what was expected.
+
+    Differences from both models (2, k), the covariances expected of them and of the mixture and their inverses
+    (3, k, k), and the normalised innovation squared of the mixture, νᵀS⁻¹ν, which is χ² in k.
+    """
+
+    differences: Array
+    expected: Array
+    inverses: Array
+    nis: float
+
+
 def begin(measured: Array, noise: Array, settings: TrackSettings) -> Modes:
     """Both models from a first report of position (2,) or position and velocity (4,) with its covariance."""
     known = len(measured)
@@ -43,26 +56,30 @@ def advance(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
     return Modes(moved.mean, covariance, mixed.turning)
 
 
-def innovate(modes: Modes, measured: Array, noise: Array) -> float:
-    """Normalised innovation squared of a report against the mixture: νᵀS⁻¹ν, χ² in as many things as it measures."""
+def compare(modes: Modes, measured: Array, noise: Array) -> Innovation:
+    """Compare a report of position (2,) or position and velocity (4,) with both models and with their mixture."""
     known = len(measured)
-    mean, covariance = combine(modes)
-    difference = measured - mean[:known]
-    return float(difference @ np.linalg.solve(covariance[:known, :known] + noise, difference))
+    steady, turning = 1.0 - modes.turning, modes.turning
+    differences = measured - modes.mean[:, :known]
+    apart = differences[1] - differences[0]
+    expected = np.empty((3, known, known))
+    expected[:2] = modes.covariance[:, :known, :known] + noise
+    expected[2] = steady * expected[0] + turning * expected[1] + (steady * turning * apart)[:, None] * apart
+    inverses: Array = np.linalg.inv(expected)
+    mixed = steady * differences[0] + turning * differences[1]
+    return Innovation(differences, expected, inverses, float(mixed @ inverses[2] @ mixed))
 
 
-def correct(modes: Modes, measured: Array, noise: Array) -> Modes:
-    """Take in a report of position (2,) or position and velocity (4,)."""
-    known = len(measured)
-    difference = (measured - modes.mean[:, :known])[:, :, None]
-    expected = modes.covariance[:, :known, :known] + noise
-    inverse = np.linalg.inv(expected)
-    gain = modes.covariance[:, :, :known] @ inverse
+def correct(modes: Modes, innovation: Innovation) -> Modes:
+    """Take in a report that was compared with these modes."""
+    differences, inverses = innovation.differences[:, :, None], innovation.inverses[:2]
+    known = differences.shape[1]
+    gain = modes.covariance[:, :, :known] @ inverses
     covariance = modes.covariance - gain @ modes.covariance[:, :known, :]
     covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
-    distance = (difference.transpose(0, 2, 1) @ (inverse @ difference))[:, 0, 0]
-    steady, turning = (distance + np.log(np.linalg.det(expected))).tolist()
-    mean = modes.mean + (gain @ difference)[:, :, 0]
+    distance = (differences.transpose(0, 2, 1) @ (inverses @ differences))[:, 0, 0]
+    steady, turning = (distance + np.log(np.linalg.det(innovation.expected[:2]))).tolist()
+    mean = modes.mean + (gain @ differences)[:, :, 0]
     return Modes(mean, covariance, _posterior(modes.turning, 0.5 * (steady - turning)))
 
 

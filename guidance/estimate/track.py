@@ -161,14 +161,14 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
     """The estimate with a report taken in, None if the report is an outlier; and its NIS."""
     moved = advance(before, measurement.time_s, settings)
     measured, noise = measurement.plane()
-    nis = imm.innovate(moved.modes, measured, noise)
-    if nis > _GATE[len(measured)]:
-        return None, nis
+    innovation = imm.compare(moved.modes, measured, noise)
+    if innovation.nis > _GATE[len(measured)]:
+        return None, innovation.nis
     height = vertical.correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
     if measurement.velocity_ned_m_s is not None:
         height = vertical.correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
     received_s = max(before.received_s, measurement.received_s)
-    return Estimate(moved.time_s, received_s, imm.correct(moved.modes, measured, noise), height), nis
+    return Estimate(moved.time_s, received_s, imm.correct(moved.modes, innovation), height), innovation.nis
 
 
 def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:

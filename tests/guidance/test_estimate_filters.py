@@ -145,7 +145,7 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
             assert modes.mean[model] == pytest.approx(reference.filters[model].x[:, 0], abs=1e-7)
             assert modes.covariance[model] == pytest.approx(reference.filters[model].P, abs=1e-7)
         reference.update(measured[:, None])
-        modes = imm.correct(modes, measured, noise)
+        modes = imm.correct(modes, imm.compare(modes, measured, noise))
         mean, covariance = imm.combine(modes)
         assert mean == pytest.approx(reference.x[:, 0], abs=1e-7)
         assert covariance == pytest.approx(reference.P, abs=1e-7)
@@ -162,13 +162,16 @@ def test_the_innovation_is_that_of_the_mixture():
     measured, noise = np.array([3.0, -1.0]), np.diag([0.3, 0.3])
     mean, covariance = imm.combine(modes)
     off = measured - mean[:2]
-    assert imm.innovate(modes, measured, noise) == pytest.approx(off @ np.linalg.inv(covariance[:2, :2] + noise) @ off)
+    assert imm.compare(modes, measured, noise).nis == pytest.approx(
+        off @ np.linalg.inv(covariance[:2, :2] + noise) @ off
+    )
 
 
 def test_no_model_is_ever_ruled_out_for_good():
     modes = imm.begin(np.array([0.0, 0.0, 3.0, 0.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
     for _ in range(20):
-        modes = imm.correct(modes, np.array([1e4, 0.0, 0.0, 300.0]), np.diag([1e-3, 1e-3, 1e-4, 1e-4]))
+        wild = imm.compare(modes, np.array([1e4, 0.0, 0.0, 300.0]), np.diag([1e-3, 1e-3, 1e-4, 1e-4]))
+        modes = imm.correct(modes, wild)
         assert 0.0 < modes.turning < 1.0
         modes = imm.advance(modes, 0.02, SETTINGS)
         assert np.isfinite(modes.mean).all()
