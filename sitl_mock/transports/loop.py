@@ -36,15 +36,20 @@ class Loop:
     left_out_s: float = 0.0
     first_s: float = math.nan
     last_s: float = math.nan
+    tick: int = -1
 
     def cycle(self) -> None:
-        """Take what has come, move every vehicle to now, send what they say."""
+        """Take what has come, move the vehicles to now (between ticks those spoken to), send what they say."""
         inbox: dict[str, dict[str, list[bytes]]] = defaultdict(lambda: defaultdict(list))
         for endpoint in self.endpoints:
             for arrival in endpoint.receive():
                 inbox[arrival.vehicle][arrival.link].append(arrival.data)
         now_s = self._now()
+        tick = math.floor((now_s - self.first_s) / TICK_S)
+        ticked, self.tick = tick != self.tick, tick
         for name, vehicle in self.vehicles.items():
+            if not ticked and name not in inbox:
+                continue
             for link, frames in vehicle.step_links(now_s, inbox.get(name, {})).items():
                 if frames:
                     for endpoint in self.endpoints:
