@@ -6,7 +6,7 @@ model's turn rate, which it has none of its own of (unbiased mixing: Yuan, Lian 
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def compare(modes: Modes, measured: Array, noise: Array) -> Innovation:
     expected = np.empty((3, known, known))
     expected[:2] = modes.covariance[:, :known, :known] + noise
     expected[2] = steady * expected[0] + turning * expected[1] + (steady * turning * apart)[:, None] * apart
-    inverses: Array = np.linalg.inv(expected)
+    inverses = cast("Array", np.linalg.inv(expected))
     mixed = steady * differences[0] + turning * differences[1]
     return Innovation(differences, expected, inverses, float(mixed @ inverses[2] @ mixed))
 
