@@ -178,9 +178,7 @@ def bench_rollout(games: int, steps: int, chunk: int) -> None:
     took = time.process_time() - started
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(f"{games:,} closed-loop games of {steps:,} steps in chunks of {chunk:,}, one process")
-    print(
-        f"  {games / took:,.0f} games/s, {taken / took / 1e6:.2f} million steps/s, {took:.1f} s of processor time in all"
-    )
+    print(f"  {games / took:,.0f} games/s, {taken / took / 1e6:.2f} million steps/s, {took:.1f} s of processor time")
     print(
         f"  peak memory {peak / 1024:.0f} MiB, of which {(peak - before) / 1024:.0f} MiB since the start of this part"
     )

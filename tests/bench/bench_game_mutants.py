@@ -130,7 +130,7 @@ def run_tests(stem: str, tree: ast.Module) -> int:
     settings.load_profile("mutants")
     sys.meta_path.insert(0, Planted(f"guidance.game.{stem}", tree))
     files = [str(TESTS / f"{name}.py") for name in COVERING.get(stem, CORE)]
-    options = ["-x", "-q", "-p", "no:cacheprovider", "--no-header", f"--rootdir={ROOT}"]
+    options = ["-x", "-q", "-p", "no:cacheprovider", "--no-header", "--assert=plain", f"--rootdir={ROOT}"]
     return int(pytest.main([*options, *files]))
 
 

@@ -1,11 +1,14 @@
 """`guidance paper`: every published digit, and the figures."""
 
+from dataclasses import replace
+
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+import guidance.paper
 from guidance.cli import app
-from guidance.paper import Case, cases, tables
+from guidance.paper import Case, tables
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +29,8 @@ def test_the_exact_column_is_the_value_where_both_play_their_optimum(computed):
     assert [case.exact for case in (*pe, *tad)] == ["10.4247", "4.1464"]
 
 
-def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats(tmp_path):
+def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats(tmp_path, computed, monkeypatch):
+    monkeypatch.setattr(guidance.paper, "tables", lambda: computed)
     result = CliRunner().invoke(app, ["paper", "--out", str(tmp_path / "drawn")])
     assert result.exit_code == 0, result.output
     assert "8 of 8 published cells match in every digit" in result.output
@@ -42,9 +46,10 @@ def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats
         assert path.read_bytes().startswith(b"%PDF")
 
 
-def test_a_digit_that_differs_ends_the_command_with_an_error(monkeypatch):
-    wrong = (cases.TABLE_1[0]._replace(published="11.06"), *cases.TABLE_1[1:])
-    monkeypatch.setattr(cases, "TABLE_1", wrong)
+def test_a_digit_that_differs_ends_the_command_with_an_error(computed, monkeypatch):
+    pe, tad = computed
+    wrong = pe._replace(cases=(replace(pe.cases[0], published="11.06"), *pe.cases[1:]))
+    monkeypatch.setattr(guidance.paper, "tables", lambda: (wrong, tad))
     result = CliRunner().invoke(app, ["paper", "--no-figures"])
     assert result.exit_code == 1
     assert "7 of 8" in result.output

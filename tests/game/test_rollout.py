@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from guidance.game import Ball, Cylinder, End, Exact, Game, Paper, StandOff, rollout, solve
+from guidance.game import Ball, Cylinder, End, Exact, Game, Paper, StandOff, rollout, solve, stepping
 
 PAPER = Game(Ball(2.0), 1.0)
 P, E = np.array([8.0, 1.42, 9.41]), np.array([7.92, 9.6, 0.0])
@@ -48,8 +48,8 @@ def test_a_passing_encounter_shorter_than_a_step_is_not_missed():
 
 def test_arrival_is_located_exactly():
     T = np.array([0.3, 0.4, 0.0])
-    for stepping in (Exact(step_s=0.3), Exact(step_s=0.3, order=1)):
-        end = rollout(PAPER, np.array([9.0, 9.0, 9.0]), np.zeros(3), T, pursuer_policy="hold", stepping=stepping)
+    for chosen in (Exact(step_s=0.3), Exact(step_s=0.3, order=1)):
+        end = rollout(PAPER, np.array([9.0, 9.0, 9.0]), np.zeros(3), T, pursuer_policy="hold", stepping=chosen)
         assert end.end == End.ARRIVED
         assert end.time_s == pytest.approx(0.5, abs=1e-8)
         assert end.distance_m == pytest.approx(0.0, abs=1e-8)
@@ -65,6 +65,16 @@ def test_time_is_up_when_it_is():
     assert (end.end, end.time_s) == (End.TIME_UP, 0.035)
     assert [float(sample.time_s) for sample in end.path] == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.035])
     np.testing.assert_array_equal(end.pursuer_m, P)
+
+
+def test_a_game_that_takes_too_many_steps_is_given_up(monkeypatch):
+    """So close beside the evader that the least time to a capture never lets a step be long."""
+    monkeypatch.setattr(stepping, "SPARE_STEPS", 5)
+    side_by_side = {"pursuer_policy": "hold", "evader_policy": "hold"}
+    end = rollout(PAPER, np.array([1e-6, 0.0, 0.0]), np.zeros(3), **side_by_side, duration_s=0.05, keep_path=True)
+    assert end.end == End.TIME_UP
+    assert end.time_s < 0.05
+    assert len(end.path) == 11
 
 
 def test_a_cylinder_levels_out_at_its_disc_without_chatter():
