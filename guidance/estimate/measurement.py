@@ -10,6 +10,9 @@ from guidance.estimate.settings import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.telemetry import TargetReport
 
+_LARGEST = 1e8
+_LEAST_SD, _LARGEST_SD = 0.01, 1e4
+
 
 class Measurement(NamedTuple):
     """Position (NED, m), velocity (NED, m/s) or None where it is not known, and when it was true on our clock."""
@@ -21,10 +24,11 @@ class Measurement(NamedTuple):
     position_sd_m: float
     velocity_sd_m_s: float
 
-    def is_finite(self) -> bool:
-        """Whether everything in it is a number of a size that can be."""
-        numbers = (*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()), *self[4:])
-        return all(abs(number) < 1e8 for number in numbers) and min(self[4:]) > 0.0
+    def is_usable(self) -> bool:
+        """Whether everything in it is a number of a size that can be, the spreads included."""
+        numbers = (*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()))
+        spreads_fit = all(_LEAST_SD <= spread <= _LARGEST_SD for spread in self[4:])
+        return spreads_fit and all(abs(number) < _LARGEST for number in numbers)
 
     def plane(self) -> tuple[Array, Array]:
         """What is measured in the plane, (2,) or with a velocity (4,), and its covariance."""
@@ -41,8 +45,8 @@ class Measurement(NamedTuple):
 def measure(report: TargetReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:
     """Bring a report into the local frame.
 
-    A velocity of which any part is NaN is not known, and none is invented; a spread that is not given, or not
-    positive, is the setting's.
+    A velocity of which any part is NaN is not known, and none is invented. A spread that is not given, or not
+    positive, is the setting's; nobody is believed to a millimetre.
 
     Args:
         report: As the source gave it.
@@ -56,6 +60,6 @@ def measure(report: TargetReport, frame: LocalFrame, time_s: float, settings: Tr
         report.received_s,
         frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)),
         report.velocity_ned_m_s if known else None,
-        report.position_sd_m if report.position_sd_m > 0.0 else settings.position_sd_m,
-        report.velocity_sd_m_s if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,
+        max(_LEAST_SD, report.position_sd_m) if report.position_sd_m > 0.0 else settings.position_sd_m,
+        max(_LEAST_SD, report.velocity_sd_m_s) if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,
     )

@@ -11,7 +11,7 @@ class Outcome(StrEnum):
     REORDERED = "reordered"  # older than the newest one, put in its place in time
     JUMPED = "jumped"  # several outliers in a row agree with each other: the track starts anew there
     REACQUIRED = "reacquired"  # the first one after a long silence
-    NOT_FINITE = "not finite"
+    UNUSABLE = "unusable"  # something in it is no number, or of no size that can be
     IMPLAUSIBLE = "implausible"  # faster than anything that is being pursued
     STALE = "stale"  # too old when it arrived
     FUTURE = "future"  # from after its own arrival

@@ -1,9 +1,10 @@
 """What the estimator believes of the target and of its reports before it has heard any."""
 
-import math
 from dataclasses import dataclass, fields
 
 from guidance.errors import ConfigError
+
+_LARGEST = 1e4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,5 +61,6 @@ class TrackSettings:
         for field in fields(self):
             value = getattr(self, field.name)
             least = 0.0 if field.name in {"latency_s", "future_s", "sigmas", "history_s"} else 1e-6
-            if not (math.isfinite(value) and value >= least):
-                raise ConfigError(f"{field.name} = {value}: allowed is a finite number of at least {least}")
+            least = 0.01 if field.name in {"position_sd_m", "velocity_sd_m_s"} else least
+            if not least <= value <= _LARGEST:
+                raise ConfigError(f"{field.name} = {value}: allowed is {least} to {_LARGEST}")

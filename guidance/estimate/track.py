@@ -101,8 +101,8 @@ def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estim
 
 def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) -> Outcome | None:
     velocity = measurement.velocity_ned_m_s
-    if not measurement.is_finite():
-        return Outcome.NOT_FINITE
+    if not measurement.is_usable():
+        return Outcome.UNUSABLE
     if velocity is not None and math.hypot(*velocity) > settings.largest_speed_m_s:
         return Outcome.IMPLAUSIBLE
     age_s = measurement.received_s - measurement.time_s
@@ -162,7 +162,7 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
     moved = advance(before, measurement.time_s, settings)
     measured, noise = measurement.plane()
     innovation = imm.compare(moved.modes, measured, noise)
-    if innovation.nis > _GATE[len(measured)]:
+    if not innovation.nis <= _GATE[len(measured)]:
         return None, innovation.nis
     height = vertical.correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
     if measurement.velocity_ned_m_s is not None:

@@ -173,6 +173,12 @@ def test_spreads_that_are_given_are_used_and_the_others_are_the_settings():
     assert target_at(observe(Observer(), moving, FRAME, SETTINGS), 0.0, SETTINGS).velocity_sd_m_s == pytest.approx(0.1)
 
 
+def test_nobody_is_believed_to_a_millimetre():
+    boasting = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), position_sd_m=1e-9, velocity_sd_m_s=1e-9)
+    target = target_at(observe(Observer(), boasting, FRAME, SETTINGS), 0.0, SETTINGS)
+    assert (target.position_sd_m, target.velocity_sd_m_s) == pytest.approx((0.01, 0.01))
+
+
 def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
     partly = wire_report(received_s=0.0, velocity=(3.0, 0.0, math.nan))
     assert not target_at(observe(Observer(), partly, FRAME, SETTINGS), 0.0, SETTINGS).velocity_known
@@ -181,4 +187,4 @@ def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
 @pytest.mark.parametrize("report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)])
 def test_a_report_that_says_no_number_is_dropped_and_counted(report):
     observer = observe(Observer(), report, FRAME, SETTINGS)
-    assert observer.track.counts == {Outcome.NOT_FINITE: 1}
+    assert observer.track.counts == {Outcome.UNUSABLE: 1}

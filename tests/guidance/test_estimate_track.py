@@ -153,13 +153,16 @@ def test_a_turn_is_told_from_a_straight_course_and_its_rate_is_seen():
 @pytest.mark.parametrize(
     ("report", "outcome"),
     [
-        (measured(5.0, (math.nan, 0.0, 0.0)), Outcome.NOT_FINITE),
-        (measured(5.0, (0.0, 0.0, 0.0), (0.0, math.inf, 0.0)), Outcome.NOT_FINITE),
-        (measured(math.nan, (0.0, 0.0, 0.0)), Outcome.NOT_FINITE),
-        (measured(5.0, (0.0, 0.0, 0.0), received_s=math.nan), Outcome.NOT_FINITE),
-        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=math.inf), Outcome.NOT_FINITE),
-        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=0.0), Outcome.NOT_FINITE),
-        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=-1.0), Outcome.NOT_FINITE),
+        (measured(5.0, (math.nan, 0.0, 0.0)), Outcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), (0.0, math.inf, 0.0)), Outcome.UNUSABLE),
+        (measured(math.nan, (0.0, 0.0, 0.0)), Outcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), received_s=math.nan), Outcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=math.inf), Outcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=0.0), Outcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=-1.0), Outcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=1e-3), Outcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=1e5), Outcome.UNUSABLE),
+        (measured(5.0, (25.0, 1e9, 0.0)), Outcome.UNUSABLE),
         (measured(5.0, (25.0, 15.0, 0.0), (60.0, 10.0, 0.0)), Outcome.IMPLAUSIBLE),
         (measured(5.0, (25.0, 15.0, 0.0), received_s=7.1), Outcome.STALE),
         (measured(5.0, (25.0, 15.0, 0.0), received_s=4.7), Outcome.FUTURE),
@@ -186,7 +189,7 @@ def test_every_report_has_its_outcome_and_is_counted(report, outcome):
 @pytest.mark.parametrize(
     ("report", "outcome"),
     [
-        (measured(0.0, (math.nan, 0.0, 0.0)), Outcome.NOT_FINITE),
+        (measured(0.0, (math.nan, 0.0, 0.0)), Outcome.UNUSABLE),
         (measured(0.0, (0.0, 0.0, 0.0), received_s=9.0), Outcome.STALE),
     ],
 )
@@ -256,11 +259,20 @@ def test_the_estimate_knows_no_beginning_of_time(start_s):
 
 numbers = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-100.0, 100.0))
 vectors = st.tuples(numbers, numbers, numbers)
-wild = st.builds(Measurement, numbers, numbers, vectors, st.none() | vectors, numbers, numbers)
+spreads = numbers | st.sampled_from([0.01, 0.5, 1e4])
+wild = st.builds(Measurement, numbers, numbers, vectors, st.none() | vectors, spreads, spreads)
+near = st.builds(
+    lambda time_s, position, velocity, *sds: Measurement(time_s, time_s + 0.1, position, velocity, *sds),
+    st.floats(0.0, 4.0),
+    st.tuples(*[st.floats(-1e4, 1e4)] * 3),
+    st.none() | st.tuples(*[st.floats(-30.0, 30.0)] * 3),
+    st.sampled_from([0.01, 0.5, 1e4]),
+    st.sampled_from([0.01, 0.5, 1e4]),
+)
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.lists(wild | st.sampled_from(straight(40, seed=3)), max_size=25))
+@given(st.lists(wild | near | st.sampled_from(straight(40, seed=3)), max_size=25))
 def test_no_reports_at_all_break_a_track(reports):
     track = tracked(reports)
     assert sum(track.counts.values()) == len(reports)
