@@ -172,6 +172,7 @@ def script_end(wire: str, port: int) -> None:
         system = mavsdk.first_autopilot(10.0)
         telemetry, offboard = Telemetry(system), Offboard(system)
         velocity = VelocityNedYaw(1.0, 0.0, 0.0, 0.0)
+        telemetry.set_rate_position_velocity_ned_async(float(RATE_HZ), lambda *_: None)
         telemetry.subscribe_position_velocity_ned(lambda *_: offboard.set_velocity_ned(velocity))
         over.wait()
         close()

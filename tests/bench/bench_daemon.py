@@ -1,0 +1,276 @@
+"""The whole daemon in flight: telemetry in to setpoint on the wire, jitter of its ticks, processor share and memory.
+
+    python tests/bench/bench_daemon.py [--seconds 20] [--only mavsdk/zenoh] [--busy]
+
+A mock PX4, stepped in real time in a process of its own, is flown by `guidance run` through each link and wire, after a
+target that goes round in circles; the vehicle's end takes the time from each LOCAL_POSITION_NED to the first setpoint
+after it, and between setpoints. Beside it, on the same vehicle, the minimal MAVSDK script of `bench_links.py`, which
+forwards a constant velocity from a callback; the daemon's ticks are on its own clock's 20 ms grid, so that half a
+period of waiting is in its latency by design. `--busy` keeps another process spinning meanwhile. The full measure of
+the jitter is `--seconds 600 --busy --only mavsdk/zenoh`.
+"""
+
+import argparse
+import contextlib
+import itertools
+import json
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from statistics import median
+
+from bench_links import SETPOINT, Stopwatch, open_wire, processor_s, url_of
+
+LOCAL_POSITION = 32
+PERIOD_S = 0.02
+CASES = ("script/udp", "mavsdk/udp", "pymavlink/udp", "script/zenoh", "mavsdk/zenoh", "pymavlink/zenoh")
+CONFIG = """
+name = "bench"
+[vehicle]
+autopilot = "px4"
+link = "{link}"
+url = "{url}"
+[target]
+kind = "global_position"
+url = "udpin://127.0.0.1:{target_port}"
+system_id = 2
+[game]
+speed_m_s = 6.0
+evader_speed_m_s = 3.0
+[flight]
+takeoff_height_m = 15.0
+after_capture = "shadow"
+[control]
+endpoint = "tcp/127.0.0.1:{control_port}"
+[metrics]
+[log]
+level = "error"
+"""
+
+
+class Watch(Stopwatch):
+    """Times setpoints among themselves as well."""
+
+    def restart(self) -> None:
+        super().restart()
+        self.arrivals: list[float] = []
+
+    def on_frame(self, data: bytes) -> None:
+        if len(data) > 9 and int.from_bytes(data[7:10], "little") == SETPOINT:
+            self.arrivals.append(time.perf_counter())
+        super().on_frame(data)
+
+    def obey(self, order: str) -> None:
+        """`measure` begins anew, `report` prints what came since."""
+        if order == "measure":
+            self.restart()
+        elif order == "report":
+            gaps = [later - earlier for earlier, later in itertools.pairwise(self.arrivals)]
+            print(json.dumps({"latencies": self.latencies, "gaps": gaps}), flush=True)
+
+
+def vehicle(wire: str, port: int, target_port: int) -> None:
+    """Step the mock in real time; `measure` and `report` come on standard input, whose end is ours."""
+    from sitl_mock import MockVehicle
+
+    parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
+    mock = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
+    watch, inbox, orders = Watch(), deque(), deque()
+
+    def on_frame(data: bytes) -> None:
+        watch.on_frame(data)
+        inbox.append(data)
+
+    def listen() -> None:
+        orders.append(sys.stdin.readline().strip())
+        orders.append(sys.stdin.readline().strip())
+        sys.stdin.read()
+        orders.append("end")
+
+    threading.Thread(target=listen, daemon=True).start()
+    send, close = open_wire(wire, port, on_frame)
+    beacon = Beacon(target_port)
+    print("ready", flush=True)
+    start_s, now_s = time.perf_counter(), 0.0
+    while (order := orders.popleft() if orders else "") != "end":
+        time.sleep(max(0.0, start_s + now_s - time.perf_counter()))
+        for frame in mock.step(now_s, [inbox.popleft() for _ in range(len(inbox))]):
+            if int.from_bytes(frame[7:10], "little") == LOCAL_POSITION:
+                watch.ask()
+            send(frame)
+        beacon.tell(now_s)
+        now_s += 0.01
+        watch.obey(order)
+    close()
+
+
+class Beacon:
+    """A target at 2 m/s on a circle of 25 m, 60 m north of the mock's home, that says so ten times a second."""
+
+    def __init__(self, port: int) -> None:
+        from pymavlink.dialects.v20 import common
+
+        self.dialect = common
+        self.mavlink = common.MAVLink(None, 2, 1)
+        self.to = ("127.0.0.1", port)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.next_s = 0.0
+
+    def tell(self, now_s: float) -> None:
+        if now_s < self.next_s:
+            return
+        self.next_s = now_s + 0.1
+        angle = 2.0 * now_s / 25.0
+        north_m, east_m = 60.0 + 25.0 * math.cos(angle), 25.0 * math.sin(angle)
+        lat = 47.397742 + math.degrees(north_m / 6371000.0)
+        lon = 8.545594 + math.degrees(east_m / (6371000.0 * math.cos(math.radians(47.397742))))
+        velocity = round(-200.0 * math.sin(angle)), round(200.0 * math.cos(angle)), 0
+        place = round(lat * 1e7), round(lon * 1e7), 488000, 0
+        message = self.dialect.MAVLink_global_position_int_message(round(now_s * 1e3), *place, *velocity, 0)
+        self.socket.sendto(message.pack(self.mavlink), self.to)
+
+
+def free_port(kind: int) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@contextlib.contextmanager
+def script(wire: str, port: int, _target_port: int) -> Iterator[int]:
+    own = [sys.executable, str(Path(__file__).with_name("bench_links.py")), "--as-end", "script", wire]
+    with subprocess.Popen([*own, "--port", str(port)], stdin=subprocess.PIPE) as running:
+        time.sleep(3.0)
+        yield running.pid
+        assert running.stdin is not None
+        running.stdin.close()
+
+
+@contextlib.contextmanager
+def daemon(link: str, wire: str, port: int, target_port: int) -> Iterator[int]:
+    """`guidance run`, brought up and engaged."""
+    from guidance.service.ask import ask
+
+    control_port = free_port(socket.SOCK_STREAM)
+    config = CONFIG.format(link=link, url=url_of(wire, port), target_port=target_port, control_port=control_port)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bench.toml"
+        path.write_text(config)
+        command = [sys.executable, "-c", "from guidance.cli import main; main()", "run", str(path)]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+            try:
+                at = f"tcp/127.0.0.1:{control_port}"
+                for order, state in (("start", "standing by"), ("engage", "engaged")):
+                    insist(lambda order=order: ask(order, endpoint=at, name="bench"), lambda a: a["accepted"], order)
+                    status = lambda: ask("status", endpoint=at, name="bench")  # noqa: E731
+                    insist(status, lambda said, state=state: said["state"] == state, state)
+                yield running.pid
+            finally:
+                for _ in range(2):  # asked twice it ends at once
+                    running.send_signal(signal.SIGTERM)
+                    time.sleep(0.2)
+                running.wait(20.0)
+
+
+def insist(ask: Callable[[], Mapping], wanted: Callable[[Mapping], bool], what: str, *, limit_s: float = 60.0) -> None:
+    """Ask until it is so."""
+    from guidance.errors import GuidanceError
+
+    deadline_s = time.monotonic() + limit_s
+    answer: object = None
+    while time.monotonic() < deadline_s:
+        with contextlib.suppress(GuidanceError):
+            answer = ask()
+            if wanted(answer):
+                return
+        time.sleep(0.5)
+    raise SystemExit(f"{what}: not within {limit_s:g} s; the daemon says {answer}")
+
+
+def memory_mb(pid: int) -> float:
+    """Resident memory of a process (Linux)."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def one_case(case: str, seconds: float) -> dict[str, float]:
+    link, wire = case.split("/")
+    port = free_port(socket.SOCK_DGRAM if wire == "udp" else socket.SOCK_STREAM)
+    target_port = free_port(socket.SOCK_DGRAM)
+    own = [sys.executable, __file__, "--as-vehicle", wire, str(port), str(target_port)]
+    with subprocess.Popen(own, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flying:
+        assert flying.stdin is not None
+        assert flying.stdout is not None
+        flying.stdout.readline()
+        flown_by = script(wire, port, target_port) if link == "script" else daemon(link, wire, port, target_port)
+        with flown_by as pid:
+            flying.stdin.write("measure\n")
+            flying.stdin.flush()
+            before_s, began_s = processor_s(pid), time.monotonic()
+            time.sleep(seconds)
+            share = 100.0 * (processor_s(pid) - before_s) / (time.monotonic() - began_s)
+            resident_mb = memory_mb(pid)
+            flying.stdin.write("report\n")
+            flying.stdin.flush()
+            measured = json.loads(flying.stdout.readline())
+        flying.stdin.close()
+    latencies, gaps = sorted(measured["latencies"]), measured["gaps"]
+    jitter = sorted(abs(gap - PERIOD_S) for gap in gaps)
+    return {
+        "p50_ms": 1e3 * median(latencies),
+        "p99_ms": 1e3 * at(latencies, 0.99),
+        "jitter_p50_ms": 1e3 * median(jitter),
+        "jitter_p999_ms": 1e3 * at(jitter, 0.999),
+        "rate_hz": len(gaps) / sum(gaps),
+        "cpu_percent": share,
+        "memory_mb": resident_mb,
+    }
+
+
+def at(ordered: list[float], share: float) -> float:
+    return ordered[int(share * (len(ordered) - 1))]
+
+
+def compare(cases: tuple[str, ...], seconds: float) -> None:
+    print("latency: position to setpoint; jitter: of the 20 ms between setpoints, as the vehicle sees them")
+    print("case               p50 ms   p99 ms  jitter p50  p99.9 ms  rate Hz   cpu %   MB   x p50   x p99")
+    base: dict[str, dict[str, float]] = {}
+    for case in cases:
+        got = one_case(case, seconds)
+        first = base.setdefault(case.split("/")[1], got)
+        ratios = f"{got['p50_ms'] / first['p50_ms']:7.2f} {got['p99_ms'] / first['p99_ms']:7.2f}"
+        took = f"{got['p50_ms']:8.2f} {got['p99_ms']:8.2f} {got['jitter_p50_ms']:11.2f} {got['jitter_p999_ms']:9.2f}"
+        used = f"{got['rate_hz']:8.1f} {got['cpu_percent']:7.1f} {got['memory_mb']:4.0f}"
+        print(f"{case:16} {took} {used} {ratios}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--only", choices=CASES, action="append")
+    parser.add_argument("--busy", action="store_true", help="keep another process spinning meanwhile")
+    parser.add_argument("--as-vehicle", nargs=3, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.as_vehicle:
+        wire, port, target_port = given.as_vehicle
+        vehicle(wire, int(port), int(target_port))
+        return
+    with contextlib.ExitStack() as stack:
+        if given.busy:
+            spinning = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+            stack.callback(spinning.wait)
+            stack.callback(spinning.kill)
+        compare(tuple(given.only or CASES), given.seconds)
+
+
+if __name__ == "__main__":
+    main()
