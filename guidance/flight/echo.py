@@ -68,7 +68,7 @@ class _Sent(NamedTuple):
 
 def _distance(reported: Vector, sent: Vector) -> float:
     """Distance from what is reported to what was sent, or to the nearest shorter one of the same direction."""
-    square = math.sumprod(sent, sent) if hasattr(math, "sumprod") else sum(part * part for part in sent)
+    square = sum(part * part for part in sent)
     along = sum(a * b for a, b in zip(reported, sent, strict=True)) / square if square > 0.0 else 1.0
     share = min(1.0, max(_LEAST_SHARE, along))
     return math.dist(reported, [share * part for part in sent])

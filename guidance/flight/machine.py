@@ -30,6 +30,9 @@ HEARTBEAT is up to a second old: repeated blindly, a request would take the vehi
 STREAM_FIRST_S = 0.3
 """How long a hover is streamed before the guided mode is asked for (PX4 refuses it without a stream)."""
 
+INVITE_AFTER_S = 1.0
+"""How long after standing by a neutral stream begins, where a pilot is to engage: the hold comes first."""
+
 ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
 
 
@@ -186,6 +189,8 @@ class Flight:
         if self.state in FINAL or now_s - self._requested_s < REPEAT_S:
             return ()
         entering, repeated = self.state is State.ENTERING, self._requested_s >= self._since_s
+        if self.state is State.STANDING_BY and repeated:
+            return ()  # asked once: the pilot's next switch is an answer, not a fault
         if (entering or repeated) and not fresh_heartbeat:
             return ()
         if entering and now_s - self._since_s < STREAM_FIRST_S:
@@ -201,6 +206,7 @@ class Flight:
         leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED
         local = self.vehicle.last(LocalPosition)
         inviting = self.state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
+        inviting = inviting and now_s - self._since_s > INVITE_AFTER_S
         if local is None or not (self.state in SETPOINT_STATES or leaving or inviting):
             return None
         if inviting:

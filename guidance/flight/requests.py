@@ -1,7 +1,7 @@
 """What is asked of the vehicle in each state; asked again until its effect is seen."""
 
 from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, Mode
-from guidance.flight.settings import FlightSettings
+from guidance.flight.settings import EngageOn, FlightSettings
 from guidance.flight.table import State
 from guidance.frames import Amsl
 from guidance.telemetry import Home, Request
@@ -47,9 +47,18 @@ def requests_in(
                     latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
                 ),
             )
-        case _ if state in _MODE_OF_STATE and mode is not _MODE_OF_STATE[state]:
-            return (profile.set_mode(_MODE_OF_STATE[state]),)
-    return ()
+        case _:
+            return _mode_request(state, settings, mode)
+
+
+def _mode_request(state: State, settings: FlightSettings, mode: Mode | None) -> tuple[Request, ...]:
+    wanted = _MODE_OF_STATE.get(state)
+    if state is State.STANDING_BY and settings.engage_on is EngageOn.PILOT_MODE and mode is Mode.HOLD:
+        # A PX4 that lost its setpoints goes back to OFFBOARD by itself when they return; asked to hold, it does not.
+        wanted = Mode.HOLD
+    elif mode is wanted:
+        return ()
+    return () if wanted is None else (settings.profile.set_mode(wanted),)
 
 
 def _takeoff(settings: FlightSettings, vehicle: VehicleState) -> tuple[Request, ...]:

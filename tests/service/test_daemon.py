@@ -3,12 +3,16 @@ import logging
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from guidance.autopilots import MAV_CMD_DO_SET_MODE
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.service.command import plan_of
 from guidance.service.daemon import WORDS
 from guidance.service.model import Config
+
+FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}
+SET_UP = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}
 
 
 def pilot(base, mode):
@@ -115,7 +119,7 @@ def test_arducopter_is_refused_for_its_three_second_timeout_and_its_open_fence(b
 
 
 def test_arducopter_flies_once_it_is_set_up(base):
-    base = base(parameters={"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}, vehicle={"autopilot": "arducopter"})
+    base = base(parameters=SET_UP, vehicle={"autopilot": "arducopter"})
     base.engaged().until(State.ON_STATION)
 
 
@@ -233,8 +237,11 @@ def test_setpoints_of_another_source_are_noticed_and_the_vehicle_is_handed_to_it
     assert base.vehicle.mode == "HOLD"
 
 
-def test_our_own_setpoints_alone_never_raise_the_alarm(base):
-    base = base(flight={"after_capture": "shadow"}).engaged().run(25.0)
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_our_own_setpoints_alone_never_raise_the_alarm(base, autopilot):
+    parameters = FENCED if autopilot == "px4" else SET_UP
+    base = base(parameters=parameters, vehicle={"autopilot": autopilot}, flight={"after_capture": "shadow"})
+    base.engaged().run(25.0)
     assert "setpoints of another source" not in base.log.messages()
     assert base.state is State.ON_STATION
 
@@ -251,7 +258,7 @@ def test_signs_of_life_come_from_the_loop_and_stop_with_it(base):
 
 
 def test_a_frozen_loop_stops_the_stream_and_the_autopilot_takes_over(base):
-    base = base(parameters={"COM_OBL_RC_ACT": 5, "GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}).engaged()
+    base = base(parameters={**FENCED, "COM_OBL_RC_ACT": 5}).engaged()
     base.run(1.0)
     for _ in range(75):
         base.world()
@@ -275,6 +282,8 @@ def test_the_metrics_follow_the_flight(base):
 
 class CountingRecord:
     """A record that counts its rows."""
+
+    failed = None
 
     def __init__(self):
         self.rows = 0
@@ -306,7 +315,7 @@ def test_a_pilots_switch_to_the_guided_mode_engages_where_that_is_configured(bas
 
 
 def test_while_a_pilot_is_waited_for_the_stream_is_still_and_current(base):
-    base = base(flight={"engage_on": "pilot_mode"}).standing_by().run(1.0)
+    base = base(flight={"engage_on": "pilot_mode"}).standing_by().run(2.0)
     since_s = base.now_s
     base.run(1.0)
     stream = base.setpoints_since(since_s + 0.001)
@@ -327,6 +336,18 @@ def test_a_pilot_takes_back_what_he_engaged_and_his_switch_does_not_engage_again
     base.run(4.0)
     assert base.state is State.YIELDED
     assert base.setpoints_since(silent_s + 0.001) == []
+
+
+def test_before_a_pilot_is_waited_for_the_hold_is_asked_for_once_and_then_the_stream_begins(base):
+    # A PX4 that lost its setpoints in OFFBOARD would take the new stream for the old wish.
+    base = base(flight={"engage_on": "pilot_mode"}).standing_by()
+    begun_s = base.now_s
+    base.run(0.9)
+    assert base.commands_since(begun_s) == [MAV_CMD_DO_SET_MODE]
+    assert base.setpoints_since(begun_s) == []
+    base.run(5.0)
+    assert base.commands_since(begun_s) == [MAV_CMD_DO_SET_MODE]
+    assert len(base.setpoints_since(begun_s)) > 200
 
 
 def test_without_that_configuration_a_pilots_switch_engages_nothing(base):
