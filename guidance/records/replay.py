@@ -16,11 +16,8 @@ from guidance.errors import ConfigError
 from guidance.flight import Flight, FlightSettings, Inputs, Outputs
 from guidance.records.reading import Survey, scan
 from guidance.records.rows import Row, event_of, row_of
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, plain
+from guidance.service.record import BEGUN, EVENT_TOPIC, TICK_TOPIC, plain
 from guidance.telemetry import PositionTarget, Vector
-
-BEGUN: Final = "flight begins"
-"""Event of a daemon that starts anew on the ground: what it remembered is gone, and so is what replay remembers."""
 
 COMPARED: Final = ("setpoint", "state", "requests")
 

@@ -5,7 +5,6 @@ import itertools
 import json
 import time
 from collections.abc import Iterator
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from guidance.scenarios.fly import FlightResult, Progress, fly, outcome
 from guidance.scenarios.model import Scenario, load_scenario
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock, MonotonicClock, VirtualClock
-from guidance.service.record import Recorder
+from guidance.service.record import Recorder, started_utc, versions
 
 LINKS = ("mavsdk", "pymavlink")
 REDRAW_S = 0.1
@@ -42,7 +41,8 @@ def fly_scenario(name: str, *, fast: bool, link: str, port: int, out: Path | Non
     folder = out if out is not None else next_folder(Path("flights"), path.stem)
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {'virtual time' if fast else link})")
     clock: Clock = VirtualClock() if fast else MonotonicClock()
-    with _recorder(folder / "record.mcap", scenario) as recorder, _line(console) as show:
+    started = None if fast else started_utc(clock.now_s())  # virtual time is no time of day
+    with _recorder(folder / "record.mcap", scenario, started) as recorder, _line(console) as show:
         flying_s = time.perf_counter()
         with _world(scenario, clock, fast=fast, link=link, port=port) as world:
             result = fly(scenario, world, clock, recorder, show)
@@ -59,11 +59,12 @@ def next_folder(parent: Path, stem: str) -> Path:
 
 
 @contextlib.contextmanager
-def _recorder(path: Path, scenario: Scenario) -> Iterator[Recorder]:
+def _recorder(path: Path, scenario: Scenario, started: str | None) -> Iterator[Recorder]:
     metadata = {
         "scenario": json.dumps(scenario.model_dump(mode="json")),
         "seed": str(scenario.seed),
-        "guidance": version("pursuit-guidance"),
+        **versions(),
+        **({} if started is None else {"started_utc": started}),
     }
     try:
         recorder = Recorder(path, metadata)

@@ -14,7 +14,7 @@ from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings, flight_settings
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock
-from guidance.service.cycle import Cycle
+from guidance.service.cycle import Cycle, Timing
 from guidance.service.record import Recorder
 from guidance.telemetry import LocalPosition
 from guidance.tick import Certificate
@@ -98,22 +98,26 @@ def fly(
 
     unit = "s" if scenario.target is None else "m"
     due_s = start_s = clock.now_s()
+    worked_s = 0.0
     while not director.finished and due_s - start_s < MISSION_LIMIT_S:
         clock.sleep_until(due_s)
         world.advance()
         now_s = clock.now_s()
-        result.late_ticks += now_s - due_s > TICK_S
+        late_s = now_s - due_s
+        result.late_ticks += late_s > TICK_S
         due_s = max(due_s + TICK_S, now_s)  # a late tick is not made up for by two at once
 
         pursuer_m = _pursuer_game_m(flight)
         evader.step(now_s, pursuer_m, playing=director.playing)
         fresh = flight.tracking.silence_s(now_s) < 0.5
-        outputs = cycle.run(now_s, director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh))
+        orders = director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh)
+        outputs = cycle.run(now_s, orders, timing=Timing(late_s, worked_s))
         director.follow(now_s, outputs)
         if recorder is not None:
             for passed in world.drain():
                 recorder.frame(*passed)
         _note(result, now_s, outputs, pursuer_m, evader.position_game_m())
+        worked_s = clock.now_s() - now_s
         progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit))
 
     evader.stop()

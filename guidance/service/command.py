@@ -6,7 +6,6 @@ import logging
 import os
 import time
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +25,7 @@ from guidance.service.metrics import Metrics, MetricsServer
 from guidance.service.model import Config
 from guidance.service.notify import Notifier
 from guidance.service.opening import Opened, open_all
-from guidance.service.record import Recorder
+from guidance.service.record import Recorder, started_utc, versions
 from guidance.service.settings import flight_settings, wants
 from guidance.telemetry import GlobalPosition, Home, LocalPosition, Origin
 
@@ -60,7 +59,7 @@ def run_vehicle(name: str) -> None:
         log.say(logging.INFO, "waiting for the vehicle", name=config.name, url=config.vehicle.url)
         opened = open_all(config, clock, tapped=config.record.folder is not None)
         closing.callback(opened.close)
-        record = closing.enter_context(_recording(config, log))
+        record = closing.enter_context(_recording(config, clock, log))
         daemon = Daemon(
             config.name,
             plan,
@@ -116,13 +115,13 @@ def reload(path: Path, before: Config) -> Plan:
 
 
 @contextlib.contextmanager
-def _recording(config: Config, log: Log) -> Iterator[BackgroundRecorder | None]:
+def _recording(config: Config, clock: MonotonicClock, log: Log) -> Iterator[BackgroundRecorder | None]:
     if config.record.folder is None:
         yield None
         return
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
-    metadata = {"config": config.model_dump_json(), "guidance": version("pursuit-guidance")}
+    metadata = {"config": config.model_dump_json(), **versions(), "started_utc": started_utc(clock.now_s())}
     try:
         recorder = BackgroundRecorder(Recorder(path, metadata))
     except OSError as error:

@@ -1,13 +1,20 @@
 """One cycle of the daemon: read everything once, step the flight, say what it decided, and keep a record of it all."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import TargetSource, VehicleLink
 from guidance.service.record import BEGUN, Record
 
 HEARTBEAT_S = 1.0
+
+
+class Timing(NamedTuple):
+    """How the loop kept time: how much later than due this cycle began, and how long the one before worked."""
+
+    late_s: float
+    worked_s: float
 
 
 class Cycle:
@@ -21,8 +28,11 @@ class Cycle:
         self._heartbeat_s = float("-inf")
         self.setpoints_sent = 0
         self.inputs = Inputs(float("-inf"))
+        self._begun = False
 
-    def run(self, now_s: float, orders: Sequence[Event] = (), refusals: Sequence[str] = ()) -> Outputs:
+    def run(
+        self, now_s: float, orders: Sequence[Event] = (), refusals: Sequence[str] = (), timing: Timing | None = None
+    ) -> Outputs:
         """Run one cycle at `now_s`; `inputs` is then what it has seen."""
         inputs = self.inputs = Inputs(now_s, self._link.receive(), self._target.receive(), orders, refusals)
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
@@ -36,11 +46,14 @@ class Cycle:
         for request in outputs.requests:
             self._link.request(request)
         if self._recorder is not None:
-            self._keep(self._recorder, inputs, outputs)
+            self._keep(self._recorder, inputs, outputs, timing)
         return outputs
 
-    def _keep(self, recorder: Record, inputs: Inputs, outputs: Outputs) -> None:
-        recorder.tick(inputs.now_s, row(inputs, outputs))
+    def _keep(self, recorder: Record, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> None:
+        if not self._begun:
+            self._begun = True
+            recorder.event(inputs.now_s, BEGUN)
+        recorder.tick(inputs.now_s, row(inputs, outputs, timing))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"
             recorder.event(happening.now_s, str(happening.event), detail)
@@ -48,8 +61,8 @@ class Cycle:
             recorder.event(inputs.now_s, str(outputs.alarm.broken), f"{outputs.alarm.amount:.2f}")
 
 
-def row(inputs: Inputs, outputs: Outputs) -> dict[str, Any]:
-    """Lay one cycle out as a JSON row: the inputs as read, and what was decided from them."""
+def row(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) -> dict[str, Any]:
+    """Lay one cycle out as a JSON row: the inputs as read, what was decided from them, and how the loop kept time."""
     return {
         "now_s": inputs.now_s,
         "state": str(outputs.state),
@@ -63,4 +76,5 @@ def row(inputs: Inputs, outputs: Outputs) -> dict[str, Any]:
         "setpoint": outputs.setpoint,
         "certificate": outputs.certificate,
         "alarm": outputs.alarm,
+        "timing": timing,
     }

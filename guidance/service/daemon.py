@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Outputs
 from guidance.links.port import TargetSource, VehicleLink
 from guidance.preflight import Row, Survey, Wants, parameter_names, refusals, rows
-from guidance.service.cycle import Cycle
+from guidance.service.cycle import Cycle, Timing
 from guidance.service.leaving import ON_GROUND, Leaving
 from guidance.service.log import Log
 from guidance.service.mailbox import Answer, Mailbox, Question
@@ -63,6 +63,7 @@ class Daemon:
         self._metrics = metrics
         self._notifier = notifier
         self._record = record
+        self._record_lost = False
         self._leaving: Leaving | None = None
         self._rows: tuple[Row, ...] = ()
         self._judged_s = self._shown_s = float("-inf")
@@ -94,17 +95,19 @@ class Daemon:
         """True while the vehicle is ours in the air, or was just ordered up."""
         return self.flight.state not in FINAL | ON_GROUND
 
-    def step(self, now_s: float, *, late_s: float = 0.0) -> Outputs:
-        """Run one cycle. `late_s` is how much later than due it began."""
+    def step(self, now_s: float, *, late_s: float = 0.0, worked_s: float = 0.0) -> Outputs:
+        """Run one cycle. `late_s` is how much later than due it began, `worked_s` how long the one before took."""
         questions = self._mailbox.take()
         orders = {question: self._order(question, now_s) for question in questions}
         leaving = () if self._leaving is None else self._leaving.orders(self.flight)
         given = [order for order in (*orders.values(), *leaving) if order is not None]
         # Not judged yet is refused.
         barred = refusals(self._rows) if self._rows else ("preflight",)
-        outputs = self.outputs = self._cycle.run(now_s, given, barred if self.flight.state in ON_GROUND else ())
+        barred = barred if self.flight.state in ON_GROUND else ()
+        outputs = self.outputs = self._cycle.run(now_s, given, barred, Timing(late_s, worked_s))
         self._answer(orders, outputs, now_s)
         self._tell(outputs)
+        self._see_record()
         self._preflight(now_s)
         self._metrics.lateness.observe(max(0.0, late_s))
         self._metrics.follow(outputs)
@@ -195,6 +198,11 @@ class Daemon:
                 state=happening.after,
                 now_s=round(happening.now_s, 3),
             )
+
+    def _see_record(self) -> None:
+        if self._record is not None and self._record.failed is not None and not self._record_lost:
+            self._record_lost = True
+            self._log.say(logging.WARNING, "recording has stopped; the flight goes on", reason=self._record.failed)
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge while on the ground; what a parameter says in flight comes too late."""

@@ -1,6 +1,7 @@
 """The real-time loop: fifty times a second on the clock's grid, signals heard in between, frames kept behind."""
 
 import signal
+import sys
 from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Final
@@ -21,6 +22,7 @@ class Signals:
     def __init__(self) -> None:
         self._end = 0
         self._again = False
+        self._looping = False
 
     def install(self) -> None:
         """Take SIGTERM, SIGINT and SIGHUP."""
@@ -28,11 +30,17 @@ class Signals:
         signal.signal(signal.SIGINT, self._note)
         signal.signal(signal.SIGHUP, self._note)
 
+    def begin(self) -> None:
+        """The loop begins, and is the one to act from now on. Before, nothing is to be handed over: an end is one."""
+        self._looping = True
+
     def _note(self, number: int, _: FrameType | None) -> None:
         if number == signal.SIGHUP:
             self._again = True
-        else:
+        elif self._looping:
             self._end += 1
+        else:
+            sys.exit(0)
 
     def take(self) -> tuple[int, bool]:
         """How often an end was asked for, and whether the configuration is to be read again, since the last call."""
@@ -53,7 +61,9 @@ def run(
     record: Record | None,
 ) -> None:
     """Run the daemon until it has finished."""
+    signals.begin()
     due_s = clock.now_s()
+    worked_s = 0.0
     while not daemon.finished:
         clock.sleep_until(due_s)
         now_s = clock.now_s()
@@ -62,12 +72,13 @@ def run(
             daemon.leave(on_terminate, now_s)
         if again:
             daemon.exchange(load)
-        daemon.step(now_s, late_s=now_s - due_s)
+        daemon.step(now_s, late_s=now_s - due_s, worked_s=worked_s)
         if record is not None:
             for passed in drain():
                 record.frame(*passed)
         done_s = clock.now_s()
-        metrics.work.observe(done_s - now_s)
+        worked_s = done_s - now_s
+        metrics.work.observe(worked_s)
         due_s, missed = next_due(due_s, done_s)
         metrics.late.inc(missed)
 

@@ -4,6 +4,7 @@ Written through an unbuffered file in small chunks, so that a killed process los
 second. A record that cannot be written never disturbs the flight: recording stops and `failed` says why.
 """
 
+import calendar
 import json
 import math
 import platform
@@ -33,7 +34,10 @@ _TICK_SCHEMA = {
         "setpoint": {"type": ["object", "null"]},
         "requests": {"type": "array"},
         "alarm": {"type": ["object", "null"]},
-        "timing": {"type": "object", "properties": {"late_s": {"type": "number"}, "worked_s": {"type": "number"}}},
+        "timing": {
+            "type": ["object", "null"],
+            "properties": {"late_s": {"type": "number"}, "worked_s": {"type": "number"}},
+        },
     },
     "required": ["now_s", "state"],
 }
@@ -52,6 +56,10 @@ BEGUN = "flight begins"
 
 class Record(Protocol):
     """Where a cycle is kept. Nothing is raised and nothing is waited for that could disturb a flight."""
+
+    @property
+    def failed(self) -> str | None:
+        """Why nothing is written any more; None while all is well."""
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Keep one raw MAVLink frame."""
@@ -158,10 +166,8 @@ def versions() -> dict[str, str]:
 
 
 def started_utc(now_s: float) -> str:
-    """Return when the injected clock was at zero, as ISO 8601, for a clock of real time that shows `now_s`."""
-    whole_s = time.time_ns() * 1e-9 - now_s
-    seconds, fraction = divmod(whole_s, 1.0)
-    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds)) + f"{fraction:.6f}"[1:] + "+00:00"
+    """Return when a clock of real time that shows `now_s` was at zero: ISO 8601, to the second."""
+    return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any value of a row

@@ -8,8 +8,8 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.records import changes_of, compare, flight_settings, metadata_of, replay, scan, title_of
-from guidance.records.replay import BEGUN, angle_between_rad
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder
+from guidance.records.replay import angle_between_rad
+from guidance.service.record import BEGUN, EVENT_TOPIC, TICK_TOPIC, Recorder
 
 
 @pytest.fixture(scope="module")

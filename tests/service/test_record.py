@@ -1,6 +1,9 @@
+import calendar
 import errno
 import json
 import math
+import time
+from datetime import datetime
 from typing import NamedTuple
 
 import pytest
@@ -8,7 +11,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
 from guidance.service import record
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder, plain
+from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder, plain, started_utc, versions
 
 
 class Pair(NamedTuple):
@@ -87,3 +90,20 @@ def test_a_folder_that_cannot_be_written_is_refused_before_anything_flies(tmp_pa
 def test_rows_become_plain_json():
     value = {"pair": Pair(1.0, (math.nan, math.inf)), "n": 3, "none": None, "yes": True}
     assert plain(value) == {"pair": {"a": 1.0, "b": [None, None]}, "n": 3, "none": None, "yes": True}
+
+
+def test_a_slow_record_too_loses_no_more_than_a_fifth_of_a_second_to_a_kill(tmp_path):
+    path = tmp_path / "record.mcap"
+    recorder = Recorder(path, {})
+    for number in range(100):
+        now_s = 0.02 * number
+        recorder.event(now_s, "a little")  # far too little to fill a chunk
+        if now_s > 0.2:
+            assert now_s - rows_of(path)[-1][1].log_time * 1e-9 <= 0.2
+    recorder.close()
+
+
+def test_versions_and_the_start_are_told():
+    assert {"python", "pursuit-guidance", "numpy", "pymavlink"} <= versions().keys()
+    started = datetime.fromisoformat(started_utc(100.0)).timestamp()
+    assert started == pytest.approx(calendar.timegm(time.gmtime()) - 100.0, abs=2.0)
