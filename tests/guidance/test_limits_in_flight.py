@@ -11,6 +11,7 @@ from guidance.limits import Envelope, Limiter, Polygon, Situation, StandOff, hol
 from guidance.telemetry import Setpoint
 
 DT_S = 0.02
+ROUNDING_M = 1e-6
 SQUARE = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)))
 ENVELOPE = Envelope(
     floor_m=3.0,
@@ -80,7 +81,7 @@ def test_a_vehicle_sent_out_at_full_speed_rests_at_the_circle(heading_deg):
     fenced = replace(ENVELOPE, fence_radius_m=60.0)
     rows = fly((20.0 * math.cos(heading), 20.0 * math.sin(heading), 0.0), fenced)
     radii = [math.hypot(*position[:2]) for position, _, _ in rows]
-    assert max(radii) <= 60.0
+    assert max(radii) <= 60.0 + ROUNDING_M
     assert radii[-1] > 59.8
     assert turnings(radii) == 0
     assert Limiter.FENCE_RADIUS in rows[-1][2]
@@ -92,7 +93,7 @@ def test_a_vehicle_sent_out_at_full_speed_rests_at_the_polygon(heading_deg):
     rows = fly((20.0 * math.cos(heading), 20.0 * math.sin(heading), 0.0), replace(ENVELOPE, fence_polygon=SQUARE))
     for axis in (0, 1):
         reached = [position[axis] for position, _, _ in rows]
-        assert max(abs(value) for value in reached) <= 50.0
+        assert max(abs(value) for value in reached) <= 50.0 + ROUNDING_M
         assert turnings(reached) == 0
     assert max(abs(value) for value in rows[-1][0][:2]) > 49.8
 
@@ -107,7 +108,8 @@ def test_the_inward_corner_of_a_polygon_is_not_cut():
     for start in range(-40, 41, 8):
         rows = fly((0.0, 20.0, 0.0), replace(ENVELOPE, fence_polygon=notched), vehicle=Vehicle([start, -30.0, -20.0]))
         for position, _, _ in rows:
-            assert notched.contains(position[:2])
+            inside = notched.contains(position[:2])
+            assert inside or min(math.dist(position[:2], p) for p in notched.nearest_points(position[:2])) < ROUNDING_M
 
 
 def test_a_vehicle_found_outside_the_fence_may_come_back_and_go_no_further():
@@ -125,7 +127,7 @@ def test_following_the_circle_costs_no_speed_to_speak_of():
         return (-6.0 * east / size, 6.0 * north / size, 0.0)
 
     rows = fly(along, replace(ENVELOPE, fence_radius_m=60.0), vehicle=Vehicle([59.0, 0.0, -20.0]))
-    assert max(math.hypot(*position[:2]) for position, _, _ in rows) <= 60.0
+    assert max(math.hypot(*position[:2]) for position, _, _ in rows) <= 60.0 + ROUNDING_M
     assert min(math.hypot(*velocity[:2]) for _, velocity, _ in rows[200:]) > 5.5
 
 
@@ -133,8 +135,8 @@ def test_following_the_circle_costs_no_speed_to_speak_of():
 def test_a_dive_ends_at_the_floor_and_a_climb_at_the_ceiling(vertical, height):
     rows = fly((0.0, 0.0, vertical), ENVELOPE)
     heights = [-position[2] for position, _, _ in rows]
-    assert min(heights) >= 3.0
-    assert max(heights) <= 40.0
+    assert min(heights) >= 3.0 - ROUNDING_M
+    assert max(heights) <= 40.0 + ROUNDING_M
     assert heights[-1] == pytest.approx(height, abs=0.1)
     assert turnings(heights) == 0
 
@@ -153,7 +155,7 @@ def test_a_fleeing_target_is_followed_at_the_stand_off_and_not_closer():
         target_velocity=(3.0, 0.0, 0.0),
     )
     gaps = [30.0 + 3.0 * (tick + 1) * DT_S - position[0] for tick, (position, _, _) in enumerate(rows)]
-    assert min(gaps) >= 3.0
+    assert min(gaps) >= 3.0 - ROUNDING_M
     assert gaps[-1] < 4.5  # the lag of the vehicle at 3 m/s
     assert turnings(gaps[200:]) == 0  # it grows at first, while the vehicle gathers speed
     assert rows[-1][1][0] == pytest.approx(3.0, abs=0.05)
@@ -184,7 +186,7 @@ def test_a_dive_at_the_target_ends_on_the_rim_or_the_lid_of_the_stand_off(bearin
     vehicle = Vehicle([30.0 * math.cos(bearing), 30.0 * math.sin(bearing), -height_m])
     rows = fly(at_target, envelope, vehicle=vehicle, target=lambda _now: (0.0, 0.0, 0.0))
     for position, _, _ in rows:
-        assert math.hypot(*position[:2]) >= 3.0 or -position[2] >= 5.0
+        assert math.hypot(*position[:2]) >= 3.0 - ROUNDING_M or -position[2] >= 5.0 - ROUNDING_M
     assert turnings([math.hypot(*position[:2]) for position, _, _ in rows]) == 0
 
 
