@@ -124,7 +124,7 @@ def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[
     if is_numpy(xp):
         packed = np.empty((*shape, len(components)), dtype=like.dtype)
         for index, part in enumerate(components):
-            np.add(part, plus, out=packed[..., index], casting="same_kind")
+            _fill(packed[..., index], part, plus)
         return packed
     return xp.stack([spread(xp, shape, like, part + plus) for part in components], axis=-1)
 
@@ -133,9 +133,17 @@ def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real, plus: 
     """Spread a number or an array, `plus` added, over the leading shape, in the precision and place of `like`."""
     if is_numpy(xp):
         filled = np.empty(shape, dtype=like.dtype)
-        np.add(value, plus, out=filled, casting="same_kind")
+        _fill(filled, value, plus)
         return filled
     return xp.broadcast_to(constant(xp, like, value + plus), shape)
+
+
+def _fill(place: Array, value: Real, plus: Real) -> None:
+    """Write a sum to where it shall be: a batch in one pass, a single number by the shorter way."""
+    if place.ndim:
+        np.add(value, plus, out=place, casting="same_kind")
+    else:
+        place[...] = value + plus
 
 
 def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Array:

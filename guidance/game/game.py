@@ -159,9 +159,21 @@ def is_calm(game: Game) -> bool:
 
 def parameters(game: Game) -> dict[str, Real]:
     """Return every number of a game that may differ from row to row, by name."""
-    own = {name: getattr(game, name) for name in ("evader_speed_m_s", "capture_radius_m", "information_age_s")}
-    parts = {f"{part.name}": getattr(game.standoff, part.name) for part in fields(game.standoff)}
-    return own | parts | {part.name: getattr(game.pursuer, part.name) for part in fields(game.pursuer)}
+    own = {
+        "evader_speed_m_s": game.evader_speed_m_s,
+        "capture_radius_m": game.capture_radius_m,
+        "information_age_s": game.information_age_s,
+        "radius_m": game.standoff.radius_m,
+        "height_m": game.standoff.height_m,
+    }
+    pursuer = game.pursuer
+    if isinstance(pursuer, Ball):
+        return own | {"speed_m_s": pursuer.speed_m_s}
+    return own | {
+        "horizontal_m_s": pursuer.horizontal_m_s,
+        "climb_m_s": pursuer.climb_m_s,
+        "descent_m_s": pursuer.descent_m_s,
+    }
 
 
 def for_rows(game: Game, index: object) -> Game:

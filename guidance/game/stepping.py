@@ -120,9 +120,11 @@ def published_samples(
     """Step and look afterwards, as the published simulation does."""
     seen = 0.0 * sample.evader_m
     count = math.ceil(duration_s / stepping.step_s)
-    for index in range(1, count + 1):
+    index = 0
+    while True:
+        index += 1
         near = norm3(xp, sample.pursuer_m - sample.evader_m) < stepping.capture_m
-        now = choose(xp, near, int(End.CAPTURED), int(End.TIME_UP if index == count else End.RUNNING))
+        now = choose(xp, near, int(End.CAPTURED), int(End.TIME_UP if index >= count else End.RUNNING))
         running = sample.end == End.RUNNING
         time = choose(xp, running, index * stepping.step_s, sample.time_s)
         sample = sample._replace(end=choose(xp, running, now, sample.end), time_s=time)

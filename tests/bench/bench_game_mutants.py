@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE, TESTS = ROOT / "guidance" / "game", ROOT / "tests" / "game"
-LIMIT_S = 120
+LIMIT_S = 240
 CORE = ("test_solve_closed_forms", "test_degenerate_states", "test_bad_input", "test_brute_force", "test_batch_bits")
 COVERING = {
     "apollonius": ("test_solve_closed_forms", "test_bad_input"),
