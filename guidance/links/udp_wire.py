@@ -36,8 +36,7 @@ class UdpWire:
             if listen:
                 self._socket.bind((host, port))
             else:
-                self._peers[(socket.gethostbyname(host), port)] = None
-                self._socket.bind(("", 0))
+                self._socket.connect((host, port))  # the kernel keeps everybody else's datagrams away
         except OSError as error:
             self._socket.close()
             raise LinkError(f"udp {host}:{port}: {error}; choose another port or end what uses it") from error
@@ -57,12 +56,8 @@ class UdpWire:
             data, address = self._socket.recvfrom(_MOST_BYTES)
         except TimeoutError:
             return b""
-        if not data or data[0] not in (MAGIC_V1, MAGIC_V2):
-            return data
-        if self._learns:
+        if self._learns and data and data[0] in (MAGIC_V1, MAGIC_V2):
             self._learn(address)
-        elif address not in self._peers:
-            return b""
         return data
 
     def _learn(self, address: Address) -> None:
@@ -81,9 +76,12 @@ class UdpWire:
         """Send one datagram to each peer; what the kernel does not take at once is dropped and counted."""
         if self._closed:
             return
-        for address in self._peers:
+        for address in self._peers if self._learns else (None,):
             try:
-                self._sender.sendto(frame, address)
+                if address is None:
+                    self._sender.send(frame)
+                else:
+                    self._sender.sendto(frame, address)
                 self._sent += 1
             except OSError:
                 self._unsent += 1
