@@ -1,17 +1,19 @@
 """Opening: what is allowed, what is answered when nobody is there, and how long that takes."""
 
+import contextlib
 import socket
 import threading
 import time
 
 import pytest
-from links_peer import Peer, living
+from links_peer import Peer, living, until
 from links_rigs import clock, free_port, udp
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links import SigningKey, parse
 from guidance.links.opening import open_vehicle_link, open_wire
+from guidance.telemetry import Setpoint
 
 
 class FastClock:
@@ -184,3 +186,26 @@ def test_a_loop_that_waits_is_woken_by_an_arrival(kind):
         assert woken.wait(2.0)
         assert len(link.receive()) == 1
         link.close()
+
+
+@pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
+def test_an_autopilot_that_waits_to_be_called_is_called(kind):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
+        theirs.bind(("127.0.0.1", 0))
+        theirs.setblocking(False)
+        callers = []
+
+        def receive() -> list[bytes]:
+            with contextlib.suppress(BlockingIOError):
+                data, caller = theirs.recvfrom(2048)
+                callers.append(caller)
+                return [data]
+            return []
+
+        peer = Peer(lambda data: callers and theirs.sendto(data, callers[-1]))
+        with living(peer, receive, heartbeat_every_s=0.02):
+            url = f"udpout://127.0.0.1:{theirs.getsockname()[1]}"
+            link = open_vehicle_link(kind, url, system_id=1, clock=time.monotonic, timeout_s=5.0)
+            link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
+            assert until(lambda: len(peer.of("SET_POSITION_TARGET_LOCAL_NED")) == 1)
+            link.close()
