@@ -33,11 +33,13 @@ class Client:
         return self.encoder.pack("COMMAND_LONG", 1, 1, number, 0, *params, *[0.0] * (7 - len(params)))
 
     def frames(self, tick):
-        frames = [
-            self.encoder.pack(
-                "SET_POSITION_TARGET_LOCAL_NED", tick, 1, 1, 1, 2503, 0, 0, 0, 2.0, 0.0, -1.0, 0, 0, 0, 0.0, 0.0
+        frames = []
+        if self.flavour != "arducopter" or not 60 <= tick < 190:  # a setpoint would end the take-off
+            frames.append(
+                self.encoder.pack(
+                    "SET_POSITION_TARGET_LOCAL_NED", tick, 1, 1, 1, 2503, 0, 0, 0, 2.0, 0.0, -1.0, 0, 0, 0, 0.0, 0.0
+                )
             )
-        ]
         if tick % 20 == 0:
             frames.append(self.encoder.pack("HEARTBEAT", 6, 8, 0, 0, 4, 3))
         if tick in {30, 31}:
