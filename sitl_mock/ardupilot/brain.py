@@ -96,7 +96,7 @@ class ArduPilot:
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
-        return not safety.refusals(self)
+        return not safety.failing(self)
 
     # What comes in
 

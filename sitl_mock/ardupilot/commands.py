@@ -161,7 +161,7 @@ def _reboot(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
 
 def _prearm(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """RUN_PREARM_CHECKS: the reasons come as texts."""
-    for reason in safety.refusals(brain):
+    for reason in safety.failing(brain):
         brain.craft.say(Severity.CRITICAL, f"PreArm: {reason}")
     return ACCEPTED
 

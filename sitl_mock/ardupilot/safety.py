@@ -37,14 +37,20 @@ def available(craft: Craft, plans: PlanStore) -> frozenset[Need]:
 
 def refusals(brain: ArduPilot) -> list[str]:
     """Return why ArduPilot would not arm, in its own words; empty if it would."""
-    craft, mode = brain.craft, brain.by_name[brain.mode]
+    reasons = failing(brain)
+    if not brain.by_name[brain.mode].may_arm:
+        reasons.append("Mode not armable")
+    return reasons
+
+
+def failing(brain: ArduPilot) -> list[str]:
+    """Return the checks before arming that fail; the mode is looked at only when arming (arm_checks)."""
+    craft = brain.craft
     reasons = []
     if craft.conditions.arm_refused:
         reasons.append(craft.conditions.arm_refused)
     if not craft.estimator.position_valid:
         reasons.append("Need Position Estimate")
-    if not mode.may_arm:
-        reasons.append("Mode not armable")
     if craft.battery.remaining < _LOW_CELL_SHARE and int(craft.parameters["BATT_FS_LOW_ACT"]):
         reasons.append("Battery 1 low voltage failsafe")
     return reasons

@@ -209,3 +209,12 @@ def test_every_kind_can_be_put_upon_every_flavour_and_lifted(rig):
         heard = len(flight.heard)
         flight.run(2.0)
         assert len(flight.heard) > heard
+
+
+def test_arducopter_looks_at_the_mode_when_it_arms_not_before(rig):
+    flight = rig(flavour="arducopter").run(2.0)
+    flight.send("COMMAND_LONG", 1, 1, 511, 0, 1, 100_000, 0, 0, 0, 0, 0)
+    flight.command(176, 1.0, 9.0)
+    flight.run(1.0)
+    assert flight.all("SYS_STATUS")[-1][1].onboard_control_sensors_health & (1 << 28)
+    assert flight.command(400, 1.0) == [(1, 4)]
