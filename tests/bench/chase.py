@@ -16,7 +16,7 @@ from guidance.scenarios.model import Scenario, load_scenario
 from guidance.scenarios.settings import flight_settings
 from guidance.service.clock import VirtualClock
 from guidance.service.cycle import Cycle
-from guidance.telemetry import TargetReport
+from guidance.telemetry import Setpoint, TargetReport
 from guidance.tick import Certificate
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home
@@ -99,6 +99,19 @@ class Runner:
         """See `TargetSource`."""
 
 
+class Altering:
+    """A link whose setpoints are altered on their way; everything else is the link's own."""
+
+    def __init__(self, link: PymavlinkLink, send: Callable[[Setpoint], Setpoint]) -> None:
+        self._link, self._send = link, send
+        self.receive, self.request, self.send_heartbeat = link.receive, link.request, link.send_heartbeat
+        self.counters, self.close = link.counters, link.close
+
+    def send_setpoint(self, setpoint: Setpoint) -> None:
+        """See `VehicleLink`."""
+        self._link.send_setpoint(self._send(setpoint))
+
+
 @dataclass(slots=True)
 class Chased:
     """What a chase came to. Lengths and speeds are of the true motion; `flown_s` is what the certificate said.
@@ -155,6 +168,7 @@ def chase(
     *,
     change: Callable[[FlightSettings], FlightSettings] = lambda settings: settings,
     alter: Callable[[MockVehicle], None] = lambda _vehicle: None,
+    send: Callable[[Setpoint], Setpoint] = lambda setpoint: setpoint,
     station_s: float = 8.0,
 ) -> Chased:
     """Fly a PE scenario until some time after the capture, the evader still running; the pursuer keeps station.
@@ -163,6 +177,7 @@ def chase(
         scenario: What is flown; its evader's policy is not asked.
         change: Of the flight's settings.
         alter: Of the mock, before it begins.
+        send: Of every setpoint on its way to the wire.
         station_s: How long station is kept.
     """
     clock = VirtualClock()
@@ -172,7 +187,7 @@ def chase(
     ours, theirs = MemoryWire.pair(clock.now_s)
     link = PymavlinkLink(ours, clock.now_s, system_id=1)
     runner = Runner(scenario, settings)
-    cycle = Cycle(Flight(settings), link, runner, None)
+    cycle = Cycle(Flight(settings), Altering(link, send), runner, None)
     chased, state, engaged_s = Chased(), State.CONNECTING, math.nan
     height_m = settings.tick.standoff.height_m
     while (now_s := clock.now_s()) < LONGEST_S and not now_s > engaged_s + chased.flown_s + station_s:
