@@ -189,6 +189,8 @@ class Daemon:
         return status(self.name, now_s, self.flight, self.outputs, self._rows)
 
     def _tell(self, outputs: Outputs) -> None:
+        if outputs.alarm is not None:
+            self._log.say(logging.WARNING, str(outputs.alarm.broken), amount=round(outputs.alarm.amount, 2))
         for happening in outputs.happenings:
             grave = happening.event in _GRAVE and happening.after is not happening.before
             self._log.say(

@@ -35,6 +35,7 @@ class Metrics:
         self._game = gauge("game", "the certificate of the last cycle", "what")
         self._links = gauge("link_total", "counters of links and target source", "link", "what")
         self._events = counter("events", "what happened", "event")
+        self._alarms = counter("alarms", "what of the game's guarantee did not hold", "broken")
         self._acted = counter("limits_acted", "cycles in which a limit acted", "limit")
         self._orders = counter("orders", "orders and what became of them", "order", "accepted")
         self.cycles = counter("cycles", "guidance cycles").labels(name)
@@ -50,6 +51,8 @@ class Metrics:
             self.setpoints.inc()
         for happening in outputs.happenings:
             self._events.labels(self._name, str(happening.event)).inc()
+        if outputs.alarm is not None:
+            self._alarms.labels(self._name, str(outputs.alarm.broken)).inc()
         if outputs.certificate is not None:
             for limit in outputs.certificate.acted:
                 self._acted.labels(self._name, limit).inc()

@@ -61,6 +61,9 @@ class Target(Section):
     id_or_mac: str | None = Field(
         None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal, of OPEN_DRONE_ID"
     )
+    request_rate_hz: float | None = Field(
+        None, gt=0.0, le=50.0, description="asked of a target that sends nothing itself"
+    )
     timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="silence after which the target counts as lost")
     frame: TargetFrame | None = None
 
@@ -72,6 +75,8 @@ class Target(Section):
             raise ValueError(f'target.system_id: missing; kind = "{self.kind}" hears one pinned MAVLink system only')
         if self.kind in _IN_METRES and self.frame is None:
             raise ValueError(f'target.frame: missing; kind = "{self.kind}" reports metres about a place of its own')
+        if self.kind in ON_ZENOH and self.request_rate_hz is not None:
+            raise ValueError(f'target.request_rate_hz: not allowed; kind = "{self.kind}" cannot be asked')
         if self.kind == "adsb" and self.icao_address is None:
             raise ValueError('target.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
         return self

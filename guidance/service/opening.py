@@ -20,11 +20,16 @@ from guidance.links.tap import Passed, TappedWire
 from guidance.links.targets.opening import TargetIdentity, open_target
 from guidance.links.zenoh_session import open_session
 from guidance.links.zenoh_wire import ZenohWire
+from guidance.service.asked_target import AskedTarget
 from guidance.service.bus import OwnerToken
 from guidance.service.clock import Clock
 from guidance.service.model import ON_ZENOH, Config, Target
 
 _WIRE_LIMIT_S = 5.0
+OWN_ID = 255
+"""Who asks a target: a ground station's id, since the vehicle's own would make us a part of the vehicle."""
+
+_MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
 
 
 @dataclass(slots=True)
@@ -129,7 +134,11 @@ def _over_mavsdk(config: Config, clock: Clock, wire: TappedWire | Wire) -> Vehic
 def _open_source(config: Config, clock: Clock, spare: Wire | None) -> TargetSource:
     target = config.target
     url = target.url if target.url is not None else config.vehicle.url
-    return open_target(
+    asked = None
+    if target.request_rate_hz is not None and target.system_id is not None:
+        wire = spare if spare is not None else open_wire(url, clock=clock.now_s, timeout_s=_WIRE_LIMIT_S)
+        spare, asked = share(wire, 2)
+    source = open_target(
         target.kind,
         url,
         clock=clock.now_s,
@@ -143,6 +152,12 @@ def _open_source(config: Config, clock: Clock, spare: Wire | None) -> TargetSour
         wire=None if target.kind in ON_ZENOH else spare,
         timeout_s=_WIRE_LIMIT_S,
     )
+    if asked is None or target.system_id is None or target.request_rate_hz is None:
+        return source
+    link = PymavlinkLink(
+        asked, clock.now_s, system_id=target.system_id, component_id=target.component_id or 1, own_system_id=OWN_ID
+    )
+    return AskedTarget(source, link, clock.now_s, message_id=_MESSAGE_IDS[target.kind], rate_hz=target.request_rate_hz)
 
 
 def _frame(target: Target) -> LocalFrame:

@@ -39,7 +39,7 @@ system_id = 1
 ready_after_s = 0.5
 [[vehicle]]
 name = "target"
-flavour = "px4"
+flavour = "rover"
 system_id = 2
 start_ned_m = [30.0, 0.0, 0.0]
 ready_after_s = 0.5
@@ -83,6 +83,7 @@ connect_timeout_s = {timeout_s}
 kind = "global_position"
 url = "zenoh://{mock}/target"
 system_id = 2
+request_rate_hz = 20.0
 [game]
 speed_m_s = 6.0
 evader_speed_m_s = 3.0

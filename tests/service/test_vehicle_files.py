@@ -38,6 +38,7 @@ def read(vehicle_document):
         ({"target": {"kind": "ros_pose"}}, "target.frame: missing"),
         ({"target": {"kind": "adsb"}}, "target.icao_address: missing"),
         ({"target": {"timeout_s": 0.0}}, "target.timeout_s = 0.0"),
+        ({"target": {"kind": "json", "request_rate_hz": 5.0}}, "target.request_rate_hz: not allowed"),
         ({"target": {"id_or_mac": "xyz"}}, "target.id_or_mac = 'xyz'"),
         ({"target": {"url": None}, "vehicle": {"link": "mavsdk"}}, "keeps its wire to itself"),
         ({"game": {"speed_m_s": 3.0}}, "a slower pursuer is another game"),
