@@ -44,14 +44,13 @@ class Live:
     end_s: float = math.inf
     acting: bool = False
 
-    def strikes(self, direction: Direction, link: str, message_id: int) -> bool:
-        """Whether a frame is meant."""
-        fault = self.fault
-        return (
-            fault.direction in {direction, Direction.BOTH}
-            and fault.link in {"", link}
-            and (not self.struck or message_id in self.struck)
-        )
+    def strikes_link(self, direction: Direction, link: str) -> bool:
+        """Whether frames that go that way on a link are meant."""
+        return self.fault.direction in {direction, Direction.BOTH} and self.fault.link in {"", link}
+
+    def strikes(self, frame: bytes) -> bool:
+        """Whether a frame is meant; a broken one is not where messages are named."""
+        return not self.struck or frames.message_id(frame) in self.struck
 
 
 class Faulted:
@@ -253,13 +252,15 @@ class Faulted:
     def _through(
         self, acting: Sequence[Live], direction: Direction, link: str, now_s: float, frame: bytes
     ) -> Sequence[tuple[float, bytes]]:
-        flows: Sequence[tuple[float, bytes]] = ((0.0, frame),)
+        flows: list[tuple[float, bytes]] = [(0.0, frame)]
         for live in acting:
             alter = live.effect.alter
-            if alter is None or not live.strikes(direction, link, frames.message_id(frame)):
+            if alter is None or not live.strikes_link(direction, link):
                 continue
             flows = [
-                (delay_s + more_s, changed) for delay_s, passed in flows for more_s, changed in alter(now_s, passed)
+                (delay_s + more_s, changed)
+                for delay_s, passed in flows
+                for more_s, changed in (alter(now_s, passed) if live.strikes(passed) else ((0.0, passed),))
             ]
         return flows
 

@@ -59,17 +59,25 @@ class Field(NamedTuple):
 
 
 def message_id(frame: bytes) -> int:
-    """Return a frame's message id, or -1 if it is not one whole frame of the dialect."""
+    """Return a frame's message id, or -1 if it is not one whole, right frame of the dialect.
+
+    A broken frame has no id: closing it anew would mend it.
+    """
     if len(frame) < 8 or frame[0] not in _HEADER:
         return -1
     if frame[0] == V1:
-        number, end = frame[5], 6 + frame[1] + 2
-    elif len(frame) >= 12:
+        number, crc_at, end = frame[5], 6 + frame[1], 8 + frame[1]
+    elif len(frame) >= 12 and not frame[2] & ~1:
         number = frame[7] | frame[8] << 8 | frame[9] << 16
-        end = 10 + frame[1] + 2 + (13 if frame[2] & 1 else 0)
+        crc_at = 10 + frame[1]
+        end = crc_at + (15 if frame[2] else 2)
     else:
         return -1
-    return number if end == len(frame) and number in SPEC_BY_ID else -1
+    spec = SPEC_BY_ID.get(number)
+    if spec is None or end != len(frame):
+        return -1
+    crc = frame[crc_at] | frame[crc_at + 1] << 8
+    return number if mcrf4xx(frame[1:crc_at] + spec.crc_extra) == crc else -1
 
 
 @cache

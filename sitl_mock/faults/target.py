@@ -23,7 +23,8 @@ _JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))
 
 def _stamp(frame: bytes) -> tuple[str, float] | None:
     """Return the name of the sender's time in a report, and its units a second."""
-    fields = frames.layout(frames.message_id(frame))
+    number_ = frames.message_id(frame)
+    fields = frames.layout(number_) if number_ >= 0 else {}
     return next(((name, units) for name, units in _STAMPS.items() if name in fields), None)
 
 

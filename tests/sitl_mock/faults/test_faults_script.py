@@ -220,3 +220,28 @@ def test_every_default_passes_its_own_check():
         for option in kind.options.values():
             if option.default not in (REQUIRED, frozenset()):
                 assert option.check(option.default) == option.default
+
+
+def test_the_command_line_lists_every_kind_with_its_meaning_and_keys():
+    from typer.testing import CliRunner
+
+    from sitl_mock.cli import app
+
+    told = CliRunner().invoke(app, ["list", "faults"]).output
+    for name, kind in KINDS.items():
+        assert name in told
+        assert kind.meaning in told
+        for key in kind.options:
+            assert key in told
+
+
+def test_a_faults_file_that_is_wrong_ends_the_command_before_anything_is_opened(tmp_path):
+    from typer.testing import CliRunner
+
+    from sitl_mock.cli import app
+
+    path = tmp_path / "faults.toml"
+    path.write_text('[[fault]]\nkind = "loss"\nprobability = 7\n')
+    result = CliRunner().invoke(app, ["run", "--udp", "21000", "--faults", str(path)])
+    assert isinstance(result.exception, ConfigError)
+    assert "probability = 7" in str(result.exception)
