@@ -16,7 +16,11 @@ def closed_config(endpoint: str, *, timeout_s: float = 3.0) -> zenoh.Config:
                 "listen": {"endpoints": []},
                 "connect": {"endpoints": [endpoint], "timeout_ms": round(timeout_s * 1e3), "exit_on_failure": True},
                 "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {"shared_memory": {"enabled": False}},
+                # More room for bursts at real-time priority, and no longer wait: the loop never waits for a peer.
+                "transport": {
+                    "shared_memory": {"enabled": False},
+                    "link": {"tx": {"queue": {"size": {"real_time": 16}}}},
+                },
             }
         )
     )

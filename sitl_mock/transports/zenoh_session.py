@@ -18,6 +18,12 @@ from sitl_mock.transports.endpoint import Arrival
 QUEUE_MAX: Final = 4096
 _LINK: Final = "onboard"
 
+# A vehicle's messages come in bursts of dozens; on a busy machine Zenoh's two batches of real-time traffic and its wait
+# of 1 ms lost the HEARTBEAT among them. Sixteen batches is the most it allows.
+_TRANSMISSION: Final = {
+    "queue": {"size": {"real_time": 16}, "congestion_control": {"drop": {"wait_before_drop": 10_000}}}
+}
+
 
 def configuration(mode: str, endpoint: str, *, connect: bool) -> zenoh.Config:
     """A closed session: listens on one endpoint, or connects to it."""
@@ -29,7 +35,7 @@ def configuration(mode: str, endpoint: str, *, connect: bool) -> zenoh.Config:
                 "listen": {"endpoints": listens},
                 "connect": {"endpoints": connects, "timeout_ms": 3000, "exit_on_failure": True},
                 "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {"shared_memory": {"enabled": False}},
+                "transport": {"shared_memory": {"enabled": False}, "link": {"tx": _TRANSMISSION}},
             }
         )
     )
