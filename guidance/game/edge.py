@@ -52,6 +52,8 @@ def edge_point(xp: Library, game: Game, state: State, to_target: Plane, goal: Pl
 def at_time(to_target: Plane, game: Game, t: Array, run: Plane) -> Plane:
     """Return the vector from the end of the evader's run to where the target is then."""
     adrift = game.target_velocity_m_s
+    if adrift == STILL:
+        return to_target[0] - run[0], to_target[1] - run[1]
     return to_target[0] + adrift[0] * t - run[0], to_target[1] + adrift[1] * t - run[1]
 
 

@@ -16,7 +16,7 @@ Where the paper is wrong:
 
 from guidance.game.arrays import Array, Library, Plane, norm2, positive_part, select, select2, unit2
 from guidance.game.edge import edge_point
-from guidance.game.game import Ball, Game, is_calm
+from guidance.game.game import STILL, Ball, Game, is_calm
 from guidance.game.play import Play, State
 from guidance.game.reach import catch_in_ball, catch_time, cover_time, steer, vertical_speed
 from guidance.game.reasons import Reason, Winner
@@ -24,10 +24,9 @@ from guidance.game.reasons import Reason, Winner
 
 def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
     """Play the TAD game from a state taken apart; see `solve` for what the answer means."""
-    v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
+    v, age = game.evader_speed_m_s, game.information_age_s
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
-    arrival = catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
-    goal = (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)
+    arrival, goal = _arrive(xp, game, to_target)
     guard = guard_time(xp, game, state, goal)
     margin = arrival - guard
     lost, arrived = margin < 0, arrival <= 0
@@ -51,6 +50,15 @@ def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
         evader=(pace * heading[0], pace * heading[1], 0.0),
         reason=_reason(xp, margin, arrived, caught),
     )
+
+
+def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Array, Plane]:
+    """Return when the evader can be at its target, and where that is then, from the evader."""
+    v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
+    if adrift == STILL:
+        return positive_part(norm2(xp, to_target) / v - age), to_target
+    arrival = catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
+    return arrival, (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)
 
 
 def guard_time(xp: Library, game: Game, state: State, goal: Plane) -> Array:
