@@ -95,17 +95,20 @@ def test_jerk_limits_the_rise_of_acceleration():
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.floats(-10, 10), st.floats(-10, 10), st.floats(1.0, 50.0))
-def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk):
-    soft, memory = replace(OPEN, jerk_m_s3=jerk), Memory((before, 0.0, 0.0))
+@given(st.floats(-10, 10), st.floats(-10, 10), st.floats(1.0, 50.0), st.sampled_from([0, 1]))
+def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk, axis):
+    def along(speed):
+        return (0.0, speed, 0.0) if axis else (speed, 0.0, 0.0)
+
+    soft, memory = replace(OPEN, jerk_m_s3=jerk), Memory(along(before))
     low, high = min(before, wanted) - 1e-9, max(before, wanted) + 1e-9
     for _ in range(500):
-        memory = limit(Setpoint((wanted, 0.0, 0.0)), HOVER, soft, memory, DT_S).memory
-        assert low <= memory.velocity_ned_m_s[0] <= high
+        memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
+        assert low <= memory.velocity_ned_m_s[axis] <= high
     for _ in range(1500):
-        memory = limit(Setpoint((wanted, 0.0, 0.0)), HOVER, soft, memory, DT_S).memory
-    assert memory.velocity_ned_m_s[0] == pytest.approx(wanted, abs=1e-6)
-    assert memory.acceleration_ned_m_s2[0] == pytest.approx(0.0, abs=1e-3)
+        memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
+    assert memory.velocity_ned_m_s == pytest.approx(along(wanted), abs=1e-6)
+    assert memory.acceleration_ned_m_s2[axis] == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -305,7 +308,15 @@ def test_a_target_that_flees_takes_its_wall_along(bearing_deg):
     assert settled(turned(8.0), faster, ZONE)[0].velocity_ned_m_s == pytest.approx(turned(3.0 + asked_ground(6.0, 5.0)))
     across = settled(turned(8.0, 5.0), fleeing, ZONE)[0].velocity_ned_m_s
     assert across == pytest.approx(turned(3.0 + asked_ground(7.0, math.hypot(5.0, 5.0)), 5.0))
-    for velocity in (None, (math.nan, 0.0, 0.0), turned(-3.0), turned(0.0, 3.0), (0.0, 0.0, 9.0)):
+    for velocity in (
+        None,
+        (math.nan, 0.0, 0.0),
+        turned(math.inf),
+        turned(1e9),
+        turned(-3.0),
+        turned(0.0, 3.0),
+        (0.0, 0.0, 9.0),
+    ):
         other = fleeing._replace(target_velocity_ned_m_s=velocity, velocity_ned_m_s=(0.0, 0.0, 0.0))
         assert settled(turned(8.0), other, ZONE)[0].velocity_ned_m_s == pytest.approx(turned(asked_ground(7.0, 8.0)))
 
