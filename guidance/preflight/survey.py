@@ -48,11 +48,6 @@ class Survey:
         """True once every parameter has been read."""
         return self._parameters.keys() >= set(self._names)
 
-    def ask_all_again(self) -> None:
-        """Forget the parameters and read them anew."""
-        self._parameters.clear()
-        self._asked_s = None
-
     def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
         """What is known now."""
         rates_hz = {kind: _rate_hz(times_s, now_s) for kind, times_s in self._arrivals.items()}

@@ -67,6 +67,11 @@ def test_an_unknown_origin_is_refused():
     assert row.wanted == "GPS_GLOBAL_ORIGIN and HOME_POSITION heard"
 
 
+def test_a_position_that_is_not_told_is_refused():
+    silent = observe(VehicleState(), [ORIGIN, Home(0.0, 47.397742, 8.545594, 488.0, REST)])
+    assert verdicts(silent)["position"] is Verdict.REFUSE
+
+
 def test_an_origin_left_over_from_another_field_is_refused():
     assert verdicts(vehicle_at(home_ned_m=(5000.0, 0.0, 0.0)))["frame origin"] is Verdict.REFUSE
 

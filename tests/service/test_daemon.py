@@ -7,6 +7,7 @@ from guidance.autopilots import MAV_CMD_DO_SET_MODE
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
+from guidance.monitor import Alarm, Broken
 from guidance.service.command import plan_of
 from guidance.service.daemon import WORDS
 from guidance.service.model import Config
@@ -355,3 +356,33 @@ def test_without_that_configuration_a_pilots_switch_engages_nothing(base):
     assert base.setpoints_since(0.0) == []
     pilot(base, "POSCTL")
     base.until(State.YIELDED)
+
+
+def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base):
+    base = base().until(State.READY)
+    assert base.order("start")["accepted"]
+    base.until(State.CLIMBING)
+    assert "it is taking off" in base.order("engage")["reason"]
+    base.until(State.STANDING_BY)
+    base.order("land")
+    base.until(State.LANDED)
+    assert "the flight is over: order reset" in base.order("start")["reason"]
+
+
+def test_a_broken_guarantee_is_said_and_counted(base):
+    base = base().engaged()
+    run = base.daemon._cycle.run
+    base.daemon._cycle.run = lambda *given: run(*given)._replace(alarm=Alarm(Broken.CAPTURE_LATER, 1.5))
+    base.run(0.1)
+    said = base.log.messages(logging.WARNING).count(str(Broken.CAPTURE_LATER))
+    labels = {"vehicle": "uav1", "broken": str(Broken.CAPTURE_LATER)}
+    assert said == base.metrics.registry.get_sample_value("guidance_alarms_total", labels) == 5
+
+
+def test_a_record_that_stops_is_said_once(base):
+    record = CountingRecord()
+    base = base(record=record).run(1.0)
+    record.failed = "No space left on device"
+    base.run(1.0)
+    assert base.log.messages(logging.WARNING).count("recording has stopped; the flight goes on") == 1
+    base.until(State.READY)

@@ -9,6 +9,7 @@ from guidance.config import config_folder, find, load, parse
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, State
 from guidance.game import Ball, Cylinder
+from guidance.service.command import reload
 from guidance.service.model import Config
 from guidance.service.settings import flight_settings, wants
 
@@ -160,3 +161,20 @@ def test_sources_of_targets_need_what_they_need_and_no_more(read):
     assert read(target={"url": None}).target.url is None
     assert read(target={"url": None}, vehicle={"link": "mavsdk", "url": ZENOH}).vehicle.link == "mavsdk"
     assert read(vehicle={"signing_key_file": "key"}).vehicle.signing_key_file == Path("key")
+
+
+@pytest.fixture
+def px4_file(tmp_path):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(find("px4", "vehicles").read_text())
+    return path
+
+
+def test_a_file_read_again_may_change_the_flight_and_not_the_links(px4_file):
+    before = load(Config, px4_file)
+    text = px4_file.read_text()
+    px4_file.write_text(text.replace("takeoff_height_m = 15.0", "takeoff_height_m = 20.0"))
+    assert reload(px4_file, before).flight.takeoff_height_m == 20.0
+    px4_file.write_text(text.replace("14540", "14550").replace('name = "px4"', 'name = "other"'))
+    with pytest.raises(ConfigError, match="name, vehicle changed: end the daemon and start it again for that"):
+        reload(px4_file, before)
