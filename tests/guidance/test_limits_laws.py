@@ -577,6 +577,32 @@ def test_a_polygon_that_is_none_is_refused(corners, words):
         Polygon(corners)
 
 
+TOUCHING = [
+    ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (5.0, 0.0), (0.0, 10.0)),  # a corner on an edge
+    ((0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (20.0, 5.0), (20.0, 0.0), (5.0, 0.0), (5.0, -5.0)),  # edges on one line
+    ((0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 0.0), (-8.0, 8.0), (-8.0, 0.0)),  # two corners in one place
+    ((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0)),  # a bow tie
+]
+APART = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (7.0, 10.0), (7.0, 5.0), (3.0, 5.0), (3.0, 10.0), (0.0, 10.0))
+
+
+@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_edges_that_touch_are_found_whichever_way_they_lie_and_edges_on_one_line_may_be_apart(turn, mirrored, reverse):
+    def placed(corners):
+        for _ in range(turn):
+            corners = tuple((-east, north) for north, east in corners)
+        corners = tuple((east, north) for north, east in corners) if mirrored else corners
+        return corners[::-1] if reverse else corners
+
+    for corners in TOUCHING:
+        with pytest.raises(ConfigError, match="cross or touch"):
+            Polygon(placed(corners))
+    assert Polygon(placed(APART)).contains(placed(((5.0, 2.0), (5.0, 2.0)))[0])
+    assert not Polygon(placed(APART)).contains(placed(((5.0, 8.0), (5.0, 8.0)))[0])
+
+
 @settings(deadline=None)
 @given(st.floats(-8, 8), st.floats(-8, 8), st.booleans())
 def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east, clockwise):
