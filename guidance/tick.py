@@ -9,17 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.approach import Gaps
-from guidance.boundary import keep_inside
-from guidance.drift import observe_drift
 from guidance.errors import ConfigError
-from guidance.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
+from guidance.following.approach import Gaps
+from guidance.following.boundary import keep_inside
+from guidance.following.drift import observe_drift
+from guidance.following.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
+from guidance.following.station import Place, keep_station
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
 from guidance.game import PURSUER_POLICIES, Game, Solution, SpeedSet, StandOff, solve
 from guidance.game.game import horizontal_speed
 from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
 from guidance.limits import Memory as LimitMemory
-from guidance.station import Place, keep_station
 from guidance.telemetry import Setpoint
 
 

@@ -6,9 +6,9 @@ from collections.abc import Collection
 from guidance.autopilots import profile
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, FlightSettings
+from guidance.following.handling import handling
 from guidance.frames import Amsl
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, SpeedSet, StandOff
-from guidance.handling import handling
 from guidance.limits import Envelope
 from guidance.limits import StandOff as StandOffLimit
 from guidance.scenarios.evader import EvaderSettings

@@ -7,9 +7,9 @@ from guidance.autopilots import profile
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, FlightSettings, State
 from guidance.flight.settings import LIMITS_S
+from guidance.following.handling import handling
 from guidance.frames import Amsl
 from guidance.game import PURSUER_POLICIES, Ball, Cylinder, SpeedSet, StandOff
-from guidance.handling import handling
 from guidance.limits import Envelope, Polygon
 from guidance.limits import StandOff as StandOffLimit
 from guidance.preflight import Wants

@@ -19,8 +19,8 @@ from chase import Chased, altered, chase, hover_chase
 from rich.console import Console
 from rich.table import Table
 
-from guidance.catch_up import CatchUp
 from guidance.flight import FlightSettings
+from guidance.following.catch_up import CatchUp
 from guidance.telemetry import Setpoint
 
 Change = Callable[[FlightSettings], FlightSettings]

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.drift import JUMP_M, LARGEST_M_S, Drift, observe_drift
-from guidance.station import AWAY_M, keep_station
-from guidance.station import LARGEST_M_S as STATION_LARGEST_M_S
+from guidance.following.drift import JUMP_M, LARGEST_M_S, Drift, observe_drift
+from guidance.following.station import AWAY_M, keep_station
+from guidance.following.station import LARGEST_M_S as STATION_LARGEST_M_S
 
 DT_S = 0.02
 coordinates = st.floats(-50.0, 50.0)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.boundary import RETURN_M_S, RETURN_PER_S, keep_inside
+from guidance.following.boundary import RETURN_M_S, RETURN_PER_S, keep_inside
 from guidance.limits import Envelope, Polygon
 
 PLAIN = {

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.handling import HANDLING
-from guidance.servo import ServoGains, ServoMemory, serve
+from guidance.following.handling import HANDLING
+from guidance.following.servo import ServoGains, ServoMemory, serve
 
 DT_S = 0.02
 GAINS = ServoGains(

@@ -7,10 +7,10 @@ terms, whose velocity differs by the drift.
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.approach import Approach, Gaps, approach
-from guidance.catch_up import CatchUp, catch_up
-from guidance.drift import Drift, observe_drift
-from guidance.servo import ServoGains, ServoMemory, serve
+from guidance.following.approach import Approach, Gaps, approach
+from guidance.following.catch_up import CatchUp, catch_up
+from guidance.following.drift import Drift, observe_drift
+from guidance.following.servo import ServoGains, ServoMemory, serve
 from guidance.telemetry import Vector
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))  # the benchmark flies the same chase
+sys.path.insert(0, str(Path(__file__).parents[2] / "bench"))  # the benchmark flies the same chase
 
 from chase import altered, chase, hover_chase
 

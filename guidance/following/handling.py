@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from guidance.approach import Approach
-from guidance.catch_up import CatchUp
 from guidance.errors import ConfigError
-from guidance.follow import Following
-from guidance.servo import ServoGains
+from guidance.following.approach import Approach
+from guidance.following.catch_up import CatchUp
+from guidance.following.follow import Following
+from guidance.following.servo import ServoGains
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

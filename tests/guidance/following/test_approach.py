@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.approach import Approach, Gaps, approach, closing_allowed
-from guidance.handling import HANDLING
+from guidance.following.approach import Approach, Gaps, approach, closing_allowed
+from guidance.following.handling import HANDLING
 
 DT_S = 0.02
 SETTINGS = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.3, margin_m=0.15)

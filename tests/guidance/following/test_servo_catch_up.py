@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.catch_up import CatchUp, catch_up
+from guidance.following.catch_up import CatchUp, catch_up
 
 DT_S = 0.02
 SETTINGS = CatchUp(share=0.05, gain_per_s=0.5, limit_m=12.0)

@@ -2,13 +2,13 @@
 
 import pytest
 
-from guidance.approach import Gaps
 from guidance.autopilots import PROFILES
-from guidance.catch_up import CatchUp
-from guidance.drift import Drift
 from guidance.errors import ConfigError
-from guidance.follow import Following, FollowMemory, Motion, follow
-from guidance.handling import HANDLING, handling
+from guidance.following.approach import Gaps
+from guidance.following.catch_up import CatchUp
+from guidance.following.drift import Drift
+from guidance.following.follow import Following, FollowMemory, Motion, follow
+from guidance.following.handling import HANDLING, handling
 from guidance.limits import Envelope
 
 FAR = Gaps(60.0, 15.0, 1.0, 0.0)
