@@ -59,7 +59,8 @@ def test_the_predicted_value_is_the_closed_form_of_the_stand_off_game(pe):
     d = math.hypot(x - result.engaged_evader_m[0], y - result.engaged_evader_m[1]) - 3.0
     v, delta2 = 1.5, 4.0
     closed_form = (d + math.sqrt((delta2 - 1) * (z - 5.0) ** 2 + delta2 * d * d)) / (v * (delta2 - 1))
-    assert result.predicted == pytest.approx(closed_form, rel=1e-6)
+    # A little more: what is known of the evader is some hundredths of a second old, in which it may have run elsewhere.
+    assert closed_form <= result.predicted <= closed_form + 0.1
 
 
 def test_the_papers_tad_game_ends_about_as_far_from_the_target_as_its_value(tad):
