@@ -1,8 +1,10 @@
 """How the real MAVSDK fails, with its own exceptions and times, when the mock is told to fail it."""
 
+import contextlib
 import time
 
 import pytest
+import zenoh
 from mavsdk.plugins.action import ActionError, ActionResult
 from mavsdk.plugins.offboard import OffboardError, OffboardResult, VelocityNedYaw
 from mavsdk.plugins.param import ParamError, ParamResult
@@ -194,3 +196,24 @@ def test_offboard_in_the_air_is_believed_too_early_lost_and_taken_by_the_pilot(p
         px4.wait(lambda: px4.telemetry.flight_mode() == FlightMode.POSCTL, 3.0)
         px4.action.kill()
     px4.wait(lambda: not px4.telemetry.armed(), 10.0)
+
+
+def test_mavsdk_over_zenoh_outlives_a_restart_of_the_router(copter, inject):
+    with contextlib.suppress(zenoh.ZError, ValueError), inject(copter.vehicle, kind="router_restart", for_s=0.5):
+        time.sleep(0.7)
+    copter.wait(copter.system.is_connected, 10.0)
+    copter.wait(lambda: armed_and_disarmed(copter), 10.0)
+
+
+def armed_and_disarmed(client):
+    try:
+        client.action.arm()
+        client.action.disarm()
+    except ActionError:
+        return False
+    return True
+
+
+def test_mavsdk_over_udp_follows_a_vehicle_to_its_new_port(px4, inject):
+    with inject(px4.vehicle, kind="udp_port_change"):
+        px4.wait(lambda: armed_and_disarmed(px4), 10.0)

@@ -1,12 +1,16 @@
 """Requests, transports and hostile frames, in one process and without sleeping."""
 
+import contextlib
 import json
 import socket
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sitl_mock import ConfigError, MockVehicle, TransportError
 from sitl_mock.faults import KINDS, Faulted, frames, parse_script
+from sitl_mock.faults.faulted import MAX_COPIES
 from sitl_mock.faults.queryable import answer, read_request
 from sitl_mock.hostile import HostileTraffic
 from sitl_mock.mavlink import SPEC_BY_ID, Decoder, Encoder, Signing
@@ -29,6 +33,11 @@ class Router:
             self.failures -= 1
             raise TransportError("port taken")
         self.events.append("up")
+
+
+@pytest.fixture(scope="module")
+def plain_vehicle():
+    return Faulted(MockVehicle())
 
 
 def test_a_restart_lasts_as_long_as_the_fault_and_is_tried_again_while_the_port_is_taken():
@@ -104,6 +113,36 @@ def test_answers_are_json_and_do_what_they_say():
         answer(vehicle, {"do": "dance"})
     with pytest.raises(ConfigError, match="loud = 1"):
         answer(vehicle, {"do": "list", "loud": 1})
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.sampled_from(sorted(KINDS)),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=4,
+)
+KEYS = sorted(
+    {key for kind in KINDS.values() for key in kind.options} | {"number", "at_s", "for_s", "messages", "link"}
+)
+
+
+@given(
+    do=st.sampled_from(["inject", "clear", "list", "kinds"]) | JSON,
+    kind=st.sampled_from(sorted(KINDS)) | JSON,
+    keys=st.dictionaries(st.sampled_from(KEYS), JSON, max_size=3),
+)
+def test_any_request_is_answered_or_refused_in_words(plain_vehicle, do, kind, keys):
+    request = {"do": do, **keys} | ({"kind": kind} if do == "inject" else {})
+    with contextlib.suppress(ConfigError):  # anything else would leave a query without an answer
+        json.dumps(answer(plain_vehicle, request))
+    plain_vehicle.clear()
+
+
+def test_faults_that_double_each_other_do_not_multiply_without_end():
+    doubling = [{"kind": "duplicate", "copies": 10, "messages": ["HEARTBEAT"]}] * 12
+    vehicle = Faulted(MockVehicle(), "uav1", parse_script({"fault": doubling}))
+    vehicle.step(0.0)
+    beats = [frame for frame in vehicle.step(1.05) if frames.message_id(frame) == 0]
+    assert len(beats) in {MAX_COPIES, 2 * MAX_COPIES}
 
 
 def test_hostile_bytes_pass_every_fault_of_frames_without_an_exception_or_a_change_of_state():
