@@ -10,6 +10,7 @@ from guidance.cli.fly import fly
 from guidance.cli.log import log
 from guidance.cli.paper import paper
 from guidance.cli.replay import replay
+from guidance.cli.report import report
 from guidance.cli.run import run
 from guidance.cli.solve import solve
 from guidance.errors import GuidanceError
@@ -23,6 +24,7 @@ app = typer.Typer(
 app.command()(fly)
 app.command()(paper)
 app.command()(replay)
+app.command()(report)
 app.add_typer(log, name="log")
 app.command()(solve)
 app.command()(run)

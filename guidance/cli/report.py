@@ -1,0 +1,21 @@
+"""`guidance report`: a record as one page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    file: Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the page and the pictures; default beside FILE.")] = None,
+) -> None:
+    """Draw a record: one HTML page that needs nothing else, and its pictures as PNG.
+
+    Tracks in space and from above with fence, stand-off and isochrons, the game and its guarantee over time, velocities
+    commanded and flown, ages and latencies, events, and a summary.
+    """
+    from guidance.report import write_report  # noqa: PLC0415 - matplotlib takes a second
+
+    for path in write_report(file, file.parent if out is None else out):
+        typer.echo(str(path))
