@@ -8,12 +8,16 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
 
+PYTEST = [sys.executable, "-m", "pytest", "-q", "--dist", "loadfile"]
+
 STEPS = {
     "format": [BIN / "ruff", "format", "--check", "."],
     "lint": [BIN / "ruff", "check", "."],
     "types": [BIN / "mypy"],
     "layers": [BIN / "lint-imports"],
-    "tests": [sys.executable, "-m", "pytest", "-q", "--cov", "--cov-report=term"],
+    "tests": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-report="],
+    # Real clients in real time wait more than they work.
+    "real time": [*PYTEST, "-n", "3", "-m", "slow", "--cov", "--cov-append", "--cov-report=term"],
 }
 
 

@@ -142,6 +142,7 @@ _QUESTIONS: Mapping[Event, Callable[[Scene], bool]] = {
     Event.REBOOTED: lambda scene: scene.vehicle.reboots != scene.reboots_seen,
     Event.TELEMETRY_LOST: _telemetry_lost,
     Event.DISARMED: lambda scene: scene.heard_since_entry and not scene.vehicle.armed,
+    Event.LOOP_STOPPED: lambda scene: scene.dt_s >= scene.settings.profile.setpoint_timeout_s,
     Event.FOREIGN: lambda scene: scene.foreign,
     Event.FENCE: lambda scene: _certified(scene, "outside_fence"),
     Event.BATTERY_LOW: _battery_low,

@@ -61,6 +61,7 @@ class Event(StrEnum):
     FOREIGN = "setpoints of another source"
     TARGET_LOST = "target lost"
     ESTIMATOR_RESET = "estimator reset"
+    LOOP_STOPPED = "loop stopped for longer than the autopilot waits for setpoints"
     LOOP_LATE = "loop late"
     CLEAR = "all inputs back"
     TELEMETRY_LOST = "vehicle telemetry lost"
@@ -119,6 +120,8 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     **{(state, Event.ABORT): State.LANDING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING, State.RETURNING)},
     **{(state, Event.ABORT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY, State.ARMING)},
     **{(state, Event.BATTERY_LOW): State.RETURNING for state in (*_COMMANDING, State.STANDING_BY, State.POSITIONING)},
+    # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
+    **{(state, Event.LOOP_STOPPED): State.YIELDED for state in _COMMANDING},
     **{(state, Event.FENCE): State.HOLDING for state in _COMMANDING},
     **{(state, Event.FOREIGN): State.HOLDING for state in _COMMANDING},
     **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},

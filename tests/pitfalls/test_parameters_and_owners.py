@@ -62,7 +62,7 @@ def test_09_a_pilots_switch_to_offboard_begins_the_game_where_that_is_configured
     flight = sortie("px4", change=with_pilot_start).standing_by().run(2.0)
     # MAVSDK would have stopped its stream outside of Offboard, and PX4 would refuse the switch.
     assert flight.mock.mode == "HOLD"
-    assert len(flight.setpoints) > 50
+    assert len(flight.setpoints) > 40
     flight.mock.inject("rc", True)
     flight.run(0.2)
     flight.mock.inject("pilot_mode", "OFFBOARD")
