@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Exact, rollout, solve
 
-PLAYED = ("paper", "capture_radius", "ball_standoff", "wind", "cylinder_standoff", "space")
+PLAYED = (
+    "paper",
+    "capture_radius",
+    "wind",
+    "space",
+    pytest.param("ball_standoff", marks=pytest.mark.slow),
+    pytest.param("cylinder_standoff", marks=pytest.mark.slow),
+)
 STEPPING = Exact(step_s=0.2)
 few = settings(max_examples=1, deadline=None)
 seeds = st.integers(0, 2**32 - 1)
