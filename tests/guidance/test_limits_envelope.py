@@ -1,0 +1,134 @@
+"""Limits: an envelope or a polygon that is none is refused by name, and a polygon is what it looks like."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.errors import ConfigError
+from guidance.limits import (
+    Envelope,
+    Polygon,
+    StandOff,
+)
+
+OPEN = Envelope(
+    floor_m=-1000.0,
+    ceiling_m=1000.0,
+    speed_m_s=10.0,
+    climb_m_s=4.0,
+    descent_m_s=2.0,
+    acceleration_m_s2=5.0,
+    vertical_acceleration_m_s2=3.0,
+    jerk_m_s3=1e6,
+    yaw_rate_rad_s=0.5,
+    braking_m_s2=2.0,
+    vertical_braking_m_s2=1.0,
+    reaction_s=0.5,
+)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "speed_m_s",
+        "climb_m_s",
+        "descent_m_s",
+        "acceleration_m_s2",
+        "vertical_acceleration_m_s2",
+        "jerk_m_s3",
+        "yaw_rate_rad_s",
+        "braking_m_s2",
+        "vertical_braking_m_s2",
+        "reaction_s",
+        "height_gain_per_s",
+        "fence_radius_m",
+    ],
+)
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, 2e6])
+def test_a_limit_that_is_no_positive_number_is_refused_by_name(name, value):
+    with pytest.raises(ConfigError, match=rf"^{name} = {value}: allowed is"):
+        replace(OPEN, **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"floor_m": 30.0, "ceiling_m": 30.0}, "floor_m = 30.0: allowed is less than ceiling_m = 30.0"),
+        ({"floor_m": math.nan}, "floor_m = nan"),
+        ({"ceiling_m": math.inf}, "ceiling_m = inf"),
+        ({"floor_m": -math.inf}, "floor_m = -inf"),
+        ({"home_ned_m": (0.0, math.nan, 0.0)}, "home_ned_m"),
+        ({"fence_margin_m": -1.0}, "fence_margin_m = -1.0"),
+        ({"fence_margin_m": 5.0, "fence_radius_m": 5.0}, "fence_margin_m = 5.0"),
+    ],
+)
+def test_limits_that_contradict_each_other_are_refused_by_name(values, words):
+    with pytest.raises(ConfigError, match=words):
+        replace(OPEN, **values)
+
+
+@pytest.mark.parametrize("values", [{"radius_m": 0.0, "height_m": 5.0}, {"radius_m": 3.0, "height_m": math.nan}])
+def test_a_stand_off_without_size_is_refused_by_name(values):
+    with pytest.raises(ConfigError, match=r"stand_off\.(radius_m = 0.0|height_m = nan): allowed"):
+        StandOff(**values)
+
+
+@pytest.mark.parametrize(
+    ("corners", "words"),
+    [
+        (((0.0, 0.0), (1.0, 0.0)), "2 corners"),
+        (((0.0, 0.0), (1.0, 0.0), (math.nan, 1.0)), "finite"),
+        (((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)), "edge 1 .* shorter"),
+        (((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0)), "edges 0 and 2 cross"),
+        (((0.0, 0.0), (10.0, 0.0), (5.0, 0.0)), "edges 0 and 1 cross"),
+        (((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (5.0, 0.0), (0.0, 10.0)), "edges 0 and 2 cross"),
+        (((0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (20.0, 5.0), (20.0, 0.0), (5.0, 0.0), (5.0, -5.0)), "cross or touch"),
+    ],
+)
+def test_a_polygon_that_is_none_is_refused(corners, words):
+    with pytest.raises(ConfigError, match=words):
+        Polygon(corners)
+
+
+TOUCHING = [
+    ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (5.0, 0.0), (0.0, 10.0)),  # a corner on an edge
+    ((0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (20.0, 5.0), (20.0, 0.0), (5.0, 0.0), (5.0, -5.0)),  # edges on one line
+    ((0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 0.0), (-8.0, 8.0), (-8.0, 0.0)),  # two corners in one place
+    ((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0)),  # a bow tie
+]
+APART = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (7.0, 10.0), (7.0, 5.0), (3.0, 5.0), (3.0, 10.0), (0.0, 10.0))
+
+
+@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_edges_that_touch_are_found_whichever_way_they_lie_and_edges_on_one_line_may_be_apart(turn, mirrored, reverse):
+    def placed(corners):
+        for _ in range(turn):
+            corners = tuple((-east, north) for north, east in corners)
+        corners = tuple((east, north) for north, east in corners) if mirrored else corners
+        return corners[::-1] if reverse else corners
+
+    for corners in TOUCHING:
+        with pytest.raises(ConfigError, match="cross or touch"):
+            Polygon(placed(corners))
+    assert Polygon(placed(APART)).contains(placed(((5.0, 2.0), (5.0, 2.0)))[0])
+    assert not Polygon(placed(APART)).contains(placed(((5.0, 8.0), (5.0, 8.0)))[0])
+
+
+@settings(deadline=None)
+@given(st.floats(-8, 8), st.floats(-8, 8), st.booleans())
+def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east, clockwise):
+    corners = ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0))
+    square = Polygon(corners if clockwise else corners[::-1])
+    if max(abs(north), abs(east)) != 5.0:
+        assert square.contains((north, east)) == (max(abs(north), abs(east)) < 5.0)
+    nearest = min(math.dist((north, east), point) for point in square.nearest_points((north, east)))
+    outside = math.hypot(max(0.0, abs(north) - 5.0), max(0.0, abs(east) - 5.0))
+    assert nearest == pytest.approx(outside or 5.0 - max(abs(north), abs(east)))
+    for index, (one, other) in enumerate(square.edges()):
+        middle = ((one[0] + other[0]) / 2.0, (one[1] + other[1]) / 2.0)
+        assert square.outward(index) == pytest.approx((middle[0] / 5.0, middle[1] / 5.0))
