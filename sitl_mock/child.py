@@ -116,7 +116,7 @@ def running(
         (folder / "fleet.toml").write_text(_toml({"seed": seed, **fleet, "vehicle": list(vehicles)}), encoding="utf-8")
         (folder / "faults.toml").write_text(_toml(faults or {}), encoding="utf-8")
         for attempt in range(_ATTEMPTS):
-            port = _free_ports(flavours) if "udp" in over else None
+            port = _free_ports(flavours, stack) if "udp" in over else None
             process = _start(folder, port, zenoh="zenoh" in over)
             stack.callback(end, process)
             line = _first_line(process)
@@ -178,17 +178,33 @@ def _told(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, Run
     return vehicles
 
 
-def _free_ports(flavours: Mapping[str, str]) -> int:
-    """Return a first port such that all the vehicles' ports, and those of their clients, are free now."""
+def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int:
+    """Return a first port such that all the vehicles' ports, and those of their clients, are free now.
+
+    Nobody listens on a client's UDP port before the client does. Until the stack is closed, the TCP port of the same
+    number is held instead, so that fleets started at the same time keep apart.
+    """
     spread = max(max(pair) for pair in udp_ports(0, flavours).values()) + 1
     first = _FIRST_PORT + _any_free_port() % (_LAST_PORT - _FIRST_PORT)
     for start in itertools.chain(range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)):
         wanted = [port for pair in udp_ports(start, flavours).values() for port in pair if port]
         if len(set(wanted)) < len(wanted):
             raise TransportError(f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets")
-        if all(_is_free(port) for port in wanted):
-            return start
+        with contextlib.ExitStack() as held:
+            if all(_is_free(port) and _held(port, held) for port in wanted):
+                stack.push(held.pop_all())
+                return start
     raise TransportError(f"no free UDP ports from {_FIRST_PORT} to {_LAST_PORT} on 127.0.0.1")
+
+
+def _held(port: int, stack: contextlib.ExitStack) -> bool:
+    """Hold a TCP port until the stack is closed; False if another fleet has it."""
+    holder = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+    try:
+        holder.bind(("127.0.0.1", port))
+    except OSError:
+        return False
+    return True
 
 
 def _any_free_port() -> int:

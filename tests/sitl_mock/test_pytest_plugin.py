@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 
 import pytest
 
-from sitl_mock import ConfigError
+from sitl_mock import ConfigError, TransportError
 from sitl_mock.child import end, running
 
 pytest_plugins = ["pytester"]
@@ -21,6 +21,42 @@ def test_loading_the_plugin_loads_nothing_heavy():
     heavy = "[m for m in ('pymavlink', 'zenoh', 'numpy', 'pydantic', 'sitl_mock.vehicle') if m in sys.modules]"
     code = f"import sys, sitl_mock.pytest_plugin; print({heavy})"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_a_stepped_vehicle_is_moved_by_the_clock_of_the_test(mock_vehicle):
+    quiet = mock_vehicle.stepped(faults={"fault": [{"kind": "silence"}]})
+    loud = mock_vehicle.stepped("arducopter", "copter", system_id=9)
+    assert quiet.step(0.0) + quiet.step(2.0) == []
+    assert loud.step(0.0) + loud.step(2.0) != []
+    assert (loud.name, loud.vehicle.system_id) == ("copter", 9)
+
+
+@pytest.mark.slow
+def test_vehicles_and_fleets_say_where_they_can_be_reached(mock_vehicle, mock_fleet):
+    vehicle = mock_vehicle("rover", "target", ready_after_s=0.5)
+    fleet = mock_fleet(2, over=["udp"])
+    other = mock_fleet([{"name": "a", "flavour": "arducopter", "start_ned_m": [9, 0, 0]}], over=["zenoh"])
+    assert (vehicle.name, vehicle.flavour, vehicle.namespace) == ("target", "rover", "target")
+    assert list(fleet) == ["uav1", "uav2"]
+    assert len(fleet) == 2
+    assert fleet["uav2"].udp_port == fleet["uav1"].udp_port + 1
+    assert fleet["uav1"].udp_listens == fleet["uav1"].udp_port + 40
+    assert other["a"].zenoh != vehicle.zenoh
+    assert other["a"].udp_port is None
+
+
+@pytest.mark.slow
+def test_fleets_that_run_side_by_side_share_no_port(mock_fleet):
+    fleets = [mock_fleet({"a": "arducopter", "b": "px4"}, over=["udp"]) for _ in range(3)]
+    ports = [vehicle.udp_port for fleet in fleets for vehicle in fleet.values()]
+    assert len(set(ports)) == 6
+
+
+def test_ports_that_would_clash_within_a_fleet_are_told(mock_fleet):
+    kinds = {f"v{number}": "px4" if number < 10 else "arducopter" for number in range(11)}
+    kinds = {"first": "px4", **{f"c{number}": "arducopter" for number in range(4)}, **kinds}
+    with pytest.raises(TransportError, match="clash"):
+        mock_fleet(kinds, over=["udp"])
 
 
 @pytest.mark.slow
