@@ -42,6 +42,8 @@ class Gradient(NamedTuple):
 def value_gradient(game: Game, pursuer: Array, evader: Array, target: Array | None = None) -> Gradient:
     """Return the gradient of `solve(...).value`; zero for the target in PE, and for what the value does not depend on.
 
+    On the barrier it is that of the evader's side: from the other, the meeting point lies in no direction from T.
+
     Args:
         game: what is played.
         pursuer: position P, (..., 3), m.
@@ -89,7 +91,7 @@ def _by_regime(
     normal = (p[0] - n[0] / v, p[1] - n[1] / v)
     weight = -dot2(objective, normal) / dot2(normal, normal)
     pull = carried + weight / v
-    lost = solution.winner < 0
+    lost = solution.winner <= 0
     short = _short(xp, game, state, run, t)
     return (
         _select3(xp, lost, short[0], _pursuer(weight, p, lift)),

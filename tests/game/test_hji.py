@@ -108,6 +108,15 @@ def test_the_tad_gradient_is_the_papers():
     np.testing.assert_allclose(gradient.evader, [*by_evader, 0.0], rtol=1e-12)
 
 
+def test_on_the_barrier_the_gradient_is_that_of_the_evaders_side():
+    P, E, T, game = np.array([8.0, 0.0, 0.0]), np.array([0.0, 4.0, 0.0]), np.zeros(3), Game(Ball(2.0), 1.0)
+    assert solve(game, P, E, T).winner == 0
+    gradient = value_gradient(game, P, E, T)
+    np.testing.assert_allclose(gradient.pursuer, [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(gradient.evader, [0.0, -2.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(gradient.target, [-1.0, 2.0, 0.0], atol=1e-12)
+
+
 def test_a_function_that_is_no_value_has_a_residual(games, oracle):
     P, E, T = oracle.states(5, 50)
 
