@@ -1,0 +1,130 @@
+"""Time the record and the replay: `python tests/bench/bench_record.py [SCENARIO]`.
+
+A mocked flight is flown once in virtual time, its rows and frames are kept, and written again with a clock around every
+call: what a cycle pays for being recorded (the row, its frames), beside a plain `json.dumps` of the same row into
+nothing. Then the bytes of a flight minute, raw and as written, and the replay's speed beside the flight core alone, fed
+with the same inputs without reading a file.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from guidance.flight import Flight
+from guidance.records import compare, flight_settings, metadata_of, rows_of, scan
+from guidance.scenarios.fast import FastWorld
+from guidance.scenarios.fly import fly
+from guidance.scenarios.model import Scenario, load_scenario
+from guidance.service.clock import VirtualClock
+from guidance.service.record import TICK_TOPIC, Recorder
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Any
+
+
+class Kept:
+    """A record in memory: every call, in order."""
+
+    failed = None
+
+    def __init__(self) -> None:
+        self.cycles: list[list[tuple[str, tuple[Any, ...]]]] = [[]]
+
+    def frame(self, *call: Any) -> None:
+        self.cycles[-1].append(("frame", call))
+
+    def event(self, *call: Any) -> None:
+        self.cycles[-1].append(("event", call))
+
+    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
+        self.cycles.append([("tick", (now_s, row))])
+
+
+def flown(scenario: Scenario) -> Kept:
+    """Fly once and keep everything that would be recorded."""
+    clock = VirtualClock()
+    world, kept = FastWorld(scenario, clock), Kept()
+    try:
+        fly(scenario, world, clock, kept, lambda _: None)
+    finally:
+        world.close()
+    return kept
+
+
+def written(kept: Kept, path: Path, metadata: Mapping[str, str]) -> list[float]:
+    """Write it all; return what each cycle cost, s."""
+    recorder = Recorder(path, metadata)
+    costs = []
+    for cycle in kept.cycles:
+        begin = time.perf_counter()
+        for name, call in cycle:
+            getattr(recorder, name)(*call)
+        costs.append(time.perf_counter() - begin)
+    recorder.close()
+    return costs
+
+
+def dumped(rows: list[dict[str, Any]]) -> list[float]:
+    """Return what `json.dumps` alone costs for each row, s."""
+    costs = []
+    for row in rows:
+        begin = time.perf_counter()
+        json.dumps(row, separators=(",", ":")).encode()
+        costs.append(time.perf_counter() - begin)
+    return costs
+
+
+def percentiles(costs: list[float]) -> str:
+    half, most, worst = np.percentile(np.array(costs) * 1e6, [50, 99, 100])
+    return f"p50 {half:7.0f} µs   p99 {most:7.0f} µs   worst {worst:8.0f} µs"
+
+
+def main() -> None:
+    scenario = load_scenario(sys.argv[1] if len(sys.argv) > 1 else "pe")[1]
+    metadata = {"scenario": json.dumps(scenario.model_dump(mode="json"))}
+    kept = flown(scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "record.mcap"
+        best = min((written(kept, path, metadata) for _ in range(3)), key=lambda costs: float(np.median(costs)))
+        items = list(scan(path))
+        rows = [json.loads(item.data) for item in items if item.topic == TICK_TOPIC]
+        minutes = (rows[-1]["now_s"] - rows[0]["now_s"]) / 60.0
+        print(
+            f"{scenario.title}: {len(rows)} cycles, {minutes * 60:.1f} s, {len(items) / len(rows):.1f} messages a cycle"
+        )
+        print(f"recording a cycle        {percentiles(best)}")
+        print(f"json.dumps of its row    {percentiles(dumped(rows))}")
+        raw, size = sum(len(item.data) for item in items), path.stat().st_size
+        print(
+            f"bytes a flight minute    {size / minutes / 1e6:.2f} MB written, {raw / minutes / 1e6:.2f} MB of messages"
+        )
+
+        settings = flight_settings(metadata_of(path), {})
+        begin = time.perf_counter()
+        comparison, _ = compare(path, settings)
+        replayed_s = time.perf_counter() - begin
+        inputs = [row.inputs for row in rows_of(path)]
+        flight = Flight(settings)
+        begin = time.perf_counter()
+        for one in inputs:
+            flight.step(one)
+        core_s = time.perf_counter() - begin
+        count = len(inputs)
+        per_s = count / replayed_s
+        print(f"replay                   {per_s:7.0f} ticks/s, {per_s / 50.0:.0f} × real time")
+        print(
+            f"flight core alone        {count / core_s:7.0f} ticks/s, replay takes {replayed_s / core_s:.2f} × as long"
+        )
+        print(f"differing                {comparison.differing}")
+
+
+if __name__ == "__main__":
+    main()
