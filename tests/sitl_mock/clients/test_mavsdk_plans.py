@@ -147,6 +147,8 @@ async def test_the_asyncio_client_flies_offboard_over_zenoh(fleet, bridge_of):
             12.0,
             "not back",
         )
+        await action.hold()
+        await first(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD, 3.0, "no hold")
         await offboard.stop()
         await action.land()
         await first(telemetry.subscribe_armed(), lambda armed: not armed, 20.0, "not landed")

@@ -7,9 +7,11 @@ import time
 import pytest
 import zenoh
 
+from sitl_mock import MockVehicle, TransportError
 from sitl_mock.child import running
+from sitl_mock.faults import Faulted, queryable
 from sitl_mock.mavlink import Decoder
-from sitl_mock.transports.zenoh_session import configuration
+from sitl_mock.transports.zenoh_session import ZenohEndpoint, configuration, with_port
 
 pytestmark = pytest.mark.slow
 
@@ -127,3 +129,25 @@ def test_a_vehicle_that_changes_its_port_is_heard_from_the_new_one(fleet, sessio
         while (address := client.recvfrom(2048)[1])[1] == vehicle.udp_listens:
             assert time.monotonic() < end_s
         assert address[0] == "127.0.0.1"
+
+
+def test_what_is_declared_on_an_endpoint_comes_back_with_it():
+    place = with_port("tcp/127.0.0.1:0")
+    faulted = Faulted(MockVehicle())
+    endpoint = ZenohEndpoint(["uav1"], place)
+    try:
+        endpoint.declare(lambda opened: queryable.declare(opened, {"uav1": faulted}))
+        with zenoh.open(configuration("client", place, connect=True)) as client:
+            assert ask(client, {"do": "inject", "kind": "silence"}) == ({"number": 1}, True)
+        endpoint.go_down()
+        endpoint.go_down()
+        endpoint.send("uav1", "onboard", [b"frame"])
+        assert endpoint.dropped == 1
+        with socket.create_server(("127.0.0.1", int(place.rsplit(":", 1)[1]))), pytest.raises(TransportError):
+            endpoint.come_up()
+        endpoint.come_up()
+        with zenoh.open(configuration("client", place, connect=True)) as client:
+            assert [each["kind"] for each in ask(client, {"do": "list"})[0]] == ["silence"]
+            assert not ask(client, {"do": "nothing"})[1]
+    finally:
+        endpoint.close()
