@@ -94,6 +94,9 @@ def test_a_polygon_that_is_none_is_refused(corners, words):
 
 
 TOUCHING = [
+    ((0.0, 0.0), (10.0, 10.0), (5.0, 5.0)),  # an edge folded back on another one
+    ((0.0, 0.0), (5.0, 5.0), (9.0, 2.0), (10.0, 10.0), (7.0, 7.0)),  # a corner on an edge, aslant
+    ((0.0, 0.0), (4.0, 8.0), (2.0, 4.0), (6.0, 0.0)),
     ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (5.0, 0.0), (0.0, 10.0)),  # a corner on an edge
     ((0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (20.0, 5.0), (20.0, 0.0), (5.0, 0.0), (5.0, -5.0)),  # edges on one line
     ((0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 0.0), (-8.0, 8.0), (-8.0, 0.0)),  # two corners in one place
@@ -132,3 +135,20 @@ def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east
     for index, (one, other) in enumerate(square.edges()):
         middle = ((one[0] + other[0]) / 2.0, (one[1] + other[1]) / 2.0)
         assert square.outward(index) == pytest.approx((middle[0] / 5.0, middle[1] / 5.0))
+
+
+@settings(deadline=None)
+@given(st.floats(-12, 12), st.floats(-12, 12), st.floats(0.0, 6.0), st.booleans())
+def test_inside_is_where_the_polygon_winds_about_the_point(north, east, angle, clockwise):
+    # A star with slanting edges; the turns about the point are summed as angles, which owes nothing to any ray.
+    corners = []
+    for index in range(10):
+        radius, bearing = (10.0, 4.0)[index % 2], angle + index * math.tau / 10.0
+        corners.append((radius * math.cos(bearing), radius * math.sin(bearing)))
+    star = Polygon(tuple(corners if clockwise else corners[::-1]))
+    turned = 0.0
+    for one, other in star.edges():
+        before = math.atan2(one[1] - east, one[0] - north)
+        turned += math.remainder(math.atan2(other[1] - east, other[0] - north) - before, math.tau)
+    if min(math.dist(point, (north, east)) for point in star.nearest_points((north, east))) > 1e-6:
+        assert star.contains((north, east)) == (round(turned / math.tau) != 0)
