@@ -8,7 +8,7 @@ its place and change, for a person to judge whether it changes a result.
 import argparse
 import ast
 import copy
-import importlib.util
+import inspect
 import os
 import random
 import signal
@@ -17,9 +17,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+from hypothesis import Phase, settings
+
+REPORT = os.dup(1)
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE, TESTS = ROOT / "guidance" / "game", ROOT / "tests" / "game"
-LIMIT_S = 240
+LIMIT_S = 60
 CORE = ("test_solve_closed_forms", "test_degenerate_states", "test_bad_input", "test_brute_force", "test_batch_bits")
 COVERING = {
     "apollonius": ("test_solve_closed_forms", "test_bad_input"),
@@ -80,58 +84,85 @@ def changes(node: ast.AST):  # noqa: C901 - one case for each kind of node
         yield f"{node.func.id} dropped", lambda: setattr(node, "func", ast.Name("float_like", ast.Load()))
 
 
-class Planted:
-    """An import hook that gives one module a changed source."""
+class Forks:
+    """A pytest plugin that collects the tests once, and runs them in a forked child for every mutant."""
 
-    def __init__(self, name: str, tree: ast.Module) -> None:
-        self.name, self.tree = name, tree
+    def __init__(self, drawn: list[tuple[str, str, ast.Module]], ends: float) -> None:
+        self.drawn, self.ends = drawn, ends
 
-    def find_spec(self, name, path=None, target=None):
-        return importlib.util.spec_from_loader(name, self) if name == self.name else None
+    def pytest_runtestloop(self, session) -> bool:
+        """Judge mutants until the time is up, and print the count."""
+        killed, survivors = 0, 0
+        for stem in sorted({stem for stem, _, _ in self.drawn}):
+            if not self.survives(session, stem, ast.parse((SOURCE / f"{stem}.py").read_text()), first=True):
+                say(f"{stem}.py: its tests fail without a change; left out")
+                self.drawn = [entry for entry in self.drawn if entry[0] != stem]
+        for stem, said, tree in self.drawn:
+            if time.monotonic() > self.ends:
+                break
+            if self.survives(session, stem, tree):
+                survivors += 1
+                say(f"survived: {stem}.py:{said}")
+            else:
+                killed += 1
+            if (killed + survivors) % 50 == 0:
+                say(f"judged so far: {killed + survivors}, killed {killed}")
+        judged = killed + survivors
+        share = 100.0 * killed / max(judged, 1)
+        say(f"{judged} of {len(self.drawn)} mutants judged, {killed} killed ({share:.1f} %), {survivors} survived")
+        return True
 
-    def create_module(self, spec):
-        return None
-
-    def exec_module(self, module) -> None:
-        module.float_like = lambda value: value
-        exec(compile(self.tree, self.name, "exec"), module.__dict__)
-
-
-def survives(stem: str, tree: ast.Module) -> bool:
-    """Run the tests of a file against a mutant in a child; a child that hangs or dies has been noticed."""
-    child = os.fork()
-    if child == 0:
-        signal.alarm(LIMIT_S)
-        os.setpgid(0, 0)
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, 1)
-        os.dup2(null, 2)
-        code = 1
-        try:
-            code = run_tests(stem, tree)
-        finally:
-            os._exit(code)
-    return os.waitpid(child, 0)[1] == 0
+    def survives(self, session, stem: str, tree: ast.Module, *, first: bool = False) -> bool:
+        """Run the tests of a file against a mutant in a child; a child that hangs or dies has been noticed."""
+        child = os.fork()
+        if child == 0:
+            signal.alarm(LIMIT_S)
+            code = 1
+            try:
+                plant(f"guidance.game.{stem}", tree)
+                files = COVERING.get(stem, CORE)[: 1 if first else None]
+                items = sorted(
+                    (item for item in session.items if item.path.stem in files),
+                    key=lambda item: files.index(item.path.stem),
+                )
+                code = int(any(fails(session, item) for item in items))
+            finally:
+                os._exit(code)
+        return os.waitpid(child, 0)[1] == 0
 
 
-def run_tests(stem: str, tree: ast.Module) -> int:
-    """Run the tests in this process and return 0 if all passed."""
-    import pytest
-    from hypothesis import Phase, settings
+def fails(session, item) -> bool:
+    """Run one test, and say whether it failed."""
+    session.config.hook.pytest_runtest_protocol(item=item, nextitem=None)
+    return bool(session.testsfailed)
 
-    settings.register_profile(
-        "mutants",
-        phases=[Phase.explicit, Phase.generate],
-        database=None,
-        derandomize=True,
-        max_examples=25,
-        deadline=None,
-    )
-    settings.load_profile("mutants")
-    sys.meta_path.insert(0, Planted(f"guidance.game.{stem}", tree))
-    files = [str(TESTS / f"{name}.py") for name in COVERING.get(stem, CORE)]
-    options = ["-x", "-q", "-p", "no:cacheprovider", "--no-header", "--assert=plain", f"--rootdir={ROOT}"]
-    return int(pytest.main([*options, *files]))
+
+def plant(name: str, tree: ast.Module) -> None:
+    """Run a changed source and put its functions, methods and numbers wherever the old ones are known."""
+    old = dict(vars(sys.modules[name]))
+    fresh = dict(old) | {"float_like": lambda value: value}
+    exec(compile(tree, name, "exec"), fresh)
+    classes = {key for key, value in old.items() if isinstance(value, type)}
+    for key in classes:
+        take_methods(name, old[key], fresh[key])
+    changed = {key: fresh[key] for key in old.keys() - classes if fresh[key] is not old[key] and key[:2] != "__"}
+    for other in [module for key, module in sys.modules.items() if key.startswith("guidance") or "test_" in key]:
+        for key in changed.keys() & vars(other).keys():
+            if vars(other)[key] is old[key]:
+                setattr(other, key, changed[key])
+    fresh.update({key: old[key] for key in classes})
+
+
+def take_methods(name: str, old: type, fresh: type) -> None:
+    """Give a class that others know the methods of its changed twin."""
+    for key, method in vars(fresh).items():
+        if inspect.isfunction(method) and fresh.__module__ == name:
+            setattr(old, key, method)
+
+
+def say(line: str) -> None:
+    """Print past pytest's capture."""
+    os.write(REPORT, f"{line}\n".encode())
 
 
 def main() -> None:
@@ -141,7 +172,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="")
     parser.add_argument("--lines", default="", help="comma-separated line numbers, to judge some again")
-    parser.add_argument("--trust", action="store_true", help="do not first run the tests without a change")
     given = parser.parse_args()
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)
@@ -153,30 +183,18 @@ def main() -> None:
     if given.lines:
         drawn = [entry for entry in drawn if entry[1].split(":")[0] in given.lines.split(",")]
     random.Random(given.seed).shuffle(drawn)
-    __import__("numpy"), __import__("hypothesis"), __import__("pytest"), __import__("array_api_compat")
-    unchanged = {} if given.trust else {COVERING.get(stem, CORE): stem for stem, _, _ in drawn}
-    for stem in unchanged.values():
-        if not survives(stem, ast.parse((SOURCE / f"{stem}.py").read_text())):
-            sys.exit(f"{stem}: its tests fail without any change")
-    judge(drawn, time.monotonic() + 60.0 * given.minutes)
-
-
-def judge(drawn: list[tuple[str, str, ast.Module]], ends: float) -> None:
-    """Judge mutants until the time is up, and print the count."""
-    killed, survivors = 0, []
-    for stem, said, tree in drawn:
-        if time.monotonic() > ends:
-            break
-        if survives(stem, tree):
-            survivors.append((stem, said))
-            print(f"survived: {stem}.py:{said}", flush=True)
-        else:
-            killed += 1
-        if (killed + len(survivors)) % 20 == 0:
-            print(f"judged so far: {killed + len(survivors)}, killed {killed}", file=sys.stderr, flush=True)
-    judged = killed + len(survivors)
-    print(f"{judged} of {len(drawn)} mutants judged, {killed} killed ({100.0 * killed / max(judged, 1):.1f} %), "
-          f"{len(survivors)} survived")  # fmt: skip
+    settings.register_profile(
+        "mutants",
+        phases=[Phase.explicit, Phase.generate],
+        database=None,
+        derandomize=True,
+        max_examples=20,
+        deadline=None,
+    )
+    settings.load_profile("mutants")
+    files = sorted({str(TESTS / f"{name}.py") for stem, _, _ in drawn for name in COVERING.get(stem, CORE)})
+    options = ["-q", "-p", "no:cacheprovider", "--assert=plain", f"--rootdir={ROOT}"]
+    pytest.main([*options, *files], plugins=[Forks(drawn, time.monotonic() + 60.0 * given.minutes)])
 
 
 def strip(tree: ast.Module) -> ast.Module:
