@@ -152,3 +152,19 @@ def test_inside_is_where_the_polygon_winds_about_the_point(north, east, angle, c
         turned += math.remainder(math.atan2(other[1] - east, other[0] - north) - before, math.tau)
     if min(math.dist(point, (north, east)) for point in star.nearest_points((north, east))) > 1e-6:
         assert star.contains((north, east)) == (round(turned / math.tau) != 0)
+
+
+@settings(deadline=None)
+@given(st.floats(0.0, 6.0), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.booleans())
+def test_outward_is_away_from_the_inside_wherever_the_polygon_lies(angle, north, east, clockwise):
+    corners = []
+    for index in range(10):
+        radius, bearing = (10.0, 4.0)[index % 2], angle + index * math.tau / 10.0
+        corners.append((north + radius * math.cos(bearing), east + radius * math.sin(bearing)))
+    star = Polygon(tuple(corners if clockwise else corners[::-1]))
+    for index, (one, other) in enumerate(star.edges()):
+        outward = star.outward(index)
+        assert math.hypot(*outward) == pytest.approx(1.0)
+        middle = ((one[0] + other[0]) / 2.0, (one[1] + other[1]) / 2.0)
+        assert not star.contains((middle[0] + 1e-3 * outward[0], middle[1] + 1e-3 * outward[1]))
+        assert star.contains((middle[0] - 1e-3 * outward[0], middle[1] - 1e-3 * outward[1]))
