@@ -36,6 +36,8 @@ def replay(
     comparison, survey = compare_into(file, flight_settings(metadata_of(file), wanted), out, what_if=bool(wanted))
     if survey.torn is not None:
         typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
+    if survey.missing:
+        typer.echo(f"{survey.missing} messages are missing in between: the file is damaged", err=True)
     if out is not None:
         typer.echo(f"both velocities: {out}")
     typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")

@@ -11,11 +11,15 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from guidance.links.dialect import CRC_EXTRA
+from pymavlink.dialects.v20 import all as dialect
+
 from guidance.links.framing import MAGIC_V1, MAGIC_V2, Framer
 from guidance.records.reading import Item, Survey, scan
 
 ENCODING: Final = "mavlink"
+_CRC_EXTRA: Final = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
+"""Every dialect's: what a vehicle said beyond the common messages belongs into its log too."""
+
 _REORDER_S: Final = 1.0
 """Frames are written vehicle by vehicle once a cycle; within this time they are put in order."""
 
@@ -54,7 +58,7 @@ def _frames(path: Path, survey: Survey) -> Iterator[tuple[float, bytes]]:
         if _is_one_frame(item):
             yield item.now_s, item.data
         else:  # a piece of a byte stream
-            framer = framers.setdefault(item.topic, Framer(CRC_EXTRA))
+            framer = framers.setdefault(item.topic, Framer(_CRC_EXTRA))
             yield from ((item.now_s, frame.data) for frame in framer.feed(item.data))
 
 
