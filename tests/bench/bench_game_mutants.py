@@ -139,8 +139,9 @@ def fails(session, item) -> bool:
 
 def plant(name: str, tree: ast.Module) -> None:
     """Run a changed source and put its functions, methods and numbers wherever the old ones are known."""
-    old = dict(vars(sys.modules[name]))
-    fresh = dict(old) | {"float_like": lambda value: value}
+    fresh = vars(sys.modules[name])
+    old = dict(fresh)
+    fresh["float_like"] = lambda value: value
     exec(compile(tree, name, "exec"), fresh)
     classes = {key for key, value in old.items() if isinstance(value, type)}
     for key in classes:
