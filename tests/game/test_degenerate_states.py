@@ -88,6 +88,19 @@ def test_inside_the_disc_and_its_tolerance_the_pursuer_only_follows(height):
     np.testing.assert_allclose(race.pursuer_velocity_m_s, (0.3, 0.4, 0.0))
 
 
+@pytest.mark.parametrize("pursuer", [Ball(2.0), Cylinder(2.0, 0.7, 0.5)])
+def test_an_evader_seen_a_while_ago_is_captured_once_it_cannot_have_left_the_disc(pursuer):
+    game = Game(pursuer, 1.0, standoff=StandOff(3.0, 5.0), information_age_s=1.0)
+    for distance, reason in (
+        (1.5, Reason.CAPTURED),
+        (2.0, Reason.CAPTURED),
+        (2.5, Reason.SOLVED),
+        (4.5, Reason.SOLVED),
+    ):
+        for target in (None, at(90, 0, 0)):
+            assert solve(game, at(distance, 0, 5), ORIGIN, target).reason == reason
+
+
 def test_below_the_disc_a_cylinder_climbs_at_its_climb_speed():
     solution = solve(HELD, at(1, 1, 2.0), at(0, 0, 0))
     assert solution.value == pytest.approx((3.0 - 0.25) / 0.7)
