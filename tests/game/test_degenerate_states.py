@@ -183,6 +183,13 @@ def test_an_evader_in_space_that_is_captured_is_followed_in_space():
     np.testing.assert_allclose(free.pursuer_velocity_m_s, (0, 0, -2.0))
 
 
+def test_an_evader_in_space_is_captured_by_its_distance_in_space():
+    game = Game(Ball(2.0), 1.0, capture_radius_m=1.5, evader_space="space")
+    for P, reason in (((5, 0, 0), Reason.SOLVED), ((0, 5, 0), Reason.SOLVED), ((0, 0, 1), Reason.CAPTURED)):
+        for target in (at(-20, 0, 0), at(0, 0, -20)):
+            assert solve(game, at(*P), ORIGIN, target).reason == reason
+
+
 grid = st.sampled_from([-3.0, -1.0, 0.0, 0.0, 0.5, 1.0, 2.0, 3.0])
 place = st.tuples(grid, grid, grid).map(np.array)
 

@@ -43,6 +43,13 @@ def test_pure_pursuit_of_a_cylinder_uses_both_its_speeds():
     np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, inside, E, None, seen), seen)
 
 
+def test_pure_pursuit_of_a_cylinder_holds_within_its_capture_radius():
+    game = Game(Cylinder(5.0, 3.0, 1.0), 1.0, standoff=StandOff(1.0, 2.0), capture_radius_m=0.5)
+    for distance, flown in ((0.5, 0.0), (1.25, 0.0), (1.75, -5.0)):
+        at = np.array([distance, 0.0, 4.0])
+        np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, at, E), [flown, 0.0, -1.0])
+
+
 def test_pure_pursuit_of_a_stand_off_disc_flies_to_its_edge():
     game = Game(Ball(2.0), 1.0, standoff=StandOff(2.0, 8.0))
     np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, P, E), 2.0 * np.array([-1.8, -2.4, -4.0]) / 5.0)
