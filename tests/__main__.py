@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
 
-PYTEST = [sys.executable, "-m", "pytest", "-q", "--dist", "loadfile"]
+PYTEST = [sys.executable, "-m", "pytest", "-q", "--dist", "loadfile", "--durations", "12"]
 
 STEPS = {
     "format": [BIN / "ruff", "format", "--check", "."],

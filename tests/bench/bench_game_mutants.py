@@ -24,18 +24,44 @@ REPORT = os.dup(1)
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE, TESTS = ROOT / "guidance" / "game", ROOT / "tests" / "game"
 LIMIT_S = 60
-CORE = ("test_solve_closed_forms", "test_degenerate_states", "test_bad_input", "test_brute_force", "test_batch_bits")
+CORE = (
+    "test_reference",
+    "test_solve_closed_forms",
+    "test_degenerate_states",
+    "test_bad_input",
+    "test_brute_force",
+    "test_batch_bits",
+)
 COVERING = {
-    "apollonius": ("test_solve_closed_forms", "test_bad_input"),
-    "batch": ("test_batch_bits",),
-    "gradient": ("test_hji",),
-    "hji": ("test_hji",),
-    "policies": ("test_policies", "test_bad_input", "test_degenerate_states", "test_batch_bits"),
-    "rollout": ("test_rollout", "test_bad_input"),
-    "stepping": ("test_rollout", "test_bad_input"),
-    "terminal": ("test_rollout",),
-    "search": ("test_brute_force", "test_degenerate_states", "test_symmetry", "test_batch_bits"),
-    "reach": ("test_solve_closed_forms", "test_degenerate_states", "test_policies", "test_brute_force", "test_rollout"),
+    "apollonius": ("test_reference", "test_solve_closed_forms", "test_bad_input"),
+    "batch": (
+        "test_reference",
+        "test_batch_bits",
+    ),
+    "gradient": (
+        "test_reference",
+        "test_hji",
+    ),
+    "hji": (
+        "test_reference",
+        "test_hji",
+    ),
+    "policies": ("test_reference", "test_policies", "test_bad_input", "test_degenerate_states", "test_batch_bits"),
+    "rollout": ("test_reference", "test_rollout", "test_bad_input"),
+    "stepping": ("test_reference", "test_rollout", "test_bad_input"),
+    "terminal": (
+        "test_reference",
+        "test_rollout",
+    ),
+    "search": ("test_reference", "test_brute_force", "test_degenerate_states", "test_symmetry", "test_batch_bits"),
+    "reach": (
+        "test_reference",
+        "test_solve_closed_forms",
+        "test_degenerate_states",
+        "test_policies",
+        "test_brute_force",
+        "test_rollout",
+    ),
 }
 SWAPS = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
