@@ -1,4 +1,4 @@
-"""Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--minutes M] [--seed S] [--only FILE]`.
+"""Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--minutes M] [--seed S] [--only FILES]`.
 
 One operator, comparison, constant or condition is changed at a time, in memory, in a forked child that runs the tests
 of that file and stops at the first failure; no file is touched. Printed: how many were killed, and every survivor with
@@ -197,14 +197,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=600.0)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only", default="", help="comma-separated modules")
     parser.add_argument("--lines", default="", help="comma-separated line numbers, to judge some again")
     given = parser.parse_args()
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)
     drawn = []
     for path in sorted(SOURCE.glob("*.py")):
-        if path.stem in ("__init__", "reasons") or (given.only and given.only != path.stem):
+        if path.stem in ("__init__", "reasons") or (given.only and path.stem not in given.only.split(",")):
             continue
         drawn += [(path.stem, said, tree) for said, tree in mutants(strip(ast.parse(path.read_text())))]
     if given.lines:
