@@ -16,10 +16,12 @@ from guidance.following.drift import observe_drift
 from guidance.following.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
 from guidance.following.station import Place, keep_station
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
-from guidance.game import PURSUER_POLICIES, Game, Solution, SpeedSet, StandOff, solve
+from guidance.game import Game, Solution, SpeedSet, StandOff, solve
 from guidance.game.game import horizontal_speed
 from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
 from guidance.limits import Memory as LimitMemory
+from guidance.strategies import OPTIMAL, Strategy, pursue
+from guidance.strategies import Memory as StrategyMemory
 from guidance.telemetry import Setpoint
 
 
@@ -29,7 +31,7 @@ class TickSettings:
 
     Attributes:
         speed_set: The pursuer's speeds in the game.
-        policy: A name of `guidance.game.PURSUER_POLICIES`.
+        strategy: What the pursuer plays; one of `guidance.strategies.PURSUER_STRATEGIES`.
         declared_evader_speed_m_s: What the evader says it never exceeds.
         speed_sigmas: k of the evader's speed bound max(declared, estimate + kσ). Too fast a bound costs time too:
             the pursuer leads an evader that is not there.
@@ -43,7 +45,7 @@ class TickSettings:
     """
 
     speed_set: SpeedSet
-    policy: str
+    strategy: Strategy
     declared_evader_speed_m_s: float
     standoff: StandOff
     tolerance_m: float
@@ -84,6 +86,7 @@ class TickMemory(NamedTuple):
     height: AltitudeHold | None = None
     yaw_rad: float | None = None
     place: Place | None = None
+    strategy: StrategyMemory = StrategyMemory()
 
 
 class Certificate(NamedTuple):
@@ -145,7 +148,8 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
     except ConfigError:  # the target is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
         return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
-    solution, wanted_game = _strategy(game, settings, pursuer, evader, game_from_ned(target.velocity_ned_m_s))
+    seen = game_from_ned(target.velocity_ned_m_s)
+    solution, wanted_game = _strategy(game, settings, pursuer, evader, seen, memory.strategy, inputs.dt_s)
     motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, target.velocity_ned_m_s)
     wanted = keep_inside(ned_from_game(wanted_game), inputs.position_ned_m, settings.envelope)
     followed = follow(wanted, motion, gaps, settings.following, memory.follow, dt_s=inputs.dt_s)
@@ -155,7 +159,13 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
     return TickOutput(
         limited.setpoint,
         _certify(inputs, settings, game, solution, pursuer, evader, gaps, followed.wanted_ned_m_s, limited),
-        TickMemory(followed.memory, limited.memory, None, yaw_rad),
+        TickMemory(
+            followed.memory,
+            limited.memory,
+            None,
+            yaw_rad,
+            strategy=StrategyMemory(np.array(wanted_game), memory.strategy.played_s + inputs.dt_s),
+        ),
     )
 
 
@@ -173,19 +183,27 @@ def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tic
     (north, east), place = keep_station(memory.place, inputs.position_ned_m, less_drift(inputs.velocity_ned_m_s, drift))
     still = with_drift((north, east, held.velocity_down_m_s), drift)
     limited = _limit(Setpoint(still, yaw_rad=yaw_rad), inputs, settings, memory)
-    kept = TickMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place)
+    begun = memory.strategy.velocity_m_s is not None
+    paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + inputs.dt_s) if begun else StrategyMemory()
+    kept = TickMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused)
     return TickOutput(limited.setpoint, None, kept)
 
 
 def _strategy(
-    game: Game, settings: TickSettings, pursuer: Vector, evader: Vector, evader_velocity: Vector
+    game: Game,
+    settings: TickSettings,
+    pursuer: Vector,
+    evader: Vector,
+    evader_velocity: Vector,
+    memory: StrategyMemory,
+    dt_s: float,
 ) -> tuple[Solution, Vector]:
     P, E, seen = np.array(pursuer), np.array(evader), np.array(evader_velocity)
     T = None if settings.target_game_m is None else np.array(settings.target_game_m)
     solution = solve(game, P, E, T, evader_velocity_m_s=seen)
     velocity = solution.pursuer_velocity_m_s
-    if settings.policy != "optimal":
-        velocity = PURSUER_POLICIES[settings.policy](game, P, E, T, seen)
+    if settings.strategy.name != OPTIMAL:
+        velocity = pursue(settings.strategy, game, P, E, T, seen, memory, dt_s=dt_s)
     x, y, z = (float(part) for part in velocity)
     return solution, (x, y, z)
 

@@ -19,7 +19,7 @@ def _game(story: Story) -> list[tuple[str, str]]:
     unit = "m from T" if story.with_target else "s"
     rows = [
         ("game", "target-attacker-defender" if story.with_target else "pursuit-evasion"),
-        ("policy", tick.policy),
+        ("policy", tick.strategy.name),
         ("autopilot", story.settings.profile.name),
         ("stand-off", f"{tick.standoff.radius_m:g} m around, {tick.standoff.height_m:g} m above the evader's plane"),
     ]

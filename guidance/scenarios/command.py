@@ -15,7 +15,8 @@ from rich.text import Text
 
 from guidance.errors import ConfigError
 from guidance.scenarios.fly import FlightResult, Progress, fly, outcome
-from guidance.scenarios.model import Scenario, load_scenario
+from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.model import Scenario
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock, MonotonicClock, VirtualClock
 from guidance.service.record import Recorder, started_utc, versions

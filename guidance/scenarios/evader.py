@@ -7,8 +7,9 @@ import numpy as np
 
 from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, ROVER, Mode
 from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
-from guidance.game import EVADER_POLICIES, Game
+from guidance.game import Game
 from guidance.links.port import VehicleLink
+from guidance.strategies import Memory, Strategy, evade
 from guidance.telemetry import GlobalPosition, Heartbeat, LocalPosition, Message, Setpoint
 from guidance.vehicle import VehicleState, local_frame, observe
 
@@ -21,13 +22,13 @@ class EvaderSettings:
 
     Attributes:
         game: The game it believes in; its own point capture unless told otherwise.
-        policy: A name of `guidance.game.EVADER_POLICIES`.
+        strategy: What it plays.
         target_game_m: The place it wants to reach, in the game frame; None in the PE game.
         site: Latitude and longitude in degrees and altitude of the game frame's zero.
     """
 
     game: Game
-    policy: str
+    strategy: Strategy
     target_game_m: Vector | None
     site: tuple[float, float, Amsl]
 
@@ -38,7 +39,7 @@ class EvaderPilot:
     def __init__(self, link: VehicleLink, settings: EvaderSettings) -> None:
         self._link = link
         self._settings = settings
-        self._policy = EVADER_POLICIES[settings.policy]
+        self._began_s: float | None = None
         self._requested_s = float("-inf")
         self.vehicle = VehicleState()
         self.messages: Sequence[Message] = ()
@@ -65,7 +66,9 @@ class EvaderPilot:
             return
         position = self.position_game_m()
         if playing and pursuer_game_m is not None and position is not None:
-            self._link.send_setpoint(Setpoint(self._velocity_ned_m_s(pursuer_game_m, position)))
+            self._began_s = now_s if self._began_s is None else self._began_s
+            velocity = self._velocity_ned_m_s(pursuer_game_m, position, now_s - self._began_s)
+            self._link.send_setpoint(Setpoint(velocity))
         else:
             self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
 
@@ -86,13 +89,15 @@ class EvaderPilot:
         ):
             self._link.request(request)
 
-    def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector) -> Vector:
+    def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector, played_s: float) -> Vector:
         target = self._settings.target_game_m
-        velocity = self._policy(
+        velocity = evade(
+            self._settings.strategy,
             self._settings.game,
             np.array(pursuer_game_m),
             np.array((evader_game_m[0], evader_game_m[1], 0.0)),
             None if target is None else np.array(target),
+            Memory(None, played_s),
         )
         x, y, _ = (float(part) for part in velocity)
         return ned_from_game((x, y, 0.0))

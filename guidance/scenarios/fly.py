@@ -14,8 +14,9 @@ from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings, flight_settings
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock
-from guidance.service.cycle import Cycle, Timing
+from guidance.service.cycle import Cycle
 from guidance.service.record import Recorder
+from guidance.service.timing import Timing
 from guidance.telemetry import LocalPosition
 from guidance.tick import Certificate
 

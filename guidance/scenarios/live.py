@@ -79,7 +79,7 @@ class LiveWorld:
         self._taps.append(wire)
         link: VehicleLink
         if kind == "mavsdk":
-            link = MavsdkLink(now_s, system_id=system_id, sleep=time.sleep, wire=wire)
+            link = MavsdkLink(wire, now_s, system_id=system_id, sleep=time.sleep, who=f"the mock's {name}")
         else:
             heard = PymavlinkLink(wire, now_s, system_id=system_id)
             wait_until_heard(heard, clock=now_s, timeout_s=5.0, sleep=time.sleep, who=f"the mock's {name}")

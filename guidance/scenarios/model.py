@@ -3,16 +3,21 @@
 Positions are in the game frame: x east, y north, z up, metres, about the site's point on the evader's plane.
 """
 
+import itertools
 import math
-from pathlib import Path
-from typing import Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
-from guidance.config import Section, find, load
+from guidance.config import Section
+from guidance.scenarios.expect import Expect
+from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 
 Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]
+
+TrackRow = tuple[float, float, float, float]
+"""Time in s, and x, y and z in m."""
 
 
 class Site(Section):
@@ -23,7 +28,33 @@ class Site(Section):
     altitude_amsl_m: float = Field(488.0, ge=-500.0, le=6000.0)
 
 
-class Pursuer(Section):
+class Player(Section):
+    """What both players share: how they play, where that is a course."""
+
+    policy: str = "optimal"
+    waypoints_m: tuple[Point3 | Point2, ...] = Field((), description='of policy = "waypoints"; then the player stays')
+    turn_every_s: float = Field(5.0, ge=0.5, description='of policy = "random_turns"')
+    turn_most_deg: float = Field(90.0, gt=0.0, le=180.0, description="largest turn at a time")
+    track: tuple[TrackRow, ...] = Field(
+        (), description='of policy = "recorded": rows of t, x, y, z, or in a file the path of a .csv or .mcap'
+    )
+
+    @model_validator(mode="after")
+    def _check_course(self) -> Self:
+        for policy, key in (("waypoints", "waypoints_m"), ("recorded", "track")):
+            given = bool(getattr(self, key))
+            if (self.policy == policy) != given:
+                raise ValueError(
+                    f"{key}: {'missing' if not given else 'not allowed'} with policy = {self.policy!r}; "
+                    f"it says where policy = {policy!r} goes"
+                )
+        times = [row[0] for row in self.track]
+        if any(later <= sooner for sooner, later in itertools.pairwise(times)) or len(times) == 1:
+            raise ValueError("track: needs two rows at least, with times that rise from row to row")
+        return self
+
+
+class Pursuer(Player):
     """The vehicle that guidance flies."""
 
     position_m: Point3
@@ -31,18 +62,25 @@ class Pursuer(Section):
     speed_set: Literal["ball", "cylinder"] = "ball"
     climb_m_s: float = Field(3.0, gt=0.0, le=10.0)
     descent_m_s: float = Field(1.5, gt=0.0, le=10.0)
-    policy: str = "optimal"
+    navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description='N of policy = "proportional_navigation"')
     autopilot: Literal["px4", "arducopter"] = "px4"
     takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0)
 
 
-class Evader(Section):
+class Evader(Player):
     """The cooperative target: a ground vehicle that plays the evader."""
 
     position_m: Point2
     height_m: float = Field(0.0, ge=0.0)
-    speed_m_s: float = Field(gt=0.0, le=30.0)
-    policy: str = "optimal"
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="that it has")
+    declared_speed_m_s: float | None = Field(
+        None, gt=0.0, le=30.0, description="that it says it has, which the pursuer believes; speed_m_s if not given"
+    )
+
+    @property
+    def believed_speed_m_s(self) -> float:
+        """The bound on the evader's speed that the pursuer plays against."""
+        return self.speed_m_s if self.declared_speed_m_s is None else self.declared_speed_m_s
 
 
 class Target(Section):
@@ -67,6 +105,52 @@ class Envelope(Section):
     floor_m: float = Field(3.0, ge=1.0)
 
 
+class Sensor(Section):
+    """How the pursuer hears of the evader: reports of its position and velocity, in all worlds alike."""
+
+    rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="of reports; as they come if not given")
+    latency_s: float = Field(0.0, ge=0.0, le=5.0, description="from measurement to arrival")
+    position_noise_m: float = Field(0.0, ge=0.0, le=50.0, description="standard deviation of each coordinate")
+    velocity_noise_m_s: float = Field(0.0, ge=0.0, le=10.0)
+    dropout: float = Field(0.0, ge=0.0, lt=1.0, description="share of reports that never arrive")
+    outages_s: tuple[tuple[float, float], ...] = Field(
+        (), description="from when to when, after engagement, nothing arrives"
+    )
+
+    @model_validator(mode="after")
+    def _check_outages(self) -> Self:
+        for begin, end in self.outages_s:
+            if not 0.0 <= begin < end:
+                raise ValueError(f"outages_s: [{begin:g}, {end:g}]: must be [from, to] with 0 <= from < to")
+        return self
+
+
+class Wind(Section):
+    """The air's velocity, x east and y north. It moves the pursuer and not the evader.
+
+    In mathematics it carries the pursuer, whose speed is then an airspeed, and both players know of it. In flight it
+    blows on the vehicle, whose autopilot holds the speed over ground against it, and nobody is told.
+    """
+
+    velocity_m_s: Point2 = (0.0, 0.0)
+
+
+class Fault(Section):
+    """What goes wrong in a mocked flight: a fault of `sitl-mock list faults`, with its keys."""
+
+    model_config = ConfigDict(extra="allow")
+
+    kind: str
+    vehicle: Literal["pursuer", "evader"] = "pursuer"
+    after: Literal["engaged", "start"] = Field("engaged", description="what at_s counts from")
+    at_s: Annotated[float, Field(ge=0.0)] = 0.0
+    for_s: Annotated[float, Field(gt=0.0)] | None = None
+
+    def keys(self) -> dict[str, Any]:
+        """The keys that belong to the kind."""
+        return dict(self.model_extra or {})
+
+
 class Scenario(Section):
     """A whole scenario file."""
 
@@ -77,6 +161,10 @@ class Scenario(Section):
     evader: Evader
     target: Target | None = None
     standoff: Standoff = Standoff()
+    sensor: Sensor = Sensor()
+    wind: Wind = Wind()
+    fault: tuple[Fault, ...] = ()
+    expect: Expect = Expect()
     envelope: Envelope = Envelope()
     site: Site = Site()
     seed: int = Field(0, ge=0)
@@ -85,12 +173,15 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _check_players(self) -> Self:
-        ratio = self.pursuer.speed_m_s / self.evader.speed_m_s
-        if ratio <= 1.0:
-            raise ValueError(
-                f"speed ratio pursuer.speed_m_s / evader.speed_m_s = {self.pursuer.speed_m_s:g} / "
-                f"{self.evader.speed_m_s:g} = {ratio:.3g}: must be above 1; a slower pursuer is another game"
-            )
+        wind_m_s = math.hypot(*self.wind.velocity_m_s)
+        evader = self.evader
+        for key, speed_m_s in (("speed_m_s", evader.speed_m_s), ("declared_speed_m_s", evader.believed_speed_m_s)):
+            if self.pursuer.speed_m_s <= speed_m_s + wind_m_s:
+                raise ValueError(
+                    f"speed ratio pursuer.speed_m_s / evader.{key} = {self.pursuer.speed_m_s:g} / {speed_m_s:g} = "
+                    f"{self.pursuer.speed_m_s / speed_m_s:.3g}{f' with {wind_m_s:g} m/s of wind' if wind_m_s else ''}: "
+                    "must be above 1, with the wind added to the evader's; a slower pursuer is another game"
+                )
         if self.evader.height_m >= self.standoff.height_m:
             raise ValueError(
                 f"evader.height_m = {self.evader.height_m:g}: must be below standoff.height_m = "
@@ -100,6 +191,20 @@ class Scenario(Section):
             raise ValueError('target.position_m: missing; game = "tad" needs the place the evader wants to reach')
         if self.game == "pe" and self.target is not None:
             raise ValueError('target: not allowed with game = "pe"; use game = "tad"')
+        return self
+
+    @model_validator(mode="after")
+    def _check_policies(self) -> Self:
+        known = {"pursuer": PURSUER_STRATEGIES, "evader": EVADER_STRATEGIES}
+        for player, names in known.items():
+            policy = getattr(self, player).policy
+            if policy not in names:
+                raise ValueError(f"{player}.policy = {policy!r}: allowed are {', '.join(names)}")
+            if policy == "task_oriented" and self.target is None:
+                raise ValueError(f"{player}.policy = {policy!r}: needs target.position_m, the place to go to")
+        if any(len(point) == 2 for point in self.pursuer.waypoints_m):
+            raise ValueError("pursuer.waypoints_m: every point needs x, y and z")
+        self.expect.check_all(self.game)
         return self
 
     @model_validator(mode="after")
@@ -122,13 +227,3 @@ class Scenario(Section):
                     f"envelope.fence_radius_m = {self.envelope.fence_radius_m:g}"
                 )
         return self
-
-
-def load_scenario(name: str) -> tuple[Path, Scenario]:
-    """Read a scenario by path or by the name of one that comes with the package.
-
-    Raises:
-        ConfigError: If there is none, or a key is wrong.
-    """
-    path = find(name, "scenarios")
-    return path, load(Scenario, path)

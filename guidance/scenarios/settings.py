@@ -1,16 +1,17 @@
 """From a scenario file to what the flight, the tick and the evader need."""
 
 import math
-from collections.abc import Collection
+
+import numpy as np
 
 from guidance.autopilots import profile
-from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, FlightSettings
 from guidance.following.handling import handling
 from guidance.frames import Amsl
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, SpeedSet, StandOff
+from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
 from guidance.limits import Envelope
 from guidance.limits import StandOff as StandOffLimit
+from guidance.scenarios.courses import evader_strategy, pursuer_strategy
 from guidance.scenarios.evader import EvaderSettings
 from guidance.scenarios.model import Scenario
 from guidance.tick import TickSettings
@@ -40,7 +41,7 @@ def standoff(scenario: Scenario) -> StandOff:
 
 
 def game(scenario: Scenario) -> Game:
-    """Return the game of a scenario, as both players know it."""
+    """Return the game of a scenario as the evader, who knows its own speed, plays it in flight."""
     return Game(speed_set(scenario), scenario.evader.speed_m_s, standoff=standoff(scenario))
 
 
@@ -50,14 +51,9 @@ def target_game_m(scenario: Scenario) -> tuple[float, float, float] | None:
 
 
 def flight_settings(scenario: Scenario) -> FlightSettings:
-    """Return the pursuer's flight.
-
-    Raises:
-        ConfigError: If a policy's name is not in the catalogue.
-    """
+    """Return the pursuer's flight."""
     pursuer = scenario.pursuer
-    _check_policy("pursuer.policy", pursuer.policy, PURSUER_POLICIES)
-    x, y, z = pursuer.position_m
+    start = (*pursuer.position_m[:2], pursuer.position_m[2] - scenario.evader.height_m)
     flown = handling(pursuer.autopilot)
     envelope = Envelope(
         floor_m=scenario.envelope.floor_m,
@@ -83,8 +79,8 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
         profile=profile(pursuer.autopilot),
         tick=TickSettings(
             speed_set=speed_set(scenario),
-            policy=pursuer.policy,
-            declared_evader_speed_m_s=scenario.evader.speed_m_s,
+            strategy=pursuer_strategy(scenario, np.array(start), speed_set(scenario), scenario.seed),
+            declared_evader_speed_m_s=scenario.evader.believed_speed_m_s,
             standoff=standoff(scenario),
             tolerance_m=scenario.standoff.tolerance_m,
             envelope=envelope,
@@ -93,21 +89,13 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
             site=site(scenario),
         ),
         takeoff_height_m=pursuer.takeoff_height_m,
-        start_game_m=(x, y, z - scenario.evader.height_m),
+        start_game_m=start,
         after_capture=AfterCapture.HOLD,
     )
 
 
 def evader_settings(scenario: Scenario) -> EvaderSettings:
-    """Return the evader's play.
-
-    Raises:
-        ConfigError: If its policy's name is not in the catalogue.
-    """
-    _check_policy("evader.policy", scenario.evader.policy, EVADER_POLICIES)
-    return EvaderSettings(game(scenario), scenario.evader.policy, target_game_m(scenario), site(scenario))
-
-
-def _check_policy(key: str, name: str, catalogue: Collection[str]) -> None:
-    if name not in catalogue:
-        raise ConfigError(f"{key} = {name!r}: allowed are {', '.join(sorted(catalogue))}")
+    """Return the evader's play."""
+    evader = scenario.evader
+    strategy = evader_strategy(scenario, np.array((*evader.position_m, 0.0)), evader.speed_m_s, scenario.seed)
+    return EvaderSettings(game(scenario), strategy, target_game_m(scenario), site(scenario))

@@ -99,6 +99,7 @@ class GameSection(Section):
     climb_m_s: float = Field(1.5, gt=0.0, le=10.0)
     descent_m_s: float = Field(1.0, gt=0.0, le=10.0)
     policy: str = "optimal"
+    navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description="N of policy = proportional_navigation")
     evader_speed_m_s: float = Field(gt=0.0, le=30.0, description="what the target says it never exceeds")
     standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0)
     standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="above the target")

@@ -9,11 +9,12 @@ from guidance.flight import AfterCapture, EngageOn, FlightSettings, State
 from guidance.flight.settings import LIMITS_S
 from guidance.following.handling import handling
 from guidance.frames import Amsl
-from guidance.game import PURSUER_POLICIES, Ball, Cylinder, SpeedSet, StandOff
+from guidance.game import Ball, Cylinder, SpeedSet, StandOff
 from guidance.limits import Envelope, Polygon
 from guidance.limits import StandOff as StandOffLimit
 from guidance.preflight import Wants
 from guidance.service.model import Config, GameSection
+from guidance.strategies import COURSES, PURSUER_STRATEGIES, Strategy
 from guidance.tick import TickSettings
 
 # The limits keep this much out of the way of the disc that the game is played to, so that they bind only when something
@@ -32,14 +33,14 @@ def flight_settings(config: Config) -> FlightSettings:
         ConfigError: If the policy is not in the catalogue, or the limits contradict each other.
     """
     game, flight = config.game, config.flight
-    _check_policy(game.policy, PURSUER_POLICIES)
+    _check_policy(game.policy, [name for name in PURSUER_STRATEGIES if name not in COURSES])
     flown = handling(config.vehicle.autopilot)
     guarded = game.guarded
     return FlightSettings(
         profile=profile(config.vehicle.autopilot),
         tick=TickSettings(
             speed_set=_speed_set(game),
-            policy=game.policy,
+            strategy=Strategy(game.policy, gain=game.navigation_gain),
             declared_evader_speed_m_s=game.evader_speed_m_s,
             standoff=StandOff(game.standoff_radius_m, game.standoff_height_m),
             tolerance_m=game.tolerance_m,

@@ -21,7 +21,8 @@ from guidance.flight import Flight
 from guidance.records import compare, flight_settings, metadata_of, rows_of, scan
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly
-from guidance.scenarios.model import Scenario, load_scenario
+from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.model import Scenario
 from guidance.service.clock import VirtualClock
 from guidance.service.record import TICK_TOPIC, Recorder
 

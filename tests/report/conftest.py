@@ -6,7 +6,8 @@ from guidance.config import load
 from guidance.report import write_report
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly
-from guidance.scenarios.model import Scenario, load_scenario
+from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.model import Scenario
 from guidance.service.clock import VirtualClock
 from guidance.service.record import Recorder
 

@@ -13,7 +13,8 @@ from guidance.flight import Event, State
 from guidance.scenarios.command import next_folder
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly, outcome
-from guidance.scenarios.model import Scenario, load_scenario
+from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.model import Scenario
 from guidance.scenarios.picture import draw, isochron
 from guidance.scenarios.settings import game
 from guidance.service.clock import VirtualClock

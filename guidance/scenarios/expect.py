@@ -1,0 +1,114 @@
+"""What a scenario expects of its outcome, so that it is also a test: `expect.capture_time_s = { max = 12 }`."""
+
+import math
+from typing import Any, Literal, NamedTuple, Self, TypeAlias
+
+from pydantic import model_validator
+
+from guidance.config import Section
+
+End: TypeAlias = Literal["captured", "arrived", "time_up", "yielded", "failed"]
+"""How a run ends: the paper's two ways, the scenario's time limit, a pilot's takeover, or a flight that went wrong."""
+
+
+class Range(Section):
+    """From `min` to `max`, both included; either may be left out."""
+
+    min: float | None = None
+    max: float | None = None
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.min is None and self.max is None:
+            raise ValueError("{}: says nothing; give min, max or both")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise ValueError(f"min = {self.min:g} is above max = {self.max:g}: nothing can be expected of both")
+        return self
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies within; NaN lies nowhere."""
+        low = -math.inf if self.min is None else self.min
+        high = math.inf if self.max is None else self.max
+        return low <= value <= high
+
+    def __str__(self) -> str:
+        """As the table of expectations shows it."""
+        parts = [
+            f"at least {self.min:g}" if self.min is not None else "",
+            f"at most {self.max:g}" if self.max is not None else "",
+        ]
+        return " and ".join(part for part in parts if part)
+
+
+class Verdict(NamedTuple):
+    """One expectation and what became of it."""
+
+    column: str
+    expected: str
+    value: Any
+    held: bool
+
+
+class Expectations(Section):
+    """What is expected of the outcome's columns of the same names."""
+
+    end: End | None = None
+    winner: Literal["pursuer", "evader", "none"] | None = None
+    capture_time_s: Range | None = None
+    final_distance_m: Range | None = None
+    predicted: Range | None = None
+    achieved: Range | None = None
+    regret: Range | None = None
+    ratio: Range | None = None
+    min_standoff_m: Range | None = None
+    min_altitude_m: Range | None = None
+    alarms: Range | None = None
+    events: tuple[str, ...] = ()
+
+    def check(self, game: str) -> None:
+        """Refuse what contradicts itself.
+
+        Raises:
+            ValueError: If two expectations cannot both be met; the message names them.
+        """
+        if self.end is not None and self.end != "captured" and self.capture_time_s is not None:
+            raise ValueError(f"expect.capture_time_s contradicts expect.end = {self.end!r}: there is no capture then")
+        if self.end == "arrived" and game == "pe":
+            raise ValueError("expect.end = 'arrived': game = \"pe\" has no place to arrive at")
+        winners = {"captured": "pursuer", "arrived": "evader"}
+        wins = winners.get(str(self.end))
+        if wins is not None and self.winner is not None and self.winner != wins:
+            raise ValueError(f"expect.winner = {self.winner!r} contradicts expect.end = {self.end!r}: {wins} wins then")
+
+    def verdicts(self, outcome: dict[str, Any]) -> list[Verdict]:
+        """Hold the expectations against the columns of an outcome."""
+        found = []
+        for column in Expectations.model_fields:
+            expected = getattr(self, column)
+            if expected is None or column == "events":
+                continue
+            value = outcome[column]
+            held = expected.holds(value) if isinstance(expected, Range) else expected == value
+            found.append(Verdict(column, str(expected), value, held))
+        happened = outcome["events"]
+        found.extend(
+            Verdict("events", f"has {event!r}", ", ".join(happened), event in happened) for event in self.events
+        )
+        return found
+
+
+class Expect(Expectations):
+    """What is expected of every run, and what of those in mathematics or in flight alone."""
+
+    maths: Expectations = Expectations()
+    flown: Expectations = Expectations()
+
+    def check_all(self, game: str) -> None:
+        """Refuse contradictions in each part; see `check`."""
+        for part in (self, self.maths, self.flown):
+            part.check(game)
+
+    def of(self, outcome: dict[str, Any]) -> list[Verdict]:
+        """Hold an outcome against what is expected of its kind of run."""
+        own = self.maths if outcome["run"] == "maths" else self.flown
+        return [*self.verdicts(outcome), *own.verdicts(outcome)]

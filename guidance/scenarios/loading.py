@@ -1,0 +1,51 @@
+"""From a file to a scenario: TOML, a recorded track beside it where it names one, and the published JSON Schema."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from guidance.config import find, parse
+from guidance.errors import ConfigError
+from guidance.scenarios.model import Scenario
+from guidance.scenarios.tracks import read_track
+
+FOLDER = "scenarios"
+
+
+def load_scenario(name: str) -> tuple[Path, Scenario]:
+    """Read a scenario by path or by the name of one that comes with the package.
+
+    Raises:
+        ConfigError: If there is none, or a key is wrong.
+    """
+    path = find(name, FOLDER)
+    return path, parse(Scenario, load_document(path), source=str(path))
+
+
+def load_document(path: Path) -> dict[str, Any]:
+    """Read a scenario's keys without checking them; a track's file is read in its place.
+
+    Raises:
+        ConfigError: If a file cannot be read or is none of its kind.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+    for player in ("pursuer", "evader"):
+        section = document.get(player)
+        if isinstance(section, dict) and isinstance(section.get("track"), str):
+            section["track"] = read_track(path.parent / section["track"], player, key=f"{path}: {player}.track")
+    return document
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a scenario file, for editors that complete and check TOML by it."""
+    schema = Scenario.model_json_schema(mode="validation")
+    for section in ("Pursuer", "Evader"):
+        track = schema["$defs"][section]["properties"]["track"]
+        rows = {key: track.pop(key) for key in ("items", "type")}
+        track["anyOf"] = [{"type": "string", "pattern": r"\.(csv|mcap)$"}, rows]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}

@@ -1,0 +1,32 @@
+"""Every way to play either part, by name: the game's own policies, navigation laws, and courses laid out beforehand."""
+
+from guidance.strategies.catalogue import (
+    COURSES,
+    EVADER_STRATEGIES,
+    OPTIMAL,
+    PURSUER_STRATEGIES,
+    Memory,
+    Strategy,
+    evade,
+    pursue,
+)
+from guidance.strategies.course import Course, bounded, random_turns, recorded, waypoints
+from guidance.strategies.draws import normal, uniform
+
+__all__ = [
+    "COURSES",
+    "EVADER_STRATEGIES",
+    "OPTIMAL",
+    "PURSUER_STRATEGIES",
+    "Course",
+    "Memory",
+    "Strategy",
+    "bounded",
+    "evade",
+    "normal",
+    "pursue",
+    "random_turns",
+    "recorded",
+    "uniform",
+    "waypoints",
+]

@@ -1,0 +1,91 @@
+"""Strategies by name, for either player, with what they remember: the same for a flight's tick and for a batch."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game, Policy, SpeedSet
+from guidance.game.arrays import Array
+from guidance.strategies.course import Course, bounded
+from guidance.strategies.navigation import lead_pursuit, proportional_navigation
+
+OPTIMAL: Final = "optimal"
+PROPORTIONAL: Final = "proportional_navigation"
+
+COURSES: Final = ("waypoints", "random_turns", "recorded")
+"""Courses laid out beforehand: they look at the clock and not at the other player."""
+
+_FEEDBACK: Mapping[str, Policy] = MappingProxyType({**PURSUER_POLICIES, "lead_pursuit": lead_pursuit})
+
+PURSUER_STRATEGIES: Final = (*_FEEDBACK, PROPORTIONAL, *COURSES)
+EVADER_STRATEGIES: Final = (*EVADER_POLICIES, *COURSES)
+
+
+@dataclass(frozen=True, slots=True)
+class Strategy:
+    """How a player plays.
+
+    Attributes:
+        name: One of `PURSUER_STRATEGIES` or `EVADER_STRATEGIES`.
+        course: What is followed, where the name is one of `COURSES`.
+        gain: The navigation constant N of proportional navigation.
+    """
+
+    name: str = OPTIMAL
+    course: Course | None = None
+    gain: float = 3.0
+
+    def __post_init__(self) -> None:
+        known = dict.fromkeys((*PURSUER_STRATEGIES, *EVADER_STRATEGIES))
+        if self.name not in known:
+            raise ConfigError(f"policy = {self.name!r}: allowed are {', '.join(known)}")
+        if (self.course is not None) != (self.name in COURSES):
+            raise ConfigError(f"policy = {self.name!r}: a course is needed for {', '.join(COURSES)}, and for no other")
+
+
+class Memory(NamedTuple):
+    """What a strategy remembers: its last command (..., 3), None at the begin, and for how long it has played (...)."""
+
+    velocity_m_s: Array | None = None
+    played_s: Array | float = 0.0
+
+
+def pursue(
+    strategy: Strategy,
+    game: Game,
+    pursuer: Array,
+    evader: Array,
+    target: Array | None,
+    seen_m_s: Array,
+    memory: Memory,
+    *,
+    dt_s: Array | float,
+) -> Array:
+    """Return the pursuer's velocity, (..., 3), m/s; `dt_s` ago it commanded what `memory` says."""
+    if strategy.course is not None:
+        return _flyable(game.pursuer, strategy.course.velocity_m_s(memory.played_s, pursuer))
+    if strategy.name == PROPORTIONAL:
+        return proportional_navigation(
+            game, pursuer, evader, seen_m_s, memory.velocity_m_s, dt_s=dt_s, gain=strategy.gain
+        )
+    return _FEEDBACK[strategy.name](game, pursuer, evader, target, seen_m_s)
+
+
+def evade(strategy: Strategy, game: Game, pursuer: Array, evader: Array, target: Array | None, memory: Memory) -> Array:
+    """Return the evader's velocity, (..., 3), m/s."""
+    if strategy.course is not None:
+        return bounded(strategy.course.velocity_m_s(memory.played_s, evader), game.evader_speed_m_s)
+    return EVADER_POLICIES[strategy.name](game, pursuer, evader, target)
+
+
+def _flyable(speeds: SpeedSet, velocity_m_s: Array) -> Array:
+    """Shorten a velocity to what the speed set allows."""
+    if isinstance(speeds, Ball):
+        return bounded(velocity_m_s, speeds.speed_m_s)
+    level = bounded(velocity_m_s * np.array([1.0, 1.0, 0.0]), speeds.horizontal_m_s)
+    climb = np.clip(velocity_m_s[..., 2], -np.asarray(speeds.descent_m_s), speeds.climb_m_s)
+    return np.concatenate([level[..., :2], climb[..., None]], axis=-1)

@@ -1,0 +1,117 @@
+"""A course: a table of places and times, straight and at even speed in between. Waypoints, random turns and recorded
+tracks are all courses; they differ only in where the table comes from.
+"""  # noqa: D205 - one sentence needs two lines
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from guidance.game import Ball, SpeedSet
+from guidance.strategies.draws import uniform
+
+Array = NDArray[np.float64]
+
+_BACK_S: Final = 2.0
+"""A player that is beside its course goes back to it in about this time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Where a player is when. Before the first time and after the last it stands.
+
+    Attributes:
+        times_s: Rising, (..., k), from the begin of the game.
+        places_m: Game frame, (..., k, 3).
+    """
+
+    times_s: Array
+    places_m: Array
+
+    def velocity_m_s(self, played_s: ArrayLike, position_m: Array) -> Array:
+        """Return the velocity (..., 3) that follows the course from a position (..., 3), back onto it included."""
+        t = np.asarray(played_s, dtype=np.float64)[..., None]
+        passed = np.sum(self.times_s <= t, axis=-1) - 1
+        leg = np.clip(passed, 0, self.times_s.shape[-1] - 2)
+        begin_s, end_s = self._time(leg), self._time(leg + 1)
+        begin_m, end_m = self._place(leg), self._place(leg + 1)
+        lasts_s = np.maximum(end_s - begin_s, 1e-9)[..., None]
+        way = end_m - begin_m
+        share = np.clip((t - begin_s[..., None]) / lasts_s, 0.0, 1.0)
+        running = ((passed >= 0) & (passed < self.times_s.shape[-1] - 1))[..., None]
+        along = np.where(running, way / lasts_s, 0.0)
+        return np.asarray(along + (begin_m + share * way - position_m) / _BACK_S)
+
+    def corner_s(self, played_s: ArrayLike) -> Array:
+        """Return when, (...), the velocity changes next; infinite after the last time."""
+        t = np.asarray(played_s, dtype=np.float64)[..., None]
+        return np.asarray(np.min(np.where(self.times_s > t, self.times_s, np.inf), axis=-1))
+
+    def _time(self, index: NDArray[np.intp]) -> Array:
+        times = np.broadcast_to(self.times_s, (*index.shape, self.times_s.shape[-1]))
+        return np.take_along_axis(times, index[..., None], axis=-1)[..., 0]
+
+    def _place(self, index: NDArray[np.intp]) -> Array:
+        places = np.broadcast_to(self.places_m, (*index.shape, *self.places_m.shape[-2:]))
+        return np.take_along_axis(places, index[..., None, None], axis=-2)[..., 0, :]
+
+
+def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
+    """Go from a start (..., 3) through points (k, 3) as fast as the speeds (...) allow, and stay at the last."""
+    given = np.asarray(points_m, dtype=np.float64)
+    points = np.broadcast_to(given, (*start_m.shape[:-1], *given.shape))
+    places = np.concatenate([start_m[..., None, :], points], axis=-2)
+    lasts = np.cumsum(_durations_s(np.diff(places, axis=-2), speeds), axis=-1)
+    return Course(np.concatenate([0.0 * lasts[..., :1], lasts], axis=-1), places)
+
+
+def _durations_s(legs_m: Array, speeds: SpeedSet) -> Array:
+    """How long each leg (..., k, 3) takes at least."""
+    level = np.sqrt(np.sum(legs_m[..., :2] ** 2, axis=-1))
+    if isinstance(speeds, Ball):
+        return np.asarray(np.hypot(level, legs_m[..., 2]) / np.asarray(speeds.speed_m_s)[..., None])
+    up = legs_m[..., 2] / np.asarray(speeds.climb_m_s)[..., None]
+    down = -legs_m[..., 2] / np.asarray(speeds.descent_m_s)[..., None]
+    return np.asarray(np.maximum(level / np.asarray(speeds.horizontal_m_s)[..., None], np.maximum(up, down)))
+
+
+def random_turns(
+    start_m: Array,
+    speed_m_s: ArrayLike,
+    seed: ArrayLike,
+    *,
+    stream: int,
+    every_s: float,
+    most_rad: float,
+    duration_s: float,
+) -> Course:
+    """Go at `speed_m_s` (...) in the plane of a start (..., 3) and turn at random every `every_s`.
+
+    The first heading is any; each later one differs from the one before by up to `most_rad`, evenly distributed.
+    `stream` tells the players' draws of one seed apart.
+    """
+    count = int(np.ceil(duration_s / every_s)) + 1
+    draws = uniform(np.asarray(seed)[..., None], stream, np.arange(count))
+    turns = (2.0 * draws - 1.0) * np.where(np.arange(count) == 0, np.pi, most_rad)
+    heading = np.cumsum(turns, axis=-1)
+    leg = np.asarray(speed_m_s, dtype=np.float64)[..., None] * every_s
+    steps = np.stack([leg * np.cos(heading), leg * np.sin(heading), np.zeros_like(heading)], axis=-1)
+    places = np.concatenate([start_m[..., None, :], start_m[..., None, :] + np.cumsum(steps, axis=-2)], axis=-2)
+    return Course(every_s * np.arange(count + 1, dtype=np.float64), places)
+
+
+def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:
+    """Go along a recorded track, rows of (time s, x, y, z m), moved so that it begins at a start (..., 3) at time 0."""
+    table = np.asarray(track, dtype=np.float64)
+    places = start_m[..., None, :] + (table[:, 1:] - table[0, 1:])
+    return Course(table[:, 0] - table[0, 0], places)
+
+
+def bounded(velocity_m_s: Array, speed_m_s: ArrayLike) -> Array:
+    """Shorten velocities (..., 3) to a speed (...), keeping their direction."""
+    limit = np.asarray(speed_m_s, dtype=np.float64)
+    speed = np.sqrt(np.sum(velocity_m_s * velocity_m_s, axis=-1))
+    scale = np.where(speed > limit, limit / np.where(speed > 0.0, speed, 1.0), 1.0)
+    return np.asarray(velocity_m_s * scale[..., None])
