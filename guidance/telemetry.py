@@ -4,6 +4,7 @@ Adapters in `guidance.links` turn MAVLink messages into these and back. Every me
 of our own clock at which it arrived; `time_boot_s` is the sender's clock where the message has one.
 """
 
+from enum import StrEnum
 from typing import NamedTuple
 
 Vector = tuple[float, float, float]
@@ -149,11 +150,28 @@ Message = (
 )
 
 
+class Datum(StrEnum):
+    """What an altitude was counted from."""
+
+    AMSL = "amsl"
+    ELLIPSOID = "ellipsoid"
+    RELATIVE = "relative"
+    ORIGIN = "origin"
+
+
+class AltitudeSaid(NamedTuple):
+    """An altitude in metres as it was received: above mean sea level, WGS-84, our home, or the sender's own origin."""
+
+    altitude_m: float
+    datum: Datum
+
+
 class TargetReport(NamedTuple):
     """One report of the target, from whichever source. NaN velocity means unknown, never zero.
 
-    `sent_s` is the sender's clock (NaN where the source has none); altitude is above mean sea level. `timesync` is the
-    sender's own answer to our TIMESYNC, with the first report after it came: it tells its clock from ours.
+    `sent_s` is the sender's clock (NaN where the source has none); `altitude_amsl_m` is above mean sea level, made so
+    from `said`. `timesync` is the sender's own answer to our TIMESYNC, with the first report after it came: it tells
+    its clock from ours.
     """
 
     received_s: float
@@ -166,6 +184,7 @@ class TargetReport(NamedTuple):
     position_sd_m: float
     velocity_sd_m_s: float
     timesync: Timesync | None = None
+    said: AltitudeSaid | None = None
 
 
 class Setpoint(NamedTuple):

@@ -7,6 +7,7 @@ import pyarrow as pa
 
 from guidance.records.rows import Row
 from guidance.telemetry import (
+    AltitudeSaid,
     Attitude,
     GlobalPosition,
     Heartbeat,
@@ -30,7 +31,15 @@ _HEARD: Final[tuple[tuple[type, tuple[str, ...]], ...]] = (
     (Heartbeat, ("custom_mode", "armed")),
     (SystemStatus, ("battery_remaining",)),
 )
-_REPORTED: Final = ("source", "latitude_deg", "longitude_deg", "altitude_amsl_m", "velocity_ned_m_s")
+_REPORTED: Final = (
+    "received_s",
+    "sent_s",
+    "source",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_amsl_m",
+    "velocity_ned_m_s",
+)
 
 
 class Column(NamedTuple):
@@ -61,6 +70,7 @@ def _kind_of_rest(hint: Any) -> pa.DataType:  # noqa: ANN401
 COLUMNS: Final = (
     *(column for kind, names in _HEARD for column in _columns("vehicle_", kind.__name__, kind, names)),
     *_columns("target_", TargetReport.__name__, TargetReport, _REPORTED),
+    *_columns("target_said_", AltitudeSaid.__name__, AltitudeSaid, AltitudeSaid._fields),
     *_columns("setpoint_", "setpoint", Setpoint, Setpoint._fields),
     *_columns("game_", "certificate", Certificate, Certificate._fields),
 )
@@ -75,7 +85,7 @@ class Heard:
     """The last message of every kind and the last report, each kept until the next."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, Message | TargetReport] = {}
+        self._parts: dict[str, Message | TargetReport | AltitudeSaid | None] = {}
 
     def flat(self, row: Row) -> dict[str, Any]:
         """Take in one cycle and return it as column -> value.
@@ -85,7 +95,8 @@ class Heard:
         """
         inputs = row.inputs
         self._parts.update((type(message).__name__, message) for message in inputs.messages)
-        self._parts.update((TargetReport.__name__, report) for report in inputs.reports)
+        for report in inputs.reports:
+            self._parts |= {TargetReport.__name__: report, AltitudeSaid.__name__: report.said}
         parts: dict[str, Any] = {**self._parts, "setpoint": row.setpoint, "certificate": row.certificate}
         values = {column.name: _value(parts.get(column.part), column) for column in COLUMNS}
         alarm = row.alarm

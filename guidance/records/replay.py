@@ -16,7 +16,8 @@ from guidance.errors import ConfigError
 from guidance.flight import Flight, FlightSettings, Inputs, Outputs
 from guidance.records.reading import Survey, scan
 from guidance.records.rows import Row, event_of, row_of
-from guidance.service.record import BEGUN, EVENT_TOPIC, TICK_TOPIC, plain
+from guidance.service.known import known
+from guidance.service.record import BEGUN, EVENT_TOPIC, TICK_TOPIC
 from guidance.telemetry import PositionTarget, Vector
 
 COMPARED: Final = ("setpoint", "state", "requests")
@@ -66,7 +67,7 @@ class Comparison:
     def add(self, step: Step) -> None:
         """Count one cycle."""
         self.cycles += 1
-        self.setpoints += step.row.json["setpoint"] is not None
+        self.setpoints += step.row.json.get("setpoint") is not None
         if step.differing:
             self.differing += 1
             self.first = self.first or step
@@ -141,4 +142,4 @@ def _differing(recorded: Mapping[str, Any], outputs: Outputs) -> Iterator[str]:
 
 
 def _text(value: Any) -> str:  # noqa: ANN401 - any part of a row
-    return json.dumps(plain(value), sort_keys=True)
+    return json.dumps(known(value), sort_keys=True)

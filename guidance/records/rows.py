@@ -49,13 +49,13 @@ class Row(NamedTuple):
     @property
     def setpoint(self) -> Setpoint | None:
         """What it sent."""
-        setpoint: Setpoint | None = _SETPOINT(self.json["setpoint"])
+        setpoint: Setpoint | None = _SETPOINT(self.json.get("setpoint"))
         return setpoint
 
     @property
     def certificate(self) -> Certificate | None:
         """What the game said."""
-        certificate: Certificate | None = _CERTIFICATE(self.json["certificate"])
+        certificate: Certificate | None = _CERTIFICATE(self.json.get("certificate"))
         return certificate
 
     @property
@@ -98,7 +98,7 @@ def row_of(item: Item, path: Path) -> Row:
         ConfigError: If it is none.
     """
     row = _document(item, path)
-    if not {"now_s", "state", "inputs", "setpoint", "certificate"} <= row.keys():
+    if not {"now_s", "state", "inputs"} <= row.keys():
         raise ConfigError(f"{path}: the tick at {item.now_s:.3f} s has only {', '.join(sorted(row))}")
     return Row(float(row["now_s"]), row)
 

@@ -1,7 +1,7 @@
-"""JSON back into the named tuples it came from: the inverse of `guidance.service.record.plain`.
+"""JSON back into the named tuples it came from: the inverse of `guidance.service.known`.
 
-JSON has no NaN: where a type says float, null is NaN. Everything else comes back bit for bit, since Python writes the
-shortest digits that read back as the same number.
+JSON has no NaN: where a type says float, what is absent or null is NaN; where it says "or None", it is None. Everything
+else comes back bit for bit, since Python writes the shortest digits that read back as the same number.
 """
 
 import math
@@ -12,6 +12,7 @@ from functools import cache
 from typing import Any, Union, cast, get_args, get_origin, get_type_hints
 
 from guidance.errors import ConfigError
+from guidance.service.schemas import optional_in
 
 Decoder = Callable[[Any], Any]
 
@@ -75,13 +76,15 @@ def _tuple(*kinds: Any) -> Decoder:  # noqa: ANN401
 
 def _named(kind: Any) -> Decoder:  # noqa: ANN401
     fields = {name: decoder(hint) for name, hint in get_type_hints(kind).items()}
-    needed = fields.keys() - kind._field_defaults.keys()  # what came later has a default, and older records lack it
+    defaults = kind._field_defaults  # what came later has one, and older records lack it
+    absent = {name: defaults[name] if name in defaults else fields[name](None) for name in optional_in(kind)}
+    needed = fields.keys() - absent.keys()
 
     def read(value: Any) -> Any:  # noqa: ANN401
         given = value.keys() - {"kind"} if isinstance(value, Mapping) else frozenset()
         if not needed <= given <= fields.keys():
             keys = ", ".join(sorted(given)) or repr(value)
             raise ConfigError(f"{kind.__name__} with {keys}: this version knows {', '.join(sorted(fields))}")
-        return kind(**{name: fields[name](value[name]) for name in given})
+        return kind(**absent | {name: fields[name](value[name]) for name in given})
 
     return read

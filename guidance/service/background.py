@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from guidance.service.record import Recorder
+from guidance.telemetry import TargetReport
 
 MOST_WAITING: Final = 4096
 _LOOK_EVERY_S: Final = 0.05
@@ -38,6 +39,10 @@ class BackgroundRecorder:
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
         self._put(lambda: self._recorder.event(now_s, event, detail))
+
+    def report(self, report: TargetReport) -> None:
+        """Keep one report of the target."""
+        self._put(lambda: self._recorder.report(report))
 
     def close(self) -> None:
         """Write what waits and finish the file; may be called twice."""

@@ -1,20 +1,14 @@
 """One cycle of the daemon: read everything once, step the flight, say what it decided, and keep a record of it all."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import TargetSource, VehicleLink
 from guidance.service.record import BEGUN, Record
+from guidance.service.timing import Timing
 
 HEARTBEAT_S = 1.0
-
-
-class Timing(NamedTuple):
-    """How the loop kept time: how much later than due this cycle began, and how long the one before worked."""
-
-    late_s: float
-    worked_s: float
 
 
 class Cycle:
@@ -53,6 +47,8 @@ class Cycle:
         if not self._begun:
             self._begun = True
             recorder.event(inputs.now_s, BEGUN)
+        for report in inputs.reports:
+            recorder.report(report)
         recorder.tick(inputs.now_s, row(inputs, outputs, timing))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"

@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Outputs
 from guidance.links.port import TargetSource, VehicleLink
 from guidance.preflight import Row, Survey, Wants, parameter_names, refusals, rows
-from guidance.service.cycle import Cycle, Timing
+from guidance.service.cycle import Cycle
 from guidance.service.leaving import ON_GROUND, Leaving
 from guidance.service.log import Log
 from guidance.service.mailbox import Answer, Mailbox, Question
@@ -18,6 +18,7 @@ from guidance.service.notify import Notifier
 from guidance.service.reasons import is_done, missing, not_engageable, refusal
 from guidance.service.record import Record
 from guidance.service.status import status
+from guidance.service.timing import Timing
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0

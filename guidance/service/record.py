@@ -18,37 +18,22 @@ from typing import Any, Protocol
 from mcap.writer import CompressionType, Writer
 from typing_extensions import Buffer
 
+from guidance.service.commit import PACKAGE, commit
+from guidance.service.known import in_bytes
+from guidance.service.scene import Scene
+from guidance.service.schemas import SCHEMAS
+from guidance.telemetry import TargetReport
+
 CHUNK_BYTES = 8 * 1024
 CHUNK_S = 0.1
 """A chunk is written when it is this long or this old: what a killed process had not written is lost."""
 
-_PACKAGES = ("pursuit-guidance", "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
-
-_TICK_SCHEMA = {
-    "type": "object",
-    "properties": {
-        "now_s": {"type": "number"},
-        "state": {"type": "string"},
-        "inputs": {"type": "object"},
-        "certificate": {"type": ["object", "null"]},
-        "setpoint": {"type": ["object", "null"]},
-        "requests": {"type": "array"},
-        "alarm": {"type": ["object", "null"]},
-        "timing": {
-            "type": ["object", "null"],
-            "properties": {"late_s": {"type": "number"}, "worked_s": {"type": "number"}},
-        },
-    },
-    "required": ["now_s", "state"],
-}
-_EVENT_SCHEMA = {
-    "type": "object",
-    "properties": {"now_s": {"type": "number"}, "event": {"type": "string"}, "detail": {"type": "string"}},
-    "required": ["now_s", "event"],
-}
+_PACKAGES = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 
 TICK_TOPIC = "guidance/tick"
 EVENT_TOPIC = "guidance/event"
+TARGET_TOPIC = "guidance/target_report"
+"""Every report of the target as its source had it, at the time it arrived."""
 
 BEGUN = "flight begins"
 """Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
@@ -70,6 +55,9 @@ class Record(Protocol):
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
 
+    def report(self, report: TargetReport) -> None:
+        """Keep one report of the target."""
+
 
 class Recorder:
     """Writes one MCAP file. Times are those of the injected clock, in nanoseconds of the file's log time.
@@ -90,7 +78,9 @@ class Recorder:
         self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library="guidance")
         self._writer.add_metadata("run", dict(metadata))
+        self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
+        self._scene = Scene()
         self._sequence = 0
         self._chunk_began_s = math.inf
 
@@ -99,13 +89,18 @@ class Recorder:
         self._write(now_s, topic, frame, encoding="mavlink", schema=None)
 
     def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
-        """Keep one guidance cycle."""
-        self._write(now_s, TICK_TOPIC, _json(row), encoding="json", schema=("guidance.Tick", _TICK_SCHEMA))
+        """Keep one guidance cycle, and what viewers draw of it."""
+        self._say(now_s, TICK_TOPIC, "guidance.Tick", row)
+        for drawn in self._scene.of(row):
+            self._say(now_s, drawn.topic, drawn.type_name, drawn.message)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
-        row = {"now_s": now_s, "event": event, "detail": detail}
-        self._write(now_s, EVENT_TOPIC, _json(row), encoding="json", schema=("guidance.Event", _EVENT_SCHEMA))
+        self._say(now_s, EVENT_TOPIC, "guidance.Event", {"now_s": now_s, "event": event, "detail": detail})
+
+    def report(self, report: TargetReport) -> None:
+        """Keep one report of the target."""
+        self._say(report.received_s, TARGET_TOPIC, "guidance.TargetReport", report)
 
     def close(self) -> None:
         """Finish the file; may be called twice."""
@@ -119,16 +114,15 @@ class Recorder:
         finally:
             self._stream.close()
 
-    def _write(
-        self, now_s: float, topic: str, data: bytes, *, encoding: str, schema: tuple[str, Mapping[str, Any]] | None
-    ) -> None:
+    def _say(self, now_s: float, topic: str, schema: str, message: Any) -> None:  # noqa: ANN401 - any row
+        self._write(now_s, topic, in_bytes(message), encoding="json", schema=schema)
+
+    def _write(self, now_s: float, topic: str, data: bytes, *, encoding: str, schema: str | None) -> None:
         if self.failed is not None or self._stream.closed:
             return
         try:
             if topic not in self._channels:
-                schema_id = 0
-                if schema is not None:
-                    schema_id = self._writer.register_schema(schema[0], "jsonschema", json.dumps(schema[1]).encode())
+                schema_id = 0 if schema is None else self._schema(schema)
                 self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
             time_ns = round(now_s * 1e9)
             self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
@@ -139,6 +133,12 @@ class Recorder:
                 self._chunk_began_s = math.inf
         except OSError as error:
             self.failed = str(error)
+
+    def _schema(self, name: str) -> int:
+        if name not in self._schemas:
+            described = json.dumps(SCHEMAS[name], separators=(",", ":")).encode()
+            self._schemas[name] = self._writer.register_schema(name, "jsonschema", described)
+        return self._schemas[name]
 
 
 class _Whole(BytesIO):
@@ -161,8 +161,13 @@ class _Whole(BytesIO):
 
 
 def versions() -> dict[str, str]:
-    """Name what a record was made by: Python, and the packages whose numbers or bytes are in it."""
-    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+    """Name what a record was made by: Python, the packages whose numbers or bytes are in it, the commit if known."""
+    made_at = commit()
+    return {
+        "python": platform.python_version(),
+        **{name: version(name) for name in _PACKAGES},
+        **({} if made_at is None else {"commit": made_at}),
+    }
 
 
 def started_utc(now_s: float) -> str:
@@ -181,7 +186,3 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - any value of a row
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     return value
-
-
-def _json(row: Mapping[str, Any]) -> bytes:
-    return json.dumps(plain(row), separators=(",", ":"), allow_nan=False).encode()

@@ -45,6 +45,9 @@ class Kept:
     def event(self, *call: Any) -> None:
         self.cycles[-1].append(("event", call))
 
+    def report(self, *call: Any) -> None:
+        self.cycles[-1].append(("report", call))
+
     def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
         self.cycles.append([("tick", (now_s, row))])
 

@@ -14,7 +14,7 @@ from guidance.frames import Amsl, Ellipsoid, LocalFrame
 from guidance.links.codec import Fields, degrees
 from guidance.links.targets.course import velocity_over_ground
 from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
-from guidance.telemetry import TargetReport, Vector
+from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
 
 VALID_COORDINATES: Final = 1
 VALID_ALTITUDE: Final = 2
@@ -53,7 +53,8 @@ class AdsbVehicle:
             raise Refused("altitude")
         latitude, longitude = degrees(fields["lat"], fields["lon"])
         given_m = fields["altitude"] / 1e3
-        altitude = Ellipsoid(given_m) if fields["altitude_type"] == ALTITUDE_GEOMETRIC else Amsl(given_m)
+        geometric = fields["altitude_type"] == ALTITUDE_GEOMETRIC
+        altitude = Ellipsoid(given_m) if geometric else Amsl(given_m)
         return TargetReport(
             received_s=received_s,
             sent_s=math.nan,
@@ -64,6 +65,7 @@ class AdsbVehicle:
             velocity_ned_m_s=_velocity(fields),
             position_sd_m=math.nan,
             velocity_sd_m_s=math.nan,
+            said=AltitudeSaid(given_m, Datum.ELLIPSOID if geometric else Datum.AMSL),
         )
 
 

@@ -14,7 +14,7 @@ from typing import ClassVar, Final
 from guidance.links.codec import Fields, degrees, number
 from guidance.links.targets.refusal import UNKNOWN_VELOCITY, finite_altitude, standard_deviation
 from guidance.links.targets.sender_clock import SenderClock, boot_ms_clock
-from guidance.telemetry import TargetReport, Vector
+from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
 
 CAPABILITY_VELOCITY: Final = 1 << 1
 
@@ -40,6 +40,7 @@ class FollowTarget:
             velocity_ned_m_s=_velocity(fields),
             position_sd_m=standard_deviation(*(value * abs(value) for value in deviations)),
             velocity_sd_m_s=math.nan,
+            said=AltitudeSaid(number(fields["alt"]), Datum.AMSL),
         )
 
 

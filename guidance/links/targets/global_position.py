@@ -13,7 +13,7 @@ from typing import ClassVar
 from guidance.links.codec import Fields, decode
 from guidance.links.targets.refusal import Refused, finite_altitude
 from guidance.links.targets.sender_clock import SenderClock, boot_ms_clock
-from guidance.telemetry import GlobalPosition, TargetReport
+from guidance.telemetry import AltitudeSaid, Datum, GlobalPosition, TargetReport
 
 
 @dataclass(slots=True)
@@ -42,4 +42,5 @@ class GlobalPositionInt:
             velocity_ned_m_s=heard.velocity_ned_m_s,
             position_sd_m=math.nan,
             velocity_sd_m_s=math.nan,
+            said=AltitudeSaid(heard.altitude_amsl_m, Datum.AMSL),
         )

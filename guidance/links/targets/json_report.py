@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from guidance.errors import ConfigError
 from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative
 from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused
-from guidance.telemetry import TargetReport
+from guidance.telemetry import AltitudeSaid, Datum, TargetReport
 
 ENCODING = "application/json"
 _DATUMS: dict[str, type[Amsl] | type[Ellipsoid] | type[Relative]] = {
@@ -75,6 +75,7 @@ def report(payload: bytes, received_s: float, *, frame: LocalFrame, source: str)
         velocity_ned_m_s=given.velocity_ned_m_s or UNKNOWN_VELOCITY,
         position_sd_m=_or_nan(given.position_sd_m),
         velocity_sd_m_s=_or_nan(given.velocity_sd_m_s),
+        said=AltitudeSaid(given.altitude_m, Datum(given.altitude_datum)),
     )
 
 

@@ -14,7 +14,7 @@ from guidance.frames import LocalFrame
 from guidance.links.codec import Fields, finite, number
 from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
 from guidance.links.targets.rotation import rotate
-from guidance.telemetry import TargetReport, Vector
+from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
 
 MAV_FRAME_LOCAL_NED: Final = 1
 MAV_FRAME_BODY_FRD: Final = 12
@@ -47,6 +47,7 @@ class Odometry:
             velocity_ned_m_s=_velocity(fields),
             position_sd_m=standard_deviation(*(number(pose[index]) for index in _DIAGONAL)),
             velocity_sd_m_s=standard_deviation(*(number(velocity[index]) for index in _DIAGONAL)),
+            said=AltitudeSaid(-position[2], Datum.ORIGIN),
         )
 
 

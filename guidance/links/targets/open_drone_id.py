@@ -16,7 +16,7 @@ from guidance.links.codec import Fields, degrees, number
 from guidance.links.targets.course import velocity_over_ground
 from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
 from guidance.links.targets.sender_clock import SenderClock
-from guidance.telemetry import TargetReport, Vector
+from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
 
 UNKNOWN_DIRECTION_CDEG: Final = 36100
 UNKNOWN_SPEED_CM_S: Final = 25500
@@ -80,6 +80,7 @@ class OpenDroneIdLocation:
             velocity_ned_m_s=_velocity(fields),
             position_sd_m=_half(HORIZONTAL_BOUNDS_M, fields["horizontal_accuracy"]),
             velocity_sd_m_s=_half(SPEED_BOUNDS_M_S, fields["speed_accuracy"]),
+            said=AltitudeSaid(geodetic_m, Datum.ELLIPSOID),
         )
 
     def _sent(self, second_of_hour: float) -> float:

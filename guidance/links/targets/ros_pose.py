@@ -15,7 +15,7 @@ from guidance.frames import LocalFrame, ned_from_game
 from guidance.links.targets.cdr import CdrReader
 from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
 from guidance.links.targets.rotation import rotate
-from guidance.telemetry import TargetReport, Vector
+from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
 
 POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
 ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
@@ -105,4 +105,5 @@ class RosPose:
             velocity_ned_m_s=velocity_ned,
             position_sd_m=sd_m,
             velocity_sd_m_s=sd_m_s,
+            said=AltitudeSaid(enu_m[2], Datum.ORIGIN),
         )

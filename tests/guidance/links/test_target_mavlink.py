@@ -20,7 +20,7 @@ from guidance.links.targets import (
     Odometry,
     OpenDroneIdLocation,
 )
-from guidance.telemetry import GlobalPosition, TargetReport
+from guidance.telemetry import AltitudeSaid, Datum, GlobalPosition, TargetReport
 
 UNDULATION_M = 47.3
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), undulation_m=UNDULATION_M)
@@ -58,7 +58,16 @@ def is_unknown(velocity) -> bool:
 def test_follow_target_is_amsl_north_east_down_and_milliseconds_since_boot():
     report = World(FollowTarget()).report(follow())
     assert report == TargetReport(
-        5.0, 1.5, "FOLLOW_TARGET", 47.3977418, 8.5455939, 520.0, (3.0, -1.0, 0.5), 2.0, report.velocity_sd_m_s
+        5.0,
+        1.5,
+        "FOLLOW_TARGET",
+        47.3977418,
+        8.5455939,
+        520.0,
+        (3.0, -1.0, 0.5),
+        2.0,
+        report.velocity_sd_m_s,
+        said=AltitudeSaid(520.0, Datum.AMSL),
     )
     assert math.isnan(report.velocity_sd_m_s)
 
@@ -163,6 +172,7 @@ def test_odometry_is_metres_about_the_targets_own_origin():
         pytest.approx((100.0, 50.0, -20.0), abs=1e-3)
     )
     assert report.altitude_amsl_m == pytest.approx(508.0)
+    assert report.said == (20.0, Datum.ORIGIN)
     assert report.sent_s == pytest.approx(12.345678)
     assert report.position_sd_m == 1.0
     assert math.isnan(report.velocity_sd_m_s)
@@ -222,6 +232,7 @@ def drone_id(**changes):
 def test_remote_id_is_ellipsoidal_and_its_climb_is_up():
     report = World(OpenDroneIdLocation(FRAME)).report(drone_id())
     assert report.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)
+    assert report.said == (600.0, Datum.ELLIPSOID)
     assert report.velocity_ned_m_s == pytest.approx((0.0, 4.0, -0.5), abs=1e-9)
     assert (report.position_sd_m, report.velocity_sd_m_s, report.sent_s) == (1.5, 0.5, 3599.5)
 
@@ -290,6 +301,7 @@ def test_adsb_altitude_is_what_its_type_says():
     assert World(AdsbVehicle(FRAME, 0xABCDEF)).report(adsb()).altitude_amsl_m == 600.0
     geometric = World(AdsbVehicle(FRAME, 0xABCDEF)).report(adsb(altitude_type=1))
     assert geometric.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)
+    assert geometric.said == (600.0, Datum.ELLIPSOID)
     assert geometric.velocity_ned_m_s == pytest.approx((-50.0, 0.0, 2.0), abs=1e-9)
     assert math.isnan(geometric.sent_s)
 

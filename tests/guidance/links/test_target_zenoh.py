@@ -45,12 +45,14 @@ def test_the_published_schema_is_the_models():
 
 def test_a_report_says_its_units_and_its_datum():
     report = read(as_bytes(), 3.0)
-    assert report == (3.0, 12.5, "target", 47.4, 8.5, 600.0, (1.0, -2.0, 0.5), 1.5, 0.2, None)
+    assert report == (3.0, 12.5, "target", 47.4, 8.5, 600.0, (1.0, -2.0, 0.5), 1.5, 0.2, None, (600.0, "amsl"))
 
 
 @pytest.mark.parametrize(("datum", "amsl_m"), [("amsl", 600.0), ("ellipsoid", 552.7), ("relative", 1090.0)])
 def test_every_datum_becomes_height_above_the_sea(datum, amsl_m):
-    assert read(as_bytes(altitude_datum=datum), 0.0).altitude_amsl_m == pytest.approx(amsl_m)
+    report = read(as_bytes(altitude_datum=datum), 0.0)
+    assert report.altitude_amsl_m == pytest.approx(amsl_m)
+    assert report.said == (600.0, datum)
 
 
 @pytest.mark.parametrize("absent", [None, "absent"])

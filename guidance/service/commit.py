@@ -1,0 +1,73 @@
+"""Which commit of the project this is, where that can be known from files alone: nothing is run, nothing is asked."""
+
+import json
+import re
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Final
+
+PACKAGE: Final = "pursuit-guidance"
+_HASH: Final = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
+_LONGEST_BYTES: Final = 4 * 1024 * 1024
+
+
+def commit() -> str | None:
+    """Return the commit of the installed project; None where it is not known.
+
+    In a checkout that is what HEAD points to: what was changed since and not committed is not seen. Elsewhere it is
+    what pip noted when it installed from a repository (PEP 610, `direct_url.json`).
+    """
+    return commit_of_checkout(Path(__file__).parents[2]) or commit_of_install()
+
+
+def commit_of_checkout(root: Path) -> str | None:
+    """Return what HEAD of the repository at `root` points to; None if it is none, or cannot be read."""
+    try:
+        if not (root / "pyproject.toml").is_file():
+            return None  # installed into somebody's repository, which is not ours
+        folder = _folder(root / ".git")
+        head = _text(folder / "HEAD")
+        if not head.startswith("ref: "):
+            return _checked(head)
+        common = folder / "commondir"
+        shared = folder / _text(common) if common.is_file() else folder
+        return _reference(head.removeprefix("ref: "), [folder, shared])
+    except (OSError, ValueError):
+        return None
+
+
+def commit_of_install() -> str | None:
+    """Return the commit that pip installed from; None if it was no repository."""
+    try:
+        noted = distribution(PACKAGE).read_text("direct_url.json")
+        return _checked(str(json.loads(noted or "{}")["vcs_info"]["commit_id"]))
+    except (PackageNotFoundError, OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _folder(git: Path) -> Path:
+    """The repository's own folder; a worktree has a file that names it."""
+    return git if git.is_dir() else git.parent / _text(git).removeprefix("gitdir: ")
+
+
+def _reference(name: str, folders: list[Path]) -> str | None:
+    for folder in folders:
+        if (folder / name).is_file():
+            return _checked(_text(folder / name))
+    for folder in folders:
+        packed = folder / "packed-refs"
+        lines = _text(packed).splitlines() if packed.is_file() else []
+        for line in lines:
+            found, _, what = line.partition(" ")
+            if what == name:
+                return _checked(found)
+    return None
+
+
+def _text(path: Path) -> str:
+    with path.open("rb") as stream:
+        return stream.read(_LONGEST_BYTES).decode("utf-8").strip()
+
+
+def _checked(text: str) -> str | None:
+    return text if _HASH.fullmatch(text) else None
