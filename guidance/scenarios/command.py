@@ -19,6 +19,7 @@ from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock, MonotonicClock, VirtualClock
+from guidance.service.cycle import Stopped
 from guidance.service.record import Recorder, started_utc, versions
 
 LINKS = ("mavsdk", "pymavlink")
@@ -48,8 +49,8 @@ def fly_scenario(name: str, *, fast: bool, link: str, port: int, out: Path | Non
         with _world(scenario, clock, fast=fast, link=link, port=port) as world:
             result = fly(scenario, world, clock, recorder, show)
         result.wall_s = time.perf_counter() - flying_s
-    if recorder.failed is not None:
-        console.print(f"[yellow]the record is incomplete: {recorder.failed}[/yellow]")
+    if recorder.failed is not None and result.record_stopped is None:
+        result.record_stopped = Stopped(result.duration_s, recorder.failed)
     _report(console, result, folder, fast=fast)
     return 0 if result.captured else 4
 
@@ -101,10 +102,14 @@ def _line(console: Console) -> Iterator[Any]:
     """Show one live line, redrawn ten times a second; where there is no terminal, a plain line at every change."""
     drawn_s = 0.0
     shown = ""
+    told = False
     with Live(console=console, auto_refresh=False, transient=True) as live:
 
         def show(progress: Progress) -> None:
-            nonlocal drawn_s, shown
+            nonlocal drawn_s, shown, told
+            if progress.record_stopped is not None and not told:
+                told = True
+                console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
             if not console.is_terminal:
                 if str(progress.state) != shown:
                     shown = str(progress.state)
@@ -115,6 +120,11 @@ def _line(console: Console) -> Iterator[Any]:
                 live.update(Text(_words(progress), no_wrap=True, overflow="crop"), refresh=True)
 
         yield show
+
+
+def record_words(stopped: Stopped | None) -> str:
+    """Say whether everything was recorded."""
+    return "whole" if stopped is None else f"recording stopped at {stopped.now_s:.1f} s: {stopped.reason}"
 
 
 def _words(progress: Progress) -> str:
@@ -137,9 +147,13 @@ def _report(console: Console, result: FlightResult, folder: Path, *, fast: bool)
         console.print(
             f"{result.duration_s:.1f} s of flight in {result.wall_s:.2f} s: {speed:.0f} times faster than real time"
         )
-    draw(result, folder / "flight.png")
     console.print(f"record   {folder / 'record.mcap'}", soft_wrap=True, highlight=False)
-    console.print(f"picture  {folder / 'flight.png'}", soft_wrap=True, highlight=False)
+    try:
+        draw(result, folder / "flight.png")
+    except OSError as error:
+        console.print(f"[yellow]picture  {folder / 'flight.png'}: cannot be written ({error.strerror})[/yellow]")
+    else:
+        console.print(f"picture  {folder / 'flight.png'}", soft_wrap=True, highlight=False)
 
 
 def _table(result: FlightResult) -> Table:
@@ -157,6 +171,7 @@ def _table(result: FlightResult) -> Table:
         "late ticks": f"{result.late_ticks} of {result.cycles}",
         "guarantee alarms": f"{len(result.alarms)}",
         "flight ended": f"{result.ended}, after {result.duration_s:.1f} s",
+        "record": record_words(result.record_stopped),
     }
     for name, value in rows.items():
         table.add_row(name, value)

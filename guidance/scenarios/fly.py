@@ -14,7 +14,7 @@ from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings, flight_settings
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock
-from guidance.service.cycle import Cycle
+from guidance.service.cycle import Cycle, Stopped
 from guidance.service.record import Recorder
 from guidance.service.timing import Timing
 from guidance.telemetry import LocalPosition
@@ -34,6 +34,7 @@ class Progress(NamedTuple):
     mode: str
     certificate: Certificate | None
     unit: str
+    record_stopped: Stopped | None = None
 
 
 class Sample(NamedTuple):
@@ -71,6 +72,7 @@ class FlightResult:
     samples: list[Sample] = field(default_factory=list)
     happenings: list[Happening] = field(default_factory=list)
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
+    record_stopped: Stopped | None = None
 
     @property
     def ratio(self) -> float:
@@ -119,12 +121,13 @@ def fly(
                 recorder.frame(*passed)
         _note(result, now_s, outputs, pursuer_m, evader.position_game_m())
         worked_s = clock.now_s() - now_s
-        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit))
+        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit, cycle.record_stopped))
 
     evader.stop()
     result.duration_s = clock.now_s() - start_s
     result.setpoints_sent = cycle.setpoints_sent
     result.timed_out = director.timed_out
+    result.record_stopped = cycle.record_stopped
     _score(result, director)
     return result
 

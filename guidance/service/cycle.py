@@ -1,7 +1,7 @@
 """One cycle of the daemon: read everything once, step the flight, say what it decided, and keep a record of it all."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import TargetSource, VehicleLink
@@ -9,6 +9,13 @@ from guidance.service.record import BEGUN, Record
 from guidance.service.timing import Timing
 
 HEARTBEAT_S = 1.0
+
+
+class Stopped(NamedTuple):
+    """Since when nothing is recorded any more, and why. The flight goes on."""
+
+    now_s: float
+    reason: str
 
 
 class Cycle:
@@ -22,6 +29,7 @@ class Cycle:
         self._heartbeat_s = float("-inf")
         self.setpoints_sent = 0
         self.inputs = Inputs(float("-inf"))
+        self.record_stopped: Stopped | None = None
         self._begun = False
 
     def run(
@@ -41,6 +49,8 @@ class Cycle:
             self._link.request(request)
         if self._recorder is not None:
             self._keep(self._recorder, inputs, outputs, timing)
+            if self.record_stopped is None and self._recorder.failed is not None:
+                self.record_stopped = Stopped(now_s, self._recorder.failed)
         return outputs
 
     def _keep(self, recorder: Record, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> None:

@@ -16,7 +16,7 @@ from guidance.service.mailbox import Answer, Mailbox, Question
 from guidance.service.metrics import Metrics
 from guidance.service.notify import Notifier
 from guidance.service.reasons import is_done, missing, not_engageable, refusal
-from guidance.service.record import Record
+from guidance.service.record import STOPPED, Record
 from guidance.service.status import status
 from guidance.service.timing import Timing
 
@@ -187,7 +187,7 @@ class Daemon:
         return {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
 
     def _status(self, now_s: float) -> dict[str, Any]:
-        return status(self.name, now_s, self.flight, self.outputs, self._rows)
+        return status(self.name, now_s, self.flight, self.outputs, self._rows, recording=self._recording)
 
     def _tell(self, outputs: Outputs) -> None:
         if outputs.alarm is not None:
@@ -205,7 +205,14 @@ class Daemon:
     def _see_record(self) -> None:
         if self._record is not None and self._record.failed is not None and not self._record_lost:
             self._record_lost = True
-            self._log.say(logging.WARNING, "recording has stopped; the flight goes on", reason=self._record.failed)
+            self._metrics.happened(STOPPED)
+            self._log.say(logging.WARNING, STOPPED, reason=self._record.failed)
+
+    @property
+    def _recording(self) -> str:
+        if self._record is None:
+            return "off"
+        return "on" if self._record.failed is None else f"stopped: {self._record.failed}"
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge while on the ground; what a parameter says in flight comes too late."""

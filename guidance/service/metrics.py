@@ -74,6 +74,10 @@ class Metrics:
             for what, count in counts.items():
                 self._links.labels(self._name, link, what).set(count)
 
+    def happened(self, event: str) -> None:
+        """Count an event that is not the flight's."""
+        self._events.labels(self._name, event).inc()
+
     def order(self, order: str, *, accepted: bool) -> None:
         """Count an order."""
         self._orders.labels(self._name, order, str(accepted).lower()).inc()

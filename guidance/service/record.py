@@ -39,6 +39,10 @@ BEGUN = "flight begins"
 """Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
 
 
+STOPPED = "recording has stopped; the flight goes on"
+"""Event of a record that can be written no longer: it is the log's, the metrics' and the bus's, not the record's."""
+
+
 class Record(Protocol):
     """Where a cycle is kept. Nothing is raised and nothing is waited for that could disturb a flight."""
 

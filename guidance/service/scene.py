@@ -10,7 +10,8 @@ from guidance.telemetry import GlobalPosition, TargetReport, Vector
 from guidance.tick import Certificate
 
 EVERY_S: Final = 0.1
-"""A map and a scene are looked at: ten times a second is enough."""
+SCENE_EVERY_S: Final = 0.2
+"""A map and a scene are looked at: ten and five times a second are enough."""
 
 GAME_FRAME: Final = "game"
 
@@ -18,7 +19,7 @@ _PURSUER: Final = Color(0.70, 0.15, 0.12)
 _EVADER: Final = Color(0.04, 0.37, 0.65)
 _MEETING: Final = Color(0.90, 0.80, 0.20)
 _DISC: Final = Color(0.18, 0.49, 0.20)
-_CORNERS: Final = 48
+_CORNERS: Final = 36
 
 
 class Drawn(NamedTuple):
@@ -54,12 +55,17 @@ class Scene:
             if isinstance(report, TargetReport) and self._is_due("guidance/map/target", report.received_s):
                 yield _target(report)
         certificate = row.get("certificate")
-        if isinstance(certificate, Certificate) and self._is_due("guidance/scene", row["now_s"]):
-            yield from _game(row["now_s"], certificate)
+        if not isinstance(certificate, Certificate):
+            return
+        now_s = row["now_s"]
+        if self._is_due("guidance/pose", now_s):
+            yield from _poses(now_s, certificate)
+        if self._is_due("guidance/scene", now_s, every_s=SCENE_EVERY_S):
+            yield _game(now_s, certificate)
 
-    def _is_due(self, topic: str, now_s: float) -> bool:
+    def _is_due(self, topic: str, now_s: float, every_s: float = EVERY_S) -> bool:
         # A tenth of a period early still counts: cycles do not fall on our grid.
-        due = now_s - self._drawn_s.get(topic, -math.inf) >= 0.9 * EVERY_S
+        due = now_s - self._drawn_s.get(topic, -math.inf) >= 0.9 * every_s
         if due:
             self._drawn_s[topic] = now_s
         return due
@@ -76,10 +82,13 @@ def _target(said: TargetReport) -> Drawn:
     return Drawn("guidance/map/target", "foxglove.LocationFix", fix)
 
 
-def _game(now_s: float, certificate: Certificate) -> Iterator[Drawn]:
-    pursuer, evader = certificate.pursuer_game_m, certificate.evader_game_m
-    for name, place in (("pursuer", pursuer), ("evader", evader)):
+def _poses(now_s: float, certificate: Certificate) -> Iterator[Drawn]:
+    for name, place in (("pursuer", certificate.pursuer_game_m), ("evader", certificate.evader_game_m)):
         yield Drawn(f"guidance/pose/{name}", "foxglove.PoseInFrame", foxglove.pose(now_s, GAME_FRAME, place))
+
+
+def _game(now_s: float, certificate: Certificate) -> Drawn:
+    pursuer, evader = certificate.pursuer_game_m, certificate.evader_game_m
     spheres = [foxglove.ball(pursuer, 1.0, _PURSUER), foxglove.ball(evader, 1.0, _EVADER)]
     if not certificate.no_game:
         spheres.append(foxglove.ball(certificate.meeting_point_game_m, 0.6, _MEETING))
@@ -92,7 +101,7 @@ def _game(now_s: float, certificate: Certificate) -> Iterator[Drawn]:
         spheres=tuple(spheres),
         lines=(foxglove.ring(tuple(disc(certificate)), _DISC),),
     )
-    yield Drawn("guidance/scene", "foxglove.SceneUpdate", SceneUpdate((entity,)))
+    return Drawn("guidance/scene", "foxglove.SceneUpdate", SceneUpdate((entity,)))
 
 
 def disc(certificate: Certificate) -> Sequence[Vector]:

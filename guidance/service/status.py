@@ -9,7 +9,9 @@ from guidance.service.record import plain
 from guidance.telemetry import Heartbeat, LocalPosition
 
 
-def status(name: str, now_s: float, flight: Flight, outputs: Outputs | None, rows: Sequence[Row]) -> dict[str, Any]:
+def status(
+    name: str, now_s: float, flight: Flight, outputs: Outputs | None, rows: Sequence[Row], *, recording: str
+) -> dict[str, Any]:
     """Lay out where the flight stands. NaN and infinities become null."""
     vehicle = flight.vehicle
     certificate = None if outputs is None else outputs.certificate
@@ -27,6 +29,7 @@ def status(name: str, now_s: float, flight: Flight, outputs: Outputs | None, row
             "target_silence_s": flight.tracking.silence_s(now_s),
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
             "preflight_refused": list(refusals(rows)),
+            "recording": recording,
             "certificate": certificate,
         }
     )

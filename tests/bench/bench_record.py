@@ -22,13 +22,14 @@ from guidance.records import compare, flight_settings, metadata_of, rows_of, sca
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly
 from guidance.scenarios.loading import load_scenario
-from guidance.scenarios.model import Scenario
 from guidance.service.clock import VirtualClock
 from guidance.service.record import TICK_TOPIC, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
+
+    from guidance.scenarios.model import Scenario
 
 
 class Kept:
