@@ -52,13 +52,11 @@ class Arrivals(Generic[T]):
         return taken
 
     def hand_to(self, handler: Callable[[float, T], None]) -> None:
-        """From now on give everything to `handler` instead, beginning with what waits."""
+        """From now on give everything to `handler` instead, beginning with what waits; nothing overtakes that."""
         with self._lock:
             self._handler = handler
-            waiting = list(self._waiting)
-            self._waiting.clear()
-        for now_s, item in waiting:
-            handler(now_s, item)
+            while self._waiting:
+                handler(*self._waiting.popleft())
 
     def close(self) -> None:
         """Take nothing more."""

@@ -1,5 +1,9 @@
 """A vehicle through the MAVSDK client: raw messages with their time fields, and one frame for one call.
 
+MAVSDK is given its bytes through its `raw://` connection, over the same wires as the other link: only whole frames of
+the one vehicle get in, and whoever listens in on the wire (the record) sees both directions. Its own UDP, TCP and
+serial connections show no bytes to anybody, and two of them may share a port without a word.
+
 The Offboard plugin is not used, since it resends the last velocity at 20 Hz by itself: a guidance loop that hangs
 would fly on. Nothing is called on MAVSDK after it was destroyed, which would be a segmentation fault.
 """
@@ -10,67 +14,70 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from mavsdk import Autopilot, Configuration, ConnectionResult, Mavsdk
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
 from mavsdk.system import System
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Handler, Wake
+from guidance.links.arrivals import Arrivals, Clock, Wake
 from guidance.links.codec import MAV_AUTOPILOT_PX4, is_bytewise
 from guidance.links.conversation import HEARD, Conversation
+from guidance.links.dialect import CRC_EXTRA, IDS
+from guidance.links.framing import Framer
 from guidance.links.mavsdk_log import route_to_logging
 from guidance.links.mavsdk_parameters import IntegerParameters
+from guidance.links.port import Wire
 from guidance.telemetry import Message, Request, Setpoint
 
 _LOOK_EVERY_S: Final = 0.02
-
-
-class HandingWire(Protocol):
-    """A wire that can push what arrives (Zenoh, memory)."""
-
-    def hand_to(self, handler: Handler) -> None:
-        """Call `handler` for everything from now on."""
-
-    def send(self, frame: bytes) -> None:
-        """Send one frame, from any thread."""
-
-    def counters(self) -> Mapping[str, int]:
-        """Frames sent and not sent."""
-
-    def close(self) -> None:
-        """Release everything."""
+_WANTED: Final = frozenset(IDS[name] for name in (*HEARD, "AUTOPILOT_VERSION"))
+"""What MAVSDK gets to see: what the link hears, and what MAVSDK itself asks of an autopilot."""
 
 
 class MavsdkLink:
-    """`VehicleLink` over MAVSDK 4.1, on one of its own connections (`url`) or on a wire through `raw://`."""
+    """`VehicleLink` over MAVSDK 4.1 and a wire."""
 
     def __init__(
         self,
+        wire: Wire,
         clock: Clock,
         *,
         system_id: int,
         sleep: Callable[[float], None],
-        url: str | None = None,
-        wire: HandingWire | None = None,
+        who: str,
         component_id: int = 1,
         own_system_id: int | None = None,
         own_component_id: int = 195,
         timeout_s: float = 10.0,
         on_arrival: Wake | None = None,
     ) -> None:
-        """Connect and wait until the vehicle's HEARTBEAT was heard. The wire is closed with the link.
+        """Take over a wire, which is closed with the link, and wait until the vehicle's HEARTBEAT was heard.
+
+        Args:
+            wire: To the vehicle, and to whoever else is there.
+            clock: Monotonic seconds.
+            system_id: The vehicle's.
+            sleep: How to wait between looks.
+            who: Names the vehicle in errors.
+            component_id: The autopilot's.
+            own_system_id: Ours; the vehicle's by default.
+            own_component_id: Ours.
+            timeout_s: How long to wait, by the clock.
+            on_arrival: Called on MAVSDK's thread whenever something arrived; it may only wake the loop.
 
         Raises:
-            LinkError: If the connection cannot be made, or nobody was heard within `timeout_s` of the clock.
+            LinkError: If the vehicle was not heard within `timeout_s`.
         """
         route_to_logging()
         own = own_system_id or system_id, own_component_id
         self._clock = clock
         self._wire = wire
-        self._component_id = component_id
-        self._arrivals = Arrivals[tuple[str, int, str]](clock, on_arrival=on_arrival)
+        self._from = (system_id, component_id)
+        self._framer = Framer(CRC_EXTRA)
+        self._others: set[int] = set()
+        self._arrivals = Arrivals[tuple[str, str]](clock, on_arrival=on_arrival)
         self._dropped: Counter[str] = Counter()
         self._conversation = Conversation(self._send, system_id=system_id, component_id=component_id, own=own)
         self._gate = threading.Lock()
@@ -81,8 +88,8 @@ class MavsdkLink:
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
         try:
-            self._connect(url)
-            system = self._wait_for(system_id, timeout_s, sleep, who=url or "raw://")
+            self._connect()
+            system = self._wait_for(timeout_s, sleep, who=who)
             if system.autopilot_type() == Autopilot.PX4:
                 self._conversation.autopilot = MAV_AUTOPILOT_PX4
             self._direct = MavlinkDirect(system)
@@ -93,43 +100,49 @@ class MavsdkLink:
             self.close()
             raise
 
-    def _connect(self, url: str | None) -> None:
-        if self._wire is not None:
-            self._mavsdk.subscribe_raw_bytes_to_be_sent(self._wire.send)
-            url = "raw://"
-        result = self._mavsdk.add_any_connection(url or "")
+    def _connect(self) -> None:
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(self._wire.send)
+        result = self._mavsdk.add_any_connection("raw://")
         if result != ConnectionResult.SUCCESS:
-            raise LinkError(f"{url}: MAVSDK cannot connect ({result.name})")
-        if self._wire is not None:
-            self._wire.hand_to(self._pass_in)
+            raise LinkError(f"raw://: MAVSDK cannot connect ({result.name})")
+        self._wire.hand_to(self._pass_in)
 
     def _pass_in(self, _received_s: float, data: bytes) -> None:
-        with self._gate:
-            if not self._closed and data:
-                self._mavsdk.pass_received_raw_bytes(data)
+        """On the wire's thread: whole frames of the one vehicle, and nothing else."""
+        for frame in self._framer.feed(data, stream=self._wire.stream):
+            if (frame.system_id, frame.component_id) != self._from:
+                self._dropped["foreign"] += 1
+                self._others.add(frame.system_id)
+                continue
+            if frame.message_id not in _WANTED:
+                self._dropped["unused"] += 1
+                continue
+            with self._gate:
+                if not self._closed:
+                    self._mavsdk.pass_received_raw_bytes(frame.data)
 
-    def _wait_for(self, system_id: int, timeout_s: float, sleep: Callable[[float], None], *, who: str) -> System:
+    def _wait_for(self, timeout_s: float, sleep: Callable[[float], None], *, who: str) -> System:
+        system_id, component_id = self._from
         deadline_s = self._clock() + timeout_s
         while True:
-            systems = self._mavsdk.get_systems()
-            for system in systems:
-                if system.get_system_id() == system_id and self._component_id in system.component_ids():
+            for system in self._mavsdk.get_systems():
+                if system.get_system_id() == system_id and component_id in system.component_ids():
                     return system
             if self._clock() >= deadline_s:
-                heard = sorted({system.get_system_id() for system in systems})
+                heard = ", ".join(map(str, sorted(self._others))) or "none"
                 raise LinkError(
-                    f"{who}: no HEARTBEAT of system {system_id} component {self._component_id} within {timeout_s:g} s; "
-                    f"systems heard: {heard or 'none'}"
+                    f"{who}: no HEARTBEAT of system {system_id} component {component_id} within {timeout_s:g} s; "
+                    f"other systems heard: {heard}"
                 )
             sleep(_LOOK_EVERY_S)
 
     def _hear(self, message: MavlinkMessage, _user: object) -> None:
         """On MAVSDK's only callback thread: keep it and be gone."""
-        self._arrivals.put((message.message_name, message.component_id, message.fields_json))
+        self._arrivals.put((message.message_name, message.fields_json))
 
     def _deliver_integer(self, name: str, value: int) -> None:
         fields = json.dumps({"param_id": name, "param_integer": value})
-        self._arrivals.put(("PARAM_VALUE", self._component_id, fields))
+        self._arrivals.put(("PARAM_VALUE", fields))
 
     @property
     def heartbeats(self) -> int:
@@ -140,10 +153,7 @@ class MavsdkLink:
         """All messages of the vehicle since the last call, oldest first."""
         if self._closed:
             return []
-        for received_s, (name, component_id, text) in self._arrivals.take():
-            if component_id != self._component_id:
-                self._dropped["foreign"] += 1
-                continue
+        for received_s, (name, text) in self._arrivals.take():
             self._interpret(name, text, received_s)
         self._conversation.tend(self._clock())
         return self._conversation.take()
@@ -199,13 +209,16 @@ class MavsdkLink:
         """What was received, sent and dropped, and why."""
         return {
             "foreign": 0,
+            "unused": 0,
             "refused": 0,
             "unsent": 0,
             **self._dropped,
+            "garbage_bytes": self._framer.garbage_bytes,
+            "unknown": self._framer.unknown,
             "queue_dropped": self._arrivals.dropped,
             "parameters_failed": self._parameters.failed if self._parameters is not None else 0,
             **self._conversation.counters(),
-            **(self._wire.counters() if self._wire is not None else {}),
+            **self._wire.counters(),
         }
 
     def close(self) -> None:
@@ -215,8 +228,7 @@ class MavsdkLink:
                 return
             self._closed = True
         self._arrivals.close()
-        if self._wire is not None:
-            self._wire.close()
+        self._wire.close()
         with contextlib.ExitStack() as stack:
             stack.callback(self._mavsdk.destroy)
             if self._direct is not None:

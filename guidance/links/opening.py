@@ -1,14 +1,12 @@
 """From a URL to a link that has heard its vehicle. Importing this imports every wire library."""
 
-import errno
-import socket
 import time
 from collections.abc import Callable
 from typing import Final, Protocol
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.arrivals import Clock, Wake
-from guidance.links.endpoint import Endpoint, parse
+from guidance.links.endpoint import parse
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -108,10 +106,20 @@ def open_vehicle_link(
         "component_id": component_id,
         "own_component_id": own_component_id,
     }
+    if kind == "mavsdk" and signing_key is not None:
+        raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
+    who = f"{url}: system {system_id}"
     if kind == "mavsdk":
-        if signing_key is not None:
-            raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
-        return _open_mavsdk(parse(url), ids, own_system_id, clock, timeout_s, sleep, on_arrival)
+        return MavsdkLink(
+            open_wire(url, clock=clock, timeout_s=timeout_s),
+            clock,
+            own_system_id=own_system_id,
+            who=who,
+            sleep=sleep,
+            timeout_s=timeout_s,
+            on_arrival=on_arrival,
+            **ids,
+        )
     link = PymavlinkLink(
         open_wire(url, clock=clock, timeout_s=timeout_s, on_arrival=on_arrival),
         clock,
@@ -120,47 +128,8 @@ def open_vehicle_link(
         unix_s=time.time_ns() / 1e9,  # signing alone needs the calendar: its timestamps must rise from flight to flight
         **ids,
     )
-    wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=f"{url}: system {system_id}")
+    wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
     return link
-
-
-def _open_mavsdk(
-    endpoint: Endpoint,
-    ids: dict[str, int],
-    own_system_id: int | None,
-    clock: Clock,
-    timeout_s: float,
-    sleep: Sleep,
-    on_arrival: Wake | None,
-) -> VehicleLink:
-    wire, url = None, None
-    if endpoint.scheme == "zenoh":
-        router = f"tcp/{endpoint.host}:{endpoint.port}"
-        wire = ZenohWire(clock, namespace=endpoint.namespace, endpoint=router, timeout_s=timeout_s)
-    else:
-        url = endpoint.url
-        if endpoint.scheme == "udpin":
-            _refuse_a_taken_port(endpoint)
-    return MavsdkLink(
-        clock,
-        url=url,
-        wire=wire,
-        own_system_id=own_system_id,
-        timeout_s=timeout_s,
-        sleep=sleep,
-        on_arrival=on_arrival,
-        **ids,
-    )
-
-
-def _refuse_a_taken_port(endpoint: Endpoint) -> None:
-    """MAVSDK binds a port that is taken without a word, and both get half of the data."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind((endpoint.host, endpoint.port))
-        except OSError as error:
-            reason = "in use" if error.errno == errno.EADDRINUSE else str(error)
-            raise LinkError(f"{endpoint.url}: port {endpoint.port} is {reason}; choose another") from error
 
 
 def wait_until_heard(link: _Polled, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> None:

@@ -8,6 +8,7 @@ counted. It is used from one thread, the loop's; whatever threads its library ha
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from guidance.links.arrivals import Handler
 from guidance.telemetry import Message, Request, Setpoint, TargetReport
 
 
@@ -75,8 +76,17 @@ class Wire(Protocol):
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """(arrival time, frame or piece of a byte stream) since the last call, oldest first, bounded. Never blocks."""
 
+    def hand_to(self, handler: Handler) -> None:
+        """From now on call `handler(arrival time, frame or piece)` on the wire's thread instead of keeping anything.
+
+        What waits is handed over first; `receive` stays empty afterwards.
+        """
+
     def send(self, frame: bytes) -> None:
-        """Send one whole frame. Never blocks, never raises for a peer that is gone: what cannot be sent is counted."""
+        """Send one whole frame, from any thread.
+
+        Never blocks and never raises for a peer that is gone: what cannot be sent is counted.
+        """
 
     def counters(self) -> Mapping[str, int]:
         """Frames sent, not sent, and pieces dropped for want of room."""

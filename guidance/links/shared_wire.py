@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from guidance.links.arrivals import Handler
 from guidance.links.port import Wire
 
 MOST_WAITING: Final = 1024
@@ -33,6 +34,17 @@ class WireShare:
         self._waiting.clear()
         return taken
 
+    def hand_to(self, handler: Handler) -> None:
+        """From now on call `handler` for everything, on the wire's thread; for the other readers it is put by."""
+
+        def split(received_s: float, piece: bytes) -> None:
+            for share in self._shares:
+                if share is not self:
+                    share.keep((received_s, piece))
+            handler(received_s, piece)
+
+        self._wire.hand_to(split)
+
     def keep(self, piece: tuple[float, bytes]) -> None:
         """Put a piece by for this reader; the oldest goes when there is no room."""
         if len(self._waiting) >= MOST_WAITING:
@@ -58,6 +70,6 @@ class WireShare:
 
 
 def share(wire: Wire, readers: int) -> list[WireShare]:
-    """Split a wire among readers, all in the same thread."""
+    """Split a wire among readers, all in the same thread; one at most is handed what arrives."""
     shares: list[WireShare] = []
     return [WireShare(wire, shares) for _ in range(readers)]

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple, Protocol, runtime_checkable
+from typing import Final, NamedTuple
 
 from guidance.links.arrivals import Clock, Handler
 from guidance.links.port import Wire
@@ -16,14 +16,6 @@ class Passed(NamedTuple):
     now_s: float
     topic: str
     frame: bytes
-
-
-@runtime_checkable
-class PushingWire(Wire, Protocol):
-    """A wire that can also hand over what arrives at once (Zenoh, memory)."""
-
-    def hand_to(self, handler: Handler) -> None:
-        """Call `handler` for everything from now on."""
 
 
 class TappedWire:
@@ -47,13 +39,7 @@ class TappedWire:
         return arrived
 
     def hand_to(self, handler: Handler) -> None:
-        """As the wire's.
-
-        Raises:
-            TypeError: If the wire cannot hand over what arrives.
-        """
-        if not isinstance(self._wire, PushingWire):
-            raise TypeError(f"{type(self._wire).__name__} cannot hand over what arrives")
+        """As the wire's."""
 
         def listening(received_s: float, frame: bytes) -> None:
             self._kept.append(Passed(received_s, self._from, frame))

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Wake
+from guidance.links.arrivals import Arrivals, Clock, Handler, Wake
 from guidance.links.framing import MAGIC_V1, MAGIC_V2
 from guidance.links.reader import Reader
 
@@ -71,6 +71,10 @@ class UdpWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Datagrams since the last call."""
         return self._arrivals.take()
+
+    def hand_to(self, handler: Handler) -> None:
+        """From now on call `handler(arrival time, datagram)` on the reader's thread instead of keeping datagrams."""
+        self._arrivals.hand_to(handler)
 
     def send(self, frame: bytes) -> None:
         """Send one datagram to each peer; what the kernel does not take at once is dropped and counted."""

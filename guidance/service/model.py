@@ -226,10 +226,4 @@ class Config(Section):
                 raise ValueError(
                     f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
                 )
-        own_wire = self.vehicle.link == "pymavlink" or self.vehicle.url.startswith("zenoh://")
-        if self.target.url is None and not own_wire:
-            raise ValueError(
-                'target.url: missing; vehicle.link = "mavsdk" keeps its wire to itself: use "pymavlink", zenoh://, or '
-                "another url for the target"
-            )
         return self

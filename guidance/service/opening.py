@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from guidance.errors import ConfigError, LinkError
+from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.endpoint import parse
 from guidance.links.mavsdk_link import MavsdkLink
-from guidance.links.opening import open_vehicle_link, open_wire, wait_until_heard
+from guidance.links.opening import open_wire, wait_until_heard
 from guidance.links.port import TargetSource, VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.shared_wire import share
@@ -19,7 +19,6 @@ from guidance.links.signing import SigningKey
 from guidance.links.tap import Passed, TappedWire
 from guidance.links.targets.opening import TargetIdentity, open_target
 from guidance.links.zenoh_session import open_session
-from guidance.links.zenoh_wire import ZenohWire
 from guidance.service.asked_target import AskedTarget
 from guidance.service.bus import OwnerToken
 from guidance.service.clock import Clock
@@ -34,7 +33,7 @@ _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "o
 
 @dataclass(slots=True)
 class Opened:
-    """What was opened; `taps` pass on the raw frames where the wire is ours."""
+    """What was opened; `taps` pass on the raw frames of the vehicle's wire."""
 
     link: VehicleLink
     target: TargetSource
@@ -84,27 +83,27 @@ def _open_link(
     """Open the link; the second is a share of its wire for the target, where it is wanted and can be had."""
     vehicle = config.vehicle
     now_s = clock.now_s
-    if vehicle.link == "mavsdk" and not vehicle.url.startswith("zenoh://"):
-        link = open_vehicle_link(
-            "mavsdk",
-            vehicle.url,
-            system_id=vehicle.system_id,
-            component_id=vehicle.component_id,
-            clock=now_s,
-            timeout_s=vehicle.connect_timeout_s,
-        )
-        return link, None
     key = None if vehicle.signing_key_file is None else signing_key(vehicle.signing_key_file)
     wire: TappedWire | Wire = open_wire(vehicle.url, clock=now_s, timeout_s=_WIRE_LIMIT_S)
     closing.callback(wire.close)
     if taps is not None:
         wire = TappedWire(wire, now_s, config.name)
         taps.append(wire)
-    if vehicle.link == "mavsdk":
-        return _over_mavsdk(config, clock, wire), None
     ours, spare = wire, None
     if config.target.url is None:
         ours, spare = share(wire, 2)
+    who = f"{vehicle.url}: system {vehicle.system_id}"
+    if vehicle.link == "mavsdk":
+        mavsdk = MavsdkLink(
+            ours,
+            now_s,
+            system_id=vehicle.system_id,
+            component_id=vehicle.component_id,
+            sleep=time.sleep,
+            who=who,
+            timeout_s=vehicle.connect_timeout_s,
+        )
+        return mavsdk, spare
     pymavlink = PymavlinkLink(
         ours,
         now_s,
@@ -113,22 +112,8 @@ def _open_link(
         signing_key=key,
         unix_s=time.time_ns() / 1e9,  # signing alone needs the calendar: its timestamps must rise from flight to flight
     )
-    who = f"{vehicle.url}: system {vehicle.system_id}"
     wait_until_heard(pymavlink, clock=now_s, timeout_s=vehicle.connect_timeout_s, sleep=time.sleep, who=who)
     return pymavlink, spare
-
-
-def _over_mavsdk(config: Config, clock: Clock, wire: TappedWire | Wire) -> VehicleLink:
-    if not isinstance(wire, TappedWire | ZenohWire):
-        raise LinkError(f"{config.vehicle.url}: MAVSDK needs a wire that hands over what arrives")
-    return MavsdkLink(
-        clock.now_s,
-        system_id=config.vehicle.system_id,
-        component_id=config.vehicle.component_id,
-        sleep=time.sleep,
-        wire=wire,
-        timeout_s=config.vehicle.connect_timeout_s,
-    )
 
 
 def _open_source(config: Config, clock: Clock, spare: Wire | None) -> TargetSource:

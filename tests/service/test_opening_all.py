@@ -12,7 +12,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.service.clock import MonotonicClock
 from guidance.service.model import Config
 from guidance.service.opening import open_all, signing_key
-from guidance.telemetry import Heartbeat
+from guidance.telemetry import Heartbeat, Setpoint
 
 
 @pytest.fixture
@@ -43,12 +43,22 @@ def udp():
     thread.join()
 
 
+def decoded(passed):
+    return mavlink.MAVLink(None).decode(bytearray(passed.frame))
+
+
+def setpoints(passed):
+    sent = [decoded(one) for one in passed if one.topic == "uav1/mavlink_raw/in"]
+    return [one for one in sent if one.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+
+
 def config_of(vehicle_document, **sections):
     return parse(Config, vehicle_document(**sections), source="test")
 
 
-def test_a_target_on_the_vehicles_own_wire_is_heard_beside_it_and_every_frame_is_passed_on(vehicle_document, udp):
-    config = config_of(vehicle_document, vehicle={"url": udp}, target={"url": None})
+@pytest.mark.parametrize("link", ["pymavlink", "mavsdk"])
+def test_a_target_on_the_vehicles_own_wire_is_heard_beside_it_and_every_frame_is_passed_on(vehicle_document, udp, link):
+    config = config_of(vehicle_document, vehicle={"url": udp, "link": link}, target={"url": None})
     clock = MonotonicClock()
     opened = open_all(config, clock, tapped=True)
     try:
@@ -61,8 +71,17 @@ def test_a_target_on_the_vehicles_own_wire_is_heard_beside_it_and_every_frame_is
         assert isinstance(messages[0], Heartbeat)
         assert reports[0].latitude_deg == pytest.approx(47.397742)
         assert math.isclose(reports[0].velocity_ned_m_s[0], 1.0)
-        topics = {passed.topic for passed in opened.drain()}
-        assert topics == {"uav1/mavlink_raw/out", "uav1/mavlink_raw/in"}
+        opened.link.send_setpoint(Setpoint((1.0, 2.0, 3.0)))
+        passed = []
+        while not any(setpoints(passed)) and clock.now_s() < deadline_s:
+            passed += opened.drain()
+        assert {one.topic for one in passed} == {"uav1/mavlink_raw/out", "uav1/mavlink_raw/in"}
+        assert [(one.vx, one.vy, one.vz) for one in setpoints(passed)] == [(1.0, 2.0, 3.0)]
+        heard = [decoded(one) for one in passed if one.topic == "uav1/mavlink_raw/out"]
+        assert {(one.get_srcSystem(), one.get_type()) for one in heard} == {
+            (1, "HEARTBEAT"),
+            (2, "GLOBAL_POSITION_INT"),
+        }
     finally:
         opened.close()
         opened.close()

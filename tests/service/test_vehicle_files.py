@@ -41,7 +41,6 @@ def read(vehicle_document):
         ({"target": {"timeout_s": 0.0}}, "target.timeout_s = 0.0"),
         ({"target": {"kind": "json", "request_rate_hz": 5.0}}, "target.request_rate_hz: not allowed"),
         ({"target": {"id_or_mac": "xyz"}}, "target.id_or_mac = 'xyz'"),
-        ({"target": {"url": None}, "vehicle": {"link": "mavsdk"}}, "keeps its wire to itself"),
         ({"game": {"speed_m_s": 3.0}}, "a slower pursuer is another game"),
         ({"game": {"speed_m_s": math.inf}}, "game.speed_m_s = inf: input should be a finite number"),
         ({"game": {"speed_set": "cube"}}, "game.speed_set = 'cube'"),

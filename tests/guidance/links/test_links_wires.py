@@ -80,6 +80,26 @@ def test_arrivals_from_many_threads_are_all_there():
     assert len(arrivals.take()) == 4000
 
 
+def test_sockets_and_ports_hand_on_what_arrives_as_it_arrives():
+    port, (near, far) = free_port(), pty.openpty()
+    with contextlib.ExitStack() as stack:
+        listening = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True)))
+        udp = stack.enter_context(closing(UdpWire(clock, host="127.0.0.1", port=port, listen=True)))
+        serial = stack.enter_context(closing(SerialWire(clock, device=os.ttyname(far), baud=57600)))
+        caller = stack.enter_context(socket.create_connection(("127.0.0.1", listening.port)))
+        datagrams = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        handed = {wire: bytearray() for wire in (listening, udp, serial)}
+        for wire, got in handed.items():
+            wire.hand_to(lambda _at_s, data, got=got: got.extend(data))
+        caller.sendall(FRAME)
+        datagrams.sendto(FRAME, ("127.0.0.1", port))
+        os.write(near, FRAME)
+        assert until(lambda: all(got == FRAME for got in handed.values()))
+        assert [wire.receive() for wire in handed] == [[], [], []]
+    os.close(near)
+    os.close(far)
+
+
 def test_memory_hands_on_to_whoever_asks_for_it():
     ours, theirs = MemoryWire.pair(lambda: 7.0)
     handed = []
