@@ -1,11 +1,12 @@
 """What a run came to: one row, the same columns for mathematics and for every kind of flight."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import pyarrow as pa
 
+from guidance.game import Winner
 from guidance.scenarios.model import Scenario
 
 
@@ -116,6 +117,20 @@ def outcome_of(
         duration_s=duration_s,
         reason=reason,
     )
+
+
+def final_distance_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> float:
+    """Return what `Outcome.final_distance_m` means, from the last positions above the evader's plane."""
+    if scenario.target is not None:
+        return math.dist(evader_m[:2], scenario.target.position_m)
+    disc = scenario.standoff
+    beside = max(0.0, math.dist(pursuer_m[:2], evader_m[:2]) - disc.radius_m)
+    return math.hypot(beside, pursuer_m[2] - (disc.height_m - scenario.evader.height_m))
+
+
+def winner_name(winner: int) -> str:
+    """Return the name of a `guidance.game.Winner`."""
+    return {int(Winner.PURSUER): "pursuer", int(Winner.EVADER): "evader"}.get(winner, "none")
 
 
 def invalid(title: str, run: str, reason: str) -> Outcome:

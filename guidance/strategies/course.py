@@ -99,14 +99,14 @@ def random_turns(
     leg = np.asarray(speed_m_s, dtype=np.float64)[..., None] * every_s
     steps = np.stack([leg * np.cos(heading), leg * np.sin(heading), np.zeros_like(heading)], axis=-1)
     places = np.concatenate([start_m[..., None, :], start_m[..., None, :] + np.cumsum(steps, axis=-2)], axis=-2)
-    return Course(every_s * np.arange(count + 1, dtype=np.float64), places)
+    return Course(np.broadcast_to(every_s * np.arange(count + 1, dtype=np.float64), places.shape[:-1]), places)
 
 
 def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:
     """Go along a recorded track, rows of (time s, x, y, z m), moved so that it begins at a start (..., 3) at time 0."""
     table = np.asarray(track, dtype=np.float64)
     places = start_m[..., None, :] + (table[:, 1:] - table[0, 1:])
-    return Course(table[:, 0] - table[0, 0], places)
+    return Course(np.broadcast_to(table[:, 0] - table[0, 0], places.shape[:-1]), places)
 
 
 def bounded(velocity_m_s: Array, speed_m_s: ArrayLike) -> Array:
