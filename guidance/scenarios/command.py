@@ -32,16 +32,27 @@ def fly_scenario(name: str, *, fast: bool, link: str, port: int, out: Path | Non
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    if link not in LINKS:
-        raise ConfigError(f"--link {link}: allowed are {', '.join(LINKS)}")
-    if not 0 <= port <= 65535:
-        raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
     path, scenario = load_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
     console = Console()
     folder = out if out is not None else next_folder(Path("flights"), path.stem)
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {'virtual time' if fast else link})")
+    result = flown(scenario, console, folder, fast=fast, link=link, port=port)
+    _report(console, result, folder, fast=fast)
+    return 0 if result.captured else 4
+
+
+def flown(scenario: Scenario, console: Console, folder: Path, *, fast: bool, link: str, port: int) -> FlightResult:
+    """Fly a scenario against the mock with a live line on the console and the record in a folder.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    if link not in LINKS:
+        raise ConfigError(f"--link {link}: allowed are {', '.join(LINKS)}")
+    if not 0 <= port <= 65535:
+        raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
     clock: Clock = VirtualClock() if fast else MonotonicClock()
     started = None if fast else started_utc(clock.now_s())  # virtual time is no time of day
     with _recorder(folder / "record.mcap", scenario, started) as recorder, _line(console) as show:
@@ -51,8 +62,7 @@ def fly_scenario(name: str, *, fast: bool, link: str, port: int, out: Path | Non
         result.wall_s = time.perf_counter() - flying_s
     if recorder.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, recorder.failed)
-    _report(console, result, folder, fast=fast)
-    return 0 if result.captured else 4
+    return result
 
 
 def next_folder(parent: Path, stem: str) -> Path:
