@@ -12,6 +12,7 @@ from guidance.cli.paper import paper
 from guidance.cli.replay import replay
 from guidance.cli.report import report
 from guidance.cli.run import run
+from guidance.cli.scenario import scenario
 from guidance.cli.solve import solve
 from guidance.errors import GuidanceError
 
@@ -26,6 +27,7 @@ app.command()(paper)
 app.command()(replay)
 app.command()(report)
 app.add_typer(log, name="log")
+app.add_typer(scenario, name="scenario")
 app.command()(solve)
 app.command()(run)
 app.command()(check)

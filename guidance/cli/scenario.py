@@ -1,0 +1,55 @@
+"""`guidance scenario`: scenario files, run in mathematics, in mocked flight or on a vehicle."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+scenario = typer.Typer(
+    no_args_is_help=True, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
+)
+
+Name = Annotated[str, typer.Argument(help="A scenario file, or the name of one that comes along.")]
+
+
+@scenario.command()
+def run(
+    name: Name,
+    way: Annotated[
+        str, typer.Option("--as", help="maths, fast (virtual time), live (real time) or vehicle (needs --config).")
+    ] = "maths",
+    config: Annotated[Path | None, typer.Option(help="Vehicle configuration, with --as vehicle.")] = None,
+    engage: Annotated[
+        bool, typer.Option("--engage", help="With --as vehicle: engage without `guidance ctl engage`.")
+    ] = False,
+    link: Annotated[str, typer.Option(help="mavsdk or pymavlink, with --as live.")] = "mavsdk",
+    port: Annotated[int, typer.Option(help="TCP port of the mock's Zenoh session, with --as live.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for a flight's record; flights/SCENARIO-NUMBER.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the outcome row here as JSON.")] = None,
+) -> None:
+    """Run one scenario; show what it came to beside what the game's value promised.
+
+    The columns are the same for every way, so that mathematics, mock and vehicle can be compared (`guidance compare`).
+    A scenario is also a test: where an expectation of its `[expect]` does not hold, the command ends with exit code 1.
+
+    - `guidance scenario run pe`: the paper's game between point masses
+    - `guidance scenario run pe --as fast`: the same file flown against the mock autopilot in virtual time
+    - `guidance scenario run pe --as live`: in real time over Zenoh
+    - `guidance scenario run pe --as vehicle --config config/vehicles/px4.toml`: on a real autopilot
+    """
+    from rich.console import Console  # noqa: PLC0415 - `guidance --help` is to be quick
+
+    from guidance.scenarios.running import Run, run_scenario  # noqa: PLC0415
+
+    asked = Run(way, config, engage, link, port, out, seed, json_file)
+    raise typer.Exit(run_scenario(name, asked, Console()))
+
+
+@scenario.command()
+def schema() -> None:
+    """Print the JSON Schema of scenario files, for editors that complete and check TOML (Even Better TOML, Taplo)."""
+    from guidance.scenarios.loading import json_schema  # noqa: PLC0415
+
+    typer.echo(json.dumps(json_schema(), indent=2))
