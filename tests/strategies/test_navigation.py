@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+from guidance.errors import ConfigError
+from guidance.game import Ball, Cylinder, Game, StandOff
+from guidance.strategies import OPTIMAL, Course, Memory, Strategy, evade, pursue
+from guidance.strategies.navigation import lead_pursuit, proportional_navigation
+
+POINT = Game(Ball(2.0), 1.0)
+COPTER = Game(Cylinder(4.0, 2.0, 1.0), 2.0, standoff=StandOff(3.0, 5.0))
+
+
+def chased(game, law, P, E, run, *, step_s=0.01, most_s=200.0):
+    """Time until the range to a steadily running evader is gone, and the track of headings; no game is asked."""
+    previous, headings, now_s = None, [], 0.0
+    while now_s < most_s:
+        v = law(game, P, E, run, previous, step_s)
+        headings.append(np.arctan2(v[1], v[0]))
+        P, E, previous, now_s = P + step_s * v, E + step_s * run, v, now_s + step_s
+        beside = np.hypot(*(P - E)[:2]) - game.standoff.radius_m
+        if beside <= 0.02 * 4.0 and abs(P[2] - game.standoff.height_m) < 0.05:
+            return now_s, np.array(headings)
+    raise AssertionError("never caught")
+
+
+def lead(game, P, E, run, previous, step_s):
+    return lead_pursuit(game, P, E, None, run)
+
+
+def navigation(gain):
+    def law(game, P, E, run, previous, step_s):
+        return proportional_navigation(game, P, E, run, previous, dt_s=step_s, gain=gain)
+
+    return law
+
+
+@pytest.mark.parametrize("game", [POINT, COPTER])
+def test_lead_pursuit_of_a_steady_evader_flies_straight(game):
+    run = game.evader_speed_m_s * np.array([0.6, 0.8, 0.0])
+    height = game.standoff.height_m
+    _, headings = chased(game, lead, np.array([0.0, 0.0, height]), np.array([30.0, 5.0, 0.0]), run)
+    assert np.ptp(headings) < 1e-3
+
+
+def test_lead_pursuit_is_the_collision_triangle():
+    E, run = np.array([30.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    v = lead_pursuit(POINT, np.zeros(3), E, None, run)
+    assert v[1] == pytest.approx(run[1])  # the line of sight keeps its bearing
+    assert np.linalg.norm(v) == pytest.approx(2.0)
+
+
+def test_without_an_observed_velocity_lead_pursuit_is_pure_pursuit():
+    P, E = np.array([0.0, 0.0, 3.0]), np.array([3.0, 4.0, 0.0])
+    v = lead_pursuit(POINT, P, E)
+    np.testing.assert_allclose(v, 2.0 * (E - P) / np.linalg.norm(E - P))
+
+
+def test_proportional_navigation_turns_gain_times_as_fast_as_the_line_of_sight():
+    P, E = np.zeros(3), np.array([20.0, 0.0, 0.0])
+    run, previous = np.array([0.0, 1.0, 0.0]), np.array([2.0, 0.0, 0.0])
+    rate = 1.0 / 20.0
+    for gain in (1.0, 3.0, 5.0):
+        v = proportional_navigation(POINT, P, E, run, previous, dt_s=1e-3, gain=gain)
+        assert np.arctan2(v[1], v[0]) == pytest.approx(gain * rate * 1e-3, rel=1e-6)
+
+
+def test_on_a_collision_course_it_keeps_its_heading():
+    P, E, run = np.zeros(3), np.array([20.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    previous = np.array([np.sqrt(3.0), 1.0, 0.0])
+    v = proportional_navigation(POINT, P, E, run, previous, dt_s=0.02, gain=4.0)
+    np.testing.assert_allclose(v, previous, atol=1e-12)
+
+
+def test_it_begins_on_the_line_of_sight_and_comes_back_to_it_from_a_course_that_leads_away():
+    P, E = np.zeros(3), np.array([0.0, 20.0, 0.0])
+    for previous in (None, np.array([0.0, -2.0, 0.0]), np.zeros(3)):
+        v = proportional_navigation(POINT, P, E, np.zeros(3), previous, dt_s=0.02, gain=3.0)
+        np.testing.assert_allclose(v, [0.0, 2.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("game", [POINT, COPTER])
+def test_the_laws_are_as_good_as_their_names_against_an_evader_that_crosses(game):
+    run = game.evader_speed_m_s * np.array([0.0, 1.0, 0.0])
+    height = game.standoff.height_m
+    P, E = np.array([0.0, 0.0, height + 2.0]), np.array([60.0, 0.0, 0.0])
+    pure, _ = chased(game, navigation(1.0), P, E, run)
+    navigated, _ = chased(game, navigation(4.0), P, E, run)
+    led, _ = chased(game, lead, P, E, run)
+    assert led <= navigated < pure
+
+
+def test_a_batch_of_either_law_is_its_rows_bit_for_bit():
+    rng = np.random.default_rng(3)
+    P, E = rng.uniform(-20, 20, (2, 40, 3)) * [1, 1, 0.5] + [0, 0, 10]
+    E[:, 2] = 0.0
+    run, previous = rng.uniform(-1, 1, (2, 40, 3)) * [1, 1, 0]
+    dt = rng.uniform(0.0, 0.02, 40)
+    for game in (POINT, COPTER):
+        led = lead_pursuit(game, P, E, None, run)
+        navigated = proportional_navigation(game, P, E, run, previous, dt_s=dt, gain=3.0)
+        for i in range(40):
+            np.testing.assert_array_equal(lead_pursuit(game, P[i], E[i], None, run[i]), led[i])
+            alone = proportional_navigation(game, P[i], E[i], run[i], previous[i], dt_s=dt[i], gain=3.0)
+            np.testing.assert_array_equal(alone, navigated[i])
+
+
+def test_a_name_that_is_no_strategy_and_a_course_that_does_not_fit_are_refused():
+    with pytest.raises(ConfigError, match="policy = 'swerve': allowed are optimal"):
+        Strategy("swerve")
+    with pytest.raises(ConfigError, match="a course is needed for waypoints"):
+        Strategy("waypoints")
+    with pytest.raises(ConfigError, match="and for no other"):
+        Strategy(OPTIMAL, Course(np.zeros(2), np.zeros((2, 3))))
+
+
+def test_a_course_is_flown_no_faster_than_the_speed_set_allows():
+    course = Course(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 9.0], [30.0, 40.0, -30.0]]))
+    place, memory = np.array([0.0, 0.0, 9.0]), Memory(None, 0.0)
+    strategy = Strategy("recorded", course)
+    v = pursue(strategy, COPTER, place, place, None, place, memory, dt_s=0.02)
+    np.testing.assert_allclose(v, [2.4, 3.2, -1.0])
+    assert np.linalg.norm(pursue(strategy, POINT, place, place, None, place, memory, dt_s=0.02)) == pytest.approx(2.0)
+    assert np.linalg.norm(evade(strategy, COPTER, place, place, None, memory)) == pytest.approx(2.0)
