@@ -60,7 +60,7 @@ def full_speed_walls(velocity_ned_m_s: Vector, envelope: Envelope) -> tuple[Wall
     ground_m_s = math.hypot(north, east)
     found = []
     if ground_m_s >= envelope.speed_m_s * (1.0 - 1e-9):
-        found.append(Wall(Limiter.SPEED, (north / ground_m_s, east / ground_m_s, 0.0), 0.0))
+        found.append(Wall(Limiter.SPEED, (north, east, 0.0), 0.0))
     if down >= envelope.descent_m_s * (1.0 - 1e-9):
         found.append(Wall(Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), 0.0))
     if -down >= envelope.climb_m_s * (1.0 - 1e-9):

@@ -29,9 +29,9 @@ def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: En
 
     flight = situation.target_velocity_ned_m_s or _STILL
     fleeing_m_s = max(0.0, flight[0] * toward[0] + flight[1] * toward[1])
-    wall_velocity = (fleeing_m_s * toward[0], fleeing_m_s * toward[1], 0.0)
-    seconds = stop(_less(velocity_ned_m_s, wall_velocity), envelope)
-    drift = drift_ned_m(_less(situation.velocity_ned_m_s, wall_velocity), envelope)
+    wall_velocity = (fleeing_m_s * toward[0], fleeing_m_s * toward[1])
+    seconds = stop(_less_over_ground(velocity_ned_m_s, wall_velocity), envelope)
+    drift = drift_ned_m(_less_over_ground(situation.velocity_ned_m_s, wall_velocity), envelope)
 
     gap_m = math.hypot(beside_m, above_m)
     normals = [(beside_m / gap_m, above_m / gap_m)] if gap_m > 0.0 else [(1.0, 0.0), (0.0, 1.0)]
@@ -42,5 +42,5 @@ def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: En
     return tuple(found)
 
 
-def _less(velocity: Vector, other: Vector) -> Vector:
-    return (velocity[0] - other[0], velocity[1] - other[1], velocity[2] - other[2])
+def _less_over_ground(velocity: Vector, other: tuple[float, float]) -> Vector:
+    return (velocity[0] - other[0], velocity[1] - other[1], velocity[2])

@@ -1,7 +1,7 @@
 """Limits: an envelope or a polygon that is none is refused by name, and a polygon is what it looks like."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 from hypothesis import given, settings
@@ -91,6 +91,63 @@ def test_a_stand_off_without_size_is_refused_by_name(values):
 def test_a_polygon_that_is_none_is_refused(corners, words):
     with pytest.raises(ConfigError, match=words):
         Polygon(corners)
+
+
+def test_an_envelope_says_for_itself_how_the_vehicle_brakes_and_nothing_of_fences():
+    said = {
+        "floor_m": 3.0,
+        "ceiling_m": 40.0,
+        "speed_m_s": 8.0,
+        "climb_m_s": 3.0,
+        "descent_m_s": 1.5,
+        "acceleration_m_s2": 4.0,
+        "vertical_acceleration_m_s2": 2.0,
+        "jerk_m_s3": 20.0,
+        "yaw_rate_rad_s": 1.0,
+    }
+    cautious = {
+        "braking_m_s2": 2.0,
+        "vertical_braking_m_s2": 1.0,
+        "reaction_s": 0.6,
+        "height_gain_per_s": 1.0,
+        "home_ned_m": (0.0, 0.0, 0.0),
+        "fence_radius_m": None,
+        "fence_polygon": None,
+        "fence_margin_m": 0.0,
+        "stand_off": None,
+    }
+    envelope = Envelope(**said)
+    assert {field.name: getattr(envelope, field.name) for field in fields(envelope)} == said | cautious
+
+
+@pytest.mark.parametrize("size", [0.5, 30.0])
+@pytest.mark.parametrize("first", range(4))
+@pytest.mark.parametrize("along", [(1, 0), (0, 1), (3, 4), (-3, 4), (-3, -4), (5, -1)])
+def test_a_spike_that_folds_back_is_refused_and_a_sharp_one_is_not(along, first, size):
+    # Integers are exact: the fold lies on its own edge to the last bit, whichever corner comes first.
+    tip, back = (8 * along[0], 8 * along[1]), (4 * along[0], 4 * along[1])
+    aside = (2 * along[0] - along[1], 2 * along[1] + along[0])
+
+    def placed(*corners):
+        scaled = [(size * north + 2.0, size * east - 7.0) for north, east in corners]
+        return tuple(scaled[first:] + scaled[:first])
+
+    with pytest.raises(ConfigError, match="cross or touch"):
+        Polygon(placed((0, 0), tip, back, aside))
+    straight = Polygon(placed((0, 0), back, tip, aside))  # three corners in a row on one line
+    assert len(straight.edges()) == 4
+
+
+@pytest.mark.parametrize("size", [0.05, 1.0, 400.0])
+def test_a_bow_tie_of_any_size_is_refused(size):
+    with pytest.raises(ConfigError, match="edges 0 and 2 cross"):
+        Polygon(((0.0, 0.0), (size, size), (size, 0.0), (0.0, size)))
+
+
+def test_a_corner_beside_a_slanting_edge_does_not_touch_it():
+    # (4, 5) lies within the box about the edge from (0, 0) to (10, 10), and not on it.
+    arrow = Polygon(((0.0, 0.0), (10.0, 10.0), (4.0, 5.0), (5.0, 20.0), (-1.0, 20.0)))
+    assert arrow.contains((3.0, 15.0))
 
 
 TOUCHING = [

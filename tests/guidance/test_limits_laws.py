@@ -152,6 +152,15 @@ def test_without_a_usable_memory_the_vehicle_s_own_motion_is_the_start(memory):
     assert limited.acted == ()
 
 
+def test_a_start_from_nothing_known_is_at_rest_and_says_nothing_of_the_heading():
+    still = (0.0, 0.0, 0.0)
+    unknown = Situation((0.0, 0.0, -20.0), (math.nan, 0.0, 0.0), 1.0)
+    assert start(unknown, OPEN) == Memory(still, still, still, 0.0)
+    assert Situation(still, still) == Situation(still, still, 0.0, None, None)
+    moving = Situation((0.0, 0.0, -20.0), (1.0, 2.0, 0.5), 1.0)
+    assert start(moving, OPEN) == Memory((1.0, 2.0, 0.5), still, still, 1.0)
+
+
 def test_a_start_in_a_gale_is_within_the_envelope():
     assert start(Situation((0.0, 0.0, 0.0), (30.0, 40.0, 9.0), 0.7), OPEN) == Memory((6.0, 8.0, 2.0), yaw_rad=0.7)
     assert start(Situation((0.0, 0.0, 0.0), (NAN, 0.0, 0.0), 0.7), OPEN) == Memory((0.0, 0.0, 0.0))

@@ -1,0 +1,117 @@
+"""A flight by hand: settings, messages of a vehicle that is well, and the scene that events are read from."""
+
+from dataclasses import replace
+
+from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.flight import FlightSettings
+from guidance.flight.detect import Scene
+from guidance.game import Ball, StandOff
+from guidance.limits import Envelope
+from guidance.strategies import Strategy
+from guidance.telemetry import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
+from guidance.tick import Certificate, TickSettings
+from guidance.vehicle import VehicleState, observe
+
+NOW_S = 100.0
+PREARM = 1 << 28
+HOME_DOWN_M = -4.0
+NOWHERE = (0.0, 0.0, 0.0)
+ENVELOPE = Envelope(
+    floor_m=3.0,
+    ceiling_m=60.0,
+    speed_m_s=9.0,
+    climb_m_s=3.0,
+    descent_m_s=1.5,
+    acceleration_m_s2=5.0,
+    vertical_acceleration_m_s2=2.0,
+    jerk_m_s3=20.0,
+    yaw_rate_rad_s=1.0,
+    fence_radius_m=300.0,
+)
+TICK = TickSettings(
+    speed_set=Ball(6.0),
+    strategy=Strategy("optimal"),
+    declared_evader_speed_m_s=3.0,
+    standoff=StandOff(3.0, 5.0),
+    tolerance_m=0.5,
+    envelope=ENVELOPE,
+    following=None,
+    target_timeout_s=1.5,
+)
+SETTINGS = FlightSettings(profile=PX4, tick=TICK, takeoff_height_m=10.0, battery_minimum=0.25)
+QUIET = Certificate(
+    winner=1,
+    value=5.0,
+    margin_s=1.0,
+    meeting_point_game_m=NOWHERE,
+    meeting_time_s=5.0,
+    speed_ratio=2.0,
+    target_age_s=0.1,
+    pursuer_game_m=NOWHERE,
+    evader_game_m=NOWHERE,
+    gap_m=10.0,
+    height_gap_m=0.0,
+    wanted_ned_m_s=NOWHERE,
+    command_ned_m_s=NOWHERE,
+    acted=(),
+    captured=False,
+    strayed=False,
+    evader_arrived=False,
+    no_game=False,
+    outside_fence=False,
+)
+
+
+def settings_of(profile=PX4, **changes):
+    return replace(SETTINGS, profile=profile, **changes)
+
+
+def heartbeat(at_s=NOW_S, mode=Mode.HOLD, *, armed=True, profile=PX4):
+    number = 999 if mode is Mode.OTHER else profile.custom_modes[mode]
+    return Heartbeat(at_s, number, armed, 4, profile.autopilot_id)
+
+
+def local(at_s=NOW_S, position=(0.0, 0.0, HOME_DOWN_M - 10.0), velocity=NOWHERE):
+    return LocalPosition(at_s, at_s, position, velocity)
+
+
+def home(at_s=NOW_S):
+    return Home(at_s, 47.397742, 8.545594, 492.0, (0.0, 0.0, HOME_DOWN_M))
+
+
+def status(at_s=NOW_S, battery=0.9, *, present=PREARM, healthy=PREARM):
+    return SystemStatus(at_s, present, healthy, battery)
+
+
+def well(*changes, at_s=NOW_S):
+    """All that a vehicle which is well has said, and then the changes."""
+    said = [
+        heartbeat(at_s),
+        local(at_s - 0.01),
+        Attitude(at_s, at_s, 0.5),
+        LandedState(at_s, 2),
+        home(at_s),
+        status(at_s),
+    ]
+    return observe(VehicleState(), [*said, *changes])
+
+
+def scene(state, **changes):
+    """A scene in which nothing happens but what the changes say."""
+    given = {
+        "now_s": NOW_S,
+        "dt_s": 0.02,
+        "state": state,
+        "since_s": NOW_S - 0.1,
+        "settings": SETTINGS,
+        "vehicle": well(),
+        "resets_seen": 0,
+        "reboots_seen": 0,
+        "target_silence_s": 0.1,
+        "start_ned_m": None,
+        "certificate": QUIET,
+    }
+    return Scene(**(given | changes))
+
+
+BOTH = (PX4, ARDUCOPTER)
