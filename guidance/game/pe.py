@@ -66,10 +66,10 @@ def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
 
 
 def _follow(xp: Library, game: Game, pursuer: Ball, state: State, overhead: Array, flown: Space) -> Space:
-    """Above the evader: copy its velocity, and spend the rest of the speed on the height."""
+    """Above the evader: copy its velocity, and spend the rest of the speed on the height, if there is any."""
     rest = pursuer.speed_m_s
     if state.seen is not None:
         rest = xp.sqrt(rest * rest - dot2(state.seen, state.seen))
     copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
-    vertical = select(xp, state.z > 0, -rest, rest)
+    vertical = select(xp, state.z > 0, -rest, select(xp, state.z < 0, rest, 0.0))
     return *select2(xp, overhead, copied, (flown[0], flown[1])), select(xp, overhead, vertical, flown[2])

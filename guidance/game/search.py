@@ -6,7 +6,7 @@ E itself lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E
 digits of where it is: the heading is good to √ε of its precision, the value to all of it.
 """
 
-from guidance.game.arrays import Array, Library, Plane, constant, is_numpy, norm2, unit2
+from guidance.game.arrays import Array, Library, Plane, constant, norm2, unit2
 from guidance.game.game import Cylinder, Game, for_rows
 from guidance.game.play import State
 from guidance.game.reach import catch_time, level_catch_time
@@ -36,8 +36,7 @@ def closest_heading(xp: Library, game: Game, state: State, to_target: Plane, goa
     for _ in range(ROUNDS):
         run, t = _run(xp, wide, opened, _open(ahead), _open(centre) + half * fan)
         best = xp.argmin(_left2(wide, opened_target, run, t), axis=-1)
-        offset = best.astype(fan.dtype) if is_numpy(xp) else xp.astype(best, fan.dtype)
-        centre = centre + half * (offset / FINENESS - 1.0)
+        centre = centre + half * fan[best]
         half = half / FINENESS
     return _run(xp, game, state, ahead, centre)
 

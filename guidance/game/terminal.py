@@ -31,22 +31,20 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
     A Cylinder's parts are met a little outside of where its pursuer holds, for it to come there.
     """
     state = take_apart(xp, game, pursuer, evader, None)
-    never = state.z * 0.0 + math.inf
     closing = horizontal_speed(game.pursuer) + game.evader_speed_m_s + math.hypot(*game.wind_m_s)
-    capture, turn = game.capture_radius_m, never
+    capture, turn = game.capture_radius_m, math.inf
     beside = state.distance - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
         ahead = positive_part(norm2(xp, (positive_part(beside), state.z)) - capture) / closing
     else:
         met = capture + 2.0 * TOUCH_M
-        beside = positive_part(beside - met) / closing
-        above = positive_part(abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
-        ahead = larger(xp, beside, above)
+        above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
+        ahead = positive_part(larger(xp, (beside - met) / closing, above))
         over = abs(state.z) - capture
         inside = (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z)
-        turn = select(xp, over > TOUCH_M, inside, never)
+        turn = select(xp, over > TOUCH_M, inside, math.inf)
     if target is None:
-        return Ahead(ahead, never, turn)
+        return Ahead(ahead, math.inf, turn)
     x, y, z = (component(target, index) - component(evader, index) for index in range(3))
     rise = z if game.evader_space == "space" else 0.0 * z
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)

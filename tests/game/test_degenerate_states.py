@@ -68,6 +68,21 @@ def test_above_an_evader_that_cannot_leave_the_disc_in_time_the_ball_spends_all_
         np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0, 0, -2.0), atol=1e-15)
 
 
+@pytest.mark.parametrize(("height", "reason"), [(11.0, Reason.SOLVED), (12.0, Reason.SOLVED), (13.0, Reason.OVERHEAD)])
+def test_every_heading_is_as_good_only_once_the_evader_can_be_past_the_rim(height, reason):
+    """The disc is 5 m wide and 2 m up: from 12 m the pursuer is there when the evader is on its rim."""
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(5.0, 2.0))
+    assert solve(game, at(3, 4, height), at(3, 4, 0)).reason == reason
+
+
+def test_over_an_evader_last_seen_below_a_pursuer_in_its_plane_stays_in_it():
+    game = Game(Ball(2.0), 1.0, information_age_s=1.0)
+    for seen in (None, at(0.6, -0.8, 0)):
+        solution = solve(game, at(3, 4, 0), at(3, 4, 0), evader_velocity_m_s=seen)
+        assert (solution.reason, solution.value) == (Reason.OVERHEAD, 1.0)
+        np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0, 0, 0) if seen is None else seen, atol=1e-15)
+
+
 def test_a_cylinder_above_the_evader_keeps_with_it_and_descends_in_full():
     solution = solve(CYLINDER, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(0.6, -0.8, 0))
     np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, -0.5))
@@ -188,6 +203,24 @@ def test_an_evader_in_space_is_captured_by_its_distance_in_space():
     for P, reason in (((5, 0, 0), Reason.SOLVED), ((0, 5, 0), Reason.SOLVED), ((0, 0, 1), Reason.CAPTURED)):
         for target in (at(-20, 0, 0), at(0, 0, -20)):
             assert solve(game, at(*P), ORIGIN, target).reason == reason
+
+
+def test_a_cylinder_holds_what_it_has_met_to_a_nanometre_and_no_more():
+    for over, fraction in ((1e-9, 0.0), (1.1e-9, 1.0)):
+        beside = solve(CYLINDER, at(over, 0, 5), ORIGIN, evader_velocity_m_s=ORIGIN)
+        np.testing.assert_allclose(beside.pursuer_velocity_m_s, (-2.0 * fraction, 0, -0.5), atol=1e-12)
+        above = solve(CYLINDER, at(5, 0, over), ORIGIN)
+        np.testing.assert_allclose(above.pursuer_velocity_m_s, (-2.0, 0, -0.5 * fraction), atol=1e-12)
+
+
+def test_all_three_on_one_line_in_space_no_velocity_is_beyond_its_bound():
+    """P is where E can be by now, or a rounding error beside it: what that leaves of a direction is noise."""
+    rng = np.random.default_rng(6)
+    E, way = rng.uniform(-20.0, 20.0, (300, 3)), rng.normal(size=(300, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    solution = solve(Game(Ball(2.0), 1.0, information_age_s=1.0, evader_space="space"), E + way, E, E + 5.0 * way)
+    assert np.linalg.norm(solution.pursuer_velocity_m_s, axis=1).max() <= 2.0 + 1e-12
+    assert np.linalg.norm(solution.evader_velocity_m_s, axis=1).max() <= 1.0 + 1e-12
 
 
 grid = st.sampled_from([-3.0, -1.0, 0.0, 0.0, 0.5, 1.0, 2.0, 3.0])

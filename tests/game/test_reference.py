@@ -99,6 +99,10 @@ def answers(game, *, with_target):
         if game.evader_space == "plane":
             for index, part in enumerate(value_gradient(*where)):
                 yield f"gradient_{index}", np.asarray(part)
+    if game.evader_space == "plane":
+        sunk = P[:48] - [0.0, 0.0, 9.0]
+        for index, part in enumerate(value_gradient(game, sunk, E[:48], T[:48] if with_target else None)):
+            yield f"sunk_gradient_{index}", np.asarray(part)
     catalogue = {f"pursuer_{name}": play for name, play in PURSUER_POLICIES.items()}
     catalogue |= {f"evader_{name}": play for name, play in EVADER_POLICIES.items()}
     for name, play in catalogue.items():
