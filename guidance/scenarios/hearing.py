@@ -126,7 +126,7 @@ class Known(NamedTuple):
 
 def known(noise: Noise, heard: Heard, declared_m_s: Real, now_s: Array) -> Known:
     """Carry the last report on to now."""
-    age_s = now_s - heard.measured_s
+    age_s = np.maximum(now_s - heard.measured_s, 0.0)
     position_m = heard.position_m + age_s[:, None] * heard.velocity_m_s
     seen_m_s = np.sqrt(heard.velocity_m_s[:, 0] ** 2 + heard.velocity_m_s[:, 1] ** 2)
     bound = np.maximum(declared_m_s, seen_m_s - _SURE * noise.velocity_m_s)

@@ -67,8 +67,8 @@ def _from_record(path: Path, part: str) -> Rows:
     with path.open("rb") as file:
         for _, _, message in make_reader(file).iter_messages(topics=[TICK_TOPIC]):
             row = json.loads(message.data)
-            certificate = row["certificate"]
-            if certificate is None or (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S):
+            certificate = row.get("certificate")
+            if certificate is None or (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S - 1e-6):
                 continue
             x, y, z = certificate[part]
             rows.append((float(row["now_s"]), float(x), float(y), float(z)))
