@@ -1,6 +1,6 @@
 """`python -m tests`: everything that must hold before a change lands. Stops at the first step that fails.
 
-`python -m tests coverage` measures what the quick tests reach, line and branch; it takes three times as long as they do.
+`python -m tests coverage` measures what the quick tests reach, by line and branch, in three times the time.
 """
 
 import subprocess
