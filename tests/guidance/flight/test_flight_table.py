@@ -2,6 +2,7 @@ import itertools
 
 import pytest
 
+from guidance.autopilots import Mode
 from guidance.flight import FINAL, ORDERS, TRANSITIONS, Event, State, next_state
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES
 
@@ -69,34 +70,71 @@ def test_orders_are_events_of_the_table():
     assert set(Event) >= ORDERS
 
 
-@pytest.mark.parametrize(
-    ("state", "event", "after"),
-    [
-        (State.CONNECTING, Event.HEARD, State.CHECKING),
-        (State.CHECKING, Event.FIT, State.READY),
-        (State.READY, Event.UNFIT, State.CHECKING),
-        (State.READY, Event.START, State.ARMING),
-        (State.READY, Event.ALOFT, State.STANDING_BY),
-        (State.ARMING, Event.ARMED, State.CLIMBING),
-        (State.CLIMBING, Event.AT_HEIGHT, State.POSITIONING),
-        (State.POSITIONING, Event.AT_START, State.STANDING_BY),
-        (State.STANDING_BY, Event.ENGAGE, State.ENTERING),
-        (State.ENTERING, Event.GUIDED, State.ENGAGED),
-        (State.ENGAGED, Event.CAPTURED, State.ON_STATION),
-        (State.ENGAGED, Event.ESCAPED, State.HOLDING),
-        (State.ENGAGED, Event.TARGET_LOST, State.PAUSED),
-        (State.ENGAGED, Event.ESTIMATOR_RESET, State.PAUSED),
-        (State.ENGAGED, Event.NO_GAME, State.HOLDING),
-        (State.ENGAGED, Event.FENCE, State.HOLDING),
-        (State.ENGAGED, Event.BATTERY_LOW, State.RETURNING),
-        (State.PAUSED, Event.CLEAR, State.ENGAGED),
-        (State.PAUSED, Event.TIMED_OUT, State.HOLDING),
-        (State.ENTERING, Event.TIMED_OUT, State.HOLDING),
-        (State.LANDING, Event.DISARMED, State.LANDED),
-        (State.ENGAGED, Event.DISARMED, State.YIELDED),
-        (State.HOLDING, Event.ENGAGE, State.ENTERING),
-        (State.ON_STATION, Event.STRAYED, State.ENGAGED),
-    ],
-)
-def test_the_lines_of_a_flight(state, event, after):
-    assert next_state(state, event) is after
+S, GROUND = State, {State.CONNECTING, State.CHECKING, State.READY, State.ARMING}
+OUT_OF_THE_PLAYED = {State.ENGAGED, State.ON_STATION}
+BY_EVENT = {
+    # A person's orders.
+    Event.START: {S.ARMING: {S.READY}},
+    Event.ENGAGE: {S.ENTERING: {S.STANDING_BY, S.HOLDING}},
+    Event.HOLD: {S.HOLDING: AIRBORNE | COMMANDING | {S.RETURNING}},
+    Event.RETURN: {S.RETURNING: AIRBORNE | COMMANDING | {S.HOLDING}},
+    Event.LAND: {S.LANDING: AIRBORNE | COMMANDING | {S.HOLDING, S.RETURNING}},
+    Event.ABORT: {S.LANDING: AIRBORNE | COMMANDING | {S.HOLDING, S.RETURNING}, S.FAILED: GROUND},
+    # The way up.
+    Event.HEARD: {S.CHECKING: {S.CONNECTING}},
+    Event.FIT: {S.READY: {S.CHECKING}},
+    Event.UNFIT: {S.CHECKING: {S.READY}},
+    Event.ALOFT: {S.STANDING_BY: {S.READY}},
+    Event.ARMED: {S.CLIMBING: {S.ARMING}},
+    Event.AT_HEIGHT: {S.POSITIONING: {S.CLIMBING}},
+    Event.AT_START: {S.STANDING_BY: {S.POSITIONING}},
+    # The game.
+    Event.GUIDED: {S.ENGAGED: {S.ENTERING}},
+    Event.INVITED: {S.ENGAGED: {S.STANDING_BY}},
+    Event.CAPTURED: {S.ON_STATION: {S.ENGAGED}},
+    Event.STRAYED: {S.ENGAGED: {S.ON_STATION}},
+    Event.DONE: {S.RETURNING: {S.ON_STATION}},
+    Event.ESCAPED: {S.HOLDING: {S.ENGAGED}},
+    Event.NO_GAME: {S.HOLDING: OUT_OF_THE_PLAYED},
+    Event.CLEAR: {S.ENGAGED: {S.PAUSED}},
+    # What may go wrong.
+    Event.TARGET_LOST: {S.PAUSED: OUT_OF_THE_PLAYED},
+    Event.ESTIMATOR_RESET: {S.PAUSED: OUT_OF_THE_PLAYED},
+    Event.LOOP_LATE: {S.PAUSED: OUT_OF_THE_PLAYED},
+    Event.FENCE: {S.HOLDING: COMMANDING},
+    Event.FOREIGN: {S.HOLDING: COMMANDING},
+    Event.LOOP_STOPPED: {S.YIELDED: COMMANDING},
+    Event.BATTERY_LOW: {S.RETURNING: COMMANDING | {S.STANDING_BY, S.POSITIONING}},
+    Event.PILOT: {S.YIELDED: AIRBORNE | COMMANDING | LEAVING | {S.ARMING}},
+    Event.REBOOTED: {S.YIELDED: AIRBORNE | COMMANDING | LEAVING | {S.ARMING}},
+    Event.TELEMETRY_LOST: {
+        S.YIELDED: AIRBORNE | COMMANDING | LEAVING | {S.ARMING},
+        S.CONNECTING: {S.CHECKING, S.READY},
+    },
+    Event.DISARMED: {S.LANDED: AIRBORNE | LEAVING, S.YIELDED: COMMANDING},
+    Event.TIMED_OUT: {
+        S.FAILED: {S.CONNECTING, S.CHECKING, S.ARMING},
+        S.LANDING: {S.CLIMBING, S.POSITIONING},
+        S.HOLDING: {S.ENTERING, S.PAUSED},
+    },
+}
+
+
+@pytest.mark.parametrize("event", list(Event))
+def test_each_event_leads_where_it_should_and_from_nowhere_else(event):
+    # The table is by state; this is the same by event, kept by hand: a line has to be wrong twice to be believed.
+    found = {state: after for (state, one), after in TRANSITIONS.items() if one is event}
+    assert found == {state: after for after, states in BY_EVENT[event].items() for state in states}
+
+
+AUTOPILOTS_OWN = {Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}
+
+
+def test_the_modes_of_our_own_doing_by_state():
+    assert {
+        **dict.fromkeys(AIRBORNE | {State.ENTERING}, AUTOPILOTS_OWN),
+        **dict.fromkeys(COMMANDING - {State.ENTERING}, {Mode.GUIDED}),
+        State.HOLDING: {Mode.HOLD, Mode.GUIDED},
+        State.RETURNING: {Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED},
+        State.LANDING: {Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.GUIDED},
+    } == OUR_MODES
