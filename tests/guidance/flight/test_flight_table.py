@@ -127,13 +127,13 @@ def test_each_event_leads_where_it_should_and_from_nowhere_else(event):
     assert found == {state: after for after, states in BY_EVENT[event].items() for state in states}
 
 
-AUTOPILOTS_OWN = {Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}
+AUTOPILOTS_OWN = frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED})
 
 
 def test_the_modes_of_our_own_doing_by_state():
     assert {
         **dict.fromkeys(AIRBORNE | {State.ENTERING}, AUTOPILOTS_OWN),
-        **dict.fromkeys(COMMANDING - {State.ENTERING}, {Mode.GUIDED}),
+        **dict.fromkeys(COMMANDING - {State.ENTERING}, frozenset({Mode.GUIDED})),
         State.HOLDING: {Mode.HOLD, Mode.GUIDED},
         State.RETURNING: {Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED},
         State.LANDING: {Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.GUIDED},
