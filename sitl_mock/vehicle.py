@@ -7,7 +7,7 @@ from typing import Any, Final
 from sitl_mock.autopilot import TICK_S, Autopilot, Settings
 from sitl_mock.dynamics import Body
 from sitl_mock.errors import ConfigError
-from sitl_mock.flavour import flavour as flavour_named
+from sitl_mock.flavours import flavour_named
 from sitl_mock.links import Link
 from sitl_mock.mavlink import Signing
 from sitl_mock.world import DEFAULT_HOME, Home, Vector

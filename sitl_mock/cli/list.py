@@ -29,8 +29,7 @@ def list_(
 
 
 def _flavours(_flavour: str) -> "Iterator[str]":
-    from sitl_mock.flavour import NAMES  # noqa: PLC0415 - nothing of it is needed for `--help`
-    from sitl_mock.flavour import flavour as flavour_named  # noqa: PLC0415 - as above
+    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - nothing of it is needed for `--help`
 
     yield "flavours (--vehicles flavour:name)"
     for name in NAMES:
@@ -58,7 +57,7 @@ def _conditions(_flavour: str) -> "Iterator[str]":
 
 
 def _parameters(flavour: str) -> "Iterator[str]":
-    from sitl_mock.flavour import flavour as flavour_named  # noqa: PLC0415 - as above
+    from sitl_mock.flavours import flavour_named  # noqa: PLC0415 - as above
 
     each = flavour_named(flavour)
     yield f"parameters of {each.title}"
@@ -68,7 +67,7 @@ def _parameters(flavour: str) -> "Iterator[str]":
 
 
 def _streams(flavour: str) -> "Iterator[str]":
-    from sitl_mock.flavour import flavour as flavour_named  # noqa: PLC0415 - as above
+    from sitl_mock.flavours import flavour_named  # noqa: PLC0415 - as above
     from sitl_mock.telemetry import BUILDERS  # noqa: PLC0415 - as above
 
     rates = flavour_named(flavour).rates_hz

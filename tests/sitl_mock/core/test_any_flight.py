@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sitl_mock.conditions import CONDITIONS
-from sitl_mock.flavour import NAMES, flavour
+from sitl_mock.flavours import NAMES, flavour_named
 from sitl_mock.mavlink import Decoder
 
 NUMBER = st.one_of(st.sampled_from([0.0, 1.0, 2.0, 6.0, -1.0, math.nan, math.inf, 21196.0, 1e9]), st.floats(-200, 200))
@@ -68,7 +68,7 @@ def act(flight, modes, event):
 @given(events=EVENTS, airborne=st.booleans())
 def test_it_never_fails_stays_above_ground_and_in_its_table(fly, name, events, airborne):
     flight = fly(name, noise=True, dt_s=0.05)
-    modes = flavour(name).modes.modes
+    modes = flavour_named(name).modes.modes
     flight.run(1.0)
     if airborne and name != "rover":
         flight.airborne(5.0)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from sitl_mock import ConfigError
 from sitl_mock.cli import app
 from sitl_mock.conditions import CONDITIONS
-from sitl_mock.flavour import NAMES
+from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Decoder
 from sitl_mock.serving import udp_ports
 

@@ -5,11 +5,11 @@ import pytest
 from sitl_mock.ardupilot.copter import COPTER
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
-from sitl_mock.flavour import NAMES, flavour
+from sitl_mock.flavours import NAMES, flavour_named
 from sitl_mock.px4.failsafe import MODE_OF
 from sitl_mock.px4.modes import AFTER, BY_NAME, MODES
 
-TABLES = {name: flavour(name).modes for name in NAMES}
+TABLES = {name: flavour_named(name).modes for name in NAMES}
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sitl_mock.flavour import NAMES
+from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.telemetry import BUILDERS
 

@@ -5,12 +5,12 @@ import math
 import pytest
 
 from sitl_mock.dynamics import CALM, Kind, Setpoint
-from sitl_mock.flavour import flavour
+from sitl_mock.flavours import flavour_named
 from sitl_mock.protocols import ParameterStore
 
 
 def plant(name, **changed):
-    kind = flavour(name)
+    kind = flavour_named(name)
     return kind.plant(ParameterStore(kind.parameters, changed))
 
 
