@@ -44,11 +44,12 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str) -> Model
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        faults = "\n".join(f"  {_explain(model, dict(fault))}" for fault in error.errors())
+        faults = "\n".join(f"  {explain(model, dict(fault))}" for fault in error.errors())
         raise ConfigError(f"{source}:\n{faults}") from error
 
 
-def _explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
+def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
+    """Say in one line what pydantic found wrong with a document: the key, its value and what is allowed."""
     location = [str(part) for part in fault["loc"]]
     key = ".".join(location)
     if fault["type"] == "extra_forbidden":

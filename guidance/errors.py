@@ -23,3 +23,9 @@ class FlightError(GuidanceError):
     """The flight could not go on: refused by the autopilot, lost, or ended by a pilot."""
 
     exit_code = 4
+
+
+class OutputError(GuidanceError):
+    """Results cannot be written: a full disk, or a folder without permission. What was written before is kept."""
+
+    exit_code = 5

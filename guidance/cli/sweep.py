@@ -1,0 +1,100 @@
+"""`guidance sweep`: a scenario played a million times over, and the report of it."""
+
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+
+class _FileFirst(TyperGroup):
+    """`guidance sweep FILE` is `guidance sweep run FILE`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - click's context
+        if args and args[0] not in {*self.commands, "--help"}:
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+sweep = typer.Typer(
+    cls=_FileFirst,
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Play a scenario many times with its keys varied: `guidance sweep FILE`, then `guidance sweep report FOLDER`.",
+)
+
+
+@sweep.command()
+def run(
+    file: Annotated[str, typer.Argument(help="A sweep file, or the name of one that comes along: policies, barrier.")],
+    way: Annotated[
+        str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights), in place of the file's.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes on this machine; 1 needs no Dask. Default: one a processor.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask cluster in place of them: tcp://HOST:PORT.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the rows; default sweeps/FILE-WAY.")] = None,
+    chunk: Annotated[int | None, typer.Option(min=1, help="Rows computed and written at a time.")] = None,
+) -> None:
+    """Play every row of a sweep and write the rows as Parquet, chunk by chunk.
+
+    What was interrupted, even by kill -9, goes on with the same command: chunks that are there are not computed again.
+    The rows are the same on any number of workers. A row whose values allow no game is kept, with its reason.
+
+    A sweep file names a scenario and any of its keys:
+
+        scenario = "pe"
+        as = "maths"
+        seeds = 1000
+        policies = [{ pursuer = ["optimal", "pure_pursuit"], evader = "optimal" }]
+
+        [grid]
+        "evader.speed_m_s" = { from = 1.0, to = 2.5, count = 7 }
+        "wind.velocity_m_s" = [[0.0, 0.0], [0.5, 0.0]]
+
+        [random]
+        "evader.position_m" = { disc = 40, about_m = [0.0, 50.0] }
+        "pursuer.position_m[2]" = { uniform = [10.0, 60.0] }
+
+    Distributions: uniform, log_uniform, normal, choice, disc, annulus. Every key as in the scenario, with its unit.
+
+    - `guidance sweep policies`: one that comes along
+    - `guidance sweep policies --as fast --workers 2 --out flown`: the same, flown by the mock
+    - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths'))"`: the rows
+    """
+    from guidance.sweeps.command import checked_way, run_sweep  # noqa: PLC0415 - pyarrow takes a moment
+
+    signal.signal(signal.SIGTERM, _terminated)
+    try:
+        path = run_sweep(file, way=checked_way(way), workers=workers, scheduler=scheduler, out=out, chunk=chunk)
+    except KeyboardInterrupt:
+        typer.echo("interrupted: what was written is kept, and the same command goes on from there", err=True)
+        raise typer.Exit(128 + signal.SIGINT) from None
+    typer.echo(str(path))
+
+
+@sweep.command()
+def report(
+    folder: Annotated[Path, typer.Argument(help="The folder that guidance sweep wrote; it need not be complete.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the report; default FOLDER/report.")] = None,
+    worst: Annotated[int, typer.Option(min=0, help="Worst cases of each pair of policies, as scenario files.")] = 3,
+) -> None:
+    """Tell what came out: who captures how often, how much is lost against the game's value, and where it was worst.
+
+    For every pair of policies: how the games ended, the probability of capture with its 95 % interval (Wilson's), the
+    regret's mean with its 95 % interval (Student's t) and its quantiles. Writes report.json, pictures as PNG and PDF,
+    and the worst cases as scenario files, ready for `guidance fly` and `guidance scenario run`.
+    """
+    from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
+
+    for path in write_report(folder, folder / "report" if out is None else out, worst=worst):
+        typer.echo(str(path))
+
+
+def _terminated(*_: object) -> NoReturn:
+    sys.exit(128 + signal.SIGTERM)

@@ -1,0 +1,197 @@
+"""Distributions of swept values. A draw is a function of the seed and the key alone, so that every worker, every policy
+and every point of a grid draws the same numbers for one seed.
+"""  # noqa: D205 - one sentence needs two lines
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.errors import ConfigError
+from guidance.strategies import normal, uniform
+
+Seeds = NDArray[np.int64]
+
+
+class Law(Protocol):
+    """A distribution."""
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """Draw one value for each seed."""
+
+    def extremes(self) -> list[Any]:
+        """Values that bound what is drawn, or, without bounds, one from the middle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform:
+    """Evenly from low to high."""
+
+    low: float
+    high: float
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """See `Law`."""
+        return list((self.low + (self.high - self.low) * uniform(seed, stream, 0)).tolist())
+
+    def extremes(self) -> list[Any]:
+        """See `Law`."""
+        return [self.low, self.high]
+
+
+@dataclass(frozen=True, slots=True)
+class LogUniform:
+    """Evenly in the logarithm, from low to high."""
+
+    low: float
+    high: float
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """See `Law`."""
+        low, high = math.log(self.low), math.log(self.high)
+        return list(np.clip(np.exp(low + (high - low) * uniform(seed, stream, 0)), self.low, self.high).tolist())
+
+    def extremes(self) -> list[Any]:
+        """See `Law`."""
+        return [self.low, self.high]
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """The normal distribution; what it draws beyond a key's range becomes an invalid row."""
+
+    mean: float
+    deviation: float
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """See `Law`."""
+        return list((self.mean + self.deviation * normal(seed, stream, 0)).tolist())
+
+    def extremes(self) -> list[Any]:
+        """See `Law`."""
+        return [self.mean]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Any of some values, all as likely."""
+
+    values: tuple[Any, ...]
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """See `Law`."""
+        places = (uniform(seed, stream, 0) * len(self.values)).astype(int)
+        return [self.values[place] for place in places.tolist()]
+
+    def extremes(self) -> list[Any]:
+        """See `Law`."""
+        return list(self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Annulus:
+    """A place (x, y) evenly by area, from one radius to another about a centre, m."""
+
+    inner_m: float
+    outer_m: float
+    centre_m: tuple[float, float]
+
+    def draw(self, seed: Seeds, stream: int) -> list[Any]:
+        """See `Law`."""
+        inner, outer = self.inner_m**2, self.outer_m**2
+        radius = np.sqrt(inner + (outer - inner) * uniform(seed, stream, 0))
+        angle = 2.0 * np.pi * uniform(seed, stream, 1)
+        x, y = self.centre_m
+        return list(np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist())
+
+    def extremes(self) -> list[Any]:
+        """See `Law`."""
+        (x, y), r = self.centre_m, self.outer_m
+        return [[x + r, y], [x - r, y], [x, y + r], [x, y - r]]
+
+
+def law_of(name: str, table: Mapping[str, Any]) -> Law:
+    """Read the distribution of a key.
+
+    Args:
+        name: Key, for messages.
+        table: As in a sweep file: `{ uniform = [1, 5] }`, `{ disc = 40, about_m = [0, 10] }`.
+
+    Raises:
+        ConfigError: If it is none; the message says what is allowed.
+    """
+    kinds = [kind for kind in table if kind in _LAWS]
+    if len(kinds) != 1 or set(table) - {kinds[0], "about_m"}:
+        raise ConfigError(f"random.{name} = {dict(table)!r}: must be one of {_ALLOWED}")
+    kind = kinds[0]
+    if "about_m" in table and kind not in {"disc", "annulus"}:
+        raise ConfigError(f"random.{name}.about_m: only with disc or annulus")
+    try:
+        return _LAWS[kind](table)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"random.{name} = {dict(table)!r}: must be {_FORMS[kind]}") from error
+
+
+def _pair(value: Any) -> tuple[float, float]:  # noqa: ANN401 - from a file
+    low, high = value
+    if any(isinstance(one, bool) or not isinstance(one, (int, float)) or not math.isfinite(one) for one in value):
+        raise ValueError
+    return float(low), float(high)
+
+
+def _rising(value: Any, *, above: float = -math.inf) -> tuple[float, float]:  # noqa: ANN401
+    low, high = _pair(value)
+    if not above < low < high:
+        raise ValueError
+    return low, high
+
+
+def _normal(table: Mapping[str, Any]) -> Law:
+    mean, deviation = _pair(table["normal"])
+    if deviation <= 0.0:
+        raise ValueError
+    return Normal(mean, deviation)
+
+
+def _choice(table: Mapping[str, Any]) -> Law:
+    values = table["choice"]
+    if not isinstance(values, list) or not values:
+        raise ValueError
+    return Choice(tuple(values))
+
+
+def _annulus(table: Mapping[str, Any]) -> Law:
+    inner, outer = (0.0, table["disc"]) if "disc" in table else table["annulus"]
+    inner, outer = _pair((inner, outer))
+    if not 0.0 <= inner < outer:
+        raise ValueError
+    return Annulus(inner, outer, _pair(table.get("about_m", (0.0, 0.0))))
+
+
+_LAWS: Mapping[str, Callable[[Mapping[str, Any]], Law]] = MappingProxyType(
+    {
+        "uniform": lambda table: Uniform(*_rising(table["uniform"])),
+        "log_uniform": lambda table: LogUniform(*_rising(table["log_uniform"], above=0.0)),
+        "normal": _normal,
+        "choice": _choice,
+        "disc": _annulus,
+        "annulus": _annulus,
+    }
+)
+_FORMS: Final = MappingProxyType(
+    {
+        "uniform": "{ uniform = [low, high] } with low < high",
+        "log_uniform": "{ log_uniform = [low, high] } with 0 < low < high",
+        "normal": "{ normal = [mean, deviation] } with a deviation above 0",
+        "choice": "{ choice = [value, …] }",
+        "disc": "{ disc = radius } in m, with about_m = [x, y] if not about zero",
+        "annulus": "{ annulus = [inner, outer] } in m with 0 <= inner < outer, with about_m = [x, y] if not about zero",
+    }
+)
+_ALLOWED: Final = "; ".join(_FORMS.values())
+LAWS: Final = tuple(_LAWS)
+"""Names of the distributions."""

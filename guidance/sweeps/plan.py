@@ -1,0 +1,176 @@
+"""A sweep laid out: which values, policies and seed a row has. A pure function of the plan and the row's number."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from guidance.config import find
+from guidance.errors import ConfigError
+from guidance.scenarios.loading import FOLDER as SCENARIOS
+from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.outcome import SCHEMA
+from guidance.sweeps.axes import Axis
+from guidance.sweeps.model import Pair, Sweep, Way
+
+ROW = "row"
+
+Rows = NDArray[np.int64]
+
+
+class Cases(NamedTuple):
+    """What some rows play.
+
+    Attributes:
+        row: Numbers of the rows, (n,).
+        pair: Which pair of policies, (n,).
+        point: Which point of the grid, (n,).
+        seed: (n,).
+        values: Of every axis, n each.
+    """
+
+    row: Rows
+    pair: Rows
+    point: Rows
+    seed: Rows
+    values: tuple[list[Any], ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep laid out; small, and the same wherever it is unpacked.
+
+    Attributes:
+        sweep: The sweep file.
+        scenario: The scenario that is varied, as plain values with every default filled in.
+        way: "maths" or "fast".
+    """
+
+    sweep: Sweep
+    scenario: Mapping[str, Any]
+    way: Way
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """What is swept."""
+        return self.sweep.axes
+
+    @cached_property
+    def pairs(self) -> tuple[Pair, ...]:
+        """The pairs of policies, the scenario's own by their names."""
+        own = {player: self.scenario[player]["policy"] for player in ("pursuer", "evader")}
+        return tuple(Pair(pair.pursuer or own["pursuer"], pair.evader or own["evader"]) for pair in self.sweep.pairs)
+
+    @cached_property
+    def points(self) -> int:
+        """How many points the grid has."""
+        return math.prod(len(axis.values) for axis in self.axes if axis.law is None)
+
+    @property
+    def seeds(self) -> int:
+        """How many seeds there are."""
+        if self.sweep.rows is not None:
+            return self.sweep.rows // (self.points * len(self.pairs))
+        given = self.sweep.seeds
+        return 1 if given is None else len(given.values) or given.count
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return self.seeds * self.points * len(self.pairs)
+
+    def cases(self, row: Rows) -> Cases:
+        """Lay out rows by their numbers, (n,): seeds change fastest, so that games played in one batch are alike."""
+        rest, number = np.divmod(row, self.seeds)
+        pair, point = np.divmod(rest, self.points)
+        given = self.sweep.seeds
+        if given is not None and given.values:
+            seed = np.array(given.values, dtype=np.int64)[number]
+        else:
+            seed = number + (0 if given is None else given.begin)
+        values: list[list[Any]] = []
+        size = self.points
+        for axis in self.axes:
+            if axis.law is not None:
+                values.append(axis.law.draw(seed, axis.stream))
+            else:
+                size //= len(axis.values)
+                values.append([axis.values[place] for place in (point // size % len(axis.values)).tolist()])
+        return Cases(row, pair, point, seed, tuple(values))
+
+    def row_of(self, pair: Rows, point: Rows, seed: Rows) -> Rows:
+        """Return the number of a case's row, (n,); -1 where the sweep has no such seed."""
+        given = self.sweep.seeds
+        if given is not None and given.values:
+            order = np.argsort(given.values)
+            place = np.searchsorted(np.array(given.values)[order], seed)
+            number = order[np.minimum(place, len(order) - 1)]
+            there = np.array(given.values)[number] == seed
+        else:
+            number = seed - (0 if given is None else given.begin)
+            there = (number >= 0) & (number < self.seeds)
+        return np.where(there, (pair * self.points + point) * self.seeds + number, -1)
+
+    @cached_property
+    def swept(self) -> dict[str, pa.DataType]:
+        """Names and types of the columns that show what is swept."""
+        return {name: kind for axis in self.axes for name, kind in axis.columns().items()}
+
+    @cached_property
+    def schema(self) -> pa.Schema:
+        """The columns of the sweep's table: the row's number, what is swept, and the outcome."""
+        return pa.schema([(ROW, pa.int64()), *self.swept.items(), *SCHEMA])
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The plan as plain values, for the sweep's folder; `plan_of` reads it."""
+        sweep = self.sweep.model_dump(mode="json", by_alias=True, exclude_unset=True)
+        return {"as": self.way, "sweep": sweep, "scenario": dict(self.scenario)}
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of all that decides the rows."""
+        return sha256(json.dumps(self.document, sort_keys=True).encode()).hexdigest()
+
+
+def plan_of(document: Mapping[str, Any]) -> Plan:
+    """Lay out a sweep from the document of a plan."""
+    return Plan(Sweep.model_validate(document["sweep"]), document["scenario"], document["as"])
+
+
+def laid_out(sweep: Sweep, path: Path, way: Way | None = None) -> Plan:
+    """Lay out a sweep that was read from a file.
+
+    Args:
+        sweep: The sweep file.
+        path: Where it was; a scenario is looked for beside it first.
+        way: In place of the file's.
+
+    Raises:
+        ConfigError: If the scenario is none, a key is swept twice, or the rows do not come out even.
+    """
+    beside = path.parent / sweep.scenario
+    _, scenario = load_scenario(str(beside) if beside.is_file() else str(find(sweep.scenario, SCENARIOS)))
+    plan = Plan(sweep, scenario.model_dump(mode="json"), way or sweep.way)
+    try:
+        columns = [name for axis in plan.axes for name in axis.columns()]
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    for name in columns:
+        if columns.count(name) > 1:
+            raise ConfigError(f"{path}: {name}: swept twice")
+    step = plan.points * len(plan.pairs)
+    if sweep.rows is not None and sweep.rows % step:
+        raise ConfigError(
+            f"{path}: rows = {sweep.rows}: must be a multiple of {step} ({plan.points} points of the grid × "
+            f"{len(plan.pairs)} pairs of policies); the nearest is {max(1, round(sweep.rows / step)) * step}"
+        )
+    return plan

@@ -1,0 +1,138 @@
+"""`guidance sweep report`: what a sweep came to, for each pair of policies, in a table, as JSON and in pictures."""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from guidance.errors import OutputError
+from guidance.sweeps.drawing import draw_all
+from guidance.sweeps.folder import Folder, read_folder, write_whole
+from guidance.sweeps.statistics import Interval, mean, share
+from guidance.sweeps.tally import QUANTILES, Tally, tallied
+from guidance.sweeps.worst import Worst, write_worst
+
+_WIDE = 150
+
+
+def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
+    """Print a sweep's table, write its report, and return the files.
+
+    Raises:
+        ConfigError: If the folder is no sweep's, or empty.
+        OutputError: If the report cannot be written.
+    """
+    folder = read_folder(path)
+    tallies = tallied(folder, worst=worst)
+    unit = "s" if folder.plan.scenario["game"] == "pe" else "m"
+    title = folder.plan.sweep.title or str(folder.plan.scenario["title"])
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        cases = list(write_worst(folder, tallies, out))
+        summary = summed_up(folder, tallies, cases, unit)
+        write_whole(out / "report.json", (json.dumps(summary, indent=1) + "\n").encode())
+        pictures = draw_all(tallies, cases, title=f"{title}, {folder.plan.way}", unit=unit, out=out)
+    except OSError as error:
+        raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from error
+    _show(wide_console(), folder, tallies, unit)
+    return [out / "report.json", *pictures, *(case.path for case in cases)]
+
+
+def summed_up(folder: Folder, tallies: Sequence[Tally], cases: Sequence[Worst], unit: str) -> dict[str, Any]:
+    """Return the report as plain values; what is not known is null."""
+    return {
+        "title": folder.plan.sweep.title,
+        "scenario": folder.plan.scenario["title"],
+        "as": folder.plan.way,
+        "digest": folder.plan.digest,
+        "rows": sum(tally.rows for tally in tallies),
+        "rows_planned": folder.plan.rows,
+        "unit": unit,
+        "intervals": "95 %: Wilson's for probabilities, Student's t for means",
+        "policies": [_of_pair(tally) for tally in tallies],
+        "worst": [
+            {
+                "file": case.path.name,
+                "row": case.row,
+                "pursuer": case.tally.pair.pursuer,
+                "evader": case.tally.pair.evader,
+                "end": case.end,
+                "regret": _number(case.regret),
+            }
+            for case in cases
+        ],
+    }
+
+
+def _of_pair(tally: Tally) -> dict[str, Any]:
+    quantiles = zip(QUANTILES, tally.quantiles(), strict=False)
+    return {
+        "pursuer": tally.pair.pursuer,
+        "evader": tally.pair.evader,
+        "rows": tally.rows,
+        "games": tally.valid,
+        "ends": dict(tally.ends),
+        "capture": _interval(share(tally.ends["captured"], tally.valid)),
+        "predicted_mean": _interval(mean(tally.predicted)),
+        "regret_games": tally.regret.count,
+        "regret_mean": _interval(mean(tally.regret)),
+        "regret_quantiles": {f"{quantile:g}": value for quantile, value in quantiles},
+        "capture_by_key": {
+            bins.column: [
+                {"at": label, "games": int(games), **_interval(share(int(captures), int(games)))}
+                for label, games, captures in zip(bins.labels, tally.games[place], tally.captures[place], strict=True)
+            ]
+            for place, bins in enumerate(tally.bins)
+        },
+    }
+
+
+def _interval(interval: Interval) -> dict[str, float | None]:
+    return {name: _number(value) for name, value in interval._asdict().items()}
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def wide_console() -> Console:
+    """A console for tables; where there is no terminal to say how wide it is, wide enough for all columns."""
+    console = Console()
+    return console if console.is_terminal else Console(width=_WIDE)
+
+
+def _show(console: Console, folder: Folder, tallies: Sequence[Tally], unit: str) -> None:
+    rows = sum(tally.rows for tally in tallies)
+    console.print(f"{rows} of {folder.plan.rows} rows, as {folder.plan.way}; regret in {unit}", highlight=False)
+    ends = _table("pursuer", "evader", "games", "captured", "95 %", "other rows")
+    regrets = _table("pursuer", "evader", "mean regret", "95 %", *(_percent(one) for one in QUANTILES))
+    for tally in tallies:
+        captured, regret = share(tally.ends["captured"], tally.valid), mean(tally.regret)
+        others = ", ".join(f"{count} {end}" for end, count in sorted(tally.ends.items()) if end != "captured")
+        reach = f"{captured.low:.4f} to {captured.high:.4f}"
+        ends.add_row(*tally.pair, str(tally.valid), f"{captured.estimate:.4f}", reach, others or "-")
+        reach = f"{_short(regret.low)} to {_short(regret.high)}"
+        quantiles = [_short(value) for value in tally.quantiles()] or ["-"] * len(QUANTILES)
+        regrets.add_row(*tally.pair, _short(regret.estimate), reach, *quantiles)
+    console.print(ends)
+    console.print(regrets)
+
+
+def _table(*headings: str) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if place < 2 else "right", no_wrap=place >= 2)
+    return table
+
+
+def _short(value: float) -> str:
+    """Four digits, and nothing of what rounding leaves of a zero."""
+    return "-" if math.isnan(value) else f"{0.0 if abs(value) < 5e-5 else value:.4g}"
+
+
+def _percent(quantile: float) -> str:
+    return "max" if quantile == 1.0 else f"{100.0 * quantile:g} %"

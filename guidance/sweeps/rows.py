@@ -1,0 +1,103 @@
+"""From rows of a plan to checked scenarios, or to the reason why a row allows no game."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from guidance.config import explain, parse
+from guidance.errors import ConfigError
+from guidance.scenarios.model import Scenario
+from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
+from guidance.sweeps.axes import Axis
+from guidance.sweeps.keys import placed
+from guidance.sweeps.model import Pair
+from guidance.sweeps.plan import Cases, Plan
+
+_OF_A_COURSE = {"waypoints": "waypoints_m", "recorded": "track"}
+
+
+class Scenarios:
+    """Makes the scenarios of a plan's rows.
+
+    A row's sections that nothing is swept in were checked before and are shared; the swept ones, and all that is
+    checked between sections, are checked for every row.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        swept = {str(axis.key.path[0]) for axis in plan.axes}
+        self._fixed: list[dict[str, Any]] = []
+        self._varied: list[dict[str, Any]] = []
+        for pair in plan.pairs:
+            document = with_policies(plan.scenario, pair)
+            base = parse(Scenario, document, source=f"policies {pair.pursuer} and {pair.evader}")
+            self._fixed.append({name: getattr(base, name) for name in Scenario.model_fields if name not in swept})
+            self._varied.append({name: document[name] for name in swept if name in document})
+
+    def of(self, cases: Cases) -> Iterator[Scenario | str]:
+        """Yield the scenario of every row, or why it is none."""
+        axes, fixed, varied = self._plan.axes, self._fixed, self._varied
+        drawn = list(zip(*cases.values, strict=True)) if axes else [()] * len(cases.row)
+        for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
+            document = {**fixed[pair], **with_values(varied[pair], axes, values), "seed": seed}
+            try:
+                yield Scenario.model_validate(document)
+            except ValidationError as error:
+                yield "; ".join(explain(Scenario, dict(fault)) for fault in error.errors())
+
+
+def with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
+    """Return a scenario's document with other policies; a course stays with the policy that follows it."""
+    document = dict(scenario)
+    for player, policy in pair._asdict().items():
+        section = {**document[player], "policy": policy}
+        for of, key in _OF_A_COURSE.items():
+            if policy != of:
+                section.pop(key, None)
+        document[player] = section
+    return document
+
+
+def with_values(document: dict[str, Any], axes: Sequence[Axis], values: Sequence[Any]) -> dict[str, Any]:
+    """Return a document with a value of every axis; what is not swept is shared with the one that is given."""
+    for axis, value in zip(axes, values, strict=True):
+        for key, part in axis.settings(value):
+            document = placed(document, key.path, part)
+    return document
+
+
+def check(plan: Plan, source: str) -> None:
+    """Refuse a sweep with a key that no row could have, or values out of a key's range, before anything runs.
+
+    What only concerns keys together, as the ratio of the speeds, is left to the rows.
+
+    Raises:
+        ConfigError: One line a fault, each with the key, the value and what is allowed.
+    """
+    _check_names(plan, source)
+    base = with_policies(plan.scenario, plan.pairs[0])
+    faults = [fault for axis in plan.axes for value in axis.extremes() for fault in _faults(base, axis, value)]
+    if faults:
+        raise ConfigError(f"{source}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
+    Scenarios(plan)
+
+
+def _check_names(plan: Plan, source: str) -> None:
+    known = {"pursuer": PURSUER_STRATEGIES, "evader": EVADER_STRATEGIES}
+    for pair in plan.pairs:
+        for player, policy in pair._asdict().items():
+            if policy not in known[player]:
+                raise ConfigError(f"{source}: policies.{player} = {policy!r}: allowed are {', '.join(known[player])}")
+
+
+def _faults(base: dict[str, Any], axis: Axis, value: Any) -> Iterator[str]:  # noqa: ANN401 - any value of a key
+    try:
+        document = with_values(base, (axis,), (value,))
+        Scenario.model_validate(document)
+    except LookupError as error:
+        yield f"{axis.key.text}: the scenario has no element {error.args[0]} there"
+    except ValidationError as error:
+        for fault in error.errors():
+            if fault["loc"][: len(axis.key.path)] == axis.key.path:
+                yield explain(Scenario, dict(fault))
