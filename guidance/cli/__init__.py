@@ -14,6 +14,7 @@ from guidance.cli.report import report
 from guidance.cli.run import run
 from guidance.cli.scenario import scenario
 from guidance.cli.solve import solve
+from guidance.cli.view import view
 from guidance.errors import GuidanceError
 
 app = typer.Typer(
@@ -26,6 +27,7 @@ app.command()(fly)
 app.command()(paper)
 app.command()(replay)
 app.command()(report)
+app.command()(view)
 app.add_typer(log, name="log")
 app.add_typer(scenario, name="scenario")
 app.command()(solve)

@@ -1,11 +1,15 @@
 """`guidance fly`: a pursuit, flown."""
 
+import contextlib
 import signal
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+
+if TYPE_CHECKING:
+    from guidance.view import ViewerBeside
 
 
 def fly(
@@ -21,6 +25,9 @@ def fly(
         Path | None, typer.Option(help="Folder for the record and the picture; default flights/SCENARIO-NUMBER.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the mock's noise, instead of the scenario's.")] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the flight in Rerun meanwhile (needs the extra viz).")
+    ] = False,
 ) -> None:
     """Fly a pursuit against the mock autopilot and show how it compares with the game's value.
 
@@ -32,16 +39,31 @@ def fly(
     - `guidance fly config/scenarios/tad.toml`: the paper's TAD game
     - `guidance fly --fast`: the same flight in virtual time
     - `guidance fly --link pymavlink`: with pymavlink instead of MAVSDK
+    - `guidance fly --view`: with a view of it in the browser, from a process of its own
     """
     from guidance.scenarios.command import fly_scenario  # noqa: PLC0415 - matplotlib, zenoh and mavsdk take a second
 
     signal.signal(signal.SIGTERM, _terminated)
-    try:
-        code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed)
-    except KeyboardInterrupt:
-        typer.echo("interrupted: the mock was ended, and the record so far can be read", err=True)
-        code = 128 + signal.SIGINT
+    with contextlib.ExitStack() as closing:
+        beside = _viewer(closing) if view else None
+        watch = (lambda _: None) if beside is None else beside.start
+        try:
+            code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, on_record=watch)
+        except KeyboardInterrupt:
+            typer.echo("interrupted: the mock was ended, and the record so far can be read", err=True)
+            raise typer.Exit(128 + signal.SIGINT) from None
+        if beside is not None:
+            typer.echo("the view stays: Ctrl-C ends it")
+            beside.wait()
     raise typer.Exit(code)
+
+
+def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":
+    from guidance.view import ViewerBeside  # noqa: PLC0415
+
+    beside = ViewerBeside("--port", "0", "--web-port", "0")
+    closing.callback(beside.close)
+    return beside
 
 
 def _terminated(*_: object) -> NoReturn:

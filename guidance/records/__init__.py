@@ -4,14 +4,17 @@ from guidance.records.reading import Item, Survey, metadata_of, scan, survey_of
 from guidance.records.replay import Comparison, Step, compare, replay
 from guidance.records.rows import EventRow, Row, events_of, rows_of
 from guidance.records.settings import changes_of, flight_settings, title_of
+from guidance.records.telling import Cycle, Teller
 
 __all__ = [
     "Comparison",
+    "Cycle",
     "EventRow",
     "Item",
     "Row",
     "Step",
     "Survey",
+    "Teller",
     "changes_of",
     "compare",
     "events_of",

@@ -1,11 +1,11 @@
-"""Read a flight record, whole or torn: a file that a killed process left is read up to its last whole chunk."""
+"""Read a flight record, whole, torn or still growing: what a killed process left is read up to its last whole chunk."""
 
 import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
@@ -62,19 +62,24 @@ class Survey:
         return 0.0 if self.first_s is None or self.last_s is None else self.last_s - self.first_s
 
 
-def scan(path: Path, survey: Survey | None = None) -> Iterator[Item]:
+Idle = Callable[[], bool]
+"""Called where a growing record has nothing more to read for now: waits a little; True ends the reading."""
+
+
+def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> Iterator[Item]:
     """Yield the messages of a record in the order they were written.
 
     Args:
         path: The MCAP file.
         survey: Filled along the way, complete after the last item.
+        idle: The file is still being written: its end is waited for. The writer knows nothing of it.
 
     Raises:
         ConfigError: If the file cannot be read or is no MCAP file. A torn one is no error: `survey.torn` says so.
     """
     seen = Survey() if survey is None else survey
     channels: dict[int, Channel] = {}
-    for record in _records(path, seen):
+    for record in _records(path, seen, idle):
         if isinstance(record, Channel):
             channels[record.id] = record
         elif isinstance(record, Metadata) and record.name == RUN:
@@ -95,28 +100,44 @@ def survey_of(path: Path) -> Survey:
     return survey
 
 
-def metadata_of(path: Path) -> Mapping[str, str]:
-    """Read what was written at the start: configuration, versions, seed.
+def metadata_of(path: Path, idle: Idle | None = None) -> Mapping[str, str]:
+    """Read what was written at the start: configuration, versions, seed; `idle` as for `scan`.
 
     Raises:
         ConfigError: As `scan`, or if the record is torn before its metadata.
     """
     survey = Survey()
-    next(scan(path, survey), None)
+    next(scan(path, survey, idle), None)
     if not survey.metadata:
         raise ConfigError(f"{path}: is torn before its first message: nothing in it can be read")
     return survey.metadata
 
 
-def _records(path: Path, seen: Survey) -> Iterator[McapRecord]:
+def _records(path: Path, seen: Survey, idle: Idle | None) -> Iterator[McapRecord]:
     """Yield the file's records, one after the other, up to its end or to where it is torn."""
     try:
-        with path.open("rb") as stream:
+        with path.open("rb") as file:
+            stream: Any = file if idle is None else _Growing(file, idle)
             yield from _untorn(StreamReader(stream, validate_crcs=True, record_size_limit=_LONGEST_RECORD_BYTES), seen)
     except InvalidMagic as error:
         raise ConfigError(f"{path}: is no MCAP file; give a record.mcap that a flight wrote") from error
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+class _Growing:
+    """A file that is waited for where it is too short."""
+
+    def __init__(self, file: IO[bytes], idle: Idle) -> None:
+        self._file = file
+        self._idle = idle
+
+    def read(self, length: int) -> bytes:
+        """Read so many bytes; fewer only where the reading is ended."""
+        data = self._file.read(length)
+        while len(data) < length and not self._idle():
+            data += self._file.read(length - len(data))
+        return data
 
 
 def _untorn(reader: StreamReader, seen: Survey) -> Iterator[McapRecord]:

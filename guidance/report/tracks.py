@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from guidance.frames import Vector
-from guidance.game import Game
+from guidance.records.outlines import circle, fence_edges, isochron_at
 from guidance.report.drawing import (
     BEFORE,
     EVADER,
@@ -19,8 +18,6 @@ from guidance.report.drawing import (
     thinned,
 )
 from guidance.report.story import Array, Story
-from guidance.scenarios.picture import isochron
-from guidance.tick import Certificate
 
 _MARGIN_M = 8.0
 
@@ -67,24 +64,18 @@ def _game(axes: Any, story: Story, dimensions: int) -> None:  # noqa: ANN401
         certificate = None if cycle is None else story.certificates[cycle]
         if certificate is None or certificate.no_game:
             continue
-        curve = _isochron(story, certificate)
+        curve = isochron_at(story.settings.tick, certificate)
         axes.plot(*_lifted(curve, 0.0, dimensions), **style, label=f"isochron at {when}")
         if when == "engagement":
             name = "q*" if tick.target_game_m is None else "g*"
             place = certificate.meeting_point_game_m[:dimensions]
             axes.plot(*([c] for c in place), "k*", ms=11, linestyle="none", label=f"{name}, meeting point foreseen")
         else:
-            disc = _circle(certificate.evader_game_m, tick.standoff.radius_m)
+            disc = circle(certificate.evader_game_m, tick.standoff.radius_m)
             axes.plot(*_lifted(disc, tick.standoff.height_m, dimensions), **STANDOFF, label="stand-off disc at capture")
     if tick.target_game_m is not None:
         at = tick.target_game_m[:dimensions]
         axes.plot(*([c] for c in at), "kX", ms=9, linestyle="none", label="T, guarded place")
-
-
-def _isochron(story: Story, certificate: Certificate) -> Array:
-    tick = story.settings.tick
-    game = Game(tick.speed_set, tick.declared_evader_speed_m_s, standoff=tick.standoff)
-    return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m)
 
 
 def _fence(axes: Any, story: Story, dimensions: int, box: tuple[Array, Array] | None) -> None:  # noqa: ANN401
@@ -92,23 +83,12 @@ def _fence(axes: Any, story: Story, dimensions: int, box: tuple[Array, Array] | 
     envelope, home = story.settings.tick.envelope, story.home_m
     if home is None:
         return
-    edges = []
-    if envelope.fence_radius_m is not None:
-        edges.append(_circle(home, envelope.fence_radius_m))
-    if envelope.fence_polygon is not None:
-        corners = np.array(envelope.fence_polygon.corners_ne_m)[:, ::-1] + np.array(home[:2])  # north, east of home
-        edges.append(np.concatenate([corners, corners[:1]]))
-    for number, edge in enumerate(edges):
+    for number, edge in enumerate(fence_edges(envelope, home)):
         shown = edge
         if box is not None:
             inside = np.all((edge >= box[0][:2]) & (edge <= box[1][:2]), axis=-1, keepdims=True)
             shown = np.where(inside, edge, np.nan)
         axes.plot(*_lifted(shown, home[2], dimensions), **FENCE, label=None if number else "fence")
-
-
-def _circle(centre: Vector, radius_m: float) -> Array:
-    angle = np.linspace(0.0, 2.0 * np.pi, 181)
-    return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
 
 
 def _lifted(curve: Array, height_m: float, dimensions: int) -> list[Array]:
@@ -120,7 +100,7 @@ def _box(story: Story) -> tuple[Array, Array]:
     points = [story.column("pursuer_m"), story.column("evader_m")]
     certificate = None if story.engaged is None else story.certificates[story.engaged]
     if certificate is not None and not certificate.no_game:
-        curve = _isochron(story, certificate)
+        curve = isochron_at(story.settings.tick, certificate)
         points.append(np.column_stack([curve, np.zeros(len(curve))]))
     if story.settings.tick.target_game_m is not None:
         points.append(np.array([story.settings.tick.target_game_m]))

@@ -4,7 +4,7 @@ import contextlib
 import itertools
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,19 @@ LINKS = ("mavsdk", "pymavlink")
 REDRAW_S = 0.1
 
 
-def fly_scenario(name: str, *, fast: bool, link: str, port: int, out: Path | None, seed: int | None) -> int:
+def fly_scenario(
+    name: str,
+    *,
+    fast: bool,
+    link: str,
+    port: int,
+    out: Path | None,
+    seed: int | None,
+    on_record: Callable[[Path], None] = lambda _: None,
+) -> int:
     """Fly a scenario by name or path; return the exit code: 0 when the game ended as it should have.
+
+    `on_record` is told of the record once it is being written.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -38,12 +49,21 @@ def fly_scenario(name: str, *, fast: bool, link: str, port: int, out: Path | Non
     console = Console()
     folder = out if out is not None else next_folder(Path("flights"), path.stem)
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {'virtual time' if fast else link})")
-    result = flown(scenario, console, folder, fast=fast, link=link, port=port)
+    result = flown(scenario, console, folder, fast=fast, link=link, port=port, on_record=on_record)
     _report(console, result, folder, fast=fast)
     return 0 if result.captured else 4
 
 
-def flown(scenario: Scenario, console: Console, folder: Path, *, fast: bool, link: str, port: int) -> FlightResult:
+def flown(
+    scenario: Scenario,
+    console: Console,
+    folder: Path,
+    *,
+    fast: bool,
+    link: str,
+    port: int,
+    on_record: Callable[[Path], None] = lambda _: None,
+) -> FlightResult:
     """Fly a scenario against the mock with a live line on the console and the record in a folder.
 
     Raises:
@@ -56,6 +76,7 @@ def flown(scenario: Scenario, console: Console, folder: Path, *, fast: bool, lin
     clock: Clock = VirtualClock() if fast else MonotonicClock()
     started = None if fast else started_utc(clock.now_s())  # virtual time is no time of day
     with _recorder(folder / "record.mcap", scenario, started) as recorder, _line(console) as show:
+        on_record(recorder.path)
         flying_s = time.perf_counter()
         with _world(scenario, clock, fast=fast, link=link, port=port) as world:
             result = fly(scenario, world, clock, recorder, show)

@@ -116,6 +116,11 @@ class ControlBus:
         self._thread = threading.Thread(target=self._serve, name="control", daemon=True)
         self._thread.start()
 
+    @property
+    def session(self) -> "zenoh.Session":
+        """The bus itself, for what else is said on it. It is closed with this."""
+        return self._session
+
     def _hear(self, query: "zenoh.Query") -> None:
         """On Zenoh's thread: keep it and be gone."""
         self._waiting.append(query)

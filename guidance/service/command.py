@@ -5,7 +5,7 @@ import gc
 import logging
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +14,7 @@ from guidance.errors import ConfigError
 from guidance.preflight import Row, Verdict
 from guidance.preflight.survey import COUNTED_S
 from guidance.service.background import BackgroundRecorder
+from guidance.service.broadcast import Broadcast
 from guidance.service.bus import ControlBus
 from guidance.service.clock import MonotonicClock
 from guidance.service.daemon import Daemon, Plan
@@ -59,7 +60,10 @@ def run_vehicle(name: str) -> None:
         log.say(logging.INFO, "waiting for the vehicle", name=config.name, url=config.vehicle.url)
         opened = open_all(config, clock, tapped=config.record.folder is not None)
         closing.callback(opened.close)
-        record = closing.enter_context(_recording(config, clock, log))
+        metadata = _metadata(config, clock)
+        record = closing.enter_context(_recording(config, metadata, log))
+        broadcast = Broadcast(config.name, control.session, metadata)
+        closing.callback(broadcast.close)
         daemon = Daemon(
             config.name,
             plan,
@@ -70,6 +74,7 @@ def run_vehicle(name: str) -> None:
             metrics=metrics,
             notifier=notifier,
             record=record,
+            broadcast=broadcast,
         )
         notifier.ready()
         log.say(logging.INFO, "running", name=config.name, control=config.control.endpoint, autopilot=plan_name(plan))
@@ -114,14 +119,17 @@ def reload(path: Path, before: Config) -> Plan:
     return plan_of(after)
 
 
+def _metadata(config: Config, clock: MonotonicClock) -> dict[str, str]:
+    return {"config": config.model_dump_json(), **versions(), "started_utc": started_utc(clock.now_s())}
+
+
 @contextlib.contextmanager
-def _recording(config: Config, clock: MonotonicClock, log: Log) -> Iterator[BackgroundRecorder | None]:
+def _recording(config: Config, metadata: Mapping[str, str], log: Log) -> Iterator[BackgroundRecorder | None]:
     if config.record.folder is None:
         yield None
         return
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
-    metadata = {"config": config.model_dump_json(), **versions(), "started_utc": started_utc(clock.now_s())}
     try:
         recorder = BackgroundRecorder(Recorder(path, metadata))
     except OSError as error:

@@ -9,6 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Outputs
 from guidance.links.port import TargetSource, VehicleLink
 from guidance.preflight import Row, Survey, Wants, parameter_names, refusals, rows
+from guidance.service.broadcast import Records
 from guidance.service.cycle import Cycle
 from guidance.service.leaving import ON_GROUND, Leaving
 from guidance.service.log import Log
@@ -55,6 +56,7 @@ class Daemon:
         metrics: Metrics,
         notifier: Notifier,
         record: Record | None = None,
+        broadcast: Record | None = None,
     ) -> None:
         self.name = name
         self._link = link
@@ -64,6 +66,7 @@ class Daemon:
         self._metrics = metrics
         self._notifier = notifier
         self._record = record
+        self._broadcast = broadcast
         self._record_lost = False
         self._leaving: Leaving | None = None
         self._rows: tuple[Row, ...] = ()
@@ -77,7 +80,8 @@ class Daemon:
         self._plan = plan
         self.flight = Flight(plan.flight)
         self._survey = Survey(parameter_names(plan.flight.profile))
-        self._cycle = Cycle(self.flight, self._link, self._target, self._record)
+        kept = [one for one in (self._record, self._broadcast) if one is not None]
+        self._cycle = Cycle(self.flight, self._link, self._target, Records(kept) if kept else None)
         self._judged_s = float("-inf")
         self._rows = ()
 
@@ -108,7 +112,7 @@ class Daemon:
         outputs = self.outputs = self._cycle.run(now_s, given, barred, Timing(late_s, worked_s))
         self._answer(orders, outputs, now_s)
         self._tell(outputs)
-        self._see_record()
+        self._see_record(now_s)
         self._preflight(now_s)
         self._metrics.lateness.observe(max(0.0, late_s))
         self._metrics.follow(outputs)
@@ -202,10 +206,12 @@ class Daemon:
                 now_s=round(happening.now_s, 3),
             )
 
-    def _see_record(self) -> None:
+    def _see_record(self, now_s: float) -> None:
         if self._record is not None and self._record.failed is not None and not self._record_lost:
             self._record_lost = True
             self._metrics.happened(STOPPED)
+            if self._broadcast is not None:
+                self._broadcast.event(now_s, STOPPED, self._record.failed)
             self._log.say(logging.WARNING, STOPPED, reason=self._record.failed)
 
     @property

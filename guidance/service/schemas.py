@@ -15,7 +15,7 @@ from guidance.flight import Event, State
 from guidance.monitor import Alarm
 from guidance.service.scene import TYPES as DRAWN
 from guidance.service.timing import Timing
-from guidance.telemetry import Command, Message, ParameterRequest, Setpoint, TargetReport
+from guidance.telemetry import Message, Request, Setpoint, TargetReport
 from guidance.tick import Certificate
 
 Schema = dict[str, Any]
@@ -121,7 +121,7 @@ TICK: Final = _channel(
             "now_s": {"type": "number"},
             "state": _text(State),
             "inputs": _INPUTS,
-            "requests": _list(_object((Command, ParameterRequest), ())),
+            "requests": _list(_object(get_args(Request), ())),
             "setpoint": schema_of(Setpoint),
             "certificate": schema_of(Certificate),
             "alarm": schema_of(Alarm),

@@ -19,10 +19,10 @@ from guidance.service.known import known
 from guidance.service.record import TARGET_TOPIC, TICK_TOPIC
 from guidance.service.scene import EVERY_S, disc
 from guidance.service.timing import Timing
-from guidance.telemetry import Command, Datum, GlobalPosition, Message, ParameterRequest, Setpoint, TargetReport
+from guidance.telemetry import Datum, GlobalPosition, Message, Request, Setpoint, TargetReport
 from guidance.tick import Certificate
 
-RECORDED = (*get_args(Message), TargetReport, Setpoint, Certificate, Alarm, Timing, Command, ParameterRequest)
+RECORDED = (*get_args(Message), TargetReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 
 
 def as_a_viewer_reads(schema):

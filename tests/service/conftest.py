@@ -76,7 +76,7 @@ class KeptNotifier(Notifier):
 class Base:
     """One daemon, its vehicle and its target."""
 
-    def __init__(self, *, parameters=FENCED, record=None, **sections):
+    def __init__(self, *, parameters=FENCED, record=None, broadcast=None, **sections):
         config = self.config = parse(Config, document(**sections), source="test")
         self.clock = VirtualClock()
         flavour = config.vehicle.autopilot
@@ -104,6 +104,7 @@ class Base:
             metrics=self.metrics,
             notifier=self.notifier,
             record=record,
+            broadcast=broadcast,
         )
 
     @property

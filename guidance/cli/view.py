@@ -1,0 +1,56 @@
+"""`guidance view`: a flight to look at, live or from its record."""
+
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def view(
+    file: Annotated[
+        Path | None, typer.Argument(help="A record.mcap that a flight wrote or is writing; none with --live.")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Look at a daemon (`guidance run`) instead of a record.")
+    ] = False,
+    follow: Annotated[bool, typer.Option("--follow", help="The record is still being written: go on with it.")] = False,
+    save: Annotated[Path | None, typer.Option(help="Write FILE.rrd for Rerun's viewer instead of serving.")] = None,
+    endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = "tcp/127.0.0.1:7448",
+    name: Annotated[str | None, typer.Option(help="With --live: the vehicle; not needed if there is one.")] = None,
+    port: Annotated[int, typer.Option(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
+    web_port: Annotated[int, typer.Option(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
+    with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
+) -> None:
+    """Show a flight in Rerun: both vehicles, stand-off disc, isochron, meeting point, fence, plots and events.
+
+    Serves a page on 127.0.0.1 and nowhere else, until Ctrl-C. It is a process of its own: a flight that is looked at
+    flies on when it hangs or dies. Needs the extra `viz`.
+
+    - `guidance view flights/pe-001/record.mcap`: a flight that is over
+    - `guidance view FILE --save flight.rrd`: for Rerun's own viewer, nothing is served
+    - `guidance view --live`: the daemon on this computer
+    """
+    from guidance.errors import ConfigError  # noqa: PLC0415 - with numpy, for this only
+    from guidance.view import Place, Seen  # noqa: PLC0415
+    from guidance.view import view as show  # noqa: PLC0415
+
+    if live == (file is not None):
+        raise ConfigError("give either the FILE of a record or --live")
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    if with_parent:
+        threading.Thread(target=_end_with_parent, args=(ended,), daemon=True).start()
+    seen = Seen(file, follow, endpoint, name)
+    count = show(seen, Place(save, port, web_port), typer.echo, ended)
+    typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
+
+
+def _end_with_parent(ended: threading.Event) -> None:
+    # By its number: a thread that waits in a buffered reader keeps the interpreter from ending.
+    while os.read(0, 1024):
+        pass
+    ended.set()

@@ -1,0 +1,94 @@
+"""A record's cycles as numbers: where both were, how fast, how old what was known, NaN where nothing was."""
+
+import math
+from typing import NamedTuple
+
+from guidance.flight import FlightSettings
+from guidance.flight.tracking import Tracking
+from guidance.frames import Amsl, Vector
+from guidance.records.rows import Row
+from guidance.telemetry import Home, LocalPosition, TargetReport, Timesync
+from guidance.tick import Certificate
+from guidance.vehicle import VehicleState, observe
+
+_NOWHERE = (math.nan, math.nan, math.nan)
+
+
+class Cycle(NamedTuple):
+    """One cycle's numbers: positions in the game frame (m), velocities NED (m/s), ages and times (s)."""
+
+    now_s: float
+    pursuer_m: Vector = _NOWHERE
+    evader_m: Vector = _NOWHERE
+    flown_ned_m_s: Vector = _NOWHERE
+    commanded_ned_m_s: Vector = _NOWHERE
+    wanted_ned_m_s: Vector = _NOWHERE
+    gap_m: float = math.nan
+    height_gap_m: float = math.nan
+    value: float = math.nan
+    meeting_time_s: float = math.nan
+    telemetry_age_s: float = math.nan
+    target_age_s: float = math.nan
+    round_trip_s: float = math.nan
+    late_s: float = math.nan
+    worked_s: float = math.nan
+
+
+class Teller:
+    """What was heard so far, folded as the flight folds it."""
+
+    def __init__(self, settings: FlightSettings) -> None:
+        self._tracking = Tracking(settings.tick, settings.profile)
+        self._vehicle = VehicleState()
+        self._evader_m: Vector = _NOWHERE
+        self._report_s = math.nan
+        self.home_m: Vector | None = None
+
+    def cycle(self, row: Row) -> Cycle:
+        """Fold one row."""
+        inputs = row.inputs
+        self._vehicle = observe(self._vehicle, inputs.messages)
+        self._tracking.observe(self._vehicle, ())
+        for report in inputs.reports:
+            self._hear(report)
+        frame = self._tracking.game_frame
+        home = self._vehicle.last(Home)
+        if home is not None and frame is not None:
+            self.home_m = frame.position_from_ned(home.position_ned_m)
+        local, setpoint, certificate = self._vehicle.last(LocalPosition), row.setpoint, row.certificate
+        trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
+        timing = row.json.get("timing") or {}
+        cycle = Cycle(
+            row.now_s,
+            evader_m=self._evader_m,
+            target_age_s=row.now_s - self._report_s,
+            round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan),
+            late_s=timing.get("late_s", math.nan),
+            worked_s=timing.get("worked_s", math.nan),
+        )
+        if local is not None:
+            placed = _NOWHERE if frame is None else frame.position_from_ned(local.position_ned_m)
+            age_s = row.now_s - local.received_s
+            cycle = cycle._replace(pursuer_m=placed, flown_ned_m_s=local.velocity_ned_m_s, telemetry_age_s=age_s)
+        if setpoint is not None:
+            cycle = cycle._replace(commanded_ned_m_s=setpoint.velocity_ned_m_s)
+        return cycle if certificate is None else _played(cycle, certificate)
+
+    def _hear(self, report: TargetReport) -> None:
+        self._report_s = report.received_s
+        local, game = self._tracking.local_frame, self._tracking.game_frame
+        if local is None or game is None:
+            return
+        amsl = Amsl(report.altitude_amsl_m)
+        self._evader_m = game.position_from_ned(local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl))
+
+
+def _played(cycle: Cycle, certificate: Certificate) -> Cycle:
+    return cycle._replace(
+        evader_m=certificate.evader_game_m,
+        wanted_ned_m_s=certificate.wanted_ned_m_s,
+        gap_m=certificate.gap_m,
+        height_gap_m=certificate.height_gap_m,
+        value=certificate.value,
+        meeting_time_s=certificate.meeting_time_s,
+    )

@@ -1,0 +1,197 @@
+"""The viewer as a process of its own: bound to loopback, silent to the world, ended with whoever started it."""
+
+import contextlib
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+from guidance.errors import ConfigError, LinkError
+from guidance.records import metadata_of, scan
+from guidance.records.reading import Item
+from guidance.service.broadcast import Broadcast, is_watched
+from guidance.service.bus import host_session
+from guidance.view import ViewerBeside
+from guidance.view.beside import command
+from guidance.view.live import LiveFlight
+from guidance.view.serving import free_port, recording_server
+
+FREE = ("--port", "0", "--web-port", "0")
+LISTENING = "0A"
+
+
+def children(pid):
+    """A process and all that it has started."""
+    found = [pid]
+    for one in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in one.read_text().split():
+            found += children(int(child))
+    return found
+
+
+def listening(pid):
+    """Addresses (hexadecimal, as the kernel has them) that a process listens on."""
+    sockets = set()
+    for one in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(OSError):
+            sockets.add(str(one.readlink()).removeprefix("socket:[").rstrip("]"))
+    rows = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
+    ]
+    return {row[1].split(":")[0] for row in rows if row[3] == LISTENING and row[9] in sockets}
+
+
+def is_running(pid):
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+def until(true, limit_s=15.0):
+    deadline_s = time.monotonic() + limit_s
+    while not true():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def served(record):
+    """A viewer of a record, its page's address, and all of its processes."""
+    child = subprocess.Popen(command(record, FREE), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    words = child.stdout.readline().split()
+    yield child, words[-1], children(child.pid)
+    child.kill()
+    child.wait()
+    child.stdin.close()
+    child.stdout.close()
+
+
+def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else(served):
+    child, url, pids = served
+    addresses = set().union(*(listening(pid) for pid in pids))
+    assert addresses == {"0100007F"}  # 127.0.0.1
+    with urllib.request.urlopen(url, timeout=10.0) as page:
+        policy = dict(part.split(" ", 1) for part in page.headers["Content-Security-Policy"].split("; "))
+        assert b"<html" in page.read()
+    recording = urlsplit(parse_qs(urlsplit(url).query)["url"][0].removeprefix("rerun+"))
+    assert policy["default-src"] == "'none'"
+    assert policy["connect-src"] == f"'self' http://127.0.0.1:{recording.port} data: blob:"
+    outside = {word for words in policy.values() for word in words.split() if "://" in word}
+    assert outside == {f"http://127.0.0.1:{recording.port}"}
+    base = f"http://{urlsplit(url).netloc}"
+    with urllib.request.urlopen(f"{base}/re_viewer_bg.wasm", timeout=20.0) as program:
+        assert len(program.read()) > 1_000_000
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(f"{base}/nothing", timeout=10.0)
+    child.send_signal(signal.SIGTERM)
+    assert child.wait(10.0) == 0
+    until(lambda: not any(map(is_running, pids)))
+
+
+@pytest.mark.parametrize("end", ["our end", "kill -9"])
+def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
+    child, _, pids = served
+    assert len(pids) == 2
+    if end == "our end":
+        child.stdin.close()  # as the kernel does for a process that is gone
+    else:
+        child.kill()
+    until(lambda: not any(map(is_running, pids)))
+
+
+def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capfd):
+    beside = ViewerBeside(*FREE)
+    beside.wait()  # nothing was started
+    beside.start(record)
+    pids = children(beside._child.pid)
+    beside._child.kill()
+    beside.wait()
+    beside.close()
+    beside.close()
+    assert not any(map(is_running, pids))
+
+
+def test_a_port_in_use_is_one_clear_error():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(LinkError, match=rf"--port {port}: Address already in use; choose another"):
+            recording_server(port)
+
+
+@pytest.fixture
+def bus(record):
+    """A daemon's broadcast, without the daemon."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    session = host_session(endpoint)
+    opened = [Broadcast(name, session, {"scenario": "{}"}) for name in ("uav1", "uav2")]
+    yield opened, endpoint
+    for one in opened:
+        one.close()
+    session.close()
+
+
+def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
+    (broadcast, _), endpoint = bus
+    ticks = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/tick"]
+    for tick in ticks[:200]:
+        broadcast.tick(tick["now_s"], tick)
+    until(lambda: not broadcast._waiting)
+    flight = LiveFlight(endpoint, "uav1")
+    assert flight.metadata == {"scenario": "{}"}
+    until(lambda: all(map(is_watched, broadcast._publishers.values())))
+    broadcast.event(ticks[200]["now_s"], "armed", "ready -> arming")
+    for tick in ticks[200:230]:
+        broadcast.tick(tick["now_s"], tick)
+    flight._arrived.append(("guidance/tick", b"{"))  # whoever is on the bus may say anything
+    until(lambda: len(flight._arrived) == 32)
+    items = list(flight.items(lambda: True))
+    flight.close()
+    flight.close()
+    assert all(isinstance(item, Item) for item in items)
+    said = [json.loads(item.data) for item in items]
+    assert {"Home", "LocalPosition"} <= {one["kind"] for one in said[0]["inputs"]["messages"]}
+    assert [one for one in said[1:] if "event" not in one] == ticks[200:230]
+    assert [one["event"] for one in said if "event" in one] == ["armed"]
+
+
+def test_with_several_daemons_a_name_is_asked_for_and_nobody_is_one_clear_error(bus):
+    _, endpoint = bus
+    with pytest.raises(ConfigError, match=r"which vehicle\? daemons at .*: uav1, uav2"):
+        LiveFlight(endpoint, None)
+    with pytest.raises(LinkError, match=r"uav9 at .*: no answer"):
+        LiveFlight(endpoint, "uav9")
+
+
+def test_the_command_shows_a_daemon_live(bus, record):
+    """The whole way: a broadcast, `guidance view --live` as its own process, and an end by signal."""
+    (broadcast, other), endpoint = bus
+    other.close()
+    broadcast._metadata = dict(metadata_of(record))
+    ticks = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/tick"]
+    program = "from guidance.cli import main; main()"
+    words = [sys.executable, "-c", program, "view", "--live", "--name", "uav1", "--endpoint", endpoint, *FREE]
+    child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    try:
+        assert "look at" in child.stdout.readline()
+        until(lambda: is_watched(broadcast._publishers["tick"]))
+        for tick in ticks[:100]:
+            broadcast.tick(tick["now_s"], tick)
+        until(lambda: not broadcast._waiting)
+        time.sleep(0.5)  # a process of its own: no clock of ours moves it
+        child.send_signal(signal.SIGINT)
+        rest = child.communicate(timeout=15.0)[0]
+    finally:
+        child.kill()
+        child.wait()
+    assert "101 cycles shown" in rest
