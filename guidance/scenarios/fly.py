@@ -72,6 +72,7 @@ class FlightResult:
     samples: list[Sample] = field(default_factory=list)
     happenings: list[Happening] = field(default_factory=list)
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
+    limits: list[str] = field(default_factory=list)
     record_stopped: Stopped | None = None
 
     @property
@@ -150,6 +151,7 @@ def _note(
     certificate = outputs.certificate
     if certificate is None:
         return
+    result.limits.extend(name for name in certificate.acted if name not in result.limits)
     if math.isnan(result.predicted):
         result.predicted = certificate.value
         result.meeting_point_m = certificate.meeting_point_game_m
