@@ -132,6 +132,34 @@ class Parameter(NamedTuple):
     value: float
 
 
+class FenceCount(NamedTuple):
+    """MISSION_COUNT of the uploaded fence (MAV_MISSION_TYPE_FENCE): how many items it has."""
+
+    received_s: float
+    items: int
+
+
+class FenceItem(NamedTuple):
+    """MISSION_ITEM_INT of the uploaded fence: a corner, or a circle's centre, in WGS-84 degrees.
+
+    `command` is MAV_CMD_NAV_FENCE_*; `size` its first parameter: a polygon's number of corners, a circle's metres.
+    """
+
+    received_s: float
+    sequence: int
+    command: int
+    size: float
+    latitude_deg: float
+    longitude_deg: float
+
+
+class FenceRefused(NamedTuple):
+    """MISSION_ACK to our asking for the uploaded fence: MAV_MISSION_RESULT, why there is none to be had."""
+
+    received_s: float
+    result: int
+
+
 Message = (
     Heartbeat
     | LocalPosition
@@ -147,6 +175,9 @@ Message = (
     | PositionTarget
     | Timesync
     | Parameter
+    | FenceCount
+    | FenceItem
+    | FenceRefused
 )
 
 
@@ -213,4 +244,14 @@ class ParameterRequest(NamedTuple):
     name: str
 
 
-Request = Command | ParameterRequest
+class FenceRequest(NamedTuple):
+    """MISSION_REQUEST_LIST of the uploaded fence, or with a sequence number MISSION_REQUEST_INT of one item."""
+
+    sequence: int | None = None
+
+
+class FenceReceived(NamedTuple):
+    """MISSION_ACK that ends the reading of the uploaded fence."""
+
+
+Request = Command | ParameterRequest | FenceRequest | FenceReceived

@@ -11,13 +11,16 @@ from typing import NamedTuple
 from guidance.autopilots import Mode
 from guidance.flight.detect import Scene, events
 from guidance.flight.echo import Echo
+from guidance.flight.fence import polygon_about_home
 from guidance.flight.readiness import Check, checks
 from guidance.flight.requests import requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, TRANSITIONS, Event, State, next_state
 from guidance.flight.tracking import Tracking
+from guidance.frames import LocalFrame
+from guidance.limits import Envelope
 from guidance.monitor import Alarm, Guarantee, watch
-from guidance.telemetry import Heartbeat, Home, LocalPosition, Message, Request, Setpoint, TargetReport
+from guidance.telemetry import Heartbeat, Home, LocalPosition, Message, Request, Setpoint, TargetReport, Vector
 from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
 from guidance.vehicle import VehicleState, observe
 
@@ -78,6 +81,7 @@ class Flight:
         self.vehicle = VehicleState()
         self.tracking = Tracking(settings.tick, settings.profile)
         self._tick = settings.tick
+        self._home_in: tuple[Vector, LocalFrame] | None = None
         self._echo = Echo()
         self._memory = TickMemory()
         self._certificate: Certificate | None = None
@@ -124,13 +128,20 @@ class Flight:
 
     def _hear(self, inputs: Inputs) -> None:
         self._echo.hear(inputs.messages, guided=self._mode() is Mode.GUIDED)
-        home = self.vehicle.last(Home)
-        if home is not None and home.position_ned_m != self._tick.envelope.home_ned_m:
-            # Heights and fences count from home, which need not be where the local frame has its zero.
-            self._tick = replace(self._tick, envelope=replace(self._tick.envelope, home_ned_m=home.position_ned_m))
+        home, frame = self.vehicle.last(Home), self.tracking.local_frame
+        if home is not None and frame is not None and (home.position_ned_m, frame) != self._home_in:
+            self._home_in = home.position_ned_m, frame
+            self._tick = replace(self._tick, envelope=self._about(home, frame))
         for message in inputs.messages:
             if isinstance(message, Heartbeat) and message.received_s > self._since_s:
                 self._other_mode_seen |= self.settings.profile.mode_of(message.custom_mode) is not Mode.GUIDED
+
+    def _about(self, home: Home, frame: LocalFrame) -> Envelope:
+        """Heights and fences count from home, which need not be where the local frame has its zero."""
+        envelope, corners_deg = self._tick.envelope, self.settings.fence_corners_deg
+        if corners_deg is not None:
+            envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home, frame))
+        return replace(envelope, home_ned_m=home.position_ned_m)
 
     def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
         for order in inputs.orders:

@@ -6,6 +6,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from guidance.autopilots import AutopilotProfile
+from guidance.flight.fence import Corners
 from guidance.flight.table import State
 from guidance.telemetry import Vector
 from guidance.tick import TickSettings
@@ -54,6 +55,8 @@ class FlightSettings:
         guarantee_slack: How much of the value may be lost, s (PE) or m (TAD), before an alarm says so.
         settle_s: How long everything must be well again before a paused game goes on.
         limits_s: Longest stay in a state, where there is a limit.
+        fence_corners_deg: A polygon fence by latitude and longitude; it takes effect with HOME_POSITION, before which
+            nothing flies.
     """
 
     profile: AutopilotProfile
@@ -66,3 +69,4 @@ class FlightSettings:
     settle_s: float = 1.0
     guarantee_slack: float = 1.0
     limits_s: Mapping[State, float] = field(default_factory=lambda: LIMITS_S)
+    fence_corners_deg: Corners | None = None

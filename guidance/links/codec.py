@@ -12,6 +12,9 @@ from typing import Any, Final
 from guidance.telemetry import (
     Attitude,
     CommandAck,
+    FenceCount,
+    FenceItem,
+    FenceRefused,
     GlobalPosition,
     Heartbeat,
     Home,
@@ -32,6 +35,7 @@ MAV_AUTOPILOT_PX4: Final = 12
 MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
 INT32_MAX: Final = 2**31 - 1
 MAV_PARAM_TYPE_INT32: Final = 6
+MAV_MISSION_TYPE_FENCE: Final = 1
 
 
 def number(value: float | None) -> float:
@@ -124,6 +128,30 @@ def _position_target(f: Fields, received_s: float) -> Message:
     return PositionTarget(received_s, f["time_boot_ms"] / 1e3, f["type_mask"], velocity)
 
 
+def _of_the_fence(f: Fields) -> None:
+    if f["mission_type"] != MAV_MISSION_TYPE_FENCE:
+        raise ValueError(f"mission_type {f['mission_type']}: only the fence is read")
+
+
+def _fence_count(f: Fields, received_s: float) -> Message:
+    _of_the_fence(f)
+    return FenceCount(received_s, f["count"])
+
+
+def _fence_item(f: Fields, received_s: float) -> Message:
+    _of_the_fence(f)
+    size = number(f["param1"])
+    if not math.isfinite(size):
+        raise ValueError(f"param1 = {size}: neither a number of corners nor a radius")
+    latitude, longitude = degrees(f["x"], f["y"])
+    return FenceItem(received_s, f["seq"], f["command"], size, latitude, longitude)
+
+
+def _fence_refused(f: Fields, received_s: float) -> Message:
+    _of_the_fence(f)
+    return FenceRefused(received_s, f["type"])
+
+
 DECODERS: Final[Mapping[str, Callable[[Fields, float], Message]]] = {
     "HEARTBEAT": _heartbeat,
     "SYS_STATUS": _system_status,
@@ -136,6 +164,9 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], Message]]] = {
     "HOME_POSITION": _home,
     "EXTENDED_SYS_STATE": _extended_state,
     "ODOMETRY": _odometry,
+    "MISSION_COUNT": _fence_count,
+    "MISSION_ITEM_INT": _fence_item,
+    "MISSION_ACK": _fence_refused,
 }
 """Messages that mean something by themselves; STATUSTEXT, TIMESYNC and PARAM_VALUE need the conversation."""
 

@@ -12,7 +12,7 @@ from guidance.links import encode, status_text
 from guidance.links.codec import DECODERS, Fields, decode, parameter
 from guidance.links.requests import RequestQueue
 from guidance.links.timesync import TimesyncPeer
-from guidance.telemetry import CommandAck, Heartbeat, Message, Request, Setpoint
+from guidance.telemetry import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
 
 Send = Callable[[str, dict[str, Any]], None]
 
@@ -73,6 +73,10 @@ class Conversation:
             self.heartbeats += 1
         elif isinstance(message, CommandAck):
             self._requests.acknowledged(message.command, message.result, message.received_s)
+        elif isinstance(message, FenceCount | FenceItem):
+            self._requests.fence_came(message.sequence if isinstance(message, FenceItem) else None)
+        elif isinstance(message, FenceRefused):
+            self._requests.fence_refused()
         self._keep(message)
 
     def _keep(self, *messages: Message) -> None:

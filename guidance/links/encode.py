@@ -3,8 +3,8 @@
 import math
 from typing import Any, Final
 
-from guidance.links.codec import INT32_MAX
-from guidance.telemetry import Command, ParameterRequest, Request, Setpoint
+from guidance.links.codec import INT32_MAX, MAV_MISSION_TYPE_FENCE
+from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, Request, Setpoint
 
 Packed = tuple[str, dict[str, Any]]
 
@@ -78,7 +78,7 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
 
 
 def request(request: Request, *, attempt: int, system_id: int, component_id: int) -> Packed:
-    """COMMAND_LONG, COMMAND_INT or PARAM_REQUEST_READ; `attempt` counts from 0 and becomes `confirmation`.
+    """COMMAND_LONG, COMMAND_INT, PARAM_REQUEST_READ or MISSION_*; `attempt` counts from 0 and becomes `confirmation`.
 
     Raises:
         ValueError: If a parameter is infinite, a coordinate does not fit, or a parameter's name is too long.
@@ -88,6 +88,12 @@ def request(request: Request, *, attempt: int, system_id: int, component_id: int
         if not 0 < len(request.name.encode()) <= 16:
             raise ValueError(f"parameter {request.name!r}: 1 to 16 bytes are allowed")
         return "PARAM_REQUEST_READ", {**target, "param_id": request.name, "param_index": -1}
+    if isinstance(request, FenceRequest):
+        if request.sequence is None:
+            return "MISSION_REQUEST_LIST", {**target, "mission_type": MAV_MISSION_TYPE_FENCE}
+        return "MISSION_REQUEST_INT", {**target, "seq": request.sequence, "mission_type": MAV_MISSION_TYPE_FENCE}
+    if isinstance(request, FenceReceived):
+        return "MISSION_ACK", {**target, "type": 0, "mission_type": MAV_MISSION_TYPE_FENCE}
     if any(math.isinf(value) for value in request.params):
         raise ValueError(f"command {request.command}: infinite parameter in {request.params}")
     if request.frame is not None:

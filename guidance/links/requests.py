@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from guidance.telemetry import ParameterRequest, Request
+from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, Request
 
 REPEAT_S: Final = 0.5
 MOST_SENDS: Final = 4
@@ -27,14 +27,21 @@ Key = tuple[str, int | str]
 
 def key_of(request: Request) -> Key:
     """What an answer would name: the command's number, or the parameter's name."""
-    if isinstance(request, ParameterRequest):
-        return "parameter", request.name
+    match request:
+        case ParameterRequest(name):
+            return "parameter", name
+        case FenceRequest():
+            return "fence", 0  # one step at a time
+        case FenceReceived():
+            return "fence received", 0
     return "command", request.command
 
 
 def only_asks(request: Request) -> bool:
-    """Whether a repeat can do no harm: parameters, streams and messages."""
-    return isinstance(request, ParameterRequest) or request.command in _ASKING
+    """Whether a repeat can do no harm: parameters, the fence, streams and messages."""
+    if isinstance(request, Command):
+        return request.command in _ASKING
+    return not isinstance(request, FenceReceived)
 
 
 @dataclass(slots=True)
@@ -56,7 +63,7 @@ class RequestQueue:
     def add(self, request: Request) -> None:
         """Take a request; it is due at once, unless it has to queue."""
         lane = self.waiting.setdefault(key_of(request), deque())
-        if isinstance(request, ParameterRequest) or not only_asks(request):
+        if not isinstance(request, Command) or not only_asks(request):
             lane.clear()
         if len(lane) >= MOST_QUEUED:
             self.refused += 1
@@ -68,8 +75,7 @@ class RequestQueue:
         for key in list(self.waiting):
             lane = self.waiting[key]
             while lane and lane[0].sends >= lane[0].most_sends and now_s >= lane[0].next_send_s:
-                lane.popleft()
-                self.unanswered += 1
+                self.unanswered += not isinstance(lane.popleft().request, FenceReceived)  # which nobody answers
             if not lane:
                 del self.waiting[key]
                 continue
@@ -95,6 +101,16 @@ class RequestQueue:
     def awaits_parameter(self, name: str) -> bool:
         """Whether we asked for it and have no answer yet."""
         return ("parameter", name) in self.waiting
+
+    def fence_came(self, sequence: int | None) -> None:
+        """A MISSION_COUNT (None) or a MISSION_ITEM_INT of the fence came."""
+        lane = self.waiting.get(("fence", 0))
+        if lane and lane[0].request == FenceRequest(sequence):
+            del self.waiting["fence", 0]
+
+    def fence_refused(self) -> None:
+        """There is no fence to be had."""
+        self.waiting.pop(("fence", 0), None)
 
     def parameter_came(self, name: str) -> None:
         """A PARAM_VALUE came."""

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from guidance.preflight.row import Verdict
-from guidance.preflight.rule import Judgement, Parameters, Rule, bits, named, passes
+from guidance.preflight.rule import UPLOADED, Judgement, Parameters, Rule, bits, named, passes
 from guidance.preflight.wants import Wants
 
 _OFF_ON: Final = {0: "off", 1: "on"}
@@ -17,6 +17,11 @@ _FENCE_ACTIONS: Final = {
     5: "SmartRTL or Land",
 }
 _FENCE_TYPES: Final = {0: "height", 1: "circle", 2: "polygon", 3: "floor"}
+_HEIGHT: Final = 1
+_CIRCLE: Final = 2
+POLYGON: Final = 4
+"""Bits of FENCE_TYPE; with the last one an uploaded fence is in use."""
+
 _RADIO_LOSS_ACTIONS: Final = {0: "none", 1: "RTL", 3: "Land", 4: "SmartRTL or RTL", 5: "SmartRTL or Land"}
 _ESTIMATOR_ACTIONS: Final = {0: "none", 1: "Land", 2: "AltHold", 3: "Land always"}
 _OPTIONS: Final = {0: "arming from the transmitter", 2: "pilot's yaw ignored", 3: "thrust", 4: "position not held"}
@@ -47,9 +52,12 @@ def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
     return passes(round(value) != 0, "1 (RTL or Land), 2 or 4 (Brake)", 1, why, otherwise=_otherwise(wants))
 
 
-def _fence_type(value: float, wants: Wants, _: Parameters) -> Judgement:
-    why = "height and circle are to stand behind ours"
-    return passes(round(value) & 3 == 3, "with height and circle", round(value) | 3, why, otherwise=_otherwise(wants))
+def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement:
+    why = "a height and a circle (or an uploaded polygon) are to stand behind ours"
+    mask = round(value)
+    polygon = bool(mask & POLYGON) and parameters.get(UPLOADED) == 1.0
+    held = bool(mask & _HEIGHT) and (bool(mask & _CIRCLE) or polygon)
+    return passes(held, "with height and circle", mask | _HEIGHT | _CIRCLE, why, otherwise=_otherwise(wants))
 
 
 def _fence(distance_m: float, least_m: float, wants: Wants) -> Judgement:
@@ -62,7 +70,9 @@ def _fence(distance_m: float, least_m: float, wants: Wants) -> Judgement:
     )
 
 
-def _fence_radius(value: float, wants: Wants, _: Parameters) -> Judgement:
+def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgement:
+    if not round(parameters.get("FENCE_TYPE", _CIRCLE)) & _CIRCLE:
+        return Judgement(Verdict.PASS, "any: FENCE_TYPE is without the circle")
     return _fence(value, wants.fence_radius_m, wants)
 
 

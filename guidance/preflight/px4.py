@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from guidance.preflight.row import Verdict
-from guidance.preflight.rule import Judgement, Parameters, Rule, bits, named, passes
+from guidance.preflight.rule import UPLOADED, Judgement, Parameters, Rule, bits, named, passes
 from guidance.preflight.wants import Wants
 
 _LOSS_ACTIONS: Final = {
@@ -57,19 +57,23 @@ def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
     return passes(round(value) in {2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why, otherwise=otherwise)
 
 
-def _fence(distance_m: float, least_m: float, wants: Wants) -> Judgement:
+def _fence(distance_m: float, least_m: float, wants: Wants, off: str) -> Judgement:
     otherwise = Verdict.REFUSE if wants.fence_required else Verdict.WARN
-    why = "0 is off; a fence uploaded as a plan is not seen here" if distance_m == 0.0 else "it would act inside ours"
+    why = off if distance_m == 0.0 else "it would act inside ours"
     wanted = f"at least {least_m:g} m, ours"
     return passes(distance_m >= least_m, wanted, math.ceil(least_m + 5.0), why, otherwise=otherwise)
 
 
-def _fence_distance(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _fence(value, wants.fence_radius_m, wants)
+def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judgement:
+    uploaded = parameters.get(UPLOADED)
+    if value == 0.0 and uploaded == 1.0:
+        return Judgement(Verdict.PASS, "0, since the uploaded fence stands behind ours")
+    read = "none that holds the vehicle in is uploaded" if uploaded == 0.0 else "whether one is uploaded is not known"
+    return _fence(value, wants.fence_radius_m, wants, f"0 is off, and {read}")
 
 
 def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _fence(value, wants.ceiling_m, wants)
+    return _fence(value, wants.ceiling_m, wants, "0 is off, and an uploaded fence has no height")
 
 
 def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:

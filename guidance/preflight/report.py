@@ -3,11 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from guidance.autopilots import AutopilotProfile
-from guidance.preflight import arducopter, place, px4, streams
+from guidance.autopilots import PX4, AutopilotProfile
+from guidance.preflight import arducopter, fence, place, px4, streams
 from guidance.preflight.row import Row, Verdict
-from guidance.preflight.rule import Rule, judge
+from guidance.preflight.rule import UPLOADED, Rule, judge
 from guidance.preflight.wants import Facts, Wants
+from guidance.telemetry import Home
+from guidance.vehicle import local_frame
 
 _RULES: Final[Mapping[str, Sequence[Rule]]] = {"px4": px4.RULES, "arducopter": arducopter.RULES}
 
@@ -19,8 +21,16 @@ def parameter_names(profile: AutopilotProfile) -> tuple[str, ...]:
 
 def rows(facts: Facts, profile: AutopilotProfile, wants: Wants) -> tuple[Row, ...]:
     """Judge everything."""
+    home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, profile.projection)
+    wants, parameters = fence.about_home(wants, home, frame), dict(facts.parameters)
+    if facts.uploaded.areas is not None:
+        parameters[UPLOADED] = float(facts.uploaded.holds_in)
+    px4_flown = profile.name == PX4.name
+    in_use = px4_flown or bool(round(parameters.get("FENCE_TYPE", arducopter.POLYGON)) & arducopter.POLYGON)
     return (
-        *judge(_RULES[profile.name], facts.parameters, wants),
+        *judge(_RULES[profile.name], parameters, wants),
+        fence.uploaded_row(facts.uploaded, wants, home, frame, in_use=in_use, any_inclusion=px4_flown),
+        *fence.home_row(wants),
         *place.rows(facts, profile.projection, wants),
         *streams.rows(facts, profile),
     )

@@ -1,12 +1,15 @@
 """A rule about one parameter: how its value is read and judged, and what to set it to."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from guidance.preflight.row import Row, Verdict
 from guidance.preflight.wants import Wants
 
 Parameters = Mapping[str, float]
+
+UPLOADED: Final = "uploaded fence"
+"""Stands among the parameters for what was read of the uploaded fence: 1 if it holds the vehicle in, 0 if not."""
 
 
 class Judgement(NamedTuple):

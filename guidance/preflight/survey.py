@@ -4,8 +4,9 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
+from guidance.preflight.uploaded import Reading
 from guidance.preflight.wants import Facts
-from guidance.telemetry import Heartbeat, Message, Parameter, ParameterRequest, TargetReport
+from guidance.telemetry import Heartbeat, Message, Parameter, ParameterRequest, Request, TargetReport
 from guidance.vehicle import VehicleState
 
 ASK_AGAIN_S: Final = 5.0
@@ -25,34 +26,46 @@ class Survey:
         self._asked_s: float | None = None
         self._target_amsl_m: float | None = None
         self._heard = False
+        self._fence = Reading()
 
     def observe(self, messages: Iterable[Message], reports: Iterable[TargetReport]) -> None:
         """Take in what one cycle heard. Autopilots announce parameters that are changed, so that this stays true."""
         for message in messages:
             self._heard |= isinstance(message, Heartbeat)
             self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
+            self._fence.observe(message)
             if isinstance(message, Parameter) and message.name in self._names:
                 self._parameters[message.name] = message.value
         for report in reports:
             self._target_amsl_m = report.altitude_amsl_m
 
-    def requests(self, now_s: float) -> tuple[ParameterRequest, ...]:
-        """Ask for all parameters that are still missing, every few seconds."""
-        if not self._heard or (self._asked_s is not None and now_s - self._asked_s < ASK_AGAIN_S):
+    def requests(self, now_s: float) -> tuple[Request, ...]:
+        """Ask for all parameters that are still missing, every few seconds, and then for the uploaded fence."""
+        if not self._heard:
+            return ()
+        if self.complete:
+            return self._fence.requests(now_s)
+        if self._asked_s is not None and now_s - self._asked_s < ASK_AGAIN_S:
             return ()
         self._asked_s = now_s
         return tuple(ParameterRequest(name) for name in self._names if name not in self._parameters)
 
     @property
     def complete(self) -> bool:
-        """True once every parameter has been read."""
+        """True once every parameter has been read. An autopilot need not have an uploaded fence to tell of."""
         return self._parameters.keys() >= set(self._names)
 
     def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
         """What is known now."""
         rates_hz = {kind: _rate_hz(times_s, now_s) for kind, times_s in self._arrivals.items()}
         parameters: Mapping[str, float] = dict(self._parameters)
-        return Facts(parameters=parameters, vehicle=vehicle, rates_hz=rates_hz, target_amsl_m=self._target_amsl_m)
+        return Facts(
+            parameters=parameters,
+            vehicle=vehicle,
+            rates_hz=rates_hz,
+            target_amsl_m=self._target_amsl_m,
+            uploaded=self._fence.found,
+        )
 
 
 def _rate_hz(times_s: deque[float], now_s: float) -> float:

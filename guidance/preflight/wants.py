@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from guidance.preflight.uploaded import Uploaded
 from guidance.telemetry import Message
 from guidance.vehicle import VehicleState
 
@@ -19,6 +20,9 @@ class Wants:
         fence_required: Whether the autopilot's own fence must stand behind ours.
         fence_radius_m: How far from home our fence lets the vehicle go.
         ceiling_m: How high above home.
+        fence_circle_m: Radius of our circle about home, where there is one.
+        fence_corners_ne_m: Corners of our polygon, metres north and east of home, where there is one.
+        fence_corners_deg: The same by latitude and longitude, as long as home is not known.
         loss_time_limit_s: Longest time that an old setpoint may be flown when ours stop.
         origin_distance_limit_m: Farthest that the local frame's zero may be from home.
         target_height_limit_m: Largest difference between the target's altitude and home's.
@@ -34,13 +38,20 @@ class Wants:
     loss_time_limit_s: float = 1.5
     origin_distance_limit_m: float = 1000.0
     target_height_limit_m: float = 30.0
+    fence_circle_m: float | None = None
+    fence_corners_ne_m: tuple[tuple[float, float], ...] | None = None
+    fence_corners_deg: tuple[tuple[float, float], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """The vehicle's side: parameters as read, the vehicle as heard, messages per second, the target's last altitude."""
+    """The vehicle's side: parameters and uploaded fence as read, the vehicle as heard, messages per second.
+
+    And the target's last altitude.
+    """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
     vehicle: VehicleState = field(default_factory=VehicleState)
     rates_hz: Mapping[type[Message], float] = field(default_factory=dict)
     target_amsl_m: float | None = None
+    uploaded: Uploaded = field(default_factory=Uploaded)

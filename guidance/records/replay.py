@@ -16,8 +16,9 @@ from guidance.errors import ConfigError
 from guidance.flight import Flight, FlightSettings, Inputs, Outputs
 from guidance.records.reading import Survey, scan
 from guidance.records.rows import Row, event_of, row_of
+from guidance.records.settings import CONFIG, flight_settings
 from guidance.service.known import known
-from guidance.service.record import BEGUN, EVENT_TOPIC, TICK_TOPIC
+from guidance.service.record import BEGUN, EVENT_TOPIC, RELOADED, TICK_TOPIC
 from guidance.telemetry import PositionTarget, Vector
 
 COMPARED: Final = ("setpoint", "state", "requests")
@@ -85,7 +86,7 @@ def replay(
 
     Args:
         path: The record.
-        settings: The flight's, or others.
+        settings: The flight's, or others. A daemon that read its configuration again goes on with that one.
         survey: Filled along the way.
         what_if: The settings are not the flight's: what the autopilot echoed of the recorded setpoints is left out,
             since the flight would take that for another hand on the vehicle.
@@ -95,8 +96,12 @@ def replay(
     """
     flight = Flight(settings)
     for item in scan(path, survey):
-        if item.topic == EVENT_TOPIC and event_of(item, path).event == BEGUN:
-            flight = Flight(settings)
+        if item.topic == EVENT_TOPIC:
+            event = event_of(item, path)
+            if event.event == RELOADED and not what_if:
+                settings = flight_settings({CONFIG: event.detail}, {})
+            if event.event in {BEGUN, RELOADED}:
+                flight = Flight(settings)
         if item.topic != TICK_TOPIC:
             continue
         row = row_of(item, path)

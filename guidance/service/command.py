@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from guidance.config import find, load
+from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.preflight import Row, Verdict
 from guidance.preflight.survey import COUNTED_S
@@ -26,8 +26,10 @@ from guidance.service.metrics import Metrics, MetricsServer
 from guidance.service.model import Config
 from guidance.service.notify import Notifier
 from guidance.service.opening import Opened, open_all
+from guidance.service.plan_fence import load_vehicle
 from guidance.service.record import Recorder, started_utc, versions
 from guidance.service.settings import flight_settings, wants
+from guidance.service.waiting import Waiting
 from guidance.telemetry import GlobalPosition, Home, LocalPosition, Origin
 
 SURVEY_LIMIT_S: Final = 20.0
@@ -43,7 +45,7 @@ def run_vehicle(name: str) -> None:
         GuidanceError: For everything that the user can mend.
     """
     path = find(name, "vehicles")
-    config = load(Config, path)
+    config = load_vehicle(path)
     plan = plan_of(config)
     clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
     signals = Signals()
@@ -53,6 +55,7 @@ def run_vehicle(name: str) -> None:
         closing.callback(log.close)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
+        mailbox.meanwhile(Waiting(config, clock).answer)
         control = ControlBus(config.name, mailbox, endpoint=config.control.endpoint, host=config.control.host)
         closing.callback(control.close)
         if config.metrics.port is not None:
@@ -78,6 +81,7 @@ def run_vehicle(name: str) -> None:
         )
         notifier.ready()
         log.say(logging.INFO, "running", name=config.name, control=config.control.endpoint, autopilot=plan_name(plan))
+        mailbox.meanwhile(None)
         gc.freeze()  # what was made so far stays: collections in the loop need not look at it
         run(
             daemon,
@@ -98,7 +102,7 @@ def plan_of(config: Config) -> Plan:
     Raises:
         ConfigError: If something in it contradicts itself.
     """
-    return Plan(flight=flight_settings(config), wants=wants(config))
+    return Plan(flight=flight_settings(config), wants=wants(config), document=config.model_dump_json())
 
 
 def plan_name(plan: Plan) -> str:
@@ -112,7 +116,7 @@ def reload(path: Path, before: Config) -> Plan:
     Raises:
         ConfigError: If it is wrong, or a section has changed that was opened at the start.
     """
-    after = load(Config, path)
+    after = load_vehicle(path)
     changed = [key for key in _FIXED if getattr(after, key) != getattr(before, key)]
     if changed:
         raise ConfigError(f"{path}: {', '.join(changed)} changed: end the daemon and start it again for that")
@@ -150,7 +154,7 @@ def check_vehicle(name: str) -> Sequence[Row]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    config = load(Config, find(name, "vehicles"))
+    config = load_vehicle(find(name, "vehicles"))
     plan = plan_of(config)
     clock = MonotonicClock()
     log = Log("console", "error")

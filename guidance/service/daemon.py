@@ -17,7 +17,7 @@ from guidance.service.mailbox import Answer, Mailbox, Question
 from guidance.service.metrics import Metrics
 from guidance.service.notify import Notifier
 from guidance.service.reasons import is_done, missing, not_engageable, refusal
-from guidance.service.record import STOPPED, Record
+from guidance.service.record import RELOADED, STOPPED, Record
 from guidance.service.status import status
 from guidance.service.timing import Timing
 
@@ -35,10 +35,11 @@ _GRAVE: Final = frozenset({
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What a flight is flown by; may be exchanged on the ground."""
+    """What a flight is flown by; may be exchanged on the ground. `document` is its configuration, as JSON."""
 
     flight: FlightSettings
     wants: Wants
+    document: str = ""
 
 
 class Daemon:
@@ -131,7 +132,7 @@ class Daemon:
         self._notifier.stopping()
         self._leaving = Leaving(order, now_s)
 
-    def exchange(self, load: Callable[[], Plan]) -> None:
+    def exchange(self, load: Callable[[], Plan], now_s: float) -> None:
         """Take another plan, on the ground only; in flight it is refused, and said so."""
         if self.in_flight:
             self._log.say(logging.WARNING, "configuration not read again: refused in flight", state=self.flight.state)
@@ -141,7 +142,10 @@ class Daemon:
         except ConfigError as error:
             self._log.say(logging.ERROR, "configuration not read again: the old one stays", error=str(error))
         else:
-            self._log.say(logging.INFO, "configuration read again")
+            self._log.say(logging.INFO, RELOADED)
+            self._metrics.happened(RELOADED)
+            if self._record is not None:
+                self._record.event(now_s, RELOADED, self._plan.document)
 
     def _order(self, question: Question, now_s: float) -> Event | None:
         """Answer what needs no cycle; return the order that does."""

@@ -71,7 +71,7 @@ def run(
         for _ in range(ends):
             daemon.leave(on_terminate, now_s)
         if again:
-            daemon.exchange(load)
+            daemon.exchange(load, now_s)
         daemon.step(now_s, late_s=now_s - due_s, worked_s=worked_s)
         if record is not None:
             for passed in drain():

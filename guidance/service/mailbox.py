@@ -2,7 +2,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 MOST_WAITING: Final = 16
@@ -19,7 +19,7 @@ class Question:
         self._answered = threading.Event()
 
     def answer(self, answer: Answer) -> None:
-        """Answer it; only the loop does."""
+        """Answer it; the loop does, or who stands in for it."""
         self._answer = answer
         self._answered.set()
 
@@ -35,10 +35,19 @@ class Mailbox:
     def __init__(self) -> None:
         self._waiting: deque[Question] = deque()
         self._lock = threading.Lock()
+        self._meanwhile: Callable[[str], Answer] | None = None
+
+    def meanwhile(self, answer: Callable[[str], Answer] | None) -> None:
+        """Let every order be answered by `answer`, on the asker's thread, while no loop runs; None: the loop does."""
+        self._meanwhile = answer
 
     def ask(self, order: str) -> Question:
-        """Put an order to the loop. It is answered at once where there is no room for it."""
+        """Put an order to the loop. It is answered at once where there is no room for it, or no loop yet."""
         question = Question(order)
+        meanwhile = self._meanwhile
+        if meanwhile is not None:
+            question.answer(meanwhile(order))
+            return question
         with self._lock:
             if len(self._waiting) < MOST_WAITING:
                 self._waiting.append(question)

@@ -8,6 +8,9 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from guidance.config import Section
+from guidance.errors import ConfigError
+from guidance.frames import Amsl, LocalFrame
+from guidance.limits import Polygon
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
@@ -19,6 +22,7 @@ TargetKind = Literal[
 ]
 _IN_METRES = ("odometry", "ros_pose", "ros_odometry")
 ON_ZENOH = ("json", "ros_pose", "ros_odometry")
+MOST_FENCE_M = 20_000.0
 _LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+")
 
 
@@ -120,6 +124,24 @@ class GameSection(Section):
         return self
 
 
+def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:
+    """Refuse what is no polygon before it is flown: about its own first corner it is the same as about home."""
+    if not corners_deg:
+        raise ValueError("limits.fence_polygon_deg has 0 corners: at least 3 are wanted")
+    frame = LocalFrame(*corners_deg[0], Amsl(0.0))
+    places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
+    try:
+        Polygon(tuple((north, east) for north, east, _ in places))
+    except ConfigError as error:
+        raise ValueError(f"limits.fence_polygon_deg, in metres about its first corner: {error}") from error
+    widest_m = max(math.hypot(north, east) for north, east, _ in places)
+    if widest_m > MOST_FENCE_M:
+        raise ValueError(
+            f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner: at most {MOST_FENCE_M:g} m are "
+            "allowed; are latitude and longitude exchanged?"
+        )
+
+
 class Limits(Section):
     """What the flight never leaves. Heights are above home, distances from home."""
 
@@ -127,6 +149,12 @@ class Limits(Section):
     ceiling_m: float = Field(60.0, gt=5.0, le=500.0)
     fence_radius_m: float | None = Field(200.0, gt=10.0, le=10_000.0)
     fence_polygon_ne_m: tuple[tuple[float, float], ...] | None = Field(None, description="corners north, east of home")
+    fence_polygon_deg: tuple[tuple[Latitude, Longitude], ...] | None = Field(
+        None, description="corners by latitude, longitude"
+    )
+    fence_plan_file: Path | None = Field(
+        None, description="a QGroundControl plan (.plan) whose one inclusion polygon is the fence"
+    )
     fence_margin_m: float = Field(2.0, ge=0.0)
     yaw_rate_deg_s: float = Field(45.0, gt=0.0, le=180.0)
 
@@ -134,15 +162,25 @@ class Limits(Section):
     def _check_fence(self) -> Self:
         if self.floor_m >= self.ceiling_m:
             raise ValueError(f"limits.floor_m = {self.floor_m:g}: must be below limits.ceiling_m = {self.ceiling_m:g}")
-        if self.fence_radius_m is None and self.fence_polygon_ne_m is None:
+        polygons = {
+            "limits.fence_polygon_ne_m": self.fence_polygon_ne_m,
+            "limits.fence_polygon_deg": self.fence_polygon_deg,
+            "limits.fence_plan_file": self.fence_plan_file,
+        }
+        given = [key for key, value in polygons.items() if value is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)}: one polygon only; leave the others out")
+        if self.fence_radius_m is None and not given:
             raise ValueError(
-                "limits.fence_radius_m: missing; give it or limits.fence_polygon_ne_m: no flight is unfenced"
+                f"limits.fence_radius_m: missing; give it or one of {', '.join(polygons)}: no flight is unfenced"
             )
+        if self.fence_polygon_deg is not None:
+            _check_corners(self.fence_polygon_deg)
         return self
 
     @property
     def reach_m(self) -> float:
-        """How far from home the fence lets the vehicle go."""
+        """How far from home the fence lets the vehicle go; corners in degrees count once home is known."""
         corners = self.fence_polygon_ne_m or ()
         farthest_m = max((math.hypot(*corner) for corner in corners), default=math.inf)
         return min(farthest_m, self.fence_radius_m if self.fence_radius_m is not None else math.inf)

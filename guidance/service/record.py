@@ -38,6 +38,8 @@ TARGET_TOPIC = "guidance/target_report"
 BEGUN = "flight begins"
 """Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
 
+RELOADED = "configuration read again"
+"""Event of a configuration that took the place of the one in the metadata; it is the detail, as JSON."""
 
 STOPPED = "recording has stopped; the flight goes on"
 """Event of a record that can be written no longer: it is the log's, the metrics' and the bus's, not the record's."""

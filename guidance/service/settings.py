@@ -57,6 +57,7 @@ def flight_settings(config: Config) -> FlightSettings:
         after_capture=AfterCapture(flight.after_capture),
         engage_on=EngageOn(flight.engage_on),
         battery_minimum=flight.battery_minimum,
+        fence_corners_deg=config.limits.fence_polygon_deg,
         limits_s={state: limit_s for state, limit_s in LIMITS_S.items() if state not in _WAITS_FOR_EVER},
     )
 
@@ -102,6 +103,9 @@ def wants(config: Config) -> Wants:
         descent_m_s=config.game.descent_m_s,
         fence_required=config.preflight.fence_required,
         fence_radius_m=config.limits.reach_m,
+        fence_circle_m=config.limits.fence_radius_m,
+        fence_corners_ne_m=config.limits.fence_polygon_ne_m,
+        fence_corners_deg=config.limits.fence_polygon_deg,
         ceiling_m=config.limits.ceiling_m,
         loss_time_limit_s=config.preflight.loss_time_limit_s,
         origin_distance_limit_m=config.preflight.origin_distance_limit_m,

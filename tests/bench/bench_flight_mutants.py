@@ -29,7 +29,7 @@ from hypothesis import Phase, settings
 
 LIMIT_S = 150
 LISTED = Path(__file__).with_name("flight_mutants.toml")
-UNIT = ("test_flight_table", "test_flight_machine", "test_flight_events", "test_flight_echo")
+UNIT = ("test_flight_table", "test_flight_machine", "test_flight_events", "test_flight_echo", "test_flight_fence")
 FLIGHTS = (
     "test_loss_and_takeover",
     "test_offboard_entry",
@@ -48,6 +48,17 @@ LIMITS = (
     "test_limits_any_input",
 )
 PACKAGES = {"flight": (*UNIT, *FLIGHTS), "limits": LIMITS}
+FIRST = {
+    "detect": "test_flight_events",
+    "readiness": "test_flight_events",
+    "settings": "test_flight_events",
+    "echo": "test_flight_echo",
+    "machine": "test_flight_machine",
+    "requests": "test_flight_machine",
+    "fence": "test_flight_fence",
+    "table": "test_flight_table",
+    "tracking": "test_targets_and_time",
+}
 FOLDERS = ("guidance", "guidance/flight", "pitfalls", "service")
 LEFT_OUT = {
     "test_15_a_hover_of_five_minutes_keeps_its_height",  # twenty seconds, and not about the machine
@@ -245,7 +256,8 @@ class Forks:
         """Run the tests against a mutant in a child; a child that hangs or dies has been noticed."""
         files, mine = PACKAGES[package], self.killers.setdefault((package, stem), Counter())
         items = [item for item in session.items if item.path.stem in files and item.originalname not in LEFT_OUT]
-        items.sort(key=lambda item: (-mine[item.nodeid], self.took_s.get(item.nodeid, 0.0)))
+        first = FIRST.get(stem, "")
+        items.sort(key=lambda item: (-mine[item.nodeid], item.path.stem != first, self.took_s.get(item.nodeid, 0.0)))
         reading, writing = os.pipe()
         child = os.fork()
         if child == 0:

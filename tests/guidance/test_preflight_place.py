@@ -10,6 +10,7 @@ from guidance.preflight import Facts, Survey, Verdict, Wants, rows
 from guidance.preflight.survey import ASK_AGAIN_S
 from guidance.telemetry import (
     Attitude,
+    FenceRequest,
     GlobalPosition,
     Heartbeat,
     Home,
@@ -151,7 +152,8 @@ def test_parameters_are_asked_for_once_the_vehicle_is_heard_and_again_while_they
     assert not survey.complete
     survey.observe([Parameter(7.0, "A", 1.0), Parameter(7.0, "UNASKED", 9.0)], [])
     assert survey.complete
-    assert survey.requests(100.0) == ()
+    assert survey.requests(100.0) == (FenceRequest(),)
+    assert survey.requests(100.1) == ()
     assert survey.facts(VehicleState(), 8.0).parameters == {"A": 1.0, "B": 2.0}
 
 

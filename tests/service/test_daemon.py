@@ -205,10 +205,10 @@ def test_a_reset_in_flight_is_refused(base):
 def test_a_configuration_is_read_again_on_the_ground_only(base):
     base = base().until(State.READY)
     slower = parse(Config, {**base.config.model_dump(), "flight": {"takeoff_height_m": 7.0}}, source="again")
-    base.daemon.exchange(lambda: plan_of(slower))
+    base.daemon.exchange(lambda: plan_of(slower), base.now_s)
     assert base.daemon.flight.settings.takeoff_height_m == 7.0
     base.standing_by()
-    base.daemon.exchange(lambda: plan_of(base.config))
+    base.daemon.exchange(lambda: plan_of(base.config), base.now_s)
     assert base.daemon.flight.settings.takeoff_height_m == 7.0
     assert "configuration not read again: refused in flight" in base.log.messages(logging.WARNING)
 
@@ -219,7 +219,7 @@ def test_a_configuration_that_became_wrong_leaves_the_old_one_in_force(base):
     def wrong():
         raise ConfigError("game.speed_m_s = 0.0: input should be greater than 0")
 
-    base.daemon.exchange(wrong)
+    base.daemon.exchange(wrong, base.now_s)
     assert base.state is State.READY
     level, message, fields = base.log.lines[-1]
     assert (level, message) == (logging.ERROR, "configuration not read again: the old one stays")

@@ -5,12 +5,15 @@ import json
 
 import pytest
 
+from guidance.config import parse
 from guidance.flight import State
 from guidance.records import compare, events_of, flight_settings, metadata_of, rows_of
 from guidance.records.export import export
 from guidance.service import record
 from guidance.service.background import BackgroundRecorder
-from guidance.service.record import BEGUN, STOPPED, Recorder
+from guidance.service.command import plan_of
+from guidance.service.model import Config
+from guidance.service.record import BEGUN, RELOADED, STOPPED, Recorder
 
 
 def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, vehicle_document, tmp_path):
@@ -32,6 +35,24 @@ def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, 
     other, _ = compare(path, flight_settings(metadata_of(path), {"policy": "pure_pursuit"}), what_if=True)
     assert other.differing > 100
     assert "features" in export(path, tmp_path / "map.geojson")
+
+
+def test_a_configuration_that_was_read_again_is_in_the_record_and_its_flight_is_replayed_with_it(base, tmp_path):
+    path = tmp_path / "daemon.mcap"
+    recorder = Recorder(path, {"config": base().config.model_dump_json()})
+    one = base(record=recorder).until(State.READY)
+    wider = {**one.config.game.model_dump(), "standoff_radius_m": 9.0, "speed_m_s": 5.0}
+    again = parse(Config, {**one.config.model_dump(), "game": wider}, source="again")
+    one.daemon.exchange(lambda: plan_of(again), one.now_s)
+    one.engaged().run(3.0)
+    recorder.close()
+    (read,) = [event for event in events_of(path) if event.event == RELOADED]
+    assert json.loads(read.detail) == again.model_dump(mode="json")
+    comparison, _ = compare(path, flight_settings(metadata_of(path), {}))
+    assert comparison.setpoints > 150
+    assert comparison.differing == 0
+    before, _ = compare(path, flight_settings(metadata_of(path), {}), what_if=True)
+    assert before.differing > 100
 
 
 class FullDisk:

@@ -13,17 +13,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from guidance.config import parse
 from guidance.errors import LinkError
 from guidance.flight import Event, State
 from guidance.service import log as log_module
 from guidance.service.background import MOST_WAITING as MOST_ROWS
 from guidance.service.background import BackgroundRecorder
+from guidance.service.clock import VirtualClock
 from guidance.service.log import Log
 from guidance.service.loop import PERIOD_S, Signals, next_due, run
 from guidance.service.mailbox import MOST_WAITING, Mailbox
 from guidance.service.metrics import Metrics, MetricsServer
+from guidance.service.model import Config
 from guidance.service.notify import Notifier
 from guidance.service.record import Recorder
+from guidance.service.waiting import Waiting
 
 
 def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
@@ -34,6 +38,23 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
     assert question.wait(0.0) is None
     taken.answer({"accepted": True})
     assert question.wait(0.0) == {"accepted": True}
+
+
+def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for(vehicle_document):
+    clock, mailbox = VirtualClock(), Mailbox()
+    mailbox.meanwhile(Waiting(parse(Config, vehicle_document(), source="test"), clock).answer)
+    clock.sleep_until(2.5)
+    status = mailbox.ask("status").wait(0.0)
+    assert (status["accepted"], status["name"], status["state"], status["waited_s"]) == (True, "uav1", "waiting", 2.5)
+    assert status["waiting_for"] == "a HEARTBEAT of system 1, component 1 at udpin://127.0.0.1:14540"
+    engage = mailbox.ask("engage").wait(0.0)
+    assert not engage["accepted"]
+    assert engage["reason"].endswith("at udpin://127.0.0.1:14540, 2.5 s so far")
+    assert mailbox.ask("jump").wait(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
+    assert mailbox.take() == []
+    mailbox.meanwhile(None)
+    mailbox.ask("status")
+    assert [question.order for question in mailbox.take()] == ["status"]
 
 
 def test_a_loop_that_hangs_is_not_buried_in_orders():
@@ -234,7 +255,7 @@ class ScriptedDaemon:
     def leave(self, order, now_s):
         self.asked.append(order)
 
-    def exchange(self, load):
+    def exchange(self, load, now_s):
         self.asked.append(load())
 
 

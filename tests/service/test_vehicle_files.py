@@ -1,5 +1,6 @@
 """Vehicle files: what is refused, with which words, and what becomes of what is not."""
 
+import json
 import math
 from pathlib import Path
 
@@ -11,8 +12,10 @@ from guidance.flight import AfterCapture, EngageOn, State
 from guidance.game import Ball, Cylinder
 from guidance.service.command import reload
 from guidance.service.model import Config
+from guidance.service.plan_fence import load_vehicle
 from guidance.service.settings import flight_settings, wants
 
+TRIANGLE = [[47.397, 8.545], [47.399, 8.545], [47.399, 8.548]]
 ZENOH = "zenoh://127.0.0.1:7447/uav1"
 FRAME = {"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_amsl_m": 488.0}
 
@@ -50,6 +53,12 @@ def read(vehicle_document):
         ({"game": {"standoff_height_m": 2.0}}, "game.standoff_height_m = 2: allowed is limits.floor_m = 3"),
         ({"limits": {"floor_m": 60.0}}, "limits.floor_m = 60: must be below limits.ceiling_m"),
         ({"limits": {"fence_radius_m": None}}, "no flight is unfenced"),
+        ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.001, 8.0]]}}, "fence_polygon has 2 corners"),
+        ({"limits": {"fence_polygon_deg": []}}, "limits.fence_polygon_deg has 0 corners"),
+        ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.0, 8.0], [47.001, 8.0]]}}, "is shorter than 0.01 m"),
+        ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.1, 8.5], [8.0, 47.0]]}}, "and longitude exchanged?"),
+        ({"limits": {"fence_polygon_deg": [[147.0, 8.0], [47.0, 8.0], [47.1, 8.0]]}}, "fence_polygon_deg.0.0 = 147.0"),
+        ({"limits": {"fence_polygon_deg": TRIANGLE, "fence_plan_file": "a"}}, "fence_plan_file: one polygon only"),
         ({"flight": {"takeoff_height_m": 90.0}}, "flight.takeoff_height_m = 90"),
         ({"flight": {"after_capture": "celebrate"}}, "flight.after_capture = 'celebrate'"),
         ({"flight": {"engage_on": "boot"}}, "flight.engage_on = 'boot'"),
@@ -152,6 +161,65 @@ def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
     assert envelope.fence_radius_m is None
     assert envelope.fence_polygon.contains((0.0, 39.0))
     assert not envelope.fence_polygon.contains((0.0, 41.0))
+
+
+def test_a_polygon_by_degrees_is_about_home_and_its_reach_is_known_with_it(read):
+    config = read(limits={"fence_radius_m": None, "fence_polygon_deg": TRIANGLE})
+    assert config.limits.reach_m == math.inf
+    assert flight_settings(config).tick.envelope.fence_polygon is None
+    assert flight_settings(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert wants(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
+
+
+def drawn(polygons=((True, TRIANGLE),), circles=()):
+    """A plan as QGroundControl saves it."""
+    fence = {
+        "circles": list(circles),
+        "polygons": [{"inclusion": inclusion, "polygon": corners, "version": 1} for inclusion, corners in polygons],
+        "version": 2,
+    }
+    return {"fileType": "Plan", "geoFence": fence, "mission": {"items": []}, "version": 1}
+
+
+def vehicle_with_plan(tmp_path, text):
+    path = tmp_path / "vehicle.toml"
+    limits = '[limits]\nfence_plan_file = "field.plan"\n'
+    path.write_text(find("px4", "vehicles").read_text().replace("[limits]\n", limits))
+    if text is not None:
+        (tmp_path / "field.plan").write_text(text)
+    return path
+
+
+def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
+    path = vehicle_with_plan(tmp_path, json.dumps(drawn()))
+    config = load_vehicle(path)
+    assert config.limits.fence_plan_file is None
+    assert config.limits.fence_polygon_deg == tuple(map(tuple, TRIANGLE))
+    assert reload(path, config).flight.fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert load_vehicle(find("px4", "vehicles")) == load(Config, find("px4", "vehicles"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "cannot be read (No such file or directory)"),
+        ("{", "not JSON"),
+        ("[]", "has no geoFence"),
+        ('{"geoFence": null}', "has no geoFence"),
+        (json.dumps(drawn(polygons=())), "0 polygons"),
+        (json.dumps(drawn(polygons=[(True, TRIANGLE)] * 2)), "2 polygons (0 of them not for inclusion)"),
+        (json.dumps(drawn(polygons=[(False, TRIANGLE)])), "1 polygons (1 of them not for inclusion)"),
+        (json.dumps(drawn(circles=[{"inclusion": True}])), "1 circles"),
+        (json.dumps(drawn(polygons=[(True, [[47.0]])])), "no list of latitude and longitude"),
+        (json.dumps(drawn(polygons=[(True, None)])), "no list of latitude and longitude"),
+        (json.dumps(drawn(polygons=[(True, TRIANGLE[:2])])), "fence_polygon has 2 corners"),
+    ],
+)
+def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, text, words):
+    with pytest.raises(ConfigError) as refused:
+        load_vehicle(vehicle_with_plan(tmp_path, text))
+    assert words in str(refused.value)
+    assert "limits.fence_plan_file" in str(refused.value) or "limits.fence_polygon_deg" in str(refused.value)
 
 
 def test_sources_of_targets_need_what_they_need_and_no_more(read):
