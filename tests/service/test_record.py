@@ -2,6 +2,8 @@ import calendar
 import errno
 import json
 import math
+import subprocess
+import sys
 import time
 from datetime import datetime
 from typing import NamedTuple
@@ -101,6 +103,37 @@ def test_a_slow_record_too_loses_no_more_than_a_fifth_of_a_second_to_a_kill(tmp_
         if now_s > 0.2:
             assert now_s - rows_of(path)[-1][1].log_time * 1e-9 <= 0.2
     recorder.close()
+
+
+FLYING = """
+import sys
+from pathlib import Path
+from guidance.service.background import BackgroundRecorder
+from guidance.service.clock import MonotonicClock
+from guidance.service.record import Recorder
+recorder, clock, due_s = BackgroundRecorder(Recorder(Path(sys.argv[1]), {})), MonotonicClock(), 0.0
+while True:
+    clock.sleep_until(due_s)
+    due_s += 0.02
+    now_s = clock.now_s()
+    recorder.tick(now_s, {"now_s": now_s, "state": "engaged"})
+    print(now_s, flush=True)
+"""
+
+
+def test_a_kill_9_of_a_flying_process_loses_at_most_a_fifth_of_a_second(tmp_path):
+    path = tmp_path / "record.mcap"
+    child = subprocess.Popen([sys.executable, "-c", FLYING, path], stdout=subprocess.PIPE, text=True)
+    try:
+        flown_s = [float(child.stdout.readline()) for _ in range(60)]
+    finally:
+        child.kill()
+        child.wait()
+        flown_s += [float(line) for line in child.stdout.read().splitlines()]
+        child.stdout.close()
+    kept_s = [message.log_time * 1e-9 for _, message in rows_of(path)]
+    assert kept_s == pytest.approx(flown_s[: len(kept_s)])  # nothing is missing in between
+    assert flown_s[-1] - kept_s[-1] <= 0.2
 
 
 def test_versions_and_the_start_are_told():

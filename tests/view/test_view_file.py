@@ -2,18 +2,18 @@
 
 import math
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict
 
 import numpy as np
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
+from rerun.chunk import McapReader, RrdReader
 from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.flight import State
-from guidance.records import events_of, flight_settings, metadata_of, rows_of, scan
+from guidance.records import events_of, flight_settings, metadata_of, rows_of, scan, survey_of
 from guidance.records.outlines import isochron_at
 from guidance.view import Place, Seen, view
 from guidance.view import command as commands
@@ -148,6 +148,15 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
         times, places = followed.of(entity, "positions")
         assert (times, places) == seen[0].of(entity, "positions")
     assert len(followed.of("/game/pursuer/track", "strips")[0]) > 20  # shown piece by piece, not at the end
+
+
+def test_reruns_own_reader_of_mcap_finds_every_message_of_the_record(record):
+    """An independent reader, of whose authors none is ours nor of the library that wrote it."""
+    counts = Counter()
+    for chunk in McapReader(str(record)).stream():
+        if "McapMessage:data" in chunk.to_record_batch().schema.names:
+            counts[chunk.entity_path.removeprefix("/")] += chunk.num_rows
+    assert counts == survey_of(record).messages
 
 
 def test_a_second_flight_in_a_record_begins_anew(record, tmp_path):
