@@ -83,6 +83,7 @@ class Flight:
         self._tick = settings.tick
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._echo = Echo()
+        self._foreign = False
         self._memory = TickMemory()
         self._certificate: Certificate | None = None
         self._guarantee = Guarantee()
@@ -117,8 +118,7 @@ class Flight:
         self.tracking.observe(self.vehicle, inputs.reports)
         self._hear(inputs)
         happenings = tuple(self._follow(inputs, dt_s))
-        heartbeat = any(isinstance(message, Heartbeat) for message in inputs.messages)
-        requests = self._requests(now_s, fresh_heartbeat=heartbeat)
+        requests = self._requests(now_s, fresh_heartbeat=_beat(inputs))
         setpoint = self._setpoint(now_s, dt_s)
         if setpoint is None or self.state is State.STANDING_BY:
             self._echo.silent()
@@ -127,7 +127,10 @@ class Flight:
         return Outputs(self.state, setpoint, requests, happenings, self._certificate, self._alarm)
 
     def _hear(self, inputs: Inputs) -> None:
+        strange = self._echo.foreign
         self._echo.hear(inputs.messages, guided=self._mode() is Mode.GUIDED)
+        # A pilot's takeover shows as strange setpoints before a HEARTBEAT tells of it: the next one must not.
+        self._foreign = strange and self._echo.foreign and _beat(inputs)
         home, frame = self.vehicle.last(Home), self.tracking.local_frame
         if home is not None and frame is not None and (home.position_ned_m, frame) != self._home_in:
             self._home_in = home.position_ned_m, frame
@@ -184,7 +187,7 @@ class Flight:
             start_ned_m=self._start_ned_m(),
             certificate=self._certificate,
             refusals=refusals,
-            foreign=self._echo.foreign,
+            foreign=self._foreign,
             other_mode_seen=self._other_mode_seen,
         )
 
@@ -248,3 +251,8 @@ class Flight:
                 slack=self.settings.guarantee_slack,
             )
         return output.setpoint
+
+
+def _beat(inputs: Inputs) -> bool:
+    """Whether a HEARTBEAT came in this cycle."""
+    return any(isinstance(message, Heartbeat) for message in inputs.messages)

@@ -313,7 +313,20 @@ def test_another_sources_setpoints_end_in_the_autopilots_hold_and_our_own_do_not
     assert flown.state is State.ENGAGED
     for _ in range(4):
         flown.tick(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))])
+    assert flown.state is State.ENGAGED  # it may be a pilot's: that is for the next HEARTBEAT to say
+    flown.tick(beat=True)
     assert flown.state is State.HOLDING
+
+
+def test_a_pilots_own_setpoints_are_not_taken_for_another_sources_and_nothing_is_ordered():
+    flown = Flown().engaged()
+    flown.ticks(4.0)
+    flown.mode = Mode.OTHER
+    before_the_beat = [flown.tick(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))]) for _ in range(4)]
+    assert {one.state for one in before_the_beat} == {State.ENGAGED}
+    outputs = [*before_the_beat, flown.tick(beat=True), *flown.ticks(3.0)]
+    assert flown.state is State.YIELDED
+    assert commands(outputs) == []
 
 
 def test_while_standing_by_the_autopilots_own_targets_are_its_own_affair():
