@@ -1,10 +1,19 @@
 """Who gives the orders in a mocked flight, in place of the person at the ground station."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 from guidance.flight import FINAL, Event, Outputs, State
 
 _LINGER_S = 2.0
+"""How long a flight is watched that has been taken over, or holds without an end in sight."""
+
+_PATIENCE_S: Mapping[State, float] = {
+    State.READY: 60.0,
+    State.RETURNING: 300.0,
+    State.LANDING: 300.0,
+}
+"""From when on a state leads nowhere in which the flight itself has no limit; the run is given up then."""
 
 
 class Director:
@@ -14,7 +23,7 @@ class Director:
         self._hold_s = hold_s
         self._time_limit_s = time_limit_s
         self._state = State.CONNECTING
-        self._since_s = 0.0
+        self._since_s = self._now_s = 0.0
         self.engaged_s: float | None = None
         self.captured_s: float | None = None
         self.timed_out = False
@@ -26,11 +35,15 @@ class Director:
 
     @property
     def finished(self) -> bool:
-        """The flight has come to its end."""
-        return self._state in FINAL
+        """The flight has come to its end, or to where it has none."""
+        waited_s = self._now_s - self._since_s
+        if self._state is State.YIELDED:
+            return waited_s >= _LINGER_S  # the record is to show that nothing is sent any more
+        return self._state in FINAL or waited_s > _PATIENCE_S.get(self._state, math.inf)
 
     def follow(self, now_s: float, outputs: Outputs) -> None:
         """Take note of what a cycle did."""
+        self._now_s = now_s
         if outputs.state is not self._state:
             self._state, self._since_s = outputs.state, now_s
         if self._state is State.ENGAGED and self.engaged_s is None:

@@ -1,6 +1,5 @@
 """The virtual-time world: both mock vehicles stepped in this process, whole MAVLink frames handed to and fro."""
 
-import tomllib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -9,24 +8,29 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.tap import Passed, TappedWire
 from guidance.links.targets.global_position import GlobalPositionInt
 from guidance.links.targets.mavlink_source import MavlinkTarget
-from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID, fleet_toml
+from guidance.scenarios.faulting import faulted_fleet, faults_after
+from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
 from guidance.scenarios.model import Scenario
 from guidance.service.clock import Clock
-from sitl_mock.config import checked
-from sitl_mock.fleet import build
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.faults import Faulted
 
 if TYPE_CHECKING:
     from guidance.links.port import TargetSource, VehicleLink
 
 
 class FastWorld:
-    """Both vehicles in one process. `advance` steps them to the clock's present."""
+    """Both vehicles in one process. `advance` steps them to the clock's present.
+
+    Raises:
+        ConfigError: If a fault of the scenario is none that its vehicle can have.
+    """
 
     def __init__(self, scenario: Scenario, clock: Clock) -> None:
         self._clock = clock
-        self.vehicles = build(checked(tomllib.loads(fleet_toml(scenario)), scenario.title))
-        self._mocks = {name: _Mock(name, vehicle, clock) for name, vehicle in self.vehicles.items()}
+        self._scenario = scenario
+        self._faulted = faulted_fleet(scenario)
+        self.vehicles = {name: faulted.vehicle for name, faulted in self._faulted.items()}
+        self._mocks = {name: _Mock(name, faulted, clock) for name, faulted in self._faulted.items()}
         pursuer, evader = self._mocks[PURSUER], self._mocks[EVADER]
         self.pursuer: VehicleLink = PymavlinkLink(pursuer.wire, clock.now_s, system_id=PURSUER_ID)
         self.evader: VehicleLink = PymavlinkLink(evader.wire, clock.now_s, system_id=EVADER_ID)
@@ -37,6 +41,11 @@ class FastWorld:
         now_s = self._clock.now_s()
         for mock in self._mocks.values():
             mock.advance(now_s)
+
+    def engage(self) -> None:
+        """Put the faults in place that count from engagement."""
+        for name, keys in faults_after(self._scenario, "engaged"):
+            self._faulted[name].inject(keys)
 
     def drain(self) -> Sequence[Passed]:
         """All frames that passed since the last call, of one vehicle after the other."""
@@ -52,7 +61,7 @@ class FastWorld:
 class _Mock:
     """One vehicle and the wires that lead to it."""
 
-    def __init__(self, name: str, vehicle: MockVehicle, clock: Clock) -> None:
+    def __init__(self, name: str, vehicle: Faulted, clock: Clock) -> None:
         self._vehicle = vehicle
         self._clock = clock
         ours, self._end = MemoryWire.pair(clock.now_s)

@@ -5,6 +5,7 @@ an autopilot holds the speed over the ground against the wind, and the pursuer k
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from guidance.scenarios.model import Scenario, Wind
 from guidance.scenarios.outcome import Outcome, final_distance_m, outcome_of, winner_name
 
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
+
+_ENDS: Mapping[Event, str] = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived", Event.PILOT: "yielded"}
 
 
 class Ending(NamedTuple):
@@ -61,20 +64,13 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
     last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
     if last is None:
         return Ending("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
-    match last.event:
-        case Event.CAPTURED:
-            return Ending("captured", last.now_s)
-        case Event.ESCAPED:
-            return Ending("arrived", last.now_s)
-        case Event.PILOT:
-            return Ending("yielded", last.now_s, str(last.event))
-        case Event.LAND if result.timed_out:
-            return Ending("time_up", last.now_s)
-        case Event.TIMED_OUT:
-            # A pause that lasted too long: what it waited for is the reason.
-            paused = [each for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s]
-            return Ending("failed", last.now_s, str(paused[-1].event if paused else last.event))
-    return Ending("failed", last.now_s, str(last.event))
+    timed_out = result.timed_out and last.event is Event.LAND
+    end = "time_up" if timed_out else _ENDS.get(last.event, "failed")
+    if end != "failed":
+        return Ending(end, last.now_s, str(last.event) if end == "yielded" else "")
+    # A pause that lasted too long: what it waited for is the reason.
+    paused = [each.event for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s]
+    return Ending(end, last.now_s, str(paused[-1] if paused and last.event is Event.TIMED_OUT else last.event))
 
 
 def _never_engaged(result: FlightResult, way: str) -> Outcome:

@@ -10,12 +10,13 @@ from guidance.frames import Vector
 from guidance.monitor import Alarm
 from guidance.scenarios.director import Director
 from guidance.scenarios.evader import EvaderPilot
+from guidance.scenarios.impaired import ImpairedTarget
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings, flight_settings
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock
 from guidance.service.cycle import Cycle, Stopped
-from guidance.service.record import Recorder
+from guidance.service.record import Record
 from guidance.service.timing import Timing
 from guidance.telemetry import LocalPosition
 from guidance.tick import Certificate
@@ -85,7 +86,7 @@ def fly(
     scenario: Scenario,
     world: World,
     clock: Clock,
-    recorder: Recorder | None,
+    recorder: Record | None,
     progress: Callable[[Progress], None],
 ) -> FlightResult:
     """Fly a scenario to its end.
@@ -95,7 +96,8 @@ def fly(
         LinkError: If the world ends before the flight does.
     """
     flight = Flight(flight_settings(scenario))
-    cycle = Cycle(flight, world.pursuer, world.target, recorder)
+    target = ImpairedTarget(world.target, scenario.sensor, scenario.seed, clock.now_s)
+    cycle = Cycle(flight, world.pursuer, target, recorder)
     evader = EvaderPilot(world.evader, evader_settings(scenario))
     director = Director(hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s)
     result = FlightResult(scenario, State.CONNECTING)
@@ -117,6 +119,9 @@ def fly(
         orders = director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh)
         outputs = cycle.run(now_s, orders, timing=Timing(late_s, worked_s))
         director.follow(now_s, outputs)
+        if director.engaged_s == now_s:
+            target.engage(now_s)
+            world.engage()
         if recorder is not None:
             for passed in world.drain():
                 recorder.frame(*passed)

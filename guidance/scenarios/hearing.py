@@ -24,7 +24,7 @@ FASTEST_HZ: Final = 50.0
 TIMEOUT_S: Final = 1.5
 """From this age on a flight takes its target for lost, and waits."""
 
-_DROPOUT_STREAM, _POSITION_STREAM, _VELOCITY_STREAM = 11, 12, 14
+DROPOUT_STREAM, POSITION_STREAM, VELOCITY_STREAM = 11, 12, 14
 _SURE: Final = 2.0
 """An evader is taken to be faster than declared from so many standard deviations on."""
 
@@ -85,9 +85,9 @@ def listen(sensor: Sensor, noise: Noise, heard: Heard, now_s: Array, evader_m: A
         at = heard.on_the_way[rows, number % heard.on_the_way.shape[1]]
         for axis in range(2):
             at[:, axis] = evader_m[rows, axis] + _in(noise.position_m, rows) * normal(
-                seed, _POSITION_STREAM + axis, number
+                seed, POSITION_STREAM + axis, number
             )
-            draw = normal(seed, _VELOCITY_STREAM + axis, number)
+            draw = normal(seed, VELOCITY_STREAM + axis, number)
             at[:, 3 + axis] = velocity_m_s[rows, axis] + _in(noise.velocity_m_s, rows) * draw
         at[:, 2], at[:, 5] = evader_m[rows, 2], velocity_m_s[rows, 2]
         heard.on_the_way[rows, number % heard.on_the_way.shape[1]] = at
@@ -104,7 +104,7 @@ def _arrive(
 ) -> Heard:
     rows = np.flatnonzero(arrived)
     number = heard.arrivals[rows]
-    comes = uniform(noise.seed[rows], _DROPOUT_STREAM, number) >= _in(noise.dropout, rows)
+    comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= _in(noise.dropout, rows)
     for begin_s, end_s in sensor.outages_s:
         comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
     heard.arrivals[rows] += 1

@@ -7,10 +7,10 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Final
+from typing import Any, Final
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.mavsdk_link import MavsdkLink
@@ -20,7 +20,9 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.tap import Passed, TappedWire
 from guidance.links.targets.global_position import GlobalPositionInt
 from guidance.links.targets.mavlink_source import MavlinkTarget
+from guidance.links.zenoh_session import open_session
 from guidance.links.zenoh_wire import ZenohWire
+from guidance.scenarios.faulting import faulted_fleet, faults_after, script_toml
 from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID, fleet_toml
 from guidance.scenarios.model import Scenario
 from guidance.service.clock import Clock
@@ -40,11 +42,13 @@ class LiveWorld:
 
     def __init__(self, scenario: Scenario, clock: Clock, *, link: str, port: int) -> None:
         self._clock = clock
+        self._scenario = scenario
         self._taps: list[TappedWire] = []
         self._closing = contextlib.ExitStack()
         try:
             folder = Path(self._closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-")))
-            self._mock = _MockProcess(folder, fleet_toml(scenario), port)
+            faulted_fleet(scenario)  # refuses wrong faults before anything is started
+            self._mock = _MockProcess(folder, scenario, port)
             self._closing.callback(self._mock.stop)
             self.pursuer = self._link(link, PURSUER, PURSUER_ID)
             self.evader = self._link("pymavlink", EVADER, EVADER_ID)
@@ -61,6 +65,11 @@ class LiveWorld:
             LinkError: If it has ended.
         """
         self._mock.check()
+
+    def engage(self) -> None:
+        """Put the faults in place that count from engagement, on a thread of its own: the loop waits for nobody."""
+        if faults := list(faults_after(self._scenario, "engaged")):
+            threading.Thread(target=_inject, args=(self._mock.endpoint, faults), daemon=True).start()
 
     def drain(self) -> Sequence[Passed]:
         """All frames that passed since the last call, of one vehicle after the other."""
@@ -88,13 +97,25 @@ class LiveWorld:
         return link
 
 
+def _inject(endpoint: str, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
+    session = open_session(endpoint)
+    try:
+        for name, keys in faults:
+            for _ in session.get(f"{name}/faults", payload=json.dumps({"do": "inject", **keys})):
+                pass  # they were checked before the start
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+
+
 class _MockProcess:
     """The child: started, listened to until it is ready, ended."""
 
-    def __init__(self, folder: Path, fleet: str, port: int) -> None:
-        path = folder / "fleet.toml"
-        path.write_text(fleet, encoding="utf-8")
-        command = [sys.executable, "-m", "sitl_mock", "run", "--fleet", str(path), "--json", "--parent-pipe"]
+    def __init__(self, folder: Path, scenario: Scenario, port: int) -> None:
+        fleet, faults = folder / "fleet.toml", folder / "faults.toml"
+        fleet.write_text(fleet_toml(scenario), encoding="utf-8")
+        faults.write_text(script_toml(scenario), encoding="utf-8")
+        command = [sys.executable, "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
+        command += ["--fleet", str(fleet), "--faults", str(faults)]
         self._log = (folder / "mock.log").open("w+b")
         self._port = port
         self._child = subprocess.Popen(

@@ -22,6 +22,10 @@ class World(Protocol):
         """
         ...
 
+    def engage(self) -> None:
+        """The game has begun: faults that count from engagement do from now on."""
+        ...
+
     def drain(self) -> Sequence[Passed]:
         """Return the raw frames that passed since the last call, for the record."""
         ...

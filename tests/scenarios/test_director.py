@@ -66,8 +66,26 @@ def test_a_game_over_its_time_is_landed_and_said_so(director, state):
     assert director.timed_out
 
 
-@pytest.mark.parametrize("state", [State.LANDED, State.YIELDED, State.FAILED])
+@pytest.mark.parametrize("state", [State.LANDED, State.FAILED])
 def test_a_final_state_is_the_end_and_gets_no_orders(director, state):
     told(director, 5.0, state)
     assert director.finished
     assert orders(director, 500.0) == ()
+
+
+def test_a_pilot_who_took_over_is_watched_for_two_seconds_and_given_no_orders(director):
+    told(director, 5.0, State.ENGAGED)
+    told(director, 6.0, State.YIELDED)
+    assert not director.finished
+    assert orders(director, 7.0) == ()
+    told(director, 8.0, State.YIELDED)
+    assert director.finished
+
+
+@pytest.mark.parametrize(("state", "limit_s"), [(State.READY, 60.0), (State.RETURNING, 300.0), (State.LANDING, 300.0)])
+def test_a_state_that_leads_nowhere_is_given_up(director, state, limit_s):
+    told(director, 5.0, state)
+    told(director, 4.9 + limit_s, state)
+    assert not director.finished
+    told(director, 5.1 + limit_s, state)
+    assert director.finished
