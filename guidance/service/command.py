@@ -1,7 +1,6 @@
 """What `guidance run` and `guidance check` do: open everything, run, and close everything again."""
 
 import contextlib
-import gc
 import logging
 import os
 import time
@@ -27,8 +26,10 @@ from guidance.service.model import Config
 from guidance.service.notify import Notifier
 from guidance.service.opening import Opened, open_all
 from guidance.service.plan_fence import load_vehicle
+from guidance.service.priority import claim
 from guidance.service.record import Recorder, started_utc, versions
 from guidance.service.settings import flight_settings, wants
+from guidance.service.tidying import Tidying
 from guidance.service.waiting import Waiting
 from guidance.telemetry import GlobalPosition, Home, LocalPosition, Origin
 
@@ -80,9 +81,15 @@ def run_vehicle(name: str) -> None:
             broadcast=broadcast,
         )
         notifier.ready()
-        log.say(logging.INFO, "running", name=config.name, control=config.control.endpoint, autopilot=plan_name(plan))
+        log.say(
+            logging.INFO,
+            "running",
+            name=config.name,
+            control=config.control.endpoint,
+            autopilot=plan_name(plan),
+            scheduling=claim(),
+        )
         mailbox.meanwhile(None)
-        gc.freeze()  # what was made so far stays: collections in the loop need not look at it
         run(
             daemon,
             clock,
@@ -92,6 +99,7 @@ def run_vehicle(name: str) -> None:
             load=lambda: reload(path, config),
             drain=opened.drain,
             record=record,
+            tidying=Tidying(),
         )
         log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 

@@ -20,6 +20,7 @@ from guidance.service.reasons import is_done, missing, not_engageable, refusal
 from guidance.service.record import RELOADED, STOPPED, Record
 from guidance.service.status import status
 from guidance.service.timing import Timing
+from guidance.telemetry import LocalPosition
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
@@ -95,6 +96,11 @@ class Daemon:
     def surveyed(self) -> bool:
         """True once every parameter that preflight judges was read."""
         return self._survey.complete
+
+    @property
+    def position_age_s(self) -> float:
+        """How old the vehicle's position was at the last cycle; infinite before there was one."""
+        return self.flight.vehicle.age_s(LocalPosition, self._cycle.inputs.now_s)
 
     @property
     def in_flight(self) -> bool:

@@ -1,5 +1,10 @@
-"""The real-time loop: fifty times a second on the clock's grid, signals heard in between, frames kept behind."""
+"""The real-time loop: fifty times a second, signals heard in between, frames and garbage kept for the gaps.
 
+The cycles keep a grid of their own, which is moved along by a little (`nudge_s`) so that they begin just after the
+vehicle's position arrives: a setpoint then rests on what is 2 ms old, and not on what is half a period old on average.
+"""
+
+import math
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -12,8 +17,15 @@ from guidance.service.clock import Clock
 from guidance.service.daemon import Daemon, Plan
 from guidance.service.metrics import Metrics
 from guidance.service.record import Record
+from guidance.service.tidying import Tidying
 
 PERIOD_S: Final = 0.02
+AGE_S: Final = 0.002
+"""How old the vehicle's position is to be when a cycle begins: later than it may come, and no more."""
+
+MOST_NUDGE_S: Final = 0.0002
+_NUDGE_SHARE: Final = 0.05
+_CLOSE_S: Final = 0.0005
 
 
 class Signals:
@@ -59,10 +71,12 @@ def run(
     load: Callable[[], Plan],
     drain: Callable[[], Sequence[Passed]],
     record: Record | None,
+    tidying: Tidying,
 ) -> None:
     """Run the daemon until it has finished."""
     signals.begin()
     due_s = clock.now_s()
+    tidying.begin(due_s)
     worked_s = 0.0
     while not daemon.finished:
         clock.sleep_until(due_s)
@@ -80,7 +94,25 @@ def run(
         worked_s = done_s - now_s
         metrics.work.observe(worked_s)
         due_s, missed = next_due(due_s, done_s)
+        due_s += nudge_s(daemon.position_age_s)
         metrics.late.inc(missed)
+        tidying.between(done_s, due_s - done_s)
+    tidying.end()
+
+
+def nudge_s(age_s: float) -> float:
+    """Return how much later the next cycle is due than the grid has it, for the age of the position at this one.
+
+    Where positions come at the loop's own rate, this settles with each at `AGE_S`; at another rate the ages go round
+    and so do the nudges, which come to nothing. Without positions there is nothing to go by.
+    """
+    if not age_s < 2.0 * PERIOD_S:
+        return 0.0
+    # Late by less than half a period is mended by being earlier, by more by being later.
+    late_s = math.remainder(age_s - AGE_S, PERIOD_S)
+    if abs(late_s) < _CLOSE_S:
+        return 0.0
+    return max(-MOST_NUDGE_S, min(MOST_NUDGE_S, -_NUDGE_SHARE * late_s))
 
 
 def next_due(due_s: float, done_s: float) -> tuple[float, int]:
