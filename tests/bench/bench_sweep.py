@@ -1,0 +1,164 @@
+"""Speed of sweeps, as numbers side by side of one run: `python tests/bench/bench_sweep.py [--quick] [--million]`.
+
+Printed: games a second of a maths sweep on one core, and what of that is building and checking the scenarios; flights a
+second on one core and with two workers; Dask against a plain process pool for the same chunks; and with --million one
+million games end to end: wall time, peak memory of this process and of its largest worker, size on disk, report.
+"""
+
+import argparse
+import contextlib
+import io
+import multiprocessing
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from guidance.scenarios.maths import play
+from guidance.sweeps.chunk import computed, rows_of, table_of
+from guidance.sweeps.command import run_sweep
+from guidance.sweeps.crew import gathered
+from guidance.sweeps.report import write_report
+from guidance.sweeps.rows import Scenarios
+from guidance.sweeps.running import planned
+
+GAMES = """
+title = "Short chases"
+scenario = "hover_chase"
+seeds = SEEDS
+policies = [{ pursuer = PURSUERS, evader = "optimal" }]
+[random]
+"evader.position_m" = { annulus = [6, 20] }
+"evader.speed_m_s" = { uniform = [1.0, 3.0] }
+"pursuer.position_m[2]" = { uniform = [5.0, 15.0] }
+"""
+
+FLIGHTS = """
+scenario = "hover_chase"
+as = "fast"
+seeds = SEEDS
+[random]
+"evader.position_m" = { annulus = [20, 30] }
+"""
+
+
+def planned_from(text, folder, seeds, pursuers='"optimal"'):
+    """Lay out a sweep of a text."""
+    path = folder / f"{seeds}.toml"
+    path.write_text(text.replace("SEEDS", str(seeds)).replace("PURSUERS", pursuers), encoding="utf-8")
+    return planned(str(path)), path
+
+
+def bench_maths(folder, rows):
+    """One core, in this process."""
+    plan, _ = planned_from(GAMES, folder, rows)
+    numbers = np.arange(rows, dtype=np.int64)
+    started = time.process_time()
+    scenarios = list(Scenarios(plan).of(plan.cases(numbers)))
+    built = time.process_time()
+    outcomes = play(scenarios)
+    played = time.process_time()
+    table_of(plan, range(rows))
+    whole = time.process_time() - played
+    lasted = sum(outcome.game_time_s for outcome in outcomes) / rows
+    print(f"a maths sweep of {rows:,} games of {lasted:.1f} s on average, in one chunk, one core")
+    print(f"  {rows / whole:8,.0f} games/s, {rows * lasted / 0.02 / whole / 1e6:.2f} million cycles/s")
+    print(f"  {(built - started) / rows * 1e6:8.1f} µs a game to build and check its scenario")
+    print(f"  {(played - built) / rows * 1e6:8.1f} µs a game to play it")
+    print(f"  {(whole - (played - started)) / rows * 1e6:8.1f} µs a game to put it into a table")
+
+
+def bench_flights(folder, flights):
+    """Flights on one core, and on two workers."""
+    plan, _ = planned_from(FLIGHTS, folder, flights)
+    started = time.perf_counter(), time.process_time()
+    table = table_of(plan, range(flights))
+    wall, cpu = time.perf_counter() - started[0], time.process_time() - started[1]
+    flown = sum(table["duration_s"].to_pylist())
+    print(f"a fast sweep of {flights} flights of {flown / flights:.0f} s on average")
+    print(f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time")
+    with gathered(2, None) as crew:
+        chunks = [(chunk, rows_of(plan, chunk, 1)) for chunk in range(flights)]
+        list(crew.work(plan, chunks[:2]))  # the workers have imported what they need
+        began = time.perf_counter()
+        list(crew.work(plan, chunks[2:]))
+        two = (time.perf_counter() - began) / (flights - 2)
+    print(
+        f"  {flights / wall:8.3f} flights/s of wall time alone, {1 / two:.3f} with two workers: "
+        f"{wall / flights / two:.2f} times as fast"
+    )
+
+
+def bench_dask(folder, rows, size):
+    """The same chunks by Dask's workers and by a plain pool of processes, in turns; starting them is not counted."""
+    plan, _ = planned_from(GAMES, folder, rows)
+    chunks = [(chunk, rows_of(plan, chunk, size)) for chunk in range(-(-rows // size))]
+    spawn = multiprocessing.get_context("spawn")
+    with gathered(2, None) as crew, ProcessPoolExecutor(2, mp_context=spawn) as pool:
+        list(crew.work(plan, chunks[:2]))
+        list(pool.map(computed, [plan] * 2, [numbers for _, numbers in chunks[:2]]))
+        took = {"Dask": [], "pool": []}
+        for _ in range(3):
+            began = time.perf_counter()
+            by_dask = {done.chunk: done.content for done in crew.work(plan, chunks)}
+            took["Dask"].append(time.perf_counter() - began)
+            began = time.perf_counter()
+            by_pool = list(pool.map(computed, [plan] * len(chunks), [numbers for _, numbers in chunks]))
+            took["pool"].append(time.perf_counter() - began)
+    same = [by_dask[chunk] for chunk, _ in chunks] == by_pool
+    dask, plain = (min(took[name]) for name in ("Dask", "pool"))
+    print(f"{rows:,} games in {len(chunks)} chunks by two workers, the best of three")
+    print(f"  {dask:8.2f} s by Dask, {plain:.2f} s by a plain pool of processes: {dask / plain:.3f} ×")
+    print(f"  {(dask - plain) / len(chunks) * 1e3:8.1f} ms more a chunk; the same bytes: {same}")
+
+
+def bench_end_to_end(folder, rows):
+    """From the file to the report."""
+    _, path = planned_from(GAMES, folder, rows // 2, '["optimal", "pure_pursuit"]')
+    out = folder / "out"
+    began = time.perf_counter()
+    run_sweep(str(path), way=None, workers=2, scheduler=None, out=out, chunk=None)
+    swept = time.perf_counter() - began
+    kept = sum(part.stat().st_size for part in out.glob("*.parquet"))
+    parts = len(list(out.glob("*.parquet")))
+    here = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    began = time.perf_counter()
+    with contextlib.redirect_stdout(io.StringIO()):
+        write_report(out, folder / "report", worst=3)
+    told = time.perf_counter() - began
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"{rows:,} games end to end, two workers")
+    print(f"  {swept:8.1f} s, {rows / swept:,.0f} games/s of wall time")
+    print(f"  {here:8.0f} MiB peak of the sweep's process, {worker:.0f} MiB of its largest worker")
+    print(f"  {kept / 2**20:8.1f} MiB in {parts} files, {kept / rows:.0f} bytes a game")
+    print(f"  {told:8.1f} s for the report, {after:.0f} MiB peak with it")
+
+
+def main():
+    """Run them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="a tenth of the work")
+    parser.add_argument("--million", action="store_true", help="one million games end to end, and nothing else")
+    given = parser.parse_args()
+    share = 10 if given.quick else 1
+    print(f"NumPy {np.__version__}, Python {sys.version.split()[0]}")
+    folder = Path(tempfile.mkdtemp())
+    try:
+        if given.million:
+            bench_end_to_end(folder, 1_000_000 // share)
+            return
+        bench_maths(folder, 16384 // share)
+        bench_dask(folder, 65536 // share, 4096 // share)
+        bench_flights(folder, max(4, 20 // share))
+    finally:
+        shutil.rmtree(folder)
+
+
+if __name__ == "__main__":
+    main()
