@@ -18,6 +18,7 @@ from guidance.scenarios.fly import FlightResult, Progress, fly, outcome
 from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.world import World
+from guidance.service.background import BackgroundRecorder
 from guidance.service.clock import Clock, MonotonicClock, VirtualClock
 from guidance.service.cycle import Stopped
 from guidance.service.record import Recorder, started_utc, versions
@@ -76,13 +77,15 @@ def flown(
     clock: Clock = VirtualClock() if fast else MonotonicClock()
     started = None if fast else started_utc(clock.now_s())  # virtual time is no time of day
     with _recorder(folder / "record.mcap", scenario, started) as recorder, _line(console) as show:
-        on_record(recorder.path)
+        on_record(folder / "record.mcap")
         flying_s = time.perf_counter()
         with _world(scenario, clock, fast=fast, link=link, port=port) as world:
             result = fly(scenario, world, clock, recorder, show)
         result.wall_s = time.perf_counter() - flying_s
     if recorder.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, recorder.failed)
+    if isinstance(recorder, BackgroundRecorder) and recorder.dropped:
+        console.print(f"[yellow]the disk was too slow: {recorder.dropped} messages are not in the record[/yellow]")
     return result
 
 
@@ -92,7 +95,8 @@ def next_folder(parent: Path, stem: str) -> Path:
 
 
 @contextlib.contextmanager
-def _recorder(path: Path, scenario: Scenario, started: str | None) -> Iterator[Recorder]:
+def _recorder(path: Path, scenario: Scenario, started: str | None) -> Iterator[Recorder | BackgroundRecorder]:
+    """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle."""
     metadata = {
         "scenario": json.dumps(scenario.model_dump(mode="json")),
         "seed": str(scenario.seed),
@@ -100,11 +104,12 @@ def _recorder(path: Path, scenario: Scenario, started: str | None) -> Iterator[R
         **({} if started is None else {"started_utc": started}),
     }
     try:
-        recorder = Recorder(path, metadata)
+        written = Recorder(path, metadata)
     except OSError as error:
         raise ConfigError(
             f"--out {path.parent}: cannot be written ({error.strerror}); choose another folder"
         ) from error
+    recorder = written if started is None else BackgroundRecorder(written)
     try:
         yield recorder
     finally:
