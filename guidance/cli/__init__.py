@@ -5,6 +5,7 @@ import sys
 import typer
 
 from guidance.cli.check import check
+from guidance.cli.compare import compare
 from guidance.cli.ctl import ctl
 from guidance.cli.fly import fly
 from guidance.cli.log import log
@@ -14,6 +15,7 @@ from guidance.cli.report import report
 from guidance.cli.run import run
 from guidance.cli.scenario import scenario
 from guidance.cli.solve import solve
+from guidance.cli.sweep import sweep
 from guidance.cli.view import view
 from guidance.errors import GuidanceError
 
@@ -30,6 +32,8 @@ app.command()(report)
 app.command()(view)
 app.add_typer(log, name="log")
 app.add_typer(scenario, name="scenario")
+app.add_typer(sweep, name="sweep")
+app.command()(compare)
 app.command()(solve)
 app.command()(run)
 app.command()(check)
