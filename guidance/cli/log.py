@@ -1,9 +1,14 @@
 """`guidance log`: what a record holds, its events, and the same in formats of other tools."""
 
+import math
+from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from guidance.telemetry import TargetReport
 
 log = typer.Typer(no_args_is_help=True, help="Look into a flight record, and export it for other tools.")
 
@@ -13,18 +18,26 @@ File = Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")
 @log.command()
 def info(file: File) -> None:
     """Show what a record holds: how long, which channels, which versions, and whether it is whole."""
-    from guidance.records import survey_of, title_of  # noqa: PLC0415 - numpy takes its time
+    from guidance.records import reports_of, survey_of, title_of  # noqa: PLC0415 - numpy takes its time
 
     survey = survey_of(file)
     typer.echo(f"{title_of(survey.metadata)}: {survey.duration_s:.2f} s")
     for topic in sorted(survey.messages):
         count, data = survey.messages[topic], survey.data_bytes[topic]
         typer.echo(f"{count:9d} messages {data / 1024:10.1f} KiB  {topic}")
+    for words, count in Counter(map(_words, reports_of(file))).items():
+        typer.echo(f"{count:9d} reports of the target by {words}")
     for name, text in survey.metadata.items():
         typer.echo(f"{name:>12}  {text if len(text) < 100 else text[:97] + '...'}")
     if survey.missing:
         typer.echo(f"{survey.missing} messages are missing in between: the file is damaged")
     typer.echo("whole" if survey.torn is None else f"torn ({survey.torn}): all that can be read is counted here")
+
+
+def _words(report: "TargetReport") -> str:
+    datum = "unknown" if report.said is None else str(report.said.datum)
+    clock = "with" if math.isfinite(report.sent_s) else "without"
+    return f"{report.source}, altitudes {datum}, {clock} the sender's clock"
 
 
 @log.command()

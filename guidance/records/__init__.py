@@ -2,7 +2,7 @@
 
 from guidance.records.reading import Item, Survey, metadata_of, scan, survey_of
 from guidance.records.replay import Comparison, Step, compare, replay
-from guidance.records.rows import EventRow, Row, events_of, rows_of
+from guidance.records.rows import EventRow, Row, events_of, reports_of, rows_of
 from guidance.records.settings import changes_of, flight_settings, title_of
 from guidance.records.telling import Cycle, Teller
 
@@ -21,6 +21,7 @@ __all__ = [
     "flight_settings",
     "metadata_of",
     "replay",
+    "reports_of",
     "rows_of",
     "scan",
     "survey_of",

@@ -10,7 +10,7 @@ from guidance.flight import Event, Inputs
 from guidance.monitor import Alarm
 from guidance.records.reading import Item, Survey, scan
 from guidance.records.typed import decoder
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC
+from guidance.service.record import EVENT_TOPIC, TARGET_TOPIC, TICK_TOPIC
 from guidance.telemetry import Message, Setpoint, TargetReport
 from guidance.tick import Certificate
 
@@ -112,6 +112,18 @@ def events_of(path: Path) -> Iterator[EventRow]:
     for item in scan(path):
         if item.topic == EVENT_TOPIC:
             yield event_of(item, path)
+
+
+def reports_of(path: Path) -> Iterator[TargetReport]:
+    """Yield the reports of the target as their source had them, in order of arrival.
+
+    Raises:
+        ConfigError: As `rows_of`.
+    """
+    for item in scan(path):
+        if item.topic == TARGET_TOPIC:
+            report: TargetReport = _REPORT(_document(item, path))
+            yield report
 
 
 def event_of(item: Item, path: Path) -> EventRow:

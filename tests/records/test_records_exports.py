@@ -21,13 +21,13 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.flight import State
-from guidance.records import metadata_of, rows_of, scan, survey_of
+from guidance.records import metadata_of, reports_of, rows_of, scan, survey_of
 from guidance.records.columns import SCHEMA
 from guidance.records.export import EXPORTS, export
 from guidance.records.maps import write_geojson
 from guidance.records.places import Feature, features_of
 from guidance.records.tlog import started_unix_s, write_tlog
-from guidance.service.record import Recorder
+from guidance.service.record import TARGET_TOPIC, Recorder
 from guidance.telemetry import GlobalPosition, LocalPosition
 
 
@@ -110,6 +110,16 @@ def test_a_column_keeps_what_was_heard_last(exported, rows):
             north_m = message.position_ned_m[0] if isinstance(message, LocalPosition) else north_m
         expected.append(north_m)
     np.testing.assert_array_equal(frame["vehicle_position_north_m"].to_numpy(dtype=float), expected)
+
+
+def test_the_target_is_exported_as_it_was_received_with_both_clocks_and_the_datum(exported, flight):
+    frame = pandas.read_parquet(exported / "flight.parquet").dropna(subset=["target_received_s"])
+    reports = {report.received_s: report for report in reports_of(flight[1])}
+    assert len(frame) > 100
+    for row in frame.itertuples():
+        report = reports[row.target_received_s]
+        assert (row.target_sent_s, row.target_source) == (report.sent_s, report.source)
+        assert (row.target_said_altitude_m, row.target_said_datum) == report.said
 
 
 def test_pandas_reads_the_same_from_csv(exported):
@@ -219,6 +229,9 @@ def test_the_log_commands_show_what_a_record_holds(flight, tmp_path):
     assert info.exit_code == 0, info.output
     assert "pursuer/mavlink_raw/in" in info.output
     assert "whole" in info.output
+    count = survey_of(flight[1]).messages[TARGET_TOPIC]
+    words = "reports of the target by GLOBAL_POSITION_INT, altitudes amsl, with the sender's clock"
+    assert f"{count} {words}" in info.output
     events = runner.invoke(app, ["log", "events", str(flight[1])])
     assert [line.split("  ")[-1].strip() for line in events.output.splitlines()][-1] == "landing -> landed"
     done = runner.invoke(app, ["log", "export", str(flight[1]), str(tmp_path / "a" / "b.csv")])

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from guidance.monitor import Alarm
-from guidance.records import rows_of, scan
+from guidance.records import reports_of, rows_of, scan
 from guidance.records.reading import Item
 from guidance.service import schemas
 from guidance.service.foxglove import time_of
@@ -141,6 +141,7 @@ def test_target_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datu
     items = [item for item in scan(flight[1]) if item.topic == TARGET_TOPIC]
     read = [report for row in rows_of(flight[1]) for report in row.inputs.reports]
     assert len(items) == len(read) > 100
+    assert repr(list(reports_of(flight[1]))) == repr(read)
     for item, report in zip(items, read, strict=True):
         said = json_of(item)
         assert item.now_s == pytest.approx(report.received_s, abs=1e-9)
