@@ -1,0 +1,172 @@
+"""What an onlooker costs the daemon: `python tests/bench/bench_view.py [--seconds 12]`.
+
+A mock PX4 and a rover in a process of their own, `guidance run` engaged and in the shadow of the rover, over Zenoh.
+The same daemon is flown with nobody looking on, with `guidance view --live`, with that process stopped (SIGSTOP: it
+reads nothing any more), and after it was killed. How late its cycles began and how long they worked is read from its
+own record.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from guidance.errors import GuidanceError
+from guidance.records import rows_of, survey_of
+from guidance.service.ask import ask
+
+PROGRAM = [sys.executable, "-c", "from guidance.cli import main; main()"]
+FLEET = """
+[[vehicle]]
+name = "bench"
+flavour = "px4"
+system_id = 1
+ready_after_s = 0.5
+[vehicle.parameters]
+GF_MAX_HOR_DIST = 210.0
+GF_MAX_VER_DIST = 70.0
+[[vehicle]]
+name = "target"
+flavour = "rover"
+system_id = 2
+start_ned_m = [30.0, 0.0, 0.0]
+ready_after_s = 0.5
+"""
+CONFIG = """
+name = "bench"
+[vehicle]
+autopilot = "px4"
+link = "pymavlink"
+url = "zenoh://{mock}/bench"
+[target]
+kind = "global_position"
+url = "zenoh://{mock}/target"
+system_id = 2
+request_rate_hz = 20.0
+[game]
+speed_m_s = 6.0
+evader_speed_m_s = 3.0
+[flight]
+takeoff_height_m = 15.0
+after_capture = "shadow"
+on_terminate = "land"
+[control]
+endpoint = "{control}"
+[log]
+level = "error"
+[record]
+folder = "{folder}"
+"""
+
+
+@contextlib.contextmanager
+def mock(folder: Path) -> Iterator[str]:
+    """Start the mock; yield host:port of its Zenoh endpoint."""
+    (folder / "fleet.toml").write_text(FLEET)
+    command = [sys.executable, "-m", "sitl_mock", "run", "--fleet", str(folder / "fleet.toml"), "--json"]
+    command += ["--parent-pipe", "--zenoh", "tcp/127.0.0.1:0"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        yield json.loads(child.stdout.readline())["vehicles"][0]["endpoints"][0].split()[0].removeprefix("tcp/")
+        child.stdin.close()
+
+
+@contextlib.contextmanager
+def daemon(folder: Path, at: str) -> Iterator[tuple[int, str]]:
+    """Bring `guidance run` up and engage; yield its process id and its control endpoint."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        control = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    path = folder / "bench.toml"
+    path.write_text(CONFIG.format(mock=at, control=control, folder=folder))
+    with subprocess.Popen([*PROGRAM, "run", str(path)]) as running:
+        try:
+            for order, state in (("start", "standing by"), ("engage", "on station")):
+                insist(order, "accepted", True, control)
+                insist("status", "state", state, control)
+            yield running.pid, control
+        finally:
+            running.send_signal(signal.SIGTERM)
+            running.wait(30.0)
+
+
+def insist(order: str, key: str, value: object, control: str) -> None:
+    """Ask until the answer is the one that is wanted."""
+    for _ in range(120):
+        with contextlib.suppress(GuidanceError):
+            if ask(order, endpoint=control, name="bench")[key] == value:
+                return
+        time.sleep(0.5)
+    raise SystemExit(f"{order}: {key} was not {value} within a minute")
+
+
+def memory_mb(pid: int) -> float:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def phases(seconds: float, pid: int, control: str) -> Iterator[tuple[str, float, float, float]]:
+    """Yield each phase's name, its begin and end (Unix seconds), and the daemon's memory at its end."""
+
+    def phase(name: str) -> tuple[str, float, float, float]:
+        begun_s = time.time()
+        time.sleep(seconds)
+        return name, begun_s, time.time(), memory_mb(pid)
+
+    yield phase("nobody looks on")
+    look = [*PROGRAM, "view", "--live", "--endpoint", control, "--port", "0", "--web-port", "0"]
+    with subprocess.Popen(look, stdout=subprocess.PIPE, text=True) as viewer:
+        assert viewer.stdout is not None
+        viewer.stdout.readline()
+        time.sleep(1.0)
+        yield phase("a live view")
+        viewer.send_signal(signal.SIGSTOP)
+        yield phase("the view hangs")
+        viewer.kill()
+    yield phase("the view was killed")
+
+
+def show(record: Path, taken: list[tuple[str, float, float, float]]) -> None:
+    """Print what the record says of each phase, beside the first."""
+    began_s = datetime.fromisoformat(survey_of(record).metadata["started_utc"]).timestamp()
+    timings = [(began_s + row.now_s, row.json["timing"]) for row in rows_of(record) if "timing" in row.json]
+    print("                        cycle began late, ms      worked, ms")
+    print("                         p50    p99   most      p50    p99   (× first)   cycles   memory MB")
+    first: dict[str, float] = {}
+    for name, begun_s, ended_s, resident_mb in taken:
+        within = [timing for now_s, timing in timings if begun_s < now_s < ended_s]
+        late, worked = (1e3 * np.array([timing[key] for timing in within]) for key in ("late_s", "worked_s"))
+        first.setdefault("worked", median(worked))
+        lates = " ".join(f"{value:6.2f}" for value in np.percentile(late, [50, 99, 100]))
+        works = " ".join(f"{value:6.2f}" for value in np.percentile(worked, [50, 99]))
+        ratio = median(worked) / first["worked"]
+        print(f"{name:20} {lates}   {works}   ({ratio:4.2f})   {len(within):8d}   {resident_mb:9.1f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=12.0)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with mock(folder) as at, daemon(folder, at) as (pid, control):
+            taken = list(phases(given.seconds, pid, control))
+        (record,) = folder.glob("*.mcap")
+        show(record, taken)
+
+
+if __name__ == "__main__":
+    main()
