@@ -39,7 +39,7 @@ def namespace(*arrays: Array) -> Library:
 
 def is_numpy(xp: Library) -> bool:
     """Say whether the library is NumPy itself."""
-    return xp is np or bool(is_numpy_namespace(xp))
+    return bool(is_numpy_namespace(xp))
 
 
 def component(array: Array, index: int) -> Array:
@@ -110,9 +110,7 @@ def select2(xp: Library, condition: Array, yes: Plane, no: Plane) -> Plane:
 
 def bounded2(xp: Library, v: Plane, bound: Real) -> Plane:
     """Shorten a plane vector to a bound, keeping its direction."""
-    length = norm2(xp, v)
-    long = length > bound
-    scale = select(xp, long, bound / select(xp, long, length, 1.0), 1.0)
+    scale = bound / larger(xp, norm2(xp, v), bound)
     return v[0] * scale, v[1] * scale
 
 

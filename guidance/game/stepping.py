@@ -150,7 +150,7 @@ def _advance(
 
     first = velocities(P, E, T, seen)
     mean = first
-    if order == 4:
+    if order != 1:
         second = at(0.5, first)
         third = at(0.5, second)
         last = at(1.0, third)

@@ -5,7 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, StandOff, solve, value_gradient
+from guidance.game import (
+    EVADER_POLICIES,
+    PURSUER_POLICIES,
+    Ball,
+    Cylinder,
+    End,
+    Game,
+    Reason,
+    StandOff,
+    Winner,
+    solve,
+    value_gradient,
+)
 from guidance.game.batch import solve_rows
 
 
@@ -145,3 +157,9 @@ def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracl
         gradient = value_gradient(game, P, E, T)
         for i in range(9):
             assert all(same(a[i], b) for a, b in zip(gradient, value_gradient(game, P[i], E[i], T[i]), strict=True))
+
+
+def test_the_codes_that_batches_and_files_carry_stay_what_they_are():
+    assert {code.name: code.value for code in Winner} == {"EVADER": -1, "UNDECIDED": 0, "PURSUER": 1}
+    assert [code.value for code in Reason] == [0, 1, 2, 3, 4, 10, 11, 12]
+    assert [code.value for code in End] == [0, 1, 2, 3, 4]

@@ -11,7 +11,7 @@ from guidance.game.hji import finite_differences
 
 few = settings(max_examples=2, deadline=None)
 seeds = st.integers(0, 2**32 - 1)
-STEP_M = 1e-3
+STEP_M = 1e-4
 
 
 def smooth(game, P, E, T):
@@ -42,6 +42,11 @@ def test_the_residual_vanishes_in_pe(games, oracle, seed):
         good = solve(game, P, E).value > 0.1 if in_space else smooth(game, P, E, None)
         assert good.mean() > 0.5, name
         assert np.abs(hji_residual(game, P[good], E[good], step_m=STEP_M)).max() < 1e-7, name
+
+
+def test_the_residual_vanishes_on_the_axes_too():
+    P, E = np.array([0.0, 3.0, 4.0]), np.array([2.0, 0.0, 0.0])
+    assert hji_residual(Game(Ball(2.0), 1.0), P, E) == pytest.approx(0.0, abs=1e-9)
 
 
 @few

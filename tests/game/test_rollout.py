@@ -60,6 +60,15 @@ def test_capture_comes_before_an_arrival_at_the_same_instant():
     assert (end.end, end.time_s) == (End.CAPTURED, 0.0)
 
 
+@pytest.mark.parametrize(("start", "target", "end"), [(3e-9, 5.0, End.CAPTURED), (5.0, 1e-9, End.ARRIVED)])
+def test_an_end_that_is_a_nanosecond_away_has_come_and_no_other(start, target, end):
+    """At 3 m/s to each other, or at 1 m/s to the target."""
+    for share, expected in ((1.0, end), (1.1, End.TIME_UP)):
+        P, T = np.array([share * start, 0.0, 0.0]), np.array([0.0, share * target, 0.0])
+        names = {"pursuer_policy": "hold", "evader_policy": "hold", "duration_s": 1e-12}
+        assert rollout(PAPER, P, np.zeros(3), T, **names).end == expected
+
+
 def test_time_is_up_when_it_is():
     end = rollout(PAPER, P, E, pursuer_policy="hold", evader_policy="hold", duration_s=0.035, keep_path=True)
     assert (end.end, end.time_s) == (End.TIME_UP, 0.035)
