@@ -9,14 +9,20 @@ from guidance.limits.situation import Situation
 from guidance.limits.stopping import drift_ned_m, stop
 from guidance.limits.wall import Wall, wall
 
+COVER_M = 0.5
+"""Height above the lid from which on a target that flees is trusted to go on."""
+
 _STILL: Vector = (0.0, 0.0, 0.0)
 
 
 def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> tuple[Wall, ...]:
     """The nearest point of the cylinder is a wall; beside, above, or across its rim where both gaps are open.
 
-    A target that flees takes the wall with it: only the closing speed beyond its own has to be braked. One that
-    comes nearer does not push: the law then is that of a target at rest. Inside, what leads deeper is forbidden.
+    Above the cylinder, a target that flees takes the wall with it: only the closing speed beyond its own has to be
+    braked. Should it stop dead, the vehicle flies past over it, at the height that it has. Beside the cylinder there is
+    nothing to fly past over, and the law is that of a target at rest, however fast it flees: it may stop at any moment.
+    In between, the last `COVER_M` above the lid, the one law goes over into the other. A target that comes nearer does
+    not push: its law is that of a target at rest. Inside, what leads deeper is forbidden.
     """
     zone, target = envelope.stand_off, situation.target_position_ned_m
     if zone is None or target is None:
@@ -28,7 +34,7 @@ def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: En
     above_m = max(0.0, target[2] - situation.position_ned_m[2] - zone.height_m)
 
     flight = situation.target_velocity_ned_m_s or _STILL
-    fleeing_m_s = max(0.0, flight[0] * toward[0] + flight[1] * toward[1])
+    fleeing_m_s = max(0.0, flight[0] * toward[0] + flight[1] * toward[1]) * min(1.0, above_m / COVER_M)
     wall_velocity = (fleeing_m_s * toward[0], fleeing_m_s * toward[1])
     seconds = stop(_less_over_ground(velocity_ned_m_s, wall_velocity), envelope)
     drift = drift_ned_m(_less_over_ground(situation.velocity_ned_m_s, wall_velocity), envelope)

@@ -40,9 +40,21 @@ def hover_chase(autopilot: str, *, seed: int) -> Scenario:
 
 
 class Runner:
-    """The evader: stands until told, then runs from the pursuer at full speed at once; a `TargetSource`."""
+    """The evader: stands until told, then runs from the pursuer at full speed at once; a `TargetSource`.
 
-    def __init__(self, scenario: Scenario, settings: FlightSettings) -> None:
+    Args:
+        scenario: Whose place, speed and noise it has.
+        settings: Of the pursuer's flight; its stand-off disc is what the gap is to.
+        turn_at_m: Once the pursuer is nearer than this to the disc, it does something else:
+        turned: share of its speed from then on, away from the pursuer: 0 stands at once, -1 comes towards it.
+    """
+
+    def __init__(
+        self, scenario: Scenario, settings: FlightSettings, *, turn_at_m: float = -math.inf, turned: float = 1.0
+    ) -> None:
+        self._turn_at_m = turn_at_m + settings.tick.standoff.radius_m
+        self._turned = turned
+        self._has_turned = False
         site = scenario.site
         amsl = Amsl(site.altitude_amsl_m)
         projection = settings.profile.projection
@@ -59,7 +71,9 @@ class Runner:
     def advance(self, now_s: float, pursuer_m: tuple[float, float], *, running: bool) -> None:
         """Run on to now."""
         away = [mine - his for mine, his in zip(self.place_m, pursuer_m, strict=True)]
+        self._has_turned |= running and math.hypot(*away) < self._turn_at_m
         pace = self._speed_m_s / math.hypot(*away) if running else 0.0
+        pace *= self._turned if self._has_turned else 1.0
         self.velocity_m_s = (away[0] * pace, away[1] * pace)
         dt_s, self._now_s = now_s - self._now_s, now_s
         self.place_m = (
@@ -122,6 +136,8 @@ class Chased:
         flown_s: From engagement until within the tolerance of the disc; NaN if it never came to that.
         nearest_m: Least horizontal distance to the rim of the disc: negative is inside.
         lowest_m: Least height above the disc: negative is below.
+        nearest_below_m: Least horizontal distance to the rim while more than half a metre below the disc: negative is
+            within the space that is never to be entered.
         fastest_m_s: Largest speed over the ground.
         station_m: From two seconds after the capture on: every distance to the rim of the disc,
         slip_m_s: and every speed over the ground relative to the evader.
@@ -132,6 +148,7 @@ class Chased:
     flown_s: float = math.nan
     nearest_m: float = math.inf
     lowest_m: float = math.inf
+    nearest_below_m: float = math.inf
     fastest_m_s: float = 0.0
     station_m: list[float] = field(default_factory=list)
     slip_m_s: list[float] = field(default_factory=list)
@@ -158,6 +175,8 @@ class Chased:
             self.value_s = certificate.value
         if math.isnan(self.flown_s) and certificate.captured:
             self.flown_s = since_s
+        if height_m < -0.5:
+            self.nearest_below_m = min(self.nearest_below_m, gap_m)
         self.nearest_m, self.lowest_m = min(self.nearest_m, gap_m), min(self.lowest_m, height_m)
         if since_s > self.flown_s + SETTLED_S:
             self.station_m.append(gap_m)
@@ -171,6 +190,8 @@ def chase(
     alter: Callable[[MockVehicle], None] = lambda _vehicle: None,
     send: Callable[[Setpoint], Setpoint] = lambda setpoint: setpoint,
     station_s: float = 8.0,
+    turn_at_m: float = -math.inf,
+    turned: float = 1.0,
 ) -> Chased:
     """Fly a PE scenario until some time after the capture, the evader still running; the pursuer keeps station.
 
@@ -180,6 +201,8 @@ def chase(
         alter: Of the mock, before it begins.
         send: Of every setpoint on its way to the wire.
         station_s: How long station is kept.
+        turn_at_m: See `Runner`.
+        turned: See `Runner`.
     """
     clock = VirtualClock()
     settings = change(replace(flight_settings(scenario), after_capture=AfterCapture.SHADOW))
@@ -187,7 +210,7 @@ def chase(
     alter(vehicle)
     ours, theirs = MemoryWire.pair(clock.now_s)
     link = PymavlinkLink(ours, clock.now_s, system_id=1)
-    runner = Runner(scenario, settings)
+    runner = Runner(scenario, settings, turn_at_m=turn_at_m, turned=turned)
     cycle = Cycle(Flight(settings), Altering(link, send), runner, None)
     chased, state, engaged_s = Chased(), State.CONNECTING, math.nan
     height_m = settings.tick.standoff.height_m

@@ -14,6 +14,7 @@ from guidance.limits import (
     StandOff,
     limit,
 )
+from guidance.limits.stand_off import COVER_M
 from guidance.telemetry import Setpoint
 
 DT_S = 0.02
@@ -233,14 +234,17 @@ def test_a_target_that_flees_takes_its_wall_along(bearing_deg):
     def turned(along, across=0.0, down=0.0):
         return (cosine * along - sine * across, sine * along + cosine * across, down)
 
-    fleeing = Situation(turned(-10.0, down=-2.0), turned(3.0), 0.0, (0.0, 0.0, 0.0), turned(3.0))
-    assert settled(turned(8.0), fleeing, ZONE)[0].velocity_ned_m_s == pytest.approx(
-        turned(3.0 + asked_ground(7.0, 5.0))
+    along_m = 53.0 / 7.0  # 7 m beside and 2 m above: the gap is across the rim, and this is its way over the ground
+    fleeing = Situation(turned(-10.0, down=-7.0), turned(3.0), 0.0, (0.0, 0.0, 0.0), turned(3.0))
+    assert settled(turned(9.0), fleeing, ZONE)[0].velocity_ned_m_s == pytest.approx(
+        turned(3.0 + asked_ground(along_m, 6.0))
     )
     faster = fleeing._replace(velocity_ned_m_s=turned(5.0))  # only what it is faster by is drift
-    assert settled(turned(8.0), faster, ZONE)[0].velocity_ned_m_s == pytest.approx(turned(3.0 + asked_ground(6.0, 5.0)))
+    assert settled(turned(9.0), faster, ZONE)[0].velocity_ned_m_s == pytest.approx(
+        turned(3.0 + asked_ground(along_m - 1.0, 6.0))
+    )
     across = settled(turned(8.0, 5.0), fleeing, ZONE)[0].velocity_ned_m_s
-    assert across == pytest.approx(turned(3.0 + asked_ground(7.0, math.hypot(5.0, 5.0)), 5.0))
+    assert across == pytest.approx(turned(3.0 + asked_ground(along_m, math.hypot(5.0, 5.0)), 5.0))
     for velocity in (
         None,
         (math.nan, 0.0, 0.0),
@@ -251,7 +255,20 @@ def test_a_target_that_flees_takes_its_wall_along(bearing_deg):
         (0.0, 0.0, 9.0),
     ):
         other = fleeing._replace(target_velocity_ned_m_s=velocity, velocity_ned_m_s=(0.0, 0.0, 0.0))
-        assert settled(turned(8.0), other, ZONE)[0].velocity_ned_m_s == pytest.approx(turned(asked_ground(7.0, 8.0)))
+        assert settled(turned(8.0), other, ZONE)[0].velocity_ned_m_s == pytest.approx(
+            turned(asked_ground(along_m, 8.0))
+        )
+
+
+@pytest.mark.parametrize(
+    ("above_m", "share"), [(-3.0, 0.0), (0.0, 0.0), (COVER_M / 4, 0.25), (COVER_M, 1.0), (2.0, 1.0)]
+)
+def test_beside_the_cylinder_no_flight_of_the_target_is_trusted_in(above_m, share):
+    place = (-10.0, 0.0, -5.0 - above_m)
+    fleeing = Situation(place, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    north, _, _ = settled((9.0, 0.0, 0.0), fleeing, ZONE)[0].velocity_ned_m_s
+    along_m = (49.0 + max(0.0, above_m) ** 2) / 7.0
+    assert north == pytest.approx(3.0 * share + asked_ground(along_m, 9.0 - 3.0 * share))
 
 
 def test_across_the_rim_a_target_that_flees_moves_the_level_part_of_the_wall():
@@ -262,9 +279,9 @@ def test_across_the_rim_a_target_that_flees_moves_the_level_part_of_the_wall():
     assert 0.6 * (north - 2.0) * ground_s + 0.8 * down * vertical_s == pytest.approx(5.0)
 
 
-def test_inside_the_stand_off_a_target_that_flees_may_be_followed():
+def test_inside_the_stand_off_nothing_leads_deeper_however_the_target_flees():
     inside = Situation((-1.0, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
-    assert settled((8.0, 1.0, 1.0), inside, ZONE)[0].velocity_ned_m_s == pytest.approx((3.0, 1.0, 0.0))
+    assert settled((8.0, 1.0, 1.0), inside, ZONE)[0].velocity_ned_m_s == pytest.approx((0.0, 1.0, 0.0))
 
 
 @pytest.mark.parametrize("braking", [0.5, 1.0, 3.0])
