@@ -1,0 +1,57 @@
+"""Every scenario that comes along does what it says: as mathematics, and flown against the mock in virtual time."""
+
+import tomllib
+
+import pytest
+
+from guidance.config import config_folder
+from guidance.scenarios.fast import FastWorld
+from guidance.scenarios.flown import outcome_of_flight
+from guidance.scenarios.fly import fly
+from guidance.scenarios.loading import FOLDER, load_scenario
+from guidance.scenarios.maths import play
+from guidance.service.clock import VirtualClock
+
+NAMES = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
+LONG = ("pe", "tad", "hover_chase")
+"""Flown elsewhere as well, and longer than the others."""
+
+FLOWN = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in NAMES]
+
+
+def failed(scenario, outcome):
+    return [verdict for verdict in scenario.expect.of(outcome._asdict()) if not verdict.held]
+
+
+def test_the_library_has_what_a_reader_looks_for():
+    wanted = {
+        "pe", "tad", "barrier_pursuer", "barrier_evader", "straight_above", "evader_turns", "evader_stops",
+        "slower_than_declared", "faster_than_declared", "wind", "slow_reports", "lost_and_found", "pilot_takeover",
+        "fence", "estimator_jump", "barrier_pure_pursuit", "crossing_proportional_navigation",
+    }  # fmt: skip
+    assert wanted <= set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_scenario_explains_itself_and_expects_something(name):
+    path, scenario = load_scenario(name)
+    assert len(scenario.description.split()) > 20
+    expected = tomllib.loads(path.read_text())["expect"]
+    assert expected
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_scenario_expects_holds_in_mathematics(name):
+    scenario = load_scenario(name)[1]
+    assert failed(scenario, play([scenario])[0]) == []
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_what_a_scenario_expects_holds_in_flight(name):
+    scenario, clock = load_scenario(name)[1], VirtualClock()
+    world = FastWorld(scenario, clock)
+    try:
+        outcome = outcome_of_flight(fly(scenario, world, clock, None, lambda _: None), "fast")
+    finally:
+        world.close()
+    assert failed(scenario, outcome) == []
