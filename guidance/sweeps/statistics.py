@@ -69,8 +69,8 @@ def share(successes: int, of: int) -> Interval:
     scale = 1.0 / (1.0 + _Z**2 / of)
     centre = scale * (p + _Z**2 / (2.0 * of))
     half = scale * _Z * math.sqrt(p * (1.0 - p) / of + _Z**2 / (4.0 * of**2))
-    # Rounding must not put the ends beside a share of exactly 0 or 1.
-    return Interval(p, min(p, centre - half), max(p, centre + half))
+    # At a share of 0 or 1 rounding must not put an end beside it.
+    return Interval(p, max(0.0, min(p, centre - half)), min(1.0, max(p, centre + half)))
 
 
 def mean(moments: Moments) -> Interval:

@@ -1,11 +1,15 @@
+import shutil
 import tomllib
 
 import pytest
 
 from guidance.config import parse
+from guidance.sweeps.crew import Alone
+from guidance.sweeps.folder import read_folder
 from guidance.sweeps.model import Sweep
 from guidance.sweeps.plan import laid_out
 from guidance.sweeps.rows import check
+from guidance.sweeps.running import begun, finish
 
 SCENARIO = """
 title = "Short"
@@ -29,6 +33,19 @@ policies = [{ pursuer = ["optimal", "pure_pursuit"], evader = "optimal" }]
 "pursuer.position_m[2]" = { uniform = [5.0, 9.0] }
 """
 
+MIXED = """
+scenario = "short.toml"
+title = "Mixed"
+seeds = 12
+policies = [{ pursuer = ["optimal", "pure_pursuit"], evader = ["optimal", "random_turns"] }]
+[grid]
+"pursuer.speed_set" = ["ball", "cylinder"]
+"time_limit_s" = [1.2, 4.0]
+[random]
+"evader.position_m" = { annulus = [8, 14] }
+"evader.speed_m_s" = { normal = [5.0, 1.5] }
+"""
+
 
 @pytest.fixture
 def short(tmp_path):
@@ -41,9 +58,29 @@ def short(tmp_path):
 @pytest.fixture
 def plan_from(short):
     def make(text=SWEEP, way=None):
-        path = short / "sweep.toml"
-        plan = laid_out(parse(Sweep, tomllib.loads(text), source=str(path)), path, way)
-        check(plan, str(path))
-        return plan
+        return _planned(text, short, way)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def mixed_once(tmp_path_factory):
+    """A sweep with captures, games out of time and rows without a game, in three chunks."""
+    folder = tmp_path_factory.mktemp("mixed")
+    (folder / "short.toml").write_text(SCENARIO)
+    plan = _planned(MIXED, folder)
+    finish(begun(plan, folder / "out", 64), Alone(), lambda _: None)
+    return folder / "out"
+
+
+@pytest.fixture
+def mixed(mixed_once, tmp_path):
+    """A copy of the mixed sweep, to do with as a test likes."""
+    return read_folder(shutil.copytree(mixed_once, tmp_path / "out"))
+
+
+def _planned(text, folder, way=None):
+    path = folder / "sweep.toml"
+    plan = laid_out(parse(Sweep, tomllib.loads(text), source=str(path)), path, way)
+    check(plan, str(path))
+    return plan

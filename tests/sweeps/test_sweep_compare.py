@@ -1,0 +1,130 @@
+import json
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+from scipy import stats
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.errors import ConfigError
+from guidance.scenarios.maths import play
+from guidance.scenarios.running import outcome_json
+from guidance.sweeps.compare import compare_sweeps
+from guidance.sweeps.crew import Alone
+from guidance.sweeps.folder import read_folder
+from guidance.sweeps.pairing import pair_numbers, rows_pair
+from guidance.sweeps.running import begun, finish
+from guidance.sweeps.worst import scenario_of
+
+BASE = """
+scenario = "short.toml"
+seeds = 10
+policies = [{ pursuer = PURSUERS, evader = "random_turns" }]
+[grid]
+"evader.speed_m_s" = [1.0, 3.0]
+[random]
+"evader.position_m" = { annulus = [8, 14] }
+"""
+
+
+@pytest.fixture
+def swept(plan_from, tmp_path):
+    def make(name, text=BASE, pursuers='"optimal"', chunk=7):
+        plan = plan_from(text.replace("PURSUERS", pursuers))
+        finish(begun(plan, tmp_path / name, chunk), Alone(), lambda _: None)
+        return read_folder(tmp_path / name)
+
+    return make
+
+
+def regrets(folder):
+    return pa.concat_tables([parquet.read_table(part) for part in folder.parts])["regret"].to_numpy()
+
+
+def test_sweeps_of_two_policies_pair_row_by_row(swept):
+    a, b = swept("a"), swept("b", pursuers='"lead_pursuit"', chunk=3)
+    compared = compare_sweeps(a, b, column="regret", rows=3)
+    group = compared["groups"][0]
+    assert compared["paired"]
+    assert (group["a"], group["b"], group["rows_a"]) == (
+        "optimal / random_turns",
+        "lead_pursuit / random_turns",
+        20,
+    )
+    apart = regrets(b) - regrets(a)
+    expected = stats.ttest_1samp(apart, 0.0).confidence_interval()
+    found = group["columns"]["regret"]["difference"]
+    assert (found["low"], found["high"]) == pytest.approx((expected.low, expected.high))
+    order = np.argsort(-np.abs(apart))[:3]
+    assert [row["row_a"] for row in compared["largest"]] == order.tolist()
+    assert [row["difference"] for row in compared["largest"]] == pytest.approx(apart[order].tolist())
+
+
+def test_a_sweep_equals_itself_in_everything(swept):
+    a, b = swept("a"), swept("b", chunk=20)
+    compared = compare_sweeps(a, b, column="achieved", rows=5)
+    assert compared["largest"] == []
+    for column in compared["groups"][0]["columns"].values():
+        assert column["difference"] == {"estimate": 0.0, "low": 0.0, "high": 0.0}
+
+
+def test_fewer_seeds_and_other_places_in_the_list_of_policies_pair_all_the_same(swept):
+    a = swept("a", pursuers='["optimal", "lead_pursuit"]')
+    b = swept("b", BASE.replace("seeds = 10", "seeds = [7, 3, 12]"), pursuers='["lead_pursuit", "pure_pursuit"]')
+    compared = compare_sweeps(a, b, column="achieved", rows=5)
+    assert pair_numbers(a.plan, b.plan) == {1: 0}
+    assert [group["rows_a"] for group in compared["groups"]] == [4]
+    assert compared["groups"][0]["columns"]["achieved"]["difference"]["estimate"] == 0.0
+
+
+def test_sweeps_over_other_values_are_taken_as_independent(swept):
+    a, b = swept("a"), swept("b", BASE.replace("[8, 14]", "[10, 14]"))
+    compared = compare_sweeps(a, b, column="regret", rows=5)
+    assert not rows_pair(a.plan, b.plan)
+    assert not compared["paired"]
+    expected = stats.ttest_ind(regrets(b), regrets(a), equal_var=False).confidence_interval()
+    found = compared["groups"][0]["columns"]["regret"]["difference"]
+    assert (found["low"], found["high"]) == pytest.approx((expected.low, expected.high))
+    assert compared["groups"][0]["columns"]["captured"]["difference"]["estimate"] == 0.0
+    assert compared["largest"] == []
+
+
+def test_a_column_that_is_none_is_refused_and_the_others_are_named(swept):
+    a = swept("a")
+    with pytest.raises(ConfigError, match="--by speed: allowed are predicted, achieved"):
+        compare_sweeps(a, a, column="speed", rows=1)
+
+
+def test_the_command_compares_sweeps_and_outcomes_on_screen_and_as_json(swept, tmp_path):
+    a, b = swept("a"), swept("b", pursuers='"pure_pursuit"')
+    shown = CliRunner().invoke(app, ["compare", str(a.path), str(b.path), "--rows", "2"])
+    assert "20 paired rows" in shown.stdout
+    assert "share captured" in shown.stdout
+    for name, folder in (("one.json", a), ("other.json", b)):
+        outcome = play([scenario_of(folder.plan, 4)])[0]
+        (tmp_path / name).write_text(json.dumps(outcome_json(outcome)))
+    both = [str(tmp_path / "one.json"), str(tmp_path / "other.json")]
+    compared = json.loads(CliRunner().invoke(app, ["compare", *both, "--json"]).stdout)
+    assert compared["pursuer_policy"] == {"a": "optimal", "b": "pure_pursuit", "difference": None}
+    time_s = compared["game_time_s"]
+    assert time_s["difference"] == time_s["b"] - time_s["a"]
+    assert "game_time_s" in CliRunner().invoke(app, ["compare", *both]).stdout
+
+
+@pytest.mark.parametrize(
+    ("content", "words"), [("{", "is no JSON"), ('{"a": 1}', "is no outcome"), (None, "cannot be read")]
+)
+def test_what_is_no_outcome_is_refused(tmp_path, content, words):
+    path = tmp_path / "a.json"
+    if content is not None:
+        path.write_text(content)
+    done = CliRunner().invoke(app, ["compare", str(path), str(path)])
+    assert words in str(done.exception)
+
+
+def test_an_outcome_and_a_sweep_are_not_compared(swept, tmp_path):
+    (tmp_path / "a.json").write_text("{}")
+    done = CliRunner().invoke(app, ["compare", str(tmp_path / "a.json"), str(swept("b").path)])
+    assert "must be two outcomes or two sweeps" in str(done.exception)

@@ -1,0 +1,236 @@
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+from typer.testing import CliRunner
+
+from guidance.cli.sweep import sweep as app
+from guidance.errors import ConfigError, LinkError, OutputError
+from guidance.sweeps import crew as crews
+from guidance.sweeps.crew import Alone, gathered
+from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
+from guidance.sweeps.running import begun, finish, planned
+
+COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]
+
+
+def run(plan, out, *, chunk=5, crew=None):
+    finish(begun(plan, out, chunk), crew or Alone(), lambda _: None)
+    return out
+
+
+def files(folder):
+    return {part.name: part.read_bytes() for part in sorted(folder.glob("*.parquet"))}
+
+
+def table(folder):
+    return pa.concat_tables([parquet.read_table(part) for part in sorted(folder.glob("*.parquet"))])
+
+
+def test_the_rows_are_the_same_in_any_chunks(plan_from, tmp_path):
+    plan = plan_from()
+    five, all_in_one = table(run(plan, tmp_path / "five")), table(run(plan, tmp_path / "one", chunk=100))
+    assert five.equals(all_in_one)
+    assert five["row"].to_pylist() == list(range(24))
+    assert set(five["end"].to_pylist()) == {"captured"}
+
+
+def test_a_crew_that_stops_half_way_leaves_whole_chunks_and_the_rest_is_the_same(plan_from, tmp_path):
+    class KilledError(Exception):
+        pass
+
+    class Mortal(Alone):
+        def work(self, plan, chunks):
+            for number, done in enumerate(super().work(plan, chunks)):
+                if number == 2:
+                    raise KilledError
+                yield done
+
+    plan = plan_from()
+    with pytest.raises(KilledError):
+        run(plan, tmp_path / "out", crew=Mortal())
+    assert len(files(tmp_path / "out")) == 2
+    work = begun(plan, tmp_path / "out", None)
+    assert (work.missing, work.rows_there) == ([2, 3, 4], 10)
+    assert files(run(plan, tmp_path / "out", chunk=None)) == files(run(plan, tmp_path / "whole"))
+
+
+def test_a_sweep_killed_without_warning_goes_on_where_it_was(short, tmp_path):
+    many = (short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 15")
+    (short / "sweep.toml").write_text(many)
+    arguments = [*COMMAND, str(short / "sweep.toml"), "--workers", "1", "--chunk", "4", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    deadline_s = time.monotonic() + 60.0
+    while len(files(tmp_path / "out")) < 2 and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    process.kill()
+    process.communicate()
+    there = files(tmp_path / "out")
+    assert 2 <= len(there) < 15
+    plan = planned(str(short / "sweep.toml"))
+    finish(begun(plan, tmp_path / "out", None), Alone(), lambda _: None)
+    complete = files(tmp_path / "out")
+    assert complete.items() >= there.items()
+    assert complete == files(run(plan, tmp_path / "whole", chunk=4))
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_it_with_its_code_and_what_was_written_stays(short, tmp_path, number, code):
+    (short / "sweep.toml").write_text((short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 500"))
+    arguments = [*COMMAND, str(short / "sweep.toml"), "--workers", "1", "--chunk", "4", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline_s = time.monotonic() + 60.0
+    while not files(tmp_path / "out") and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == code
+    assert "Traceback" not in said
+    assert all(parquet.read_metadata(part).num_rows == 4 for part in (tmp_path / "out").glob("*.parquet"))
+
+
+def test_a_damaged_chunk_is_computed_again(plan_from, tmp_path):
+    plan = plan_from()
+    before = files(run(plan, tmp_path / "out"))
+    part = tmp_path / "out" / "part-000001.parquet"
+    part.write_bytes(part.read_bytes()[:100])
+    assert begun(plan, tmp_path / "out", None).missing == [1]
+    assert files(run(plan, tmp_path / "out", chunk=None)) == before
+
+
+def test_a_full_disk_is_named_and_what_was_written_is_kept(plan_from, tmp_path):
+    plan = plan_from()
+    work = begun(plan, tmp_path / "out", 5)
+
+    def fill_up(path, content):
+        if path.name == "part-000002.parquet":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write_whole(path, content)
+
+    full = work._replace(folder=Folder(work.folder.path, plan, 5, fill_up))
+    with pytest.raises(OutputError, match=r"part-000002\.parquet: cannot be written \(the disk is full\)") as caught:
+        finish(full, Alone(), lambda _: None)
+    assert caught.value.exit_code == 5
+    assert begun(plan, tmp_path / "out", None).rows_there == 10
+
+
+def test_a_file_that_cannot_be_written_whole_is_not_there_at_all(tmp_path, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        write_whole(tmp_path / "a.parquet", b"rows")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_sweep_in_the_folder_is_refused_and_says_what_differs(plan_from, short, tmp_path):
+    run(plan_from(), tmp_path / "out")
+    (short / "short.toml").write_text((short / "short.toml").read_text().replace("7.0", "8.0"))
+    with pytest.raises(ConfigError, match=r"holds another sweep \(scenario differs\)"):
+        begun(plan_from(), tmp_path / "out", None)
+    with pytest.raises(ConfigError, match="as, scenario differ"):
+        begun(plan_from(way="fast"), tmp_path / "out", None)
+
+
+def test_another_chunk_or_another_version_is_refused(plan_from, tmp_path):
+    plan, out = plan_from(), tmp_path / "out"
+    run(plan, out)
+    with pytest.raises(ConfigError, match="--chunk 6: this sweep was begun with 5"):
+        begun(plan, out, 6)
+    manifest = json.loads((out / "sweep.json").read_text())
+    manifest["versions"]["numpy"] = "1.0"
+    (out / "sweep.json").write_text(json.dumps(manifest))
+    with pytest.raises(ConfigError, match=r"was begun with numpy 1\.0, now"):
+        begun(plan, out, None)
+
+
+def test_a_folder_of_something_else_is_refused(plan_from, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "letters.txt").write_text("dear")
+    with pytest.raises(ConfigError, match="holds files and no sweep"):
+        opened(tmp_path / "out", plan_from(), None, 5)
+    with pytest.raises(ConfigError, match=r"is no sweep's folder; it has no sweep\.json"):
+        read_folder(tmp_path / "out")
+
+
+def test_a_folder_that_cannot_be_made_is_an_output_error(plan_from, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be written"):
+        opened(tmp_path / "file" / "out", plan_from(), None, 5)
+
+
+def test_only_one_process_writes_a_sweep(tmp_path):
+    with alone(tmp_path), pytest.raises(ConfigError, match="another process is writing"), alone(tmp_path):
+        pass
+
+
+def test_a_sweep_none_of_whose_rows_allows_a_game_is_refused_with_the_reason(plan_from, tmp_path):
+    plan = plan_from('scenario = "short.toml"\n[grid]\n"evader.speed_m_s" = [6.0, 7.0]\n')
+    with pytest.raises(ConfigError, match="no row allows a game, of 2 looked at") as caught:
+        begun(plan, tmp_path / "out", None)
+    assert "must be above 1" in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_dask_more_workers_are_an_error_that_names_the_extra(monkeypatch):
+    monkeypatch.setattr(crews, "find_spec", lambda _: None)
+    with (
+        pytest.raises(ConfigError, match=r"--workers 2: needs Dask; install pursuit-guidance\[distributed\]"),
+        gathered(2, None),
+    ):
+        pass
+    with gathered(1, None) as crew:
+        assert isinstance(crew, Alone)
+
+
+def test_a_scheduler_that_is_not_there_is_a_link_error(monkeypatch):
+    monkeypatch.setattr(crews, "CONNECT_S", 0.3)
+    with pytest.raises(LinkError, match="no Dask scheduler answers"), gathered(2, "tcp://127.0.0.1:9"):
+        pass
+
+
+@pytest.mark.slow
+def test_two_workers_give_the_bytes_of_one_also_if_one_is_killed_amid_a_chunk(plan_from, tmp_path):
+    plan = plan_from()
+    expected = files(run(plan, tmp_path / "alone", chunk=3))
+    work = begun(plan, tmp_path / "both", 3)
+    killed = []
+    with gathered(2, None) as crew:
+        workers = crew._client.run(os.getpid)
+
+        def kill_one(_):
+            if not killed:
+                killed.append(next(iter(workers.values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        finish(work, crew, kill_one)
+        left = set(crew._client.run(os.getpid).values())
+    assert len(workers) == 2
+    assert killed[0] not in left
+    assert files(tmp_path / "both") == expected
+
+
+def test_the_command_takes_a_file_first_and_says_where_the_rows_are(short, tmp_path):
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, [str(short / "sweep.toml"), "--workers", "1", "--out", str(out)])
+    assert done.exit_code == 0
+    assert done.stdout.strip() == str(out)
+    assert "24 games" in done.stderr
+    again = CliRunner().invoke(app, ["--workers", "1", "--out", str(out), str(short / "sweep.toml")])
+    assert "24 of them there already" in again.stderr
+
+
+def test_flights_are_swept_too_and_a_row_is_what_flying_it_gives(short, tmp_path):
+    (short / "sweep.toml").write_text('scenario = "short.toml"\nas = "fast"\n[grid]\n"evader.speed_m_s" = [1.0, 7.0]\n')
+    rows = table(run(planned(str(short / "sweep.toml")), tmp_path / "out")).to_pylist()
+    assert [row["end"] for row in rows] == ["captured", "invalid"]
+    assert rows[0]["run"] == "fast"
+    assert rows[0]["duration_s"] > rows[0]["game_time_s"] > 0.0
