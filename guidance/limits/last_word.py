@@ -33,11 +33,16 @@ from guidance.limits.wall import Wall, shrink, slide
 from guidance.telemetry import Setpoint
 
 _LONGEST_STEP_S = 0.1
-_SAME = 1e-9
+NOTED = 0.05
+"""A limiter of the command itself is named for a change of more than this (m/s, m/s², m or rad).
+
+Less is what a multicopter's velocity wanders by as it hovers (0.03 to 0.08 m/s), and what shaping a command a second
+time that the servo has shaped already comes to. Walls are named for any change.
+"""
 
 
 class Limited(NamedTuple):
-    """The setpoint to send, the limiters that changed the command, and the memory for the next tick."""
+    """The setpoint to send, the limiters that changed the command (see `NOTED`), and the memory for the next tick."""
 
     setpoint: Setpoint
     acted: tuple[Limiter, ...]
@@ -154,5 +159,5 @@ def _stripped(acceleration: Vector, leaning: tuple[Wall, ...]) -> Vector:
 
 
 def _note(acted: list[Limiter], limiter: Limiter, got: tuple[float, ...], wanted: tuple[float, ...]) -> None:
-    if any(abs(one - other) > _SAME for one, other in zip(got, wanted, strict=True)):
+    if any(abs(one - other) > NOTED for one, other in zip(got, wanted, strict=True)):
         acted.append(limiter)

@@ -15,6 +15,7 @@ from guidance.limits import (
     limit,
     start,
 )
+from guidance.limits.last_word import NOTED
 from guidance.limits.shaping import next_yaw
 from guidance.limits.stopping import approach_speed
 from guidance.telemetry import Setpoint
@@ -53,6 +54,14 @@ def test_a_command_within_the_envelope_passes_untouched():
     limited = settled((3.0, -4.0, 1.0), acceleration_ned_m_s2=None, yaw_rad=None)
     assert limited.setpoint == Setpoint((3.0, -4.0, 1.0))
     assert limited.acted == ()
+
+
+@pytest.mark.parametrize(("change", "named"), [(0.9, ()), (1.1, (Limiter.SPEED,))])
+def test_a_limiter_is_named_for_a_change_that_a_vehicle_could_tell(change, named):
+    wanted = (10.0 + change * NOTED, 0.0, 0.0)
+    limited = limit(Setpoint(wanted), HOVER, OPEN, Memory((10.0, 0.0, 0.0)), DT_S)
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((10.0, 0.0, 0.0))
+    assert limited.acted == named
 
 
 def test_a_ground_velocity_is_scaled_and_keeps_its_direction():
