@@ -21,6 +21,7 @@ from rich.table import Table
 
 from guidance.flight import FlightSettings
 from guidance.following.catch_up import CatchUp
+from guidance.strategies import Strategy
 from guidance.telemetry import Setpoint
 
 Change = Callable[[FlightSettings], FlightSettings]
@@ -60,7 +61,7 @@ def plain(settings: FlightSettings) -> FlightSettings:
 def pure_pursuit(settings: FlightSettings) -> FlightSettings:
     """The plain loop, pure pursuit for a strategy."""
     settings = plain(settings)
-    return replace(settings, tick=replace(settings.tick, policy="pure_pursuit"))
+    return replace(settings, tick=replace(settings.tick, strategy=Strategy("pure_pursuit")))
 
 
 FLOWN: Mapping[str, Change] = {
