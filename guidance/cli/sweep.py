@@ -65,7 +65,7 @@ def run(
 
     - `guidance sweep policies`: one that comes along
     - `guidance sweep policies --as fast --workers 2 --out flown`: the same, flown by the mock
-    - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths'))"`: the rows
+    - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths/rows'))"`: the rows
     """
     from guidance.sweeps.command import checked_way, run_sweep  # noqa: PLC0415 - pyarrow takes a moment
 

@@ -108,11 +108,7 @@ def gathered(workers: int, scheduler: str | None) -> Iterator[Crew]:
 
     with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS}):
         if scheduler is not None:
-            try:
-                client = Client(scheduler, timeout=CONNECT_S)
-            except (OSError, ValueError) as error:
-                raise LinkError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
-            with client:
+            with _client(scheduler) as client:
                 yield Cluster(client)
             return
         # Loopback only: scheduler, workers and what they serve.
@@ -127,6 +123,23 @@ def gathered(workers: int, scheduler: str | None) -> Iterator[Crew]:
         )
         with cluster, Client(cluster) as client:
             yield Cluster(client)
+
+
+def _client(scheduler: str) -> Any:  # noqa: ANN401
+    from distributed import Client  # noqa: PLC0415
+
+    try:
+        client = Client(scheduler, timeout=CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise LinkError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
+    try:
+        client.wait_for_workers(1, timeout=CONNECT_S)
+    except TimeoutError as error:
+        client.close()
+        raise LinkError(
+            f"--scheduler {scheduler}: it has no workers; start some with dask worker {scheduler}"
+        ) from error
+    return client
 
 
 def _result(future: Any, chunk: int) -> bytes:  # noqa: ANN401

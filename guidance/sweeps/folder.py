@@ -25,6 +25,9 @@ from guidance.sweeps.chunk import chunks_of, rows_of
 from guidance.sweeps.plan import Plan, plan_of
 
 MANIFEST: Final = "sweep.json"
+ROWS: Final = "rows"
+"""Folder of the Parquet files, and of nothing else: every tool reads it as one table."""
+
 _FORMAT: Final = 1
 _PARTIAL: Final = ".partial"
 
@@ -37,7 +40,7 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         OSError: If it cannot be written; then nothing of it is left.
     """
-    partial = path.with_name(path.name + _PARTIAL)
+    partial = path.with_name(f".{path.name}{_PARTIAL}")  # hidden, so that nobody takes it for rows
     try:
         with partial.open("wb") as stream:
             stream.write(content)
@@ -72,7 +75,7 @@ class Folder:
 
     def part(self, chunk: int) -> Path:
         """Return where a chunk's rows are, or will be."""
-        return self.path / f"part-{chunk:06d}.parquet"
+        return self.path / ROWS / f"part-{chunk:06d}.parquet"
 
     def rows(self, chunk: int) -> range:
         """Return the numbers of a chunk's rows."""
@@ -124,8 +127,9 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: int) ->
         path.mkdir(parents=True, exist_ok=True)
         if (path / MANIFEST).is_file():
             return _resumed(path, plan, chunk_rows)
-        if any(child for child in path.iterdir() if not child.name.endswith((_PARTIAL, ".lock"))):
+        if any(child for child in path.iterdir() if not child.name.startswith(".") and child.name != ROWS):
             raise ConfigError(f"--out {path}: holds files and no sweep ({MANIFEST}); give a new folder")
+        (path / ROWS).mkdir(exist_ok=True)
         rows = chunk_rows or default_rows
         manifest = {
             "format": _FORMAT,

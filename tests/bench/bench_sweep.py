@@ -124,8 +124,8 @@ def bench_end_to_end(folder, rows):
     began = time.perf_counter()
     run_sweep(str(path), way=None, workers=2, scheduler=None, out=out, chunk=None)
     swept = time.perf_counter() - began
-    kept = sum(part.stat().st_size for part in out.glob("*.parquet"))
-    parts = len(list(out.glob("*.parquet")))
+    kept = sum(part.stat().st_size for part in out.glob("rows/*.parquet"))
+    parts = len(list(out.glob("rows/*.parquet")))
     here = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     began = time.perf_counter()

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 
-import pyarrow as pa
 import pytest
 from pyarrow import parquet
 from typer.testing import CliRunner
@@ -27,11 +26,11 @@ def run(plan, out, *, chunk=5, crew=None):
 
 
 def files(folder):
-    return {part.name: part.read_bytes() for part in sorted(folder.glob("*.parquet"))}
+    return {part.name: part.read_bytes() for part in sorted(folder.glob("rows/*.parquet"))}
 
 
 def table(folder):
-    return pa.concat_tables([parquet.read_table(part) for part in sorted(folder.glob("*.parquet"))])
+    return parquet.read_table(folder / "rows")
 
 
 def test_the_rows_are_the_same_in_any_chunks(plan_from, tmp_path):
@@ -93,13 +92,13 @@ def test_a_signal_ends_it_with_its_code_and_what_was_written_stays(short, tmp_pa
     _, said = process.communicate(timeout=20)
     assert process.returncode == code
     assert "Traceback" not in said
-    assert all(parquet.read_metadata(part).num_rows == 4 for part in (tmp_path / "out").glob("*.parquet"))
+    assert all(parquet.read_metadata(part).num_rows == 4 for part in (tmp_path / "out").glob("rows/*.parquet"))
 
 
 def test_a_damaged_chunk_is_computed_again(plan_from, tmp_path):
     plan = plan_from()
     before = files(run(plan, tmp_path / "out"))
-    part = tmp_path / "out" / "part-000001.parquet"
+    part = tmp_path / "out" / "rows" / "part-000001.parquet"
     part.write_bytes(part.read_bytes()[:100])
     assert begun(plan, tmp_path / "out", None).missing == [1]
     assert files(run(plan, tmp_path / "out", chunk=None)) == before
