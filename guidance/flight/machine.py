@@ -15,7 +15,7 @@ from guidance.flight.fence import polygon_about_home
 from guidance.flight.readiness import Check, checks
 from guidance.flight.requests import requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, TRANSITIONS, Event, State, next_state
+from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, Event, State, next_state
 from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame
 from guidance.limits import Envelope
@@ -169,8 +169,6 @@ class Flight:
             self._certificate, self._other_mode_seen = None, False
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
                 self._memory, self._guarantee = TickMemory(), Guarantee()
-        elif (before, event) in TRANSITIONS:
-            self._since_s = now_s
         return Happening(now_s, event, before, after)
 
     def _scene(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Scene:

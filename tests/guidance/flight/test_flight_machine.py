@@ -207,6 +207,16 @@ def test_the_guided_mode_is_asked_for_once_setpoints_flow_and_a_heartbeat_came()
     assert flown.outputs.requests[0] == PX4.set_mode(Mode.GUIDED)
 
 
+def test_an_order_without_effect_gives_a_phase_no_more_time():
+    flown = Flown().standing_by()
+    flown.tick(Event.ENGAGE)
+    entered_s = flown.now_s
+    while flown.state is State.ENTERING:
+        flown.tick(Event.START)
+    assert flown.state is State.HOLDING
+    assert flown.now_s - entered_s == pytest.approx(10.0, abs=2 * TICK_S)
+
+
 def test_a_pilots_switch_is_not_undone_by_a_request_that_is_due():
     flown = Flown().standing_by()
     assert commands(flown.ticks(REPEAT_S + 0.5)) == []

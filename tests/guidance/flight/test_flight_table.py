@@ -61,6 +61,10 @@ def test_every_state_in_the_air_knows_which_modes_are_our_own():
     assert set(OUR_MODES) == AIRBORNE | COMMANDING | LEAVING
 
 
+def test_no_line_leads_to_where_it_began():
+    assert not [(state, event) for (state, event), after in TRANSITIONS.items() if after is state]
+
+
 def test_every_state_can_be_reached_and_every_event_does_something():
     assert {State.CONNECTING, *TRANSITIONS.values()} == set(State)
     assert {event for _, event in TRANSITIONS} == set(Event)
