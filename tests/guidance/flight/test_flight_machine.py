@@ -40,6 +40,7 @@ class Flown:
         self.mode, self.armed, self.landed = Mode.HOLD, False, 1
         self.position = [0.0, 0.0, HOME_DOWN_M]
         self.velocity = [0.0, 0.0, 0.0]
+        self.yaw_rad = 0.7
         self.target = None
         self.outputs = None
         self.beat_s = -math.inf
@@ -55,7 +56,7 @@ class Flown:
             self.beat_s = self.now_s
             said += [
                 heartbeat(self.now_s, self.mode, armed=self.armed, profile=self.profile),
-                Attitude(self.now_s, self.now_s, 0.7),
+                Attitude(self.now_s, self.now_s, self.yaw_rad),
                 LandedState(self.now_s, self.landed),
                 status(self.now_s),
                 home(self.now_s),
@@ -273,6 +274,22 @@ def test_a_pause_counts_what_was_well_from_the_moment_that_it_began():
     outputs = flown.ticks(1.2)
     resumed = next(n for n, one in enumerate(outputs) if one.state is State.ENGAGED)
     assert (resumed + 1) * TICK_S == pytest.approx(SETTINGS.settle_s, abs=TICK_S)
+
+
+def test_the_heading_of_the_engagement_is_held_until_the_vehicle_is_handed_over():
+    flown = Flown().engaged(target=(3.2, 0.0))
+    flown.yaw_rad = 0.9
+    flown.position[2] = HOME_DOWN_M - 5.0
+    flown.ticks(2.0)
+    assert flown.state is State.ON_STATION
+    flown.tick(dt_s=0.3)
+    assert flown.state is State.PAUSED
+    assert flown.tick().setpoint.yaw_rad == pytest.approx(0.7)
+    flown.tick(Event.HOLD)
+    assert flown.ticks(0.1)[-1].setpoint.yaw_rad == pytest.approx(0.9)
+    flown.yaw_rad = 1.1
+    flown.tick(beat=True)
+    assert flown.tick(Event.ENGAGE).setpoint.yaw_rad == pytest.approx(1.1)
 
 
 @pytest.mark.parametrize(("after", "moves"), [(AfterCapture.HOLD, False), (AfterCapture.SHADOW, True)])
