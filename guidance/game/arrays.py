@@ -150,14 +150,16 @@ def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Arra
         filled = np.empty(shape, dtype=np.int8)
         filled[...] = value
         return filled
-    where = {} if is_jax_array(like) else {"device": device_of(like)}
-    return xp.broadcast_to(xp.asarray(value, dtype=xp.int8, **where), shape)
+    return xp.broadcast_to(xp.asarray(value, dtype=xp.int8, **_place(like)), shape)
 
 
 def constant(xp: Library, like: Array, value: Real | Sequence[float]) -> Array:
     """Return a value as an array in the precision and on the device of `like`; an array stays as it is."""
     if hasattr(value, "dtype"):
         return value
-    if is_numpy(xp) or is_jax_array(like):
-        return xp.asarray(value, dtype=like.dtype)
-    return xp.asarray(value, dtype=like.dtype, device=device_of(like))
+    return xp.asarray(value, dtype=like.dtype, **_place(like))
+
+
+def _place(like: Array) -> dict[str, Any]:
+    """Return the argument that makes a new array on the device of `like`; JAX finds it itself, even while tracing."""
+    return {} if is_jax_array(like) else {"device": device_of(like)}

@@ -99,7 +99,7 @@ def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Re
     hand = u * u - dot2(m, m)
     half = dot2(y, m) - u * capture
     beyond = dot2(y, y) + z * z - capture * capture
-    t = (half + xp.sqrt(half * half + hand * positive_part(beyond))) / hand
+    t = (half + xp.sqrt(half * half + hand * beyond)) / hand
     return select(xp, beyond > 0, t, 0.0 * t)
 
 

@@ -15,6 +15,7 @@ from guidance.game import (
     solve,
     value_gradient,
 )
+from guidance.game.arrays import codes, constant, namespace, spread
 
 NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")
 
@@ -112,6 +113,15 @@ def test_automatic_differentiation_leaves_no_residual(library, games, oracle, na
     solution = solve(games[name], P, E, T)
     over = (solution.value > 0.1) & (solution.meeting_time_s > 0.1) & (np.abs(solution.margin_s) > 0.01)
     assert np.abs(race[over]).max() < 1e-6
+
+
+def test_what_is_made_on_the_way_is_made_where_the_states_are():
+    """PyTorch's device without memory stands in for one that this machine may not have."""
+    torch = pytest.importorskip("torch")
+    like = torch.zeros(3, dtype=torch.float64, device="meta")
+    xp = namespace(like)
+    for made in (constant(xp, like, (1.0, 2.0)), spread(xp, (3,), like, 1.0), codes(xp, (3,), like, 1)):
+        assert made.device.type == "meta"
 
 
 def test_numpy_alone_refuses_to_differentiate(games, oracle):

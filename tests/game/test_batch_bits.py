@@ -96,6 +96,14 @@ def test_chunks_join_to_the_whole(games, oracle, rows):
             assert all(same(a, b) for a, b in zip(whole, parts, strict=True))
 
 
+def test_the_arrays_of_an_earlier_answer_are_filled_again(games, oracle):
+    P, E, T = oracle.states(6, 30)
+    earlier = solve(games["paper"], P, E)
+    again = solve_rows(games["cylinder"], P, E, T, rows=8, out=earlier)
+    assert all(a is b for a, b in zip(again, earlier, strict=True))
+    assert all(same(a, b) for a, b in zip(again, solve(games["cylinder"], P, E, T), strict=True))
+
+
 def test_no_rows_give_no_answers(games):
     answer = solve_rows(games["paper"], np.empty((0, 3)), np.empty((0, 3)))
     assert answer.value.shape == (0,)

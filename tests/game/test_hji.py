@@ -44,6 +44,18 @@ def test_the_residual_vanishes_in_pe(games, oracle, seed):
         assert np.abs(hji_residual(game, P[good], E[good], step_m=STEP_M)).max() < 1e-7, name
 
 
+@pytest.mark.parametrize("name", ["ball_standoff", "cylinder", "cylinder_everything"])
+def test_the_residual_vanishes_below_the_disc_too(games, oracle, name):
+    P, E, T = oracle.states(41, 24)
+    P[:, 2] -= 20.0
+    for target in (None, T):
+        good = smooth(games[name], P, E, target)
+        assert good.mean() > 0.5
+        state = (P[good], E[good], None if target is None else target[good])
+        assert np.abs(hji_residual(games[name], *state, step_m=STEP_M)).max() < 1e-6
+    assert set(solve(games[name], P[good], E[good], T[good]).winner.tolist()) == {-1, 1}
+
+
 def test_the_residual_vanishes_on_the_axes_too():
     P, E = np.array([0.0, 3.0, 4.0]), np.array([2.0, 0.0, 0.0])
     assert hji_residual(Game(Ball(2.0), 1.0), P, E) == pytest.approx(0.0, abs=1e-9)
