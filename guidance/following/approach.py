@@ -6,6 +6,10 @@ fast as it can surely brake (`approach_speed`):
 
     v · settle + v² / (2 · braking) = gap − margin − lag · (closing speed now)
 
+An evader that flees is thus followed at its own speed to the rim, as it has to be if it is to be captured at all. One
+that stops dead there is flown past, above it at the height of the disc: `guidance.limits.stand_off` sees to it that a
+vehicle below that height keeps the distance in which it could stop.
+
 What the game wants across the line of sight fades as the closing does, so that at the rim the velocity is the
 evader's, and inside it the vehicle backs off gently. The height is approached by the same law.
 """

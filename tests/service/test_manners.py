@@ -338,6 +338,13 @@ def test_garbage_is_collected_between_cycles_where_there_is_time_and_nowhere_els
     assert [generation for _, generation in collected[1:]].count(2) == 1
 
 
+def test_a_loop_without_time_collects_when_it_is_long_overdue(clock, monkeypatch):
+    collected = []
+    monkeypatch.setattr(gc, "collect", lambda generation=2: collected.append(clock.now_s()))
+    looped(clock, [0.019] * 1200)
+    assert [round(at_s) for at_s in collected] == [0, 10, 20]
+
+
 def test_while_the_loop_runs_nothing_is_collected_by_chance(clock):
     enabled = []
     looped(clock, [0.001] * 3, ages_s=lambda now_s: enabled.append(gc.isenabled()) or math.inf)
