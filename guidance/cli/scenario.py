@@ -37,7 +37,7 @@ def run(
     - `guidance scenario run pe`: the paper's game between point masses
     - `guidance scenario run pe --as fast`: the same file flown against the mock autopilot in virtual time
     - `guidance scenario run pe --as live`: in real time over Zenoh
-    - `guidance scenario run pe --as vehicle --config config/vehicles/px4.toml`: on a real autopilot
+    - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot
     """
     from rich.console import Console  # noqa: PLC0415 - `guidance --help` is to be quick
 

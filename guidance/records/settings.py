@@ -10,6 +10,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import flight_settings as of_scenario
+from guidance.scenarios.vehicle_settings import vehicle_flight
 from guidance.service.model import Config
 from guidance.service.settings import flight_settings as of_config
 
@@ -24,7 +25,8 @@ def flight_settings(metadata: Mapping[str, str], changes: Mapping[str, Any]) -> 
     """Return the settings of the recorded flight, changed.
 
     Args:
-        metadata: Of the record; holds a mocked flight's `scenario` or a daemon's `config`, as JSON.
+        metadata: Of the record; holds a mocked flight's `scenario`, a daemon's `config`, or both where a vehicle flew
+            a scenario, as JSON.
         changes: Dotted key -> value.
 
     Raises:
@@ -38,6 +40,9 @@ def flight_settings(metadata: Mapping[str, str], changes: Mapping[str, Any]) -> 
     for key, value in changes.items():
         _set(document, _SHORT[kind].get(key, key), value)
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
+    if SCENARIO in metadata and CONFIG in metadata:
+        config = parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
+        return vehicle_flight(parse(Scenario, document, source=source), config)
     if kind == SCENARIO:
         return of_scenario(parse(Scenario, document, source=source))
     return of_config(parse(Config, document, source=source))

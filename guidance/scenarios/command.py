@@ -4,7 +4,7 @@ import contextlib
 import itertools
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.errors import ConfigError
+from guidance.scenarios.faulting import check_faults
 from guidance.scenarios.fly import FlightResult, Progress, fly, outcome
 from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario
@@ -74,9 +75,12 @@ def flown(
         raise ConfigError(f"--link {link}: allowed are {', '.join(LINKS)}")
     if not 0 <= port <= 65535:
         raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
+    check_faults(scenario)
     clock: Clock = VirtualClock() if fast else MonotonicClock()
-    started = None if fast else started_utc(clock.now_s())  # virtual time is no time of day
-    with _recorder(folder / "record.mcap", scenario, started) as recorder, _line(console) as show:
+    metadata = {"scenario": json.dumps(scenario.model_dump(mode="json")), "seed": str(scenario.seed), **versions()}
+    if not fast:  # virtual time is no time of day
+        metadata["started_utc"] = started_utc(clock.now_s())
+    with recording(folder / "record.mcap", metadata, real_time=not fast) as recorder, _line(console) as show:
         on_record(folder / "record.mcap")
         flying_s = time.perf_counter()
         with _world(scenario, clock, fast=fast, link=link, port=port) as world:
@@ -95,21 +99,15 @@ def next_folder(parent: Path, stem: str) -> Path:
 
 
 @contextlib.contextmanager
-def _recorder(path: Path, scenario: Scenario, started: str | None) -> Iterator[Recorder | BackgroundRecorder]:
+def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
     """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle."""
-    metadata = {
-        "scenario": json.dumps(scenario.model_dump(mode="json")),
-        "seed": str(scenario.seed),
-        **versions(),
-        **({} if started is None else {"started_utc": started}),
-    }
     try:
         written = Recorder(path, metadata)
     except OSError as error:
         raise ConfigError(
             f"--out {path.parent}: cannot be written ({error.strerror}); choose another folder"
         ) from error
-    recorder = written if started is None else BackgroundRecorder(written)
+    recorder = BackgroundRecorder(written) if real_time else written
     try:
         yield recorder
     finally:

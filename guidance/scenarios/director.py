@@ -8,7 +8,7 @@ from guidance.flight import FINAL, Event, Outputs, State
 _LINGER_S = 2.0
 """How long a flight is watched that has been taken over, or holds without an end in sight."""
 
-_PATIENCE_S: Mapping[State, float] = {
+PATIENCE_S: Mapping[State, float] = {
     State.READY: 60.0,
     State.RETURNING: 300.0,
     State.LANDING: 300.0,
@@ -19,9 +19,10 @@ _PATIENCE_S: Mapping[State, float] = {
 class Director:
     """Start when all is ready, engage when both stand by, land when the game is over or has lasted too long."""
 
-    def __init__(self, *, hold_s: float, time_limit_s: float) -> None:
+    def __init__(self, *, hold_s: float, time_limit_s: float, patience_s: Mapping[State, float] = PATIENCE_S) -> None:
         self._hold_s = hold_s
         self._time_limit_s = time_limit_s
+        self._patience_s = patience_s
         self._state = State.CONNECTING
         self._since_s = self._now_s = 0.0
         self.engaged_s: float | None = None
@@ -39,7 +40,7 @@ class Director:
         waited_s = self._now_s - self._since_s
         if self._state is State.YIELDED:
             return waited_s >= _LINGER_S  # the record is to show that nothing is sent any more
-        return self._state in FINAL or waited_s > _PATIENCE_S.get(self._state, math.inf)
+        return self._state in FINAL or waited_s > self._patience_s.get(self._state, math.inf)
 
     def follow(self, now_s: float, outputs: Outputs) -> None:
         """Take note of what a cycle did."""

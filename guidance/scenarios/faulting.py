@@ -52,13 +52,18 @@ def faulted_fleet(scenario: Scenario) -> dict[str, Faulted]:
     Raises:
         ConfigError: If a fault is none that its vehicle can have, whenever it is due: with key, value and allowed.
     """
-    _check(scenario)
+    check_faults(scenario)
     vehicles = build(checked(tomllib.loads(fleet_toml(scenario)), scenario.title))
     begun = parse_script(script(scenario), scenario.title)
     return {name: Faulted(vehicle, name, begun) for name, vehicle in vehicles.items()}
 
 
-def _check(scenario: Scenario) -> None:
+def check_faults(scenario: Scenario) -> None:
+    """Refuse a fault that its vehicle cannot have, before anything is started.
+
+    Raises:
+        ConfigError: With key, value and what is allowed.
+    """
     if not scenario.fault:
         return
     everything = [{**_keys(fault), "vehicle": fault.vehicle} for fault in scenario.fault]

@@ -64,7 +64,7 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
     last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
     if last is None:
         return Ending("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
-    timed_out = result.timed_out and last.event is Event.LAND
+    timed_out = result.timed_out and last.event in {Event.LAND, Event.HOLD, Event.RETURN}
     end = "time_up" if timed_out else _ENDS.get(last.event, "failed")
     if end != "failed":
         return Ending(end, last.now_s, str(last.event) if end == "yielded" else "")

@@ -113,7 +113,7 @@ def fly(
         result.late_ticks += late_s > TICK_S
         due_s = max(due_s + TICK_S, now_s)  # a late tick is not made up for by two at once
 
-        pursuer_m = _pursuer_game_m(flight)
+        pursuer_m = pursuer_game_m(flight)
         evader.step(now_s, pursuer_m, playing=director.playing)
         fresh = flight.tracking.silence_s(now_s) < 0.5
         orders = director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh)
@@ -125,28 +125,28 @@ def fly(
         if recorder is not None:
             for passed in world.drain():
                 recorder.frame(*passed)
-        _note(result, now_s, outputs, pursuer_m, evader.position_game_m())
+        note(result, now_s, outputs, pursuer_m, evader.position_game_m())
         worked_s = clock.now_s() - now_s
         progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit, cycle.record_stopped))
 
     evader.stop()
-    result.duration_s = clock.now_s() - start_s
-    result.setpoints_sent = cycle.setpoints_sent
-    result.timed_out = director.timed_out
     result.record_stopped = cycle.record_stopped
-    _score(result, director)
+    conclude(result, director, clock.now_s() - start_s)
     return result
 
 
-def _pursuer_game_m(flight: Flight) -> Vector | None:
+def pursuer_game_m(flight: Flight) -> Vector | None:
+    """Return where the vehicle's own telemetry has it in the game frame, None until heard."""
     local, frame = flight.vehicle.last(LocalPosition), flight.tracking.game_frame
     return None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
 
 
-def _note(
+def note(
     result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
 ) -> None:
+    """Take one cycle into a result."""
     result.cycles += 1
+    result.setpoints_sent += outputs.setpoint is not None
     result.ended = outputs.state
     result.happenings.extend(outputs.happenings)
     if outputs.alarm is not None:
@@ -170,7 +170,10 @@ def _distance_to_target(scenario: Scenario, evader_m: Vector) -> float:
     return math.nan if scenario.target is None else math.dist(evader_m[:2], scenario.target.position_m)
 
 
-def _score(result: FlightResult, director: Director) -> None:
+def conclude(result: FlightResult, director: Director, duration_s: float) -> None:
+    """Complete a result when the flight is over."""
+    result.duration_s = duration_s
+    result.timed_out = director.timed_out
     if director.engaged_s is None or director.captured_s is None:
         return
     result.capture_time_s = director.captured_s - director.engaged_s

@@ -22,7 +22,7 @@ from guidance.links.targets.global_position import GlobalPositionInt
 from guidance.links.targets.mavlink_source import MavlinkTarget
 from guidance.links.zenoh_session import open_session
 from guidance.links.zenoh_wire import ZenohWire
-from guidance.scenarios.faulting import faulted_fleet, faults_after, script_toml
+from guidance.scenarios.faulting import check_faults, faults_after, script_toml
 from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID, fleet_toml
 from guidance.scenarios.model import Scenario
 from guidance.service.clock import Clock
@@ -47,7 +47,7 @@ class LiveWorld:
         self._closing = contextlib.ExitStack()
         try:
             folder = Path(self._closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-")))
-            faulted_fleet(scenario)  # refuses wrong faults before anything is started
+            check_faults(scenario)
             self._mock = _MockProcess(folder, scenario, port)
             self._closing.callback(self._mock.stop)
             self.pursuer = self._link(link, PURSUER, PURSUER_ID)

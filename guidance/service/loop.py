@@ -72,8 +72,9 @@ def run(
     drain: Callable[[], Sequence[Passed]],
     record: Record | None,
     tidying: Tidying,
+    watch: Callable[[float], None] = lambda _: None,
 ) -> None:
-    """Run the daemon until it has finished."""
+    """Run the daemon until it has finished. After every cycle `watch` is told the time of it."""
     signals.begin()
     due_s = clock.now_s()
     tidying.begin(due_s)
@@ -87,6 +88,7 @@ def run(
         if again:
             daemon.exchange(load, now_s)
         daemon.step(now_s, late_s=now_s - due_s, worked_s=worked_s)
+        watch(now_s)
         if record is not None:
             for passed in drain():
                 record.frame(*passed)
