@@ -53,8 +53,9 @@ def fly(
             typer.echo("interrupted: the mock was ended, and the record so far can be read", err=True)
             raise typer.Exit(128 + signal.SIGINT) from None
         if beside is not None:
-            typer.echo("the view stays: Ctrl-C ends it")
-            beside.wait()
+            with contextlib.suppress(KeyboardInterrupt):
+                typer.echo("the view stays: Ctrl-C ends it")
+                beside.wait()
     raise typer.Exit(code)
 
 

@@ -1,7 +1,8 @@
 """Where everything was on Earth: both tracks, the places where the flight's state changed, the fence, the goal."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -63,13 +64,8 @@ def _track(name: str, track: list[tuple[float, Place]]) -> Feature:
 
 
 def _around(settings: FlightSettings, home: Home | None) -> list[Feature]:
-    features = []
-    envelope, site = settings.tick.envelope, settings.tick.site
-    if home is not None and envelope.fence_radius_m is not None:
-        altitude = Amsl(home.altitude_amsl_m)
-        frame = LocalFrame(home.latitude_deg, home.longitude_deg, altitude, projection=settings.profile.projection)
-        edge = tuple(_on_circle(frame, envelope.fence_radius_m, corner) for corner in range(_CIRCLE_CORNERS))
-        features.append(Feature("fence", "area", (*edge, edge[0]), {"radius_m": envelope.fence_radius_m}))
+    features = [] if home is None else list(_fence(settings, home))
+    site = settings.tick.site
     if settings.tick.target_game_m is not None and site is not None:
         frame = LocalFrame(*site, projection=settings.profile.projection)
         x, y, _ = settings.tick.target_game_m
@@ -78,12 +74,34 @@ def _around(settings: FlightSettings, home: Home | None) -> list[Feature]:
     return features
 
 
+def _fence(settings: FlightSettings, home: Home) -> Iterator[Feature]:
+    """Every edge of the fence, at home's height."""
+    envelope, altitude_m = settings.tick.envelope, home.altitude_amsl_m
+    frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(altitude_m), projection=settings.profile.projection)
+    if envelope.fence_radius_m is not None:
+        edge = tuple(_on_circle(frame, envelope.fence_radius_m, corner) for corner in range(_CIRCLE_CORNERS))
+        yield Feature("fence", "area", (*edge, edge[0]), {"radius_m": envelope.fence_radius_m})
+    if settings.fence_corners_deg is not None:
+        yield _polygon([(longitude, latitude, altitude_m) for latitude, longitude in settings.fence_corners_deg])
+    elif envelope.fence_polygon is not None:
+        yield _polygon([_placed(frame, north_m, east_m) for north_m, east_m in envelope.fence_polygon.corners_ne_m])
+
+
+def _polygon(corners: list[Place]) -> Feature:
+    """A closed edge, anticlockwise as RFC 7946 wants an outer one."""
+    closed = [*corners, corners[0]]
+    turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(closed))
+    return Feature("fence, polygon", "area", tuple(closed if turning > 0.0 else reversed(closed)), {})
+
+
 def _on_circle(frame: LocalFrame, radius_m: float, corner: int) -> Place:
     """A corner of the circle, counted anticlockwise as RFC 7946 wants an outer edge."""
     angle = 2.0 * math.pi * corner / _CIRCLE_CORNERS
-    latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned(
-        (radius_m * math.sin(angle), radius_m * math.cos(angle), 0.0)
-    )
+    return _placed(frame, radius_m * math.sin(angle), radius_m * math.cos(angle))
+
+
+def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Place:
+    latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned((north_m, east_m, 0.0))
     return (longitude_deg, latitude_deg, amsl.metres)
 
 

@@ -1,11 +1,14 @@
 """A record's cycles as numbers: where both were, how fast, how old what was known, NaN where nothing was."""
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 from guidance.flight import FlightSettings
+from guidance.flight.fence import polygon_about_home
 from guidance.flight.tracking import Tracking
-from guidance.frames import Amsl, Vector
+from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.limits import Envelope
 from guidance.records.rows import Row
 from guidance.telemetry import Home, LocalPosition, TargetReport, Timesync
 from guidance.tick import Certificate
@@ -35,14 +38,20 @@ class Cycle(NamedTuple):
 
 
 class Teller:
-    """What was heard so far, folded as the flight folds it."""
+    """What was heard so far, folded as the flight folds it.
+
+    `home_m` is home in the game frame once it is known, and `envelope` the limits as they are then.
+    """
 
     def __init__(self, settings: FlightSettings) -> None:
+        self._settings = settings
         self._tracking = Tracking(settings.tick, settings.profile)
         self._vehicle = VehicleState()
         self._evader_m: Vector = _NOWHERE
         self._report_s = math.nan
+        self._home: Home | None = None
         self.home_m: Vector | None = None
+        self.envelope: Envelope = settings.tick.envelope
 
     def cycle(self, row: Row) -> Cycle:
         """Fold one row."""
@@ -52,9 +61,11 @@ class Teller:
         for report in inputs.reports:
             self._hear(report)
         frame = self._tracking.game_frame
-        home = self._vehicle.last(Home)
-        if home is not None and frame is not None:
+        home, local_frame = self._vehicle.last(Home), self._tracking.local_frame
+        if home is not None and frame is not None and local_frame is not None and home is not self._home:
+            self._home = home
             self.home_m = frame.position_from_ned(home.position_ned_m)
+            self.envelope = self._about(home, local_frame)
         local, setpoint, certificate = self._vehicle.last(LocalPosition), row.setpoint, row.certificate
         trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
         timing = row.json.get("timing") or {}
@@ -73,6 +84,13 @@ class Teller:
         if setpoint is not None:
             cycle = cycle._replace(commanded_ned_m_s=setpoint.velocity_ned_m_s)
         return cycle if certificate is None else _played(cycle, certificate)
+
+    def _about(self, home: Home, frame: LocalFrame) -> Envelope:
+        """The limits as the flight has them: a fence given on the map is put about home."""
+        envelope, corners_deg = self._settings.tick.envelope, self._settings.fence_corners_deg
+        if corners_deg is None:
+            return envelope
+        return replace(envelope, fence_polygon=polygon_about_home(corners_deg, home, frame))
 
     def _hear(self, report: TargetReport) -> None:
         self._report_s = report.received_s

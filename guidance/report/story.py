@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.frames import Vector
+from guidance.limits import Envelope
 from guidance.records import (
     Cycle,
     EventRow,
@@ -36,6 +37,7 @@ class Story(NamedTuple):
     certificates: tuple[Certificate | None, ...]
     alarms: tuple[tuple[float, str], ...]
     home_m: Vector | None
+    envelope: Envelope
     cycles: tuple[Cycle, ...]
     engaged: int | None
     captured: int | None
@@ -75,6 +77,7 @@ def story_of(path: Path) -> Story:
         certificates,
         tuple((cycle.now_s, str(alarm.broken)) for cycle, _, _, alarm in told if alarm is not None),
         teller.home_m,
+        teller.envelope,
         tuple(cycle for cycle, _, _, _ in told),
         playing[0] if playing else None,
         reached[0] if reached else None,

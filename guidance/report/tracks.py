@@ -80,7 +80,7 @@ def _game(axes: Any, story: Story, dimensions: int) -> None:  # noqa: ANN401
 
 def _fence(axes: Any, story: Story, dimensions: int, box: tuple[Array, Array] | None) -> None:  # noqa: ANN401
     """Draw the fence about home; in a near view only where it is in view."""
-    envelope, home = story.settings.tick.envelope, story.home_m
+    envelope, home = story.envelope, story.home_m
     if home is None:
         return
     for number, edge in enumerate(fence_edges(envelope, home)):

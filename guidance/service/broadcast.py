@@ -13,7 +13,7 @@ from typing import Any, Final
 import zenoh
 
 from guidance.service.known import in_bytes
-from guidance.service.record import Record
+from guidance.service.record import RELOADED, Record
 from guidance.telemetry import TargetReport
 
 MOST_WAITING: Final = 256
@@ -101,12 +101,16 @@ class Broadcast:
         watched = {what: is_watched(one) for what, one in self._publishers.items()}
         while self._waiting:
             what, row = self._waiting.popleft()
-            if what == "tick":
-                self._note(row)
+            self._note(row)
             if watched[what]:
                 self._publishers[what].put(in_bytes(row))
 
     def _note(self, row: Mapping[str, Any]) -> None:
+        """Keep what who joins later has to know."""
+        if row.get("event") == RELOADED:
+            self._metadata["config"] = row["detail"]
+        if "inputs" not in row:
+            return
         self._now_s, self._state = row["now_s"], row["state"]
         self._heard.update((message["kind"], message) for message in row["inputs"]["messages"])
 

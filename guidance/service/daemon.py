@@ -150,8 +150,9 @@ class Daemon:
         else:
             self._log.say(logging.INFO, RELOADED)
             self._metrics.happened(RELOADED)
-            if self._record is not None:
-                self._record.event(now_s, RELOADED, self._plan.document)
+            for one in (self._record, self._broadcast):
+                if one is not None:
+                    one.event(now_s, RELOADED, self._plan.document)
 
     def _order(self, question: Question, now_s: float) -> Event | None:
         """Answer what needs no cycle; return the order that does."""

@@ -4,7 +4,6 @@ The flight does not know of it: a viewer that hangs or dies is not noticed. It e
 standard input is then closed.
 """
 
-import contextlib
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -33,10 +32,9 @@ class ViewerBeside:
         self._child = subprocess.Popen(command(record, self._options), stdin=subprocess.PIPE, start_new_session=True)
 
     def wait(self) -> None:
-        """Wait until the viewer ends, or until we are interrupted."""
+        """Wait until the viewer ends."""
         if self._child is not None:
-            with contextlib.suppress(KeyboardInterrupt):
-                self._child.wait()
+            self._child.wait()
 
     def close(self) -> None:
         """End the viewer. May be called twice."""

@@ -92,7 +92,8 @@ def _daemon(
     closing.callback(flight.close)
     painter = opened(flight.metadata, flight.name, place, say, closing)
     for item in flight.items(_idle(ended, painter)):
-        painter.take(item)
+        with contextlib.suppress(ConfigError, KeyError, TypeError):  # whoever is on the bus may say anything
+            painter.take(item)
     return painter
 
 

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from guidance.flight import FlightSettings
 from guidance.game import Winner
-from guidance.records import Cycle, Item, Row, Teller
+from guidance.records import Cycle, Item, Row, Teller, flight_settings
 from guidance.records.outlines import circle, fence_edges, isochron_at
 from guidance.records.rows import event_of, row_of
-from guidance.service.record import BEGUN, EVENT_TOPIC, TICK_TOPIC
+from guidance.records.settings import CONFIG
+from guidance.service.record import BEGUN, EVENT_TOPIC, RELOADED, TICK_TOPIC
 from guidance.tick import Certificate
 from guidance.view import names
 from guidance.view.plots import PLOTS
@@ -62,9 +63,13 @@ class Painter:
         """
         if item.topic == EVENT_TOPIC:
             event = event_of(item, self._source)
-            if event.event == BEGUN:
+            if event.event == RELOADED:
+                self._settings = flight_settings({CONFIG: event.detail}, {})
                 self._begin(event.now_s)
-            self._say(event.now_s, f"{event.event}  {event.detail}".rstrip())
+            elif event.event == BEGUN:
+                self._begin(event.now_s)
+            detail = "" if event.event == RELOADED else event.detail
+            self._say(event.now_s, f"{event.event}  {detail}".rstrip())
         elif item.topic == TICK_TOPIC:
             self._cycle(row_of(item, self._source))
             if len(self._cycles) >= MOST_AT_ONCE:
@@ -91,6 +96,7 @@ class Painter:
         self._teller = Teller(self._settings)
         self._tails.clear()
         self._engaged_s = None
+        self._fenced = False
         for name in (names.DISC, names.ISOCHRON, names.MEETING):
             self._log(now_s, name, rr.Clear(recursive=False))
 
@@ -140,7 +146,7 @@ class Painter:
         if home is None:
             return
         self._fenced = True
-        edges = [lifted(edge, home[2]) for edge in fence_edges(self._settings.tick.envelope, home)]
+        edges = [lifted(edge, home[2]) for edge in fence_edges(self._teller.envelope, home)]
         if edges:
             strips = rr.LineStrips3D(edges, colors=[names.COLOURS[names.FENCE]], radii=rr.Radius.ui_points(1.5))
             self._to.log(names.FENCE, strips, static=True)

@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -21,14 +22,17 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.flight import State
-from guidance.records import metadata_of, reports_of, rows_of, scan, survey_of
+from guidance.frames import Amsl, LocalFrame
+from guidance.limits import Polygon
+from guidance.records import Teller, flight_settings, metadata_of, reports_of, rows_of, scan, survey_of
 from guidance.records.columns import SCHEMA
 from guidance.records.export import EXPORTS, export
 from guidance.records.maps import write_geojson
+from guidance.records.outlines import fence_edges
 from guidance.records.places import Feature, features_of
 from guidance.records.tlog import started_unix_s, write_tlog
 from guidance.service.record import TARGET_TOPIC, Recorder
-from guidance.telemetry import GlobalPosition, LocalPosition
+from guidance.telemetry import GlobalPosition, Home, LocalPosition
 
 
 @pytest.fixture(scope="module")
@@ -237,3 +241,31 @@ def test_the_log_commands_show_what_a_record_holds(flight, tmp_path):
     done = runner.invoke(app, ["log", "export", str(flight[1]), str(tmp_path / "a" / "b.csv")])
     assert f"{flight[0].cycles} cycles" in done.output
     assert metadata_of(flight[1])["seed"] == "0"
+
+
+SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
+
+
+@pytest.mark.parametrize("given", ["metres", "degrees", "the other way round"])
+def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
+    settings = flight_settings(metadata_of(flight[1]), {})
+    home = next(one for row in rows_of(flight[1]) for one in row.inputs.messages if isinstance(one, Home))
+    frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.profile.projection)
+    corners_deg = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in SQUARE_NE_M)
+    if given == "metres":
+        tick = replace(settings.tick, envelope=replace(settings.tick.envelope, fence_polygon=Polygon(SQUARE_NE_M)))
+        settings = replace(settings, tick=tick)
+    else:
+        corners = corners_deg if given == "degrees" else corners_deg[::-1]
+        settings = replace(settings, fence_corners_deg=corners)
+    (fence,) = [one for one in features_of(flight[1], settings) if one.name == "fence, polygon"]
+    drawn = {(round(latitude, 9), round(longitude, 9)) for longitude, latitude, _ in fence.places}
+    assert drawn == {(round(latitude, 9), round(longitude, 9)) for latitude, longitude in corners_deg}
+    assert fence.places[0] == fence.places[-1]
+    assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence.places)) > 0.0  # anticlockwise
+    teller = Teller(settings)
+    for row in itertools.islice(rows_of(flight[1]), 400):
+        teller.cycle(row)
+    (edge,) = fence_edges(replace(teller.envelope, fence_radius_m=None), (0.0, 0.0, 0.0))
+    drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north in edge}
+    assert drawn_ne_m == set(SQUARE_NE_M)

@@ -16,7 +16,7 @@ from guidance.records.rows import inputs_of
 from guidance.service import broadcast as broadcasts
 from guidance.service.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
 from guidance.service.bus import host_session
-from guidance.service.record import STOPPED
+from guidance.service.record import RELOADED, STOPPED
 from guidance.view.serving import free_port
 
 ONLOOKER = """
@@ -161,3 +161,12 @@ def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
         base(broadcast=broadcast, record=Full()).run(0.2)
         until(lambda: STOPPED in [said(sample)["event"] for sample in heard])
     assert [said(sample)["detail"] for sample in heard].count(Full.failed) == 1
+
+
+def test_who_joins_after_a_configuration_was_read_again_is_told_the_new_one(bus):
+    broadcast, endpoint = bus
+    broadcast.event(1.0, RELOADED, '{"name": "uav1"}')
+    until(lambda: not broadcast._waiting)
+    with open_session(endpoint) as session:
+        (reply,) = list(session.get(broadcast_key("uav1", FLIGHT), timeout=3.0))
+    assert said(reply.ok)["metadata"] == {"seed": "3", "config": '{"name": "uav1"}'}

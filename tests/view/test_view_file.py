@@ -1,8 +1,10 @@
 """What is written for Rerun, read back with Rerun's own reader and compared with the record."""
 
+import json
 import math
 import threading
 from collections import Counter, defaultdict
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +13,14 @@ from rerun.chunk import McapReader, RrdReader
 from typer.testing import CliRunner
 
 from guidance.cli import app
+from guidance.config import load
 from guidance.errors import ConfigError
 from guidance.flight import State
-from guidance.records import events_of, flight_settings, metadata_of, rows_of, scan, survey_of
+from guidance.records import Item, events_of, flight_settings, metadata_of, rows_of, scan, survey_of
 from guidance.records.outlines import isochron_at
+from guidance.service.model import Config
+from guidance.service.record import EVENT_TOPIC, RELOADED, TICK_TOPIC
+from guidance.service.settings import flight_settings as of_config
 from guidance.view import Place, Seen, view
 from guidance.view import command as commands
 from guidance.view.painter import DRAWN_EVERY_S, Painter
@@ -143,7 +149,7 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
     monkeypatch.setattr(commands.os, "nice", lambda _: None)
     count = view(Seen(growing, follow=True), Place(tmp_path / "g.rrd"), print, Ended())
     followed = Seeing(tmp_path / "g.rrd")
-    assert count == sum(item.topic == "guidance/tick" for item in scan(record))
+    assert count == sum(item.topic == TICK_TOPIC for item in scan(record))
     for entity in ("/game/pursuer", "/game/evader"):
         times, places = followed.of(entity, "positions")
         assert (times, places) == seen[0].of(entity, "positions")
@@ -175,6 +181,29 @@ def test_a_second_flight_in_a_record_begins_anew(record, tmp_path):
     _, guarantee = Seeing(tmp_path / "two.rrd").of("/plots/guarantee/value", "scalars")
     assert len(guarantee) > 200
     assert guarantee[0::2] == guarantee[1::2]
+
+
+def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_path):
+    """The stand-off disc of a daemon that read another one is as wide as that says."""
+    file = Path(__file__).parents[2] / "config" / "vehicles" / "px4.toml"
+    config = load(Config, file)
+    wider = config.model_copy(update={"game": config.game.model_copy(update={"standoff_radius_m": 11.0})})
+    recording = rr.RecordingStream("guidance")
+    recording.set_sinks(rr.FileSink(tmp_path / "again.rrd"))
+    painter = Painter(recording, of_config(config), "again")
+    ticks = [item for item in scan(record) if item.topic == TICK_TOPIC]
+    played = next(number for number, item in enumerate(ticks) if b'"certificate"' in item.data)
+    painter.take(ticks[played])
+    reloaded = {"now_s": ticks[played].now_s, "event": RELOADED, "detail": wider.model_dump_json()}
+    painter.take(Item(reloaded["now_s"], EVENT_TOPIC, "json", json.dumps(reloaded).encode()))
+    painter.take(ticks[played + 50])
+    painter.flush()
+    recording.disconnect()
+    seen = Seeing(tmp_path / "again.rrd")
+    _, strips = seen.of("/game/stand_off_disc", "strips")
+    widths = [np.ptp(np.array(strip)[:, 0]) / 2.0 for (strip,) in strips]
+    assert widths == pytest.approx([config.game.standoff_radius_m, 11.0], rel=1e-3)
+    assert [text for (text,) in seen.of("/events", "text")[1]] == [RELOADED]  # the whole file is no event's text
 
 
 def test_without_rerun_the_extra_is_named(record, monkeypatch, tmp_path):

@@ -120,6 +120,27 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
     assert not any(map(is_running, pids))
 
 
+def test_a_mocked_flight_is_viewed_while_it_is_flown_and_afterwards_until_it_is_ended(tmp_path):
+    scenario = Path(__file__).parents[1] / "data" / "short_chase.toml"
+    program = "from guidance.cli import main; main()"
+    words = [sys.executable, "-c", program, "fly", str(scenario), "--fast", "--view", "--out", str(tmp_path)]
+    child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    try:
+        lines = list(iter(child.stdout.readline, "the view stays: Ctrl-C ends it\n"))
+        pids = children(child.pid)
+        if not any(line.startswith("look at") for line in lines):  # the flight took less time than the viewer's start
+            assert "look at" in child.stdout.readline()
+        child.send_signal(signal.SIGINT)
+        rest = child.communicate(timeout=20.0)[0]
+    finally:
+        child.kill()
+        child.wait()
+    assert child.returncode == 0
+    assert any("captured" in line for line in lines)
+    assert "cycles shown" in rest
+    until(lambda: not any(map(is_running, pids)))
+
+
 def test_a_port_in_use_is_one_clear_error():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
