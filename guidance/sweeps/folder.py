@@ -190,7 +190,8 @@ def alone(path: Path) -> Iterator[None]:
 def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     manifest = _manifest(path)
     if manifest["digest"] != plan.digest:
-        differing = [name for name, value in plan.document.items() if manifest[name] != value]
+        was = plan_of(manifest).decisive
+        differing = [name for name, value in plan.decisive.items() if was[name] != value]
         raise ConfigError(
             f"--out {path}: holds another sweep ({', '.join(differing)} differ{'s' * (len(differing) == 1)}); "
             "give another folder"

@@ -136,9 +136,18 @@ class Plan:
         return {"as": self.way, "sweep": sweep, "scenario": dict(self.scenario)}
 
     @cached_property
+    def decisive(self) -> dict[str, Any]:
+        """The part of the document that decides the rows: all but what is only said about them."""
+        said = {"sweep": {"title", "description"}, "scenario": {"description"}}
+        return {
+            name: {key: value for key, value in part.items() if key not in said[name]} if name in said else part
+            for name, part in self.document.items()
+        }
+
+    @cached_property
     def digest(self) -> str:
-        """SHA-256 of all that decides the rows."""
-        return sha256(json.dumps(self.document, sort_keys=True).encode()).hexdigest()
+        """SHA-256 of what is decisive."""
+        return sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
 
 
 def plan_of(document: Mapping[str, Any]) -> Plan:

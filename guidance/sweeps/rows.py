@@ -25,7 +25,6 @@ class Scenarios:
     """
 
     def __init__(self, plan: Plan) -> None:
-        self._plan = plan
         swept = {str(axis.key.path[0]) for axis in plan.axes}
         self._fixed: list[dict[str, Any]] = []
         self._varied: list[dict[str, Any]] = []
@@ -33,18 +32,35 @@ class Scenarios:
             document = with_policies(plan.scenario, pair)
             base = parse(Scenario, document, source=f"policies {pair.pursuer} and {pair.evader}")
             self._fixed.append({name: getattr(base, name) for name in Scenario.model_fields if name not in swept})
-            self._varied.append({name: document[name] for name in swept if name in document})
+            # Any values: every row sets its own. What they are set in is there from now on, and no longer None.
+            some = [axis.extremes()[0] for axis in plan.axes]
+            self._varied.append(with_values({name: document[name] for name in swept}, plan.axes, some))
+        self._paths = [[key.path for key, _ in axis.settings(axis.extremes()[0])] for axis in plan.axes]
+        inside = {path[:depth] for paths in self._paths for path in paths for depth in range(1, len(path))}
+        self._copied = sorted(inside, key=len)
 
     def of(self, cases: Cases) -> Iterator[Scenario | str]:
         """Yield the scenario of every row, or why it is none."""
-        axes, fixed, varied = self._plan.axes, self._fixed, self._varied
-        drawn = list(zip(*cases.values, strict=True)) if axes else [()] * len(cases.row)
+        fixed, varied = self._fixed, self._varied
+        drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
         for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
-            document = {**fixed[pair], **with_values(varied[pair], axes, values), "seed": seed}
+            document = {**fixed[pair], **varied[pair], "seed": seed}
+            for path in self._copied:
+                node = _at(document, path[:-1])
+                node[path[-1]] = node[path[-1]].copy()
+            for paths, value in zip(self._paths, values, strict=True):
+                for path, part in zip(paths, [value] if len(paths) == 1 else value, strict=True):
+                    _at(document, path[:-1])[path[-1]] = part
             try:
                 yield Scenario.model_validate(document)
             except ValidationError as error:
                 yield "; ".join(explain(Scenario, dict(fault)) for fault in error.errors())
+
+
+def _at(node: Any, path: Sequence[str | int]) -> Any:  # noqa: ANN401 - any part of a document
+    for part in path:
+        node = node[part]
+    return node
 
 
 def with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:

@@ -7,6 +7,7 @@ million games end to end: wall time, peak memory of this process and of its larg
 
 import argparse
 import contextlib
+import gc
 import io
 import multiprocessing
 import resource
@@ -20,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from guidance.scenarios.maths import play
-from guidance.sweeps.chunk import computed, rows_of, table_of
+from guidance.sweeps.chunk import as_table, computed, rows_of, table_of
 from guidance.sweeps.command import run_sweep
 from guidance.sweeps.crew import gathered
 from guidance.sweeps.report import write_report
@@ -58,19 +59,25 @@ def bench_maths(folder, rows):
     """One core, in this process."""
     plan, _ = planned_from(GAMES, folder, rows)
     numbers = np.arange(rows, dtype=np.int64)
+    cases = plan.cases(numbers)
     started = time.process_time()
-    scenarios = list(Scenarios(plan).of(plan.cases(numbers)))
+    computed(plan, range(rows))
+    whole = time.process_time() - started
+    gc.disable()  # as in a chunk
+    started = time.process_time()
+    scenarios = list(Scenarios(plan).of(cases))
     built = time.process_time()
     outcomes = play(scenarios)
     played = time.process_time()
-    table_of(plan, range(rows))
-    whole = time.process_time() - played
+    as_table(plan, cases, outcomes)
+    put = time.process_time()
+    gc.enable()
     lasted = sum(outcome.game_time_s for outcome in outcomes) / rows
     print(f"a maths sweep of {rows:,} games of {lasted:.1f} s on average, in one chunk, one core")
     print(f"  {rows / whole:8,.0f} games/s, {rows * lasted / 0.02 / whole / 1e6:.2f} million cycles/s")
     print(f"  {(built - started) / rows * 1e6:8.1f} µs a game to build and check its scenario")
     print(f"  {(played - built) / rows * 1e6:8.1f} µs a game to play it")
-    print(f"  {(whole - (played - started)) / rows * 1e6:8.1f} µs a game to put it into a table")
+    print(f"  {(put - played) / rows * 1e6:8.1f} µs a game to put it into a table")
 
 
 def bench_flights(folder, flights):
@@ -155,6 +162,7 @@ def main():
             return
         bench_maths(folder, 16384 // share)
         bench_dask(folder, 65536 // share, 4096 // share)
+        bench_dask(folder, 2048 // share, 16)  # chunks too small for any use: what one costs to hand out
         bench_flights(folder, max(4, 20 // share))
     finally:
         shutil.rmtree(folder)

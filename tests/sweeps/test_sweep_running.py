@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import psutil
 import pytest
 from pyarrow import parquet
 from typer.testing import CliRunner
@@ -151,6 +152,13 @@ def test_another_chunk_or_another_version_is_refused(plan_from, tmp_path):
         begun(plan, out, None)
 
 
+def test_other_words_about_a_sweep_make_it_no_other_sweep(plan_from, short, tmp_path):
+    run(plan_from(), tmp_path / "out")
+    path = short / "sweep.toml"
+    path.write_text('description = "Now with an explanation."\n' + path.read_text())
+    assert begun(planned(str(path)), tmp_path / "out", None).missing == []
+
+
 def test_a_folder_of_something_else_is_refused(plan_from, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "letters.txt").write_text("dear")
@@ -198,7 +206,7 @@ def test_a_scheduler_that_is_not_there_is_a_link_error(monkeypatch):
 
 @pytest.mark.slow
 def test_two_workers_give_the_bytes_of_one_also_if_one_is_killed_amid_a_chunk(plan_from, tmp_path):
-    plan = plan_from()
+    plan, me = plan_from(), psutil.Process()
     expected = files(run(plan, tmp_path / "alone", chunk=3))
     work = begun(plan, tmp_path / "both", 3)
     killed = []
@@ -212,7 +220,9 @@ def test_two_workers_give_the_bytes_of_one_also_if_one_is_killed_amid_a_chunk(pl
 
         finish(work, crew, kill_one)
         left = set(crew._client.run(os.getpid).values())
+        sockets = [one for process in [me, *me.children(recursive=True)] for one in process.net_connections("inet")]
     assert len(workers) == 2
+    assert {one.laddr.ip for one in sockets if one.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
     assert killed[0] not in left
     assert files(tmp_path / "both") == expected
 
