@@ -15,9 +15,11 @@ from rich.text import Text
 
 from guidance.errors import ConfigError
 from guidance.scenarios.faulting import check_faults
-from guidance.scenarios.fly import FlightResult, Progress, fly, outcome
+from guidance.scenarios.flown import ending_words, outcome_of_flight
+from guidance.scenarios.fly import FlightResult, Progress, fly
 from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario
+from guidance.scenarios.outcome import Outcome
 from guidance.scenarios.world import World
 from guidance.service.background import BackgroundRecorder
 from guidance.service.clock import Clock, MonotonicClock, VirtualClock
@@ -175,7 +177,8 @@ def _words(progress: Progress) -> str:
 def _report(console: Console, result: FlightResult, folder: Path, *, fast: bool) -> None:
     from guidance.scenarios.picture import draw  # noqa: PLC0415 - matplotlib takes a second
 
-    console.print(_table(result))
+    outcome = outcome_of_flight(result, "fast" if fast else "live")
+    console.print(_table(result, outcome))
     if fast:
         speed = result.duration_s / result.wall_s
         console.print(
@@ -183,28 +186,28 @@ def _report(console: Console, result: FlightResult, folder: Path, *, fast: bool)
         )
     console.print(f"record   {folder / 'record.mcap'}", soft_wrap=True, highlight=False)
     try:
-        draw(result, folder / "flight.png")
+        draw(result, outcome, folder / "flight.png")
     except OSError as error:
         console.print(f"[yellow]picture  {folder / 'flight.png'}: cannot be written ({error.strerror})[/yellow]")
     else:
         console.print(f"picture  {folder / 'flight.png'}", soft_wrap=True, highlight=False)
 
 
-def _table(result: FlightResult) -> Table:
-    pe = result.scenario.target is None
-    unit, what = ("s", "capture time") if pe else ("m", "evader's final distance to T")
-    table = Table(title=f"{outcome(result)}, {what}", title_justify="left", show_header=False, box=None, pad_edge=False)
+def _table(result: FlightResult, outcome: Outcome) -> Table:
+    unit, what = ("s", "capture time") if outcome.game == "pe" else ("m", "evader's final distance to T")
+    title = f"{ending_words(outcome)}, {what}"
+    table = Table(title=title, title_justify="left", show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(justify="right")
     rows = {
-        "value predicted at engagement": f"{result.predicted:.2f} {unit}",
-        "flown": f"{result.achieved:.2f} {unit}",
-        "flown / predicted": f"{result.ratio:.3f}",
-        "game lasted": f"{result.capture_time_s:.2f} s",
+        "value predicted at engagement": f"{outcome.predicted:.2f} {unit}",
+        "flown": f"{outcome.achieved:.2f} {unit}",
+        "flown / predicted": f"{outcome.ratio:.3f}",
+        "game lasted": f"{outcome.game_time_s:.2f} s",
         "setpoints sent": f"{result.setpoints_sent}",
         "late ticks": f"{result.late_ticks} of {result.cycles}",
-        "guarantee alarms": f"{len(result.alarms)}",
-        "flight ended": f"{result.ended}, after {result.duration_s:.1f} s",
+        "guarantee alarms": f"{outcome.alarms}",
+        "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
         "record": record_words(result.record_stopped),
     }
     for name, value in rows.items():

@@ -59,6 +59,12 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     )
 
 
+def ending_words(outcome: Outcome) -> str:
+    """Say in a few words how a run ended."""
+    words = {"arrived": "evader reached its target", "time_up": "time limit reached", "yielded": "yielded to a pilot"}
+    return f"failed: {outcome.reason}" if outcome.end == "failed" else words.get(outcome.end, outcome.end)
+
+
 def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
     """Find the first thing that ended the game, and what it means."""
     last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)

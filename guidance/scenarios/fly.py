@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from guidance.flight import Event, Flight, Happening, Outputs, State
+from guidance.flight import Flight, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.monitor import Alarm
 from guidance.scenarios.director import Director
@@ -51,8 +51,8 @@ class Sample(NamedTuple):
 class FlightResult:
     """What a flight came to.
 
-    `predicted` is the game's value at engagement (s in PE, m in TAD) and `achieved` what was flown, NaN where it did
-    not come to that.
+    `predicted` is what the first certificate said (s in PE, m in TAD), to the disc itself, and `achieved` what was
+    flown, NaN where it did not come to that. What is compared with other runs is the `Outcome` made of it.
     """
 
     scenario: Scenario
@@ -75,11 +75,6 @@ class FlightResult:
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
     record_stopped: Stopped | None = None
-
-    @property
-    def ratio(self) -> float:
-        """Achieved over predicted."""
-        return self.achieved / self.predicted if self.predicted else math.nan
 
 
 def fly(
@@ -179,12 +174,3 @@ def conclude(result: FlightResult, director: Director, duration_s: float) -> Non
     result.capture_time_s = director.captured_s - director.engaged_s
     if result.scenario.target is None:
         result.achieved = result.capture_time_s
-
-
-def outcome(result: FlightResult) -> str:
-    """Say in a few words how the game ended."""
-    if result.captured:
-        return "captured"
-    if any(happening.event is Event.ESCAPED for happening in result.happenings):
-        return "evader reached its target"
-    return "time limit reached" if result.timed_out else f"not captured ({result.ended})"

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from guidance.flight import State
 from guidance.frames import Vector
 from guidance.game import Game, StandOff, solve
-from guidance.scenarios.fly import FlightResult, outcome
+from guidance.scenarios.flown import ending_words
+from guidance.scenarios.fly import FlightResult
+from guidance.scenarios.outcome import Outcome
 from guidance.scenarios.settings import game, target_game_m
 
 Array = NDArray[np.float64]
@@ -23,7 +25,7 @@ _ISOCHRON = {"color": "0.25", "linewidth": 1.0, "linestyle": ":"}
 _DISC = {"color": "#2e7d32", "linewidth": 1.2, "linestyle": "-."}
 
 
-def draw(result: FlightResult, path: Path) -> None:
+def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
     """Draw the flight into a PNG.
 
     Raises:
@@ -40,7 +42,7 @@ def draw(result: FlightResult, path: Path) -> None:
         _geometry(axes, result, len(columns))
     _label_space(space)
     _label_plan(plan)
-    figure.suptitle(f"{result.scenario.title}: {outcome(result)}, {_score(result)}")
+    figure.suptitle(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}")
     figure.legend(*plan.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     figure.savefig(path, dpi=130)
 
@@ -132,6 +134,6 @@ def _label_plan(axes: Any) -> None:  # noqa: ANN401
     axes.grid(visible=True, linewidth=0.3)
 
 
-def _score(result: FlightResult) -> str:
-    unit = "s" if result.scenario.target is None else "m from T"
-    return f"{result.achieved:.2f} {unit} flown, {result.predicted:.2f} {unit} predicted"
+def _score(outcome: Outcome) -> str:
+    unit = "s" if outcome.game == "pe" else "m from T"
+    return f"{outcome.achieved:.2f} {unit} flown, {outcome.predicted:.2f} {unit} predicted"
