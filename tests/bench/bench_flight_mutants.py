@@ -51,20 +51,33 @@ LIMITS = (
     "test_limits_space",
     "test_limits_height",
     "test_limits_envelope",
-    "test_limits_in_flight",
     "test_limits_any_input",
 )
 PACKAGES = {"flight": UNIT, "limits": LIMITS}
 FIRST = {
-    "detect": "test_flight_events",
-    "readiness": "test_flight_events",
-    "settings": "test_flight_events",
-    "echo": "test_flight_echo",
-    "machine": "test_flight_machine",
-    "requests": "test_flight_machine",
-    "fence": "test_flight_fence",
-    "table": "test_flight_table",
-    "tracking": "test_flight_tracking",
+    "flight/detect": "test_flight_events",
+    "flight/readiness": "test_flight_events",
+    "flight/settings": "test_flight_events",
+    "flight/echo": "test_flight_echo",
+    "flight/machine": "test_flight_machine",
+    "flight/requests": "test_flight_machine",
+    "flight/fence": "test_flight_fence",
+    "flight/table": "test_flight_table",
+    "flight/tracking": "test_flight_tracking",
+    "limits/altitude": "test_limits_space",
+    "limits/altitude_hold": "test_limits_height",
+    "limits/envelope": "test_limits_envelope",
+    "limits/fence": "test_limits_space",
+    "limits/height": "test_limits_height",
+    "limits/last_word": "test_limits_laws",
+    "limits/memory": "test_limits_laws",
+    "limits/polygon": "test_limits_envelope",
+    "limits/shaping": "test_limits_laws",
+    "limits/situation": "test_limits_laws",
+    "limits/space": "test_limits_space",
+    "limits/stand_off": "test_limits_space",
+    "limits/stopping": "test_limits_laws",
+    "limits/wall": "test_limits_walls",
 }
 FOLDERS = ("guidance", "guidance/flight", "pitfalls", "service")
 LEFT_OUT = {
@@ -263,7 +276,7 @@ class Forks:
         """Run the tests against a mutant in a child; a child that hangs or dies has been noticed."""
         files, mine = PACKAGES[package], self.killers.setdefault((package, stem), Counter())
         items = [item for item in session.items if item.path.stem in files and item.originalname not in LEFT_OUT]
-        first = FIRST.get(stem, "")
+        first = FIRST.get(f"{package}/{stem}", "")
         items.sort(key=lambda item: (-mine[item.nodeid], item.path.stem != first, self.took_s.get(item.nodeid, 0.0)))
         reading, writing = os.pipe()
         child = os.fork()
@@ -309,10 +322,10 @@ def main() -> None:
     parser.add_argument("--only", default="", help="comma-separated, as limits/fence or flight")
     parser.add_argument("--lines", default="", help="comma-separated line numbers, to judge some again")
     parser.add_argument("--resume", type=Path, help="a file that keeps what was judged")
-    parser.add_argument("--flights", action="store_true", help="let mocked flights judge the flight machine as well")
+    parser.add_argument("--flights", action="store_true", help="let flights in closed loop judge as well")
     given = parser.parse_args()
     if given.flights:
-        PACKAGES["flight"] = (*UNIT, *FLIGHTS)
+        PACKAGES.update(flight=(*UNIT, *FLIGHTS), limits=(*LIMITS, "test_limits_in_flight"))
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)
     drawn = []
