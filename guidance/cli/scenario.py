@@ -47,6 +47,33 @@ def run(
     raise typer.Exit(run_scenario(name, asked, Console()))
 
 
+@scenario.command(name="list")
+def list_all() -> None:
+    """List the scenarios that come along: name, title, game and what each expects."""
+    from rich.console import Console  # noqa: PLC0415
+
+    from guidance.scenarios.catalogue import listing  # noqa: PLC0415
+
+    Console().print(listing())
+
+
+@scenario.command()
+def show(
+    name: Name,
+    out: Annotated[Path | None, typer.Option(help="Picture to write; default NAME.png here.")] = None,
+) -> None:
+    """Explain a scenario: who plays what from where, the game's value, and a picture of how mathematics plays it.
+
+    - `guidance scenario show barrier_pursuer`
+    - `guidance scenario show my_own.toml --out my_own.png`
+    """
+    from rich.console import Console  # noqa: PLC0415
+
+    from guidance.scenarios.catalogue import show as show_scenario  # noqa: PLC0415
+
+    show_scenario(name, Console(), out)
+
+
 @scenario.command()
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors that complete and check TOML (Even Better TOML, Taplo)."""

@@ -18,11 +18,11 @@ from guidance.scenarios.settings import game, target_game_m
 
 Array = NDArray[np.float64]
 
-_PURSUER = {"color": "#c1272d", "linewidth": 1.8}
-_EVADER = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
+PURSUER_LINE = {"color": "#c1272d", "linewidth": 1.8}
+EVADER_LINE = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
 _BEFORE = {"color": "0.6", "linewidth": 0.8}
-_ISOCHRON = {"color": "0.25", "linewidth": 1.0, "linestyle": ":"}
-_DISC = {"color": "#2e7d32", "linewidth": 1.2, "linestyle": "-."}
+ISOCHRON_LINE = {"color": "0.25", "linewidth": 1.0, "linestyle": ":"}
+DISC_LINE = {"color": "#2e7d32", "linewidth": 1.2, "linestyle": "-."}
 
 
 def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
@@ -40,8 +40,8 @@ def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
     for axes, columns in ((space, [0, 1, 2]), (plan, [0, 1])):
         _tracks(axes, before, playing, columns)
         _geometry(axes, result, len(columns))
-    _label_space(space)
-    _label_plan(plan)
+    label_space(space)
+    label_plan(plan)
     figure.suptitle(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}")
     figure.legend(*plan.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     figure.savefig(path, dpi=130)
@@ -78,7 +78,7 @@ def _split(result: FlightResult) -> tuple[tuple[Array, Array], tuple[Array, Arra
 
 def _tracks(axes: Any, before: tuple[Array, Array], playing: tuple[Array, Array], columns: list[int]) -> None:  # noqa: ANN401 - 2D or 3D axes
     axes.plot(*before[0][:, columns].T, **_BEFORE, label="pursuer before")
-    for track, style, name in ((playing[0], _PURSUER, "pursuer"), (playing[1], _EVADER, "evader")):
+    for track, style, name in ((playing[0], PURSUER_LINE, "pursuer"), (playing[1], EVADER_LINE, "evader")):
         axes.plot(*track[:, columns].T, **style, label=name)
         if len(track):
             axes.plot(*track[:1, columns].T, "o", color=style["color"], label=f"{name[0].upper()} at engagement")
@@ -91,7 +91,7 @@ def _geometry(axes: Any, result: FlightResult, dimensions: int) -> None:  # noqa
     flat = [np.zeros] * (dimensions - 2)
     if result.engaged_pursuer_m is not None and result.engaged_evader_m is not None:
         curve = isochron(game(result.scenario), result.engaged_pursuer_m, result.engaged_evader_m)
-        axes.plot(*curve.T, *(zero(len(curve)) for zero in flat), **_ISOCHRON, label="isochron at engagement")
+        axes.plot(*curve.T, *(zero(len(curve)) for zero in flat), **ISOCHRON_LINE, label="isochron at engagement")
     if result.meeting_point_m is not None:
         name = "q*" if result.scenario.target is None else "g*"
         x, y, _ = result.meeting_point_m
@@ -108,17 +108,21 @@ def _geometry(axes: Any, result: FlightResult, dimensions: int) -> None:  # noqa
 def _disc(axes: Any, result: FlightResult, dimensions: int) -> None:  # noqa: ANN401
     """Draw the stand-off disc where the game ended."""
     ends = [sample for sample in result.samples if sample.state is State.ON_STATION]
-    if not ends:
-        return
-    standoff: StandOff = game(result.scenario).standoff
+    if ends:
+        draw_disc(axes, game(result.scenario).standoff, ends[0].evader_m, dimensions)
+
+
+def draw_disc(axes: Any, standoff: StandOff, evader_m: Vector, dimensions: int) -> None:  # noqa: ANN401
+    """Draw the stand-off disc about an evader."""
     angle = np.linspace(0.0, 2.0 * np.pi, 73)
-    x = ends[0].evader_m[0] + standoff.radius_m * np.cos(angle)
-    y = ends[0].evader_m[1] + standoff.radius_m * np.sin(angle)
+    x = evader_m[0] + standoff.radius_m * np.cos(angle)
+    y = evader_m[1] + standoff.radius_m * np.sin(angle)
     height = [np.full_like(x, standoff.height_m)] * (dimensions - 2)
-    axes.plot(x, y, *height, **_DISC, label="stand-off disc")
+    axes.plot(x, y, *height, **DISC_LINE, label="stand-off disc")
 
 
-def _label_space(axes: Any) -> None:  # noqa: ANN401
+def label_space(axes: Any) -> None:  # noqa: ANN401
+    """Label 3D axes and give them equal scales."""
     axes.set(xlabel="x east, m", zlabel="z up, m")
     axes.set_ylabel("y north, m", labelpad=10.0)
     axes.locator_params(nbins=5)
@@ -128,7 +132,8 @@ def _label_space(axes: Any) -> None:  # noqa: ANN401
     axes.view_init(elev=22.0, azim=-60.0)
 
 
-def _label_plan(axes: Any) -> None:  # noqa: ANN401
+def label_plan(axes: Any) -> None:  # noqa: ANN401
+    """Label axes seen from above and give them equal scales."""
     axes.set(xlabel="x east, m", ylabel="y north, m", title="from above")
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(visible=True, linewidth=0.3)
