@@ -25,8 +25,13 @@ MEMORY_LIMIT: Final = "512MB"
 START_LIMIT_S: Final = 10.0
 STOP_LIMIT_S: Final = 3.0
 
-# The kernel ends the child when we are gone, however that comes about (PR_SET_PDEATHSIG, SIGTERM).
-_UNTIL_WE_END: Final = "import ctypes, os, sys; ctypes.CDLL(None).prctl(1, 15); os.execv(sys.argv[1], sys.argv[1:])"
+# Linux ends the child when we are gone, however that comes about (PR_SET_PDEATHSIG, SIGTERM); elsewhere we must do it.
+_UNTIL_WE_END: Final = """
+import ctypes, os, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, 15)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
 
 
 class WebPage:
