@@ -33,9 +33,9 @@ class Scene:
     target_silence_s: float
     start_ned_m: Vector | None
     certificate: Certificate | None
-    refusals: Sequence[str] = ()
-    foreign: bool = False
-    other_mode_seen: bool = False
+    refusals: Sequence[str]
+    foreign: bool
+    other_mode_seen: bool
 
     @property
     def mode(self) -> Mode | None:

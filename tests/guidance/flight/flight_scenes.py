@@ -110,6 +110,9 @@ def scene(state, **changes):
         "target_silence_s": 0.1,
         "start_ned_m": None,
         "certificate": QUIET,
+        "refusals": (),
+        "foreign": False,
+        "other_mode_seen": False,
     }
     return Scene(**(given | changes))
 

@@ -50,6 +50,16 @@ def test_a_velocity_far_from_all_that_was_sent_is_foreign_after_a_few_reports(ou
     assert echo.foreign
 
 
+def test_the_first_reports_of_all_count_as_much_as_later_ones():
+    echo = Echo()
+    for tick in range(150):
+        echo.sent(0.02 * tick, Setpoint((3.0, 0.0, 0.0)))
+    for count in range(IN_A_ROW):
+        assert not echo.foreign
+        echo.hear(reported(3.0 + 0.01 * count, (-3.0, 0.0, 0.0)), guided=True)
+    assert echo.foreign
+
+
 def test_a_single_odd_report_is_no_alarm():
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))

@@ -477,6 +477,15 @@ def test_a_flight_that_says_nothing_of_it_is_flown_so():
     said = FlightSettings(profile=ARDUCOPTER, tick=SETTINGS.tick, takeoff_height_m=10.0)
     assert (said.start_game_m, said.after_capture, said.engage_on) == (None, AfterCapture.HOLD, EngageOn.COMMAND)
     assert (said.battery_minimum, said.settle_s, said.guarantee_slack) == (0.2, 1.0, 1.0)
+    assert said.limits_s == {
+        State.CONNECTING: 30.0,
+        State.CHECKING: 90.0,
+        State.ARMING: 15.0,
+        State.CLIMBING: 90.0,
+        State.POSITIONING: 180.0,
+        State.ENTERING: 10.0,
+        State.PAUSED: 10.0,
+    }
 
 
 def test_no_state_that_commands_is_silent_and_no_other_speaks():
