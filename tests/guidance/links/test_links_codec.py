@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links.codec import DECODERS, decode, parameter
-from guidance.telemetry import GlobalPosition, Heartbeat, Home, LocalPosition, SystemStatus
+from guidance.telemetry import (
+    FenceCount,
+    FenceItem,
+    FenceRefused,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LocalPosition,
+    SystemStatus,
+)
 
 
 def as_json(fields: dict) -> dict:
@@ -57,6 +66,22 @@ def test_places_that_are_none_are_refused(name, lat, lon):
     fields = dict.fromkeys(message.fieldnames, 0) | {"lat": lat, "latitude": lat, "lon": lon, "longitude": lon}
     with pytest.raises(ValueError, match=r"fix|globe"):
         decode(name, fields, 0.0)
+
+
+def test_items_of_the_fence_are_read_and_those_of_other_plans_are_not():
+    item = dialect.MAVLink_mission_item_int_message(
+        1, 195, 3, 0, 5001, 0, 1, 4.0, 0, 0, 0, 473977418, -85455939, 0.0, 1
+    ).to_dict()
+    assert decode("MISSION_ITEM_INT", item, 2.0) == FenceItem(2.0, 3, 5001, 4.0, 47.3977418, -8.5455939)
+    count = dialect.MAVLink_mission_count_message(1, 195, 7, 1).to_dict()
+    assert decode("MISSION_COUNT", count, 2.0) == FenceCount(2.0, 7)
+    ack = dialect.MAVLink_mission_ack_message(1, 195, 3, 1).to_dict()
+    assert decode("MISSION_ACK", ack, 2.0) == FenceRefused(2.0, 3)
+    for name, fields in (("MISSION_ITEM_INT", item), ("MISSION_COUNT", count), ("MISSION_ACK", ack)):
+        with pytest.raises(ValueError, match="mission_type 0: only the fence is read"):
+            decode(name, {**fields, "mission_type": 0}, 2.0)
+    with pytest.raises(ValueError, match="neither a number of corners nor a radius"):
+        decode("MISSION_ITEM_INT", {**item, "param1": None}, 2.0)
 
 
 def test_a_home_without_a_local_position_is_still_a_home():

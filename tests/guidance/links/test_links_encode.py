@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.links import MemoryWire, encode
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.telemetry import Command, ParameterRequest, Setpoint
+from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, Setpoint
 
 VELOCITY = (1.5, -2.25, 0.5)
 ACCELERATION = (0.125, 0.25, -0.5)
@@ -86,6 +86,14 @@ def test_a_command_long_keeps_its_parameters_and_counts_its_repeats():
     assert (fields["command"], fields["confirmation"], fields["target_system"]) == (176, 2, 3)
     assert [fields[f"param{n}"] for n in (1, 2, 3, 5, 6, 7)] == [1, 6, 0, 5, 6, 7]
     assert math.isnan(fields["param4"])
+
+
+def test_the_fence_is_asked_for_by_its_mission_type():
+    ids = {"system_id": 1, "component_id": 1}
+    target = {"target_system": 1, "target_component": 1, "mission_type": 1}
+    assert encode.request(FenceRequest(), attempt=0, **ids) == ("MISSION_REQUEST_LIST", target)
+    assert encode.request(FenceRequest(0), attempt=2, **ids) == ("MISSION_REQUEST_INT", {**target, "seq": 0})
+    assert encode.request(FenceReceived(), attempt=0, **ids) == ("MISSION_ACK", {**target, "type": 0})
 
 
 def test_a_command_int_carries_degrees_as_integers_and_nan_as_not_used():

@@ -1,7 +1,7 @@
 import pytest
 
 from guidance.links.requests import RequestQueue
-from guidance.telemetry import Command, ParameterRequest
+from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest
 
 ZEROS = (0.0,) * 7
 ARM = Command(400, (1.0, *ZEROS[1:]))
@@ -101,6 +101,30 @@ def test_parameters_wait_side_by_side_and_are_answered_by_name():
     queue.parameter_came("A")
     assert queue.awaits_parameter("B")
     assert [request.name for _, request, _ in sends(queue, 0.5)] == ["B"]
+
+
+def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
+    queue = RequestQueue()
+    queue.add(FenceRequest())
+    assert [request for _, request, _ in sends(queue, *ticks(1.0))] == [FenceRequest()] * 2
+    queue.fence_came(0)  # not what was asked for
+    assert queue.waiting
+    queue.fence_came(None)
+    assert queue.waiting == {}
+    queue.add(FenceRequest(0))
+    queue.add(FenceRequest(1))  # takes the place of the one before
+    assert [request for _, request, _ in sends(queue, 5.0)] == [FenceRequest(1)]
+    queue.fence_refused()
+    assert queue.waiting == {}
+    assert queue.unanswered == 0
+
+
+def test_that_the_fence_was_received_is_said_once_and_nobody_is_waited_for():
+    queue = RequestQueue()
+    queue.add(FenceReceived())
+    assert [request for _, request, _ in sends(queue, *ticks(3.0))] == [FenceReceived()]
+    assert queue.unanswered == 0
+    assert queue.waiting == {}
 
 
 def test_the_queue_is_bounded():
