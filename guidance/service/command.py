@@ -30,6 +30,7 @@ from guidance.service.priority import claim
 from guidance.service.record import Recorder, started_utc, versions
 from guidance.service.settings import flight_settings, wants
 from guidance.service.tidying import Tidying
+from guidance.service.unwritten import UnwrittenRecord
 from guidance.service.waiting import Waiting
 from guidance.telemetry import GlobalPosition, Home, LocalPosition, Origin
 
@@ -136,18 +137,21 @@ def _metadata(config: Config, clock: MonotonicClock) -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def _recording(config: Config, metadata: Mapping[str, str], log: Log) -> Iterator[BackgroundRecorder | None]:
+def _recording(
+    config: Config, metadata: Mapping[str, str], log: Log
+) -> Iterator[BackgroundRecorder | UnwrittenRecord | None]:
+    """Open the record. One that cannot be written is said to be so, and keeps no vehicle on the ground."""
     if config.record.folder is None:
         yield None
         return
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
+    recorder: BackgroundRecorder | UnwrittenRecord
     try:
         recorder = BackgroundRecorder(Recorder(path, metadata))
     except OSError as error:
-        raise ConfigError(
-            f"record.folder = {str(config.record.folder)!r}: cannot be written ({error.strerror})"
-        ) from error
+        where = f"record.folder = {str(config.record.folder)!r}"
+        recorder = UnwrittenRecord(f"{where}: cannot be written ({error.strerror})")
     try:
         yield recorder
     finally:

@@ -11,7 +11,7 @@ from guidance.records import compare, events_of, flight_settings, metadata_of, r
 from guidance.records.export import export
 from guidance.service import record
 from guidance.service.background import BackgroundRecorder
-from guidance.service.command import plan_of
+from guidance.service.command import _recording, plan_of
 from guidance.service.model import Config
 from guidance.service.record import BEGUN, RELOADED, STOPPED, Recorder
 
@@ -103,6 +103,18 @@ def test_a_disk_that_fills_up_is_said_once_everywhere_and_the_flight_goes_on_as_
     flown, wanted = ([(m.vx, m.vy, m.vz) for m in each.setpoints_since(0.0)] for each in (one, bare))
     assert flown[: len(wanted)] == wanted
     assert len(wanted) > 100
+
+
+def test_a_record_that_cannot_even_be_opened_keeps_no_vehicle_on_the_ground(base, vehicle_document, tmp_path):
+    (tmp_path / "file").write_text("")
+    document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
+    bare = base()
+    with _recording(parse(Config, document, source="test"), {}, bare.log) as unwritten:
+        one = base(record=unwritten)
+        one.standing_by()
+        assert one.order("status")["recording"].startswith("stopped: record.folder = ")
+    assert one.log.messages().count(STOPPED) == 1
+    assert bare.log.messages() == ["the record is incomplete"]
 
 
 def test_a_record_that_is_written_is_said_to_be_on_and_one_that_is_not_wanted_off(base, recorder_of):

@@ -1,0 +1,30 @@
+"""The record that could not be opened: it keeps nothing, and says why. The flight does not wait for a disk."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from guidance.telemetry import TargetReport
+
+
+class UnwrittenRecord:
+    """`Record` that has failed from the start."""
+
+    dropped = 0
+
+    def __init__(self, reason: str) -> None:
+        self.failed: str | None = reason
+
+    def frame(self, _now_s: float, _topic: str, _frame: bytes) -> None:
+        """Nothing."""
+
+    def tick(self, _now_s: float, _row: Mapping[str, Any]) -> None:
+        """Nothing."""
+
+    def event(self, _now_s: float, _event: str, _detail: str = "") -> None:
+        """Nothing."""
+
+    def report(self, _report: TargetReport) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
