@@ -401,6 +401,18 @@ def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cyc
     assert None in {one.alarm for one in outputs}
 
 
+def test_of_all_that_happens_in_one_cycle_the_gravest_alone_has_an_effect():
+    flown = Flown().engaged()
+    flown.ticks(0.5)
+    flown.mode, flown.armed = Mode.OTHER, False
+    outputs = flown.tick(beat=True, dt_s=0.3, more=[Odometry(flown.now_s, 1), Odometry(flown.now_s, 2)])
+    assert [h.event for h in outputs.happenings] == [Event.PILOT]
+    late = Flown().engaged()
+    late.ticks(0.5)
+    outputs = late.tick(dt_s=0.3, more=[Odometry(late.now_s, 1), Odometry(late.now_s, 2)])
+    assert [h.event for h in outputs.happenings] == [Event.ESTIMATOR_RESET]
+
+
 def test_after_a_reboot_or_a_lost_vehicle_nothing_is_said_any_more():
     for shock in ({"more": [local(1.0)]}, {"silent": True, "dt_s": 3.5}):
         flown = Flown().engaged()

@@ -106,7 +106,7 @@ def test_parameters_wait_side_by_side_and_are_answered_by_name():
 def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
     queue = RequestQueue()
     queue.add(FenceRequest())
-    assert [request for _, request, _ in sends(queue, *ticks(1.0))] == [FenceRequest()] * 2
+    assert [request for _, request, _ in sends(queue, *ticks(1.0))] == [FenceRequest()] * 3
     queue.fence_came(0)  # not what was asked for
     assert queue.waiting
     queue.fence_came(None)
