@@ -1,6 +1,9 @@
 """Every scenario that comes along does what it says: as mathematics, and flown against the mock in virtual time."""
 
+import subprocess
+import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -55,3 +58,11 @@ def test_what_a_scenario_expects_holds_in_flight(name):
     finally:
         world.close()
     assert failed(scenario, outcome) == []
+
+
+@pytest.mark.slow
+def test_in_real_time_a_fault_strikes_after_engagement_as_it_does_in_virtual_time(tmp_path):
+    command = [Path(sys.executable).parent / "guidance", "scenario", "run", "pilot_takeover", "--as", "live"]
+    done = subprocess.run([*command, "--out", tmp_path], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "yielded" in done.stdout
