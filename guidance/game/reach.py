@@ -78,7 +78,7 @@ def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Array:
     """Return the time from now, s, until an evader at `y` from the pursuer, moving at `m` in the air, is captured."""
     pursuer, radius = game.pursuer, game.standoff.radius_m
     if isinstance(pursuer, Cylinder):
-        return larger(xp, level_catch_time(xp, game, pursuer, y, m), positive_part(level_time(xp, game, pursuer, z)))
+        return larger(xp, level_catch_time(xp, game, pursuer, y, m), level_time(xp, game, pursuer, z))
     if is_zero(radius):
         return catch_in_ball(xp, pursuer.speed_m_s, game.capture_radius_m, y, m, z)
     direction = unit2(xp, y, norm2(xp, y))

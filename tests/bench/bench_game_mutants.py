@@ -1,68 +1,47 @@
-"""Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--minutes M] [--seed S] [--only FILES]`.
+"""Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--only FILES] [--resume FILE] [--minutes M]`.
 
-One operator, comparison, constant or condition is changed at a time, in memory, in a forked child that runs the tests
-of that file and stops at the first failure; no file is touched. Printed: how many were killed, and every survivor with
-its place and change, for a person to judge whether it changes a result.
+One operator, comparison, constant, condition or choice is changed at a time, in memory: a forked child imports the
+changed package afresh, runs the tests that enter the changed function, the likeliest to fail first, and stops at the
+first failure. A test that takes five times its processor time (and five seconds more) has noticed the change; that of
+the clock on the wall does not matter. Annotations and the wording of messages are left alone: they change no result.
+
+Printed: how many were killed, and every survivor. One that changes no result is listed in `game_mutants.toml` with the
+reason, and is not run again without `--listed`; any other fails the run. What only PyTorch or JAX can notice survives
+where they are not installed. A file given with `--resume` keeps what was killed, so that a later run (with those
+libraries, say) judges the others alone.
 """
 
 import argparse
 import ast
 import copy
-import inspect
+import gc
+import hashlib
+import importlib
+import json
 import os
 import random
+import resource
 import signal
 import sys
 import time
-from collections.abc import Iterator
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 import pytest
-from hypothesis import Phase, settings
+from hypothesis import HealthCheck, Phase, settings
 
 REPORT = os.dup(1)
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE, TESTS = ROOT / "guidance" / "game", ROOT / "tests" / "game"
-LIMIT_S = 60
-CORE = (
-    "test_reference",
-    "test_solve_closed_forms",
-    "test_degenerate_states",
-    "test_bad_input",
-    "test_brute_force",
-    "test_batch_bits",
-)
-COVERING = {
-    "apollonius": ("test_reference", "test_solve_closed_forms", "test_bad_input"),
-    "batch": (
-        "test_reference",
-        "test_batch_bits",
-    ),
-    "gradient": (
-        "test_reference",
-        "test_hji",
-    ),
-    "hji": (
-        "test_reference",
-        "test_hji",
-    ),
-    "policies": ("test_reference", "test_policies", "test_bad_input", "test_degenerate_states", "test_batch_bits"),
-    "rollout": ("test_reference", "test_rollout", "test_bad_input"),
-    "stepping": ("test_reference", "test_rollout", "test_bad_input"),
-    "terminal": (
-        "test_reference",
-        "test_rollout",
-    ),
-    "search": ("test_reference", "test_brute_force", "test_degenerate_states", "test_symmetry", "test_batch_bits"),
-    "reach": (
-        "test_reference",
-        "test_solve_closed_forms",
-        "test_degenerate_states",
-        "test_policies",
-        "test_brute_force",
-        "test_rollout",
-    ),
-}
+LISTED = Path(__file__).with_name("game_mutants.toml")
+OWN = ("guidance", "sitl_mock", "tests", "conftest", "__main__")
+LIMIT = "the limit of processor time"
+TIMES, SPARE_S, WALL_S = 5.0, 5.0, 3600
+LIKELY = 12
+"""Tests that are tried before all other files are even read."""
 SWAPS = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
     ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
@@ -75,8 +54,10 @@ REVERSED = {ast.Lt: ast.Gt, ast.LtE: ast.GtE, ast.Gt: ast.Lt, ast.GtE: ast.LtE}
 
 def mutants(tree: ast.Module) -> Iterator[tuple[str, ast.Module]]:
     """Yield a description and a changed tree for every change that can be made."""
+    named = [one for one in tree.body if getattr(getattr(one, "annotation", None), "value", "") == "TypeAlias"]
+    left_alone = {id(part) for one in named for part in ast.walk(one)}
     for index, node in enumerate(ast.walk(tree)):
-        for number, (said, _) in enumerate(changes(node)):
+        for number, (said, _) in enumerate(() if id(node) in left_alone else changes(node)):
             changed = copy.deepcopy(tree)
             target = next(other for place, other in enumerate(ast.walk(changed)) if place == index)
             list(changes(target))[number][1]()
@@ -86,6 +67,7 @@ def mutants(tree: ast.Module) -> Iterator[tuple[str, ast.Module]]:
 
 def changes(node: ast.AST):  # noqa: C901 - one case for each kind of node
     """Yield what can be changed at a node, and a function that does it."""
+    called = getattr(node.func, "id", "") if isinstance(node, ast.Call) else ""
     if isinstance(node, (ast.BinOp, ast.BoolOp, ast.UnaryOp, ast.AugAssign)) and type(node.op) in SWAPS:
         swapped = SWAPS[type(node.op)]
         yield f"{type(node.op).__name__} → {swapped.__name__}", lambda: setattr(node, "op", swapped())
@@ -104,135 +86,21 @@ def changes(node: ast.AST):  # noqa: C901 - one case for each kind of node
         yield f"{node.value} → {changed}", lambda: setattr(node, "value", changed)
     if isinstance(node, (ast.If, ast.IfExp)):
         yield "condition turned", lambda: setattr(node, "test", ast.UnaryOp(ast.Not(), node.test))
-    if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("select", "select2") and len(node.args) == 4:
+    if called in ("select", "select2", "_select3", "choose") and len(node.args) == 4:
         yield "choice turned", lambda: node.args.__setitem__(slice(2, 4), node.args[:1:-1])
-    if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("positive_part", "abs") and len(node.args) == 1:
-        yield f"{node.func.id} dropped", lambda: setattr(node, "func", ast.Name("float_like", ast.Load()))
-
-
-class Forks:
-    """A pytest plugin that collects the tests once, and runs them in a forked child for every mutant."""
-
-    def __init__(self, drawn: list[tuple[str, str, ast.Module]], ends: float) -> None:
-        self.drawn, self.ends = drawn, ends
-
-    def pytest_runtestloop(self, session) -> bool:
-        """Judge mutants until the time is up, and print the count."""
-        killed, survivors = 0, 0
-        for stem in sorted({stem for stem, _, _ in self.drawn}):
-            if not self.survives(session, stem, ast.parse((SOURCE / f"{stem}.py").read_text()), first=True):
-                say(f"{stem}.py: its tests fail without a change; left out")
-                self.drawn = [entry for entry in self.drawn if entry[0] != stem]
-        for stem, said, tree in self.drawn:
-            if time.monotonic() > self.ends:
-                break
-            if self.survives(session, stem, tree):
-                survivors += 1
-                say(f"survived: {stem}.py:{said}")
-            else:
-                killed += 1
-            if (killed + survivors) % 50 == 0:
-                say(f"judged so far: {killed + survivors}, killed {killed}")
-        judged = killed + survivors
-        share = 100.0 * killed / max(judged, 1)
-        say(f"{judged} of {len(self.drawn)} mutants judged, {killed} killed ({share:.1f} %), {survivors} survived")
-        return True
-
-    def survives(self, session, stem: str, tree: ast.Module, *, first: bool = False) -> bool:
-        """Run the tests of a file against a mutant in a child; a child that hangs or dies has been noticed."""
-        child = os.fork()
-        if child == 0:
-            signal.alarm(LIMIT_S)
-            code = 1
-            try:
-                plant(f"guidance.game.{stem}", tree)
-                files = COVERING.get(stem, CORE)[: 1 if first else None]
-                items = sorted(
-                    (item for item in session.items if item.path.stem in files),
-                    key=lambda item: files.index(item.path.stem),
-                )
-                code = int(any(fails(session, item) for item in items))
-            finally:
-                os._exit(code)
-        return os.waitpid(child, 0)[1] == 0
-
-
-def fails(session, item) -> bool:
-    """Run one test, and say whether it failed."""
-    session.config.hook.pytest_runtest_protocol(item=item, nextitem=None)
-    return bool(session.testsfailed)
-
-
-def plant(name: str, tree: ast.Module) -> None:
-    """Run a changed source and put its functions, methods and numbers wherever the old ones are known."""
-    fresh = vars(sys.modules[name])
-    old = dict(fresh)
-    fresh["float_like"] = lambda value: value
-    exec(compile(tree, name, "exec"), fresh)
-    classes = {key for key, value in old.items() if isinstance(value, type)}
-    for key in classes:
-        take_methods(name, old[key], fresh[key])
-    changed = {key: fresh[key] for key in old.keys() - classes if fresh[key] is not old[key] and key[:2] != "__"}
-    for other in [module for key, module in sys.modules.items() if key.startswith("guidance") or "test_" in key]:
-        for key in changed.keys() & vars(other).keys():
-            if vars(other)[key] is old[key]:
-                setattr(other, key, changed[key])
-    fresh.update({key: old[key] for key in classes})
-
-
-def take_methods(name: str, old: type, fresh: type) -> None:
-    """Give a class that others know the methods of its changed twin."""
-    for key, method in vars(fresh).items():
-        if inspect.isfunction(method) and fresh.__module__ == name:
-            setattr(old, key, method)
-
-
-def say(line: str) -> None:
-    """Print past pytest's capture."""
-    os.write(REPORT, f"{line}\n".encode())
-
-
-def main() -> None:
-    """Draw mutants at random until all are judged or the time is up."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=600.0)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default="", help="comma-separated modules")
-    parser.add_argument("--lines", default="", help="comma-separated line numbers, to judge some again")
-    given = parser.parse_args()
-    sys.path.insert(0, str(ROOT))
-    os.chdir(ROOT)
-    drawn = []
-    for path in sorted(SOURCE.glob("*.py")):
-        if path.stem in ("__init__", "reasons") or (given.only and path.stem not in given.only.split(",")):
-            continue
-        drawn += [(path.stem, said, tree) for said, tree in mutants(strip(ast.parse(path.read_text())))]
-    if given.lines:
-        drawn = [entry for entry in drawn if entry[1].split(":")[0] in given.lines.split(",")]
-    random.Random(given.seed).shuffle(drawn)
-    settings.register_profile(
-        "mutants",
-        phases=[Phase.explicit, Phase.generate],
-        database=None,
-        derandomize=True,
-        max_examples=20,
-        deadline=None,
-    )
-    settings.load_profile("mutants")
-    files = sorted({str(TESTS / f"{name}.py") for stem, _, _ in drawn for name in COVERING.get(stem, CORE)})
-    options = ["-q", "-p", "no:cacheprovider", "--assert=plain", f"--rootdir={ROOT}"]
-    pytest.main([*options, *files], plugins=[Forks(drawn, time.monotonic() + 60.0 * given.minutes)])
+    if called in ("positive_part", "abs") and len(node.args) == 1:
+        yield f"{called} dropped", lambda: setattr(node, "func", ast.parse("(lambda value: value)").body[0].value)
 
 
 def strip(tree: ast.Module) -> ast.Module:
-    """Leave annotations and messages alone: they change no result."""
+    """Make a string of every annotation, and none of a message."""
 
     class Quiet(ast.NodeTransformer):
         def visit_JoinedStr(self, node):
-            return ast.Constant("message")
+            return ast.copy_location(ast.Constant("message"), node)
 
         def visit_AnnAssign(self, node):
-            node.annotation = ast.Constant("annotation") if not isinstance(node.target, ast.Name) else node.annotation
+            node.annotation = ast.Constant(ast.unparse(node.annotation))
             return self.generic_visit(node)
 
         def visit_FunctionDef(self, node):
@@ -241,8 +109,237 @@ def strip(tree: ast.Module) -> ast.Module:
                 argument.annotation = None
             return self.generic_visit(node)
 
-    return Quiet().visit(tree)
+    return ast.fix_missing_locations(Quiet().visit(tree))
+
+
+class Mutant:
+    """A changed file, and what it is called: file, function, change, and a number where several are alike."""
+
+    def __init__(self, stem: str, function: str, said: str, tree: ast.Module, line: str) -> None:
+        self.stem, self.function, self.said, self.tree, self.line = stem, function, said, tree, line
+        self.digest = hashlib.blake2b(f"{stem}\n{ast.unparse(tree)}".encode(), digest_size=8).hexdigest()
+
+    def reason(self, listed: dict[str, dict[str, str]]) -> str:
+        """Why it changes no result, if that is known."""
+        return listed.get(self.stem, {}).get(f"{self.function}: {self.said}", "")
+
+    def __str__(self) -> str:
+        return f"{self.stem}.py:{self.line}: {self.function}: {self.said}"
+
+
+def drawn_from(stem: str) -> Iterator[Mutant]:
+    """Yield every mutant of a file."""
+    tree = strip(ast.parse((SOURCE / f"{stem}.py").read_text()))
+    functions, alike = functions_by_line(tree), Counter()
+    for text, changed in mutants(tree):
+        line, said = text.splitlines()[0].split(": ", 1)
+        function = functions.get(int(line), "")
+        alike[function, said] += 1
+        number = alike[function, said]
+        yield Mutant(stem, function, said if number == 1 else f"{said} ({number})", changed, line)
+
+
+def functions_by_line(tree: ast.AST, prefix: str = "") -> dict[int, str]:
+    """Name the outermost function or method of every line that is in one."""
+    found = {}
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.ClassDef):
+            found |= functions_by_line(node, f"{node.name}.")
+        elif isinstance(node, ast.FunctionDef):
+            first = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
+            found |= dict.fromkeys(range(first, node.end_lineno + 1), prefix + node.name)
+    return found
+
+
+class Judge:
+    """A pytest plugin: the given tests in the given order, each within its own limit of processor time."""
+
+    def __init__(self, limits: dict[str, float], tell: Callable[[str], None]) -> None:
+        self.limits, self.order, self.tell = limits, {name: place for place, name in enumerate(limits)}, tell
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items) -> None:
+        """Choose the tests and put them in order."""
+        items[:] = sorted((one for one in items if one.nodeid in self.order), key=lambda one: self.order[one.nodeid])
+
+    def pytest_runtest_logstart(self, nodeid, location) -> None:
+        """Set the limit of a test."""
+        limit = int(time.process_time() + self.limits[nodeid]) + 1
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
+
+    def pytest_runtest_logreport(self, report) -> None:
+        """Name the test that failed."""
+        if report.failed:
+            self.tell(report.nodeid)
+
+
+class Survey:
+    """A pytest plugin: what each test costs, and which functions of the package it enters."""
+
+    def __init__(self) -> None:
+        self.costs_s: dict[str, float] = {}
+        self.entered: dict[str, list[str]] = {}
+        self.names = {
+            str(path): (path.stem, functions_by_line(ast.parse(path.read_text()))) for path in SOURCE.glob("*.py")
+        }
+
+    def pytest_runtest_logstart(self, nodeid, location) -> None:
+        """Start to count."""
+        self.calls: set[tuple[str, int]] = set()
+        self.started = time.process_time()
+        sys.settrace(lambda frame, *_: self.calls.add((frame.f_code.co_filename, frame.f_code.co_firstlineno)))
+
+    def pytest_runtest_logfinish(self, nodeid, location) -> None:
+        """Keep the count."""
+        sys.settrace(None)
+        self.costs_s[nodeid] = time.process_time() - self.started
+        known = [(*self.names[file], line) for file, line in self.calls if file in self.names]
+        self.entered[nodeid] = sorted({f"{stem}.{lines.get(line, '')}" for stem, lines, line in known})
+
+
+def in_child(work: Callable[[Callable[[str], None]], int]) -> tuple[int, str]:
+    """Do something in a forked child; return how it ended, as `os.waitpid` has it, and what it told."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        code = 70
+        try:
+            silence = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(silence, 1)
+            os.dup2(silence, 2)
+            signal.alarm(WALL_S)
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            code = work(lambda text: os.write(write, text.encode()))
+        finally:
+            os._exit(code)
+    os.close(write)
+    with os.fdopen(read) as told:
+        text = told.read()
+    return os.waitpid(child, 0)[1], text
+
+
+def run_tests(plugin: object, files: list[str]) -> int:
+    """Run test files up to the first failure."""
+    options = ["-q", "-x", "-m", "not slow", "-p", "no:cacheprovider", "--assert=plain", f"--rootdir={ROOT}"]
+    return int(pytest.main([*options, *files], plugins=[plugin]))
+
+
+def survey() -> tuple[dict[str, float], dict[str, list[str]]]:
+    """Run all tests without a change, and import here what they import, so that no child has to."""
+
+    def work(tell) -> int:
+        plugin = Survey()
+        code = run_tests(plugin, [str(TESTS)])
+        modules = [name for name in sys.modules if name.split(".")[0] not in OWN and "test_" not in name]
+        tell(json.dumps([plugin.costs_s, plugin.entered, modules]))
+        return code
+
+    status, told = in_child(work)
+    if status:
+        raise SystemExit(f"the tests fail without a change: {told[-500:]}")
+    costs_s, entered, modules = json.loads(told)
+    for name in modules:
+        try:
+            importlib.import_module(name)
+        except ImportError:
+            continue
+    gc.freeze()
+    return costs_s, entered
+
+
+def judge(mutant: Mutant, limits: dict[str, float]) -> str:
+    """Return who noticed a mutant, or nothing."""
+    if not limits:
+        return ""
+
+    def work(tell) -> int:
+        original = SourceFileLoader.get_code
+
+        def get_code(self, name):
+            if name == f"guidance.game.{mutant.stem}":
+                return compile(mutant.tree, self.path, "exec")
+            return original(self, name)
+
+        SourceFileLoader.get_code = get_code
+        return run_tests(Judge(limits, tell), sorted({name.split("::")[0] for name in limits}))
+
+    status, told = in_child(work)
+    if os.WIFSIGNALED(status):
+        ended = signal.Signals(os.WTERMSIG(status))
+        return {signal.SIGXCPU: LIMIT, signal.SIGALRM: ""}.get(ended, ended.name)
+    return told.split("\n")[0] or ("the import" if status else "")
+
+
+def say(line: str) -> None:
+    """Print past pytest's capture."""
+    os.write(REPORT, f"{line}\n".encode())
+
+
+def judge_all(drawn: list[Mutant], kept: Path, ends: float) -> dict[str, str]:
+    """Return who noticed each mutant, by digest; what was killed before is not judged again."""
+    costs_s, entered = survey()
+    say(f"{len(costs_s)} tests, {sum(costs_s.values()):.0f} s of processor time; {len(drawn)} mutants")
+    verdicts = dict(map(json.loads, kept.read_text().splitlines())) if kept.exists() else {}
+    kills: Counter[tuple[str, str]] = Counter()
+    with kept.open("a") as keep:
+        for number, mutant in enumerate((one for one in drawn if one.digest not in verdicts), 1):
+            if time.monotonic() > ends:
+                break
+            place = f"{mutant.stem}.{mutant.function}"
+            tests = [name for name in costs_s if not mutant.function or place in entered[name]]
+            tests.sort(key=lambda name: costs_s[name] / (1 + kills[mutant.stem, name]))
+            limits = [(name, SPARE_S + TIMES * costs_s[name]) for name in tests]
+            killer = judge(mutant, dict(limits[:LIKELY])) or judge(mutant, dict(limits[LIKELY:]))
+            verdicts[mutant.digest] = killer
+            kills[mutant.stem, killer] += 1
+            if killer:
+                keep.write(json.dumps([mutant.digest, killer]) + "\n")
+                keep.flush()
+            else:
+                say(f"survived: {mutant}")
+            if number % 100 == 0:
+                say(f"judged so far: {number}")
+    return verdicts
+
+
+def report(drawn: list[Mutant], verdicts: dict[str, str], listed: dict[str, dict[str, str]]) -> int:
+    """Print the numbers, and return how many survivors change a result."""
+    harmless = sorted((one for one in drawn if one.reason(listed)), key=lambda one: (one.stem, int(one.line)))
+    for one in harmless:
+        noticed = verdicts.get(one.digest)
+        say(f"{one}\n    {f'LISTED, YET NOTICED BY {noticed}' if noticed else one.reason(listed)}")
+    judged = [one for one in drawn if one.digest in verdicts and not one.reason(listed)]
+    killed = [one for one in judged if verdicts[one.digest]]
+    slow = sum(verdicts[one.digest] == LIMIT for one in killed)
+    left = len(drawn) - len(harmless) - len(judged)
+    say(
+        f"{len(drawn)} mutants: {len(killed)} killed ({slow} of them by the limit of processor time), {len(harmless)} "
+        f"change no result (above), {len(judged) - len(killed)} survived, {left} not judged"
+    )
+    return len(judged) - len(killed)
+
+
+def main() -> int:
+    """Judge mutants until all are, or the time is up."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default="", help="comma-separated modules")
+    parser.add_argument("--minutes", type=float, default=600.0)
+    parser.add_argument("--listed", action="store_true", help="run what is listed, too")
+    parser.add_argument("--resume", type=Path, default=Path(os.devnull), help="a file that keeps what was killed")
+    given = parser.parse_args()
+    sys.path.insert(0, str(ROOT))
+    os.chdir(ROOT)
+    calm = {"derandomize": True, "database": None, "deadline": None, "suppress_health_check": list(HealthCheck)}
+    settings.register_profile("mutants", phases=[Phase.explicit, Phase.generate], max_examples=20, **calm)
+    settings.load_profile("mutants")
+    stems = sorted({path.stem for path in SOURCE.glob("*.py")} - {"__init__"})
+    chosen = given.only.split(",") if given.only else stems
+    drawn = [mutant for stem in stems if stem in chosen for mutant in drawn_from(stem)]
+    random.Random(0).shuffle(drawn)
+    listed = tomllib.loads(LISTED.read_text())
+    run = [one for one in drawn if given.listed or not one.reason(listed)]
+    return min(report(drawn, judge_all(run, given.resume, time.monotonic() + 60.0 * given.minutes), listed), 1)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -45,7 +45,7 @@ def test_an_arrival_takes_an_evader_and_a_target_that_meet_at_least_that_long(ga
 def test_a_cylinder_turns_half_a_nanometre_inside_of_its_height(side):
     game = Game(Cylinder(2.0, 0.7, 0.5), 1.0)
     vertical = 0.5 if side > 0 else 0.7
-    for over, left in ((0.5, math.inf), (1.5, 1.0), (4.0, 3.5), (9e9, 9e9 - 0.5)):
+    for over, left in ((0.5, math.inf), (1.0, math.inf), (1.5, 1.0), (4.0, 3.5), (9e9, 9e9 - 0.5)):
         P = np.array([5.0, 0.0, side * over * NANOMETRE_M])
         turn = look_ahead(np, game, P, np.zeros(3), None).turn_s
         assert turn == pytest.approx(left * NANOMETRE_M / vertical, rel=1e-12)

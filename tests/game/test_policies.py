@@ -65,6 +65,7 @@ def test_wind_does_not_turn_a_straight_flight():
 def test_task_oriented_players_go_straight_to_the_target_and_stay():
     np.testing.assert_allclose(PURSUER_POLICIES["task_oriented"](PAPER, P, E, T), 2.0 * (T - P) / np.linalg.norm(T - P))
     np.testing.assert_allclose(EVADER_POLICIES["task_oriented"](PAPER, P, E, T), [-0.6, 0.8, 0.0])
+    np.testing.assert_allclose(EVADER_POLICIES["task_oriented"](PAPER, P, 0.99 * T, T), [-0.6, 0.8, 0.0])
     np.testing.assert_array_equal(EVADER_POLICIES["task_oriented"](PAPER, P, T, T), 0.0)
     seen = np.array([0.5, 0.0, 0.0])
     np.testing.assert_array_equal(PURSUER_POLICIES["task_oriented"](PAPER, T, E, T, seen), 0.0)

@@ -162,6 +162,12 @@ def test_the_papers_stepping_counts_samples_and_reads_the_distance_at_the_pursue
     assert (never.end, never.time_s) == (End.TIME_UP, 0.1)
 
 
+def test_the_papers_stepping_captures_within_its_radius_and_not_at_it():
+    stay = {"pursuer_policy": "hold", "evader_policy": "hold", "stepping": Paper(capture_m=0.25), "duration_s": 0.01}
+    for distance, end in ((0.25, End.TIME_UP), (0.24, End.CAPTURED)):
+        assert rollout(PAPER, np.array([distance, 0.0, 0.0]), np.zeros(3), **stay).end == end
+
+
 @pytest.mark.parametrize("stepping", [Exact(order=1), Paper()])
 def test_a_policy_sees_how_the_evader_just_moved(stepping):
     seen = []
