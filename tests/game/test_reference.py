@@ -47,6 +47,10 @@ GAMES = {
     "moving_cylinder": Game(
         Cylinder(2.0, 0.7, 0.5), 1.0, standoff=DISC, target_velocity_m_s=(0.1, -0.3), information_age_s=0.2
     ),
+    "fast_all": Game(Ball(3.7), 1.3, wind_m_s=(0.5, 0.6), standoff=DISC, information_age_s=0.4, capture_radius_m=0.3),
+    "fast_cylinder": Game(Cylinder(3.7, 0.9, 1.6), 1.3, standoff=DISC, information_age_s=0.4, capture_radius_m=0.3),
+    "fast_moving": Game(Ball(3.7), 1.3, target_velocity_m_s=(0.3, 0.2)),
+    "fast_moving_cylinder": Game(Cylinder(3.7, 0.9, 1.6), 1.3, standoff=DISC, target_velocity_m_s=(0.1, -0.3)),
     "space": Game(Ball(2.0), 1.0, evader_space="space"),
     "space_radius": Game(Ball(2.0), 1.0, evader_space="space", capture_radius_m=0.5, information_age_s=0.3),
 }
