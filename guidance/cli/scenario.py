@@ -24,7 +24,10 @@ def run(
         bool, typer.Option("--engage", help="With --as vehicle: engage without `guidance ctl engage`.")
     ] = False,
     link: Annotated[str, typer.Option(help="mavsdk or pymavlink, with --as live.")] = "mavsdk",
-    port: Annotated[int, typer.Option(help="TCP port of the mock's Zenoh session, with --as live.")] = 0,
+    over: Annotated[str, typer.Option(help="zenoh or udp, with --as live.")] = "zenoh",
+    port: Annotated[
+        int, typer.Option(help="With --as live: TCP port of the mock's Zenoh session, or first UDP port; 0 is any.")
+    ] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for a flight's record; flights/SCENARIO-NUMBER.")] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the outcome row here as JSON.")] = None,
@@ -36,14 +39,14 @@ def run(
 
     - `guidance scenario run pe`: the paper's game between point masses
     - `guidance scenario run pe --as fast`: the same file flown against the mock autopilot in virtual time
-    - `guidance scenario run pe --as live`: in real time over Zenoh
+    - `guidance scenario run pe --as live`: in real time over Zenoh, or with `--over udp` over UDP
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot
     """
     from rich.console import Console  # noqa: PLC0415 - `guidance --help` is to be quick
 
     from guidance.scenarios.running import Run, run_scenario  # noqa: PLC0415
 
-    asked = Run(way, config, engage, link, port, out, seed, json_file)
+    asked = Run(way, config, engage, link, port, out, seed, json_file, over)
     raise typer.Exit(run_scenario(name, asked, Console()))
 
 

@@ -18,6 +18,7 @@ from guidance.scenarios.faulting import check_faults
 from guidance.scenarios.flown import ending_words, outcome_of_flight
 from guidance.scenarios.fly import FlightResult, Progress, fly
 from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.mock_process import OVER, ZENOH
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.outcome import Outcome
 from guidance.scenarios.world import World
@@ -66,6 +67,7 @@ def flown(
     fast: bool,
     link: str,
     port: int,
+    over: str = ZENOH,
     on_record: Callable[[Path], None] = lambda _: None,
 ) -> FlightResult:
     """Fly a scenario against the mock with a live line on the console and the record in a folder.
@@ -75,6 +77,8 @@ def flown(
     """
     if link not in LINKS:
         raise ConfigError(f"--link {link}: allowed are {', '.join(LINKS)}")
+    if over not in OVER:
+        raise ConfigError(f"--over {over}: allowed are {', '.join(OVER)}")
     if not 0 <= port <= 65535:
         raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
     check_faults(scenario)
@@ -85,7 +89,7 @@ def flown(
     with recording(folder / "record.mcap", metadata, real_time=not fast) as recorder, _line(console) as show:
         on_record(folder / "record.mcap")
         flying_s = time.perf_counter()
-        with _world(scenario, clock, fast=fast, link=link, port=port) as world:
+        with _world(scenario, clock, fast=fast, link=link, port=port, over=over) as world:
             result = fly(scenario, world, clock, recorder, show)
         result.wall_s = time.perf_counter() - flying_s
     if recorder.failed is not None and result.record_stopped is None:
@@ -117,7 +121,7 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
 
 
 @contextlib.contextmanager
-def _world(scenario: Scenario, clock: Clock, *, fast: bool, link: str, port: int) -> Iterator[World]:
+def _world(scenario: Scenario, clock: Clock, *, fast: bool, link: str, port: int, over: str) -> Iterator[World]:
     world: World
     if fast:
         from guidance.scenarios.fast import FastWorld  # noqa: PLC0415 - only one of the worlds is ever needed
@@ -126,7 +130,7 @@ def _world(scenario: Scenario, clock: Clock, *, fast: bool, link: str, port: int
     else:
         from guidance.scenarios.live import LiveWorld  # noqa: PLC0415
 
-        world = LiveWorld(scenario, clock, link=link, port=port)
+        world = LiveWorld(scenario, clock, link=link, port=port, over=over)
     try:
         yield world
     finally:

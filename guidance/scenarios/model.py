@@ -106,7 +106,7 @@ class Envelope(Section):
 
 
 class Sensor(Section):
-    """How the pursuer hears of the evader: reports of its position and velocity, in all worlds alike."""
+    """How the pursuer hears of the evader from engagement on: reports of position and velocity, in all worlds alike."""
 
     rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="of reports; as they come if not given")
     latency_s: float = Field(0.0, ge=0.0, le=5.0, description="from measurement to arrival")

@@ -33,6 +33,7 @@ class Run(NamedTuple):
     out: Path | None = None
     seed: int | None = None
     json_file: Path | None = None
+    over: str = "zenoh"
 
 
 def run_scenario(name: str, run: Run, console: Console) -> int:
@@ -78,7 +79,7 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
     from guidance.scenarios.flown import outcome_of_flight  # noqa: PLC0415
 
     folder = run.out if run.out is not None else next_folder(Path("flights"), stem)
-    result = flown(scenario, console, folder, fast=run.way == "fast", link=run.link, port=run.port)
+    result = flown(scenario, console, folder, fast=run.way == "fast", link=run.link, port=run.port, over=run.over)
     console.print(f"record   {folder / 'record.mcap'}", soft_wrap=True, highlight=False)
     return outcome_of_flight(result, run.way)
 

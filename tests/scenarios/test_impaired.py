@@ -14,6 +14,7 @@ from guidance.records import compare, flight_settings, metadata_of
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.flown import outcome_of_flight
 from guidance.scenarios.fly import fly
+from guidance.scenarios.hearing import Noise, begin, listen
 from guidance.scenarios.impaired import ImpairedTarget
 from guidance.scenarios.model import Scenario, Sensor
 from guidance.service.clock import VirtualClock
@@ -134,6 +135,27 @@ def test_the_same_seed_is_the_same_noise_and_another_is_another():
     first, again, other = (heard(sensor, seed=seed)[0] for seed in (1, 1, 2))
     assert first == again
     assert first != other
+
+
+def test_mathematics_hears_the_same_reports_of_the_same_seed():
+    sensor = Sensor(rate_hz=2.0, position_noise_m=1.5, velocity_noise_m_s=0.3, dropout=0.4, outages_s=((4.0, 6.0),))
+    noise = Noise(np.array([3]), 1.5, 0.3, 0.4)
+    known_of = begin(sensor, np.array([[5.0, 0.0, 0.0]]))
+    told = []
+    for tick in range(1000):
+        now = np.array([0.02 * tick])
+        before = known_of.measured_s[0]
+        east_north = np.array([[5.0, 2.0 * now[0], 0.0]])
+        known_of = listen(sensor, noise, known_of, now, east_north, np.array([[0.0, 2.0, 0.0]]))
+        if known_of.measured_s[0] != before or (tick == 0 and known_of.position_m[0, 0] != 5.0):
+            told.append([*known_of.position_m[0, :2], *known_of.velocity_m_s[0, :2]])
+    came = heard(sensor, seed=3)[0]
+    in_flight = [
+        [place[1], place[0], report.velocity_ned_m_s[1], report.velocity_ned_m_s[0]]
+        for place, (_, report) in zip(places(came), came, strict=True)
+    ]
+    assert len(told) == len(in_flight) > 10
+    np.testing.assert_allclose(told, in_flight, atol=1e-5)  # metres by way of degrees
 
 
 def test_closing_closes_the_source():

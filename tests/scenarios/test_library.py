@@ -61,8 +61,17 @@ def test_what_a_scenario_expects_holds_in_flight(name):
 
 
 @pytest.mark.slow
-def test_in_real_time_a_fault_strikes_after_engagement_as_it_does_in_virtual_time(tmp_path):
-    command = [Path(sys.executable).parent / "guidance", "scenario", "run", "pilot_takeover", "--as", "live"]
+def test_in_real_time_over_udp_a_fault_strikes_after_engagement_as_it_does_in_virtual_time(tmp_path):
+    command = [
+        Path(sys.executable).parent / "guidance",
+        "scenario",
+        "run",
+        "pilot_takeover",
+        "--as",
+        "live",
+        "--over",
+        "udp",
+    ]
     done = subprocess.run([*command, "--out", tmp_path], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "yielded" in done.stdout

@@ -49,6 +49,7 @@ def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
         (["--as", "fats"], "--as fats: allowed are maths, fast, live, vehicle"),
         (["--as", "vehicle"], "--config: needed with --as vehicle"),
         (["--config", "px4.toml"], "--config: needed with --as vehicle"),
+        (["--as", "live", "--over", "smoke"], "--over smoke: allowed are zenoh, udp"),
         (["--json", "/nowhere/row.json"], "--json /nowhere/row.json: cannot be written"),
     ],
 )
