@@ -22,7 +22,7 @@ from guidance.view.front import LOOPBACK, Front
 MEMORY_LIMIT: Final = "512MB"
 """What the server keeps for those who look in later; then the oldest is dropped."""
 
-START_LIMIT_S: Final = 10.0
+START_LIMIT_S: Final = 30.0
 STOP_LIMIT_S: Final = 3.0
 
 # Linux ends the child when we are gone, however that comes about (PR_SET_PDEATHSIG, SIGTERM); elsewhere we must do it.
@@ -50,6 +50,9 @@ class WebPage:
             self._child = self._start(behind, recording_url)
             self._wait_until_served(behind)
             self._closing.callback(Front(port, behind=behind, recording_port=recording_port).close)
+        except (OSError, subprocess.SubprocessError) as error:
+            self._closing.close()
+            raise LinkError(f"the viewer's page could not be served: {error}") from error
         except BaseException:
             self._closing.close()
             raise
@@ -61,7 +64,12 @@ class WebPage:
         environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
         nothing = subprocess.DEVNULL
         subprocess.run(
-            [program, "analytics", "disable"], env=environment, stdout=nothing, stderr=nothing, check=True, timeout=10.0
+            [program, "analytics", "disable"],
+            env=environment,
+            stdout=nothing,
+            stderr=nothing,
+            check=True,
+            timeout=START_LIMIT_S,
         )
         serve = [program, "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), recording_url]
         child = subprocess.Popen(
