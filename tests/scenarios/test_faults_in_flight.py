@@ -4,13 +4,16 @@ import math
 import tomllib
 
 import pytest
+from rich.console import Console
 
 from guidance.config import parse
 from guidance.errors import ConfigError
+from guidance.scenarios import command
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.faulting import faulted_fleet, script, script_toml
 from guidance.scenarios.flown import outcome_of_flight
 from guidance.scenarios.fly import fly
+from guidance.scenarios.maths import play
 from guidance.scenarios.model import Scenario
 from guidance.service.clock import VirtualClock
 
@@ -88,7 +91,7 @@ def test_wind_blows_on_the_pursuer_for_the_whole_flight_and_is_captured_against(
     _, outcome = flown(wind=wind)
     assert outcome.end == "captured"
     # The autopilot holds the speed over ground: what is promised is what is promised in still air.
-    assert outcome.predicted == pytest.approx(flown()[1].predicted, abs=0.3)
+    assert outcome.predicted == pytest.approx(play([scenario()])[0].predicted, abs=0.3)
 
 
 def test_the_file_for_a_child_process_says_what_the_script_says():
@@ -114,3 +117,11 @@ def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_sta
     with pytest.raises(ConfigError) as caught:
         faulted_fleet(wrong)
     assert words in str(caught.value)
+
+
+def test_a_flight_with_a_wrong_fault_leaves_nothing_behind(tmp_path):
+    with pytest.raises(ConfigError, match="gremlins"):
+        command.flown(
+            scenario(fault=[{"kind": "gremlins"}]), Console(), tmp_path / "out", fast=True, link="mavsdk", port=0
+        )
+    assert list(tmp_path.iterdir()) == []
