@@ -66,7 +66,7 @@ def hji_residual(
 
 
 def finite_differences(
-    value: ValueFunction, pursuer: Array, evader: Array, target: Array | None, *, step_m: float = 1e-3
+    value: ValueFunction, pursuer: Array, evader: Array, target: Array | None, *, step_m: float
 ) -> Gradient:
     """Differentiate by central differences of fourth order, whose error falls with `step_m`⁴."""
     xp = namespace(pursuer, evader)

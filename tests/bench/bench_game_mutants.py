@@ -277,21 +277,24 @@ def say(line: str) -> None:
 
 def judge_all(drawn: list[Mutant], kept: Path, ends: float) -> dict[str, str]:
     """Return who noticed each mutant, by digest; what was killed before is not judged again."""
-    costs_s, entered = survey()
-    say(f"{len(costs_s)} tests, {sum(costs_s.values()):.0f} s of processor time; {len(drawn)} mutants")
     verdicts = dict(map(json.loads, kept.read_text().splitlines())) if kept.exists() else {}
-    kills: Counter[tuple[str, str]] = Counter()
+    waiting = [one for one in drawn if one.digest not in verdicts]
+    if not waiting or time.monotonic() > ends:
+        return verdicts
+    costs_s, entered = survey()
+    say(f"{len(costs_s)} tests, {sum(costs_s.values()):.0f} s of processor time; {len(waiting)} mutants to judge")
+    kills = Counter(verdicts.values())
     with kept.open("a") as keep:
-        for number, mutant in enumerate((one for one in drawn if one.digest not in verdicts), 1):
+        for number, mutant in enumerate(waiting, 1):
             if time.monotonic() > ends:
                 break
             place = f"{mutant.stem}.{mutant.function}"
             tests = [name for name in costs_s if not mutant.function or place in entered[name]]
-            tests.sort(key=lambda name: costs_s[name] / (1 + kills[mutant.stem, name]))
+            tests.sort(key=lambda name: costs_s[name] / (1 + kills[name]))
             limits = [(name, SPARE_S + TIMES * costs_s[name]) for name in tests]
             killer = judge(mutant, dict(limits[:LIKELY])) or judge(mutant, dict(limits[LIKELY:]))
             verdicts[mutant.digest] = killer
-            kills[mutant.stem, killer] += 1
+            kills[killer] += 1
             if killer:
                 keep.write(json.dumps([mutant.digest, killer]) + "\n")
                 keep.flush()

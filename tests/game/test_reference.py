@@ -113,14 +113,17 @@ def derivatives(game, P, E, T):
 
 
 def ends():
-    """Yield rollouts of the paper's game: located ends and the paper's stepping."""
-    game = GAMES["paper"]
-    P, E, T, _ = states(game)
-    for kind, stepping in (("exact", Exact(0.1)), ("paper", Paper(0.1))):
-        for evader, target in (("pure_evade", None), ("optimal", T[24:26])):
-            end = rollout(game, P[24:26], E[24:26], target, evader_policy=evader, stepping=stepping)
-            for field in ("end", "time_s", "pursuer_m", "evader_m", "distance_m"):
-                yield f"{kind}_{evader}_{field}", getattr(end, field)
+    """Yield rollouts: located ends and the paper's stepping, and a second of a curved chase of a moving target."""
+    P, E, T, _ = (array[24:26] for array in states(GAMES["paper"]))
+    for kind, stepping in (("exact", Exact(0.1)), ("straight", Exact(0.1, order=1)), ("paper", Paper(0.1))):
+        curve = {"pursuer_policy": "pure_pursuit", "stepping": stepping, "duration_s": 1.0}
+        played = {f"{kind}_moving": rollout(GAMES["fast_moving"], P, E, T, **curve)}
+        if kind != "straight":
+            for evader, target in (("pure_evade", None), ("optimal", T)):
+                end = rollout(GAMES["paper"], P, E, target, evader_policy=evader, stepping=stepping)
+                played[f"{kind}_{evader}"] = end
+        for name, end in played.items():
+            yield from ((f"{name}_{field}", value) for field, value in end._asdict().items() if field != "path")
 
 
 def shapes():
