@@ -72,7 +72,6 @@ class TickInputs(NamedTuple):
     dt_s: float
     position_ned_m: Vector
     velocity_ned_m_s: Vector
-    telemetry_age_s: float
     yaw_rad: float
     target: TargetNow | None
     game_frame: GameFrame | None

@@ -228,7 +228,6 @@ class Flight:
             dt_s=dt_s,
             position_ned_m=local.position_ned_m,
             velocity_ned_m_s=local.velocity_ned_m_s,
-            telemetry_age_s=now_s - local.received_s,
             yaw_rad=self.vehicle.yaw_rad,
             target=self.tracking.target(now_s),
             game_frame=self.tracking.game_frame,

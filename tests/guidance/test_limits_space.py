@@ -191,8 +191,8 @@ def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
     ],
 )
 def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(limits, velocity, allowed, limiter):
-    limited = settled((7.0, 0.0, velocity), Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0)), replace(OPEN, **limits))
-    assert limited.setpoint.velocity_ned_m_s == pytest.approx((7.0, 0.0, allowed))
+    limited = settled((7.0, 4.0, velocity), Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0)), replace(OPEN, **limits))
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((7.0, 4.0, allowed))
     assert limited.acted == (limiter,)
 
 

@@ -60,6 +60,27 @@ def test_the_first_reports_of_all_count_as_much_as_later_ones():
     assert echo.foreign
 
 
+@pytest.mark.parametrize(("off_m_s", "foreign"), [(0.7, False), (0.8, True)])
+def test_what_is_off_by_less_than_three_quarters_of_a_metre_a_second_is_ours(off_m_s, foreign):
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0))
+    for count in range(3):
+        echo.hear(reported(now_s + 0.01 * count, (3.0, off_m_s, 0.0)), guided=True)
+    assert echo.foreign is foreign
+
+
+def test_after_silence_the_count_begins_anew():
+    echo = Echo()
+    flown(echo, (3.0, 0.0, 0.0))
+    echo.silent()
+    for tick in range(100):
+        echo.sent(10.0 + 0.02 * tick, Setpoint((3.0, 0.0, 0.0)))
+    for count in range(IN_A_ROW):
+        assert not echo.foreign
+        echo.hear(reported(12.0 + 0.01 * count, (-3.0, 0.0, 0.0)), guided=True)
+    assert echo.foreign
+
+
 def test_a_single_odd_report_is_no_alarm():
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))

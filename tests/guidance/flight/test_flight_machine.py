@@ -385,6 +385,18 @@ def test_a_pilot_is_invited_by_a_neutral_stream_after_the_hold_was_asked_for():
     assert followed[-1].setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
+def test_a_mode_that_the_vehicle_was_left_in_is_no_invitation():
+    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
+    flown.mode = Mode.GUIDED
+    flown.standing_by()
+    flown.target = (60.0, 0.0)
+    assert {one.state for one in flown.ticks(4.0)} == {State.STANDING_BY}
+    flown.mode = Mode.OTHER
+    flown.tick(beat=True)
+    flown.mode = Mode.GUIDED
+    assert flown.tick(beat=True).state is State.ENGAGED
+
+
 def test_heights_count_from_where_home_is_now():
     flown = Flown().engaged()
     assert flown.flight._tick.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
