@@ -68,7 +68,7 @@ def _with_falling(xp: Library, game: Game, pursuer: Cylinder, state: State, to_t
     return level._replace(
         run=select2(xp, closer, (radius * towards[0], radius * towards[1]), level.run),
         time=select(xp, closer, falling, level.time),
-        left=select(xp, closer, far - radius, level.left),
+        left=select(xp, closer, abs(far - radius), level.left),
     )
 
 

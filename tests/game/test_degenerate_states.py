@@ -36,21 +36,37 @@ def test_right_above_a_running_evader_the_ball_copies_it_and_descends_with_the_r
     np.testing.assert_allclose(slower.evader_velocity_m_s, (0.0, 1.0, 0.0))
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_half_a_metre_over_or_under_the_evader_the_ball_still_goes_straight(side):
+    solution = solve(Game(Ball(2.0), 1.0, standoff=StandOff(0.0, 3.0)), at(3, 4, 3.0 + 0.5 * side), at(3, 4, 0))
+    assert solution.reason == Reason.OVERHEAD
+    np.testing.assert_array_equal(solution.pursuer_velocity_m_s, (0.0, 0.0, -2.0 * side))
+
+
+@pytest.mark.parametrize("pursuer", [Ball(0.5), Cylinder(0.5, 0.2, 0.2)])
+def test_what_is_captured_now_does_not_depend_on_any_speed(pursuer):
+    game = Game(pursuer, 0.25, capture_radius_m=1.0)
+    for distance, reason in ((0.9, Reason.CAPTURED), (1.5, Reason.SOLVED)):
+        for target in (None, at(90, 0, 0)):
+            assert solve(game, at(distance, 0, 0), ORIGIN, target).reason == reason
+
+
 def test_an_evader_seen_faster_than_its_bound_is_copied_at_its_bound():
     solution = solve(BALL, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(6, -8, 0))
     np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, -math.sqrt(3.0)), rtol=1e-15)
 
 
-def test_where_the_wind_carries_the_pursuer_right_over_the_evader_it_copies_in_the_air():
+@pytest.mark.parametrize(("x", "y"), [(0, 1), (1, 0)])
+def test_where_the_wind_carries_the_pursuer_right_over_the_evader_it_copies_in_the_air(x, y):
     """A start so far upwind that P is over E at the capture: wind and time are powers of two, so it is exactly so."""
-    game = Game(Ball(1.25), 0.75, wind_m_s=(0.25, 0.0))
-    start = at(-2.0, 0.0, 8.0)
-    solution = solve(game, start, ORIGIN, evader_velocity_m_s=at(0.0, 0.75, 0.0))
+    turned = [x, y, 2]
+    game = Game(Ball(1.25), 0.75, wind_m_s=((0.25, 0.0)[x], (0.25, 0.0)[y]))
+    solution = solve(game, at(-2.0, 0.0, 8.0)[turned], ORIGIN, evader_velocity_m_s=at(0.0, 0.75, 0.0)[turned])
     assert solution.value == 8.0
     assert solution.reason == Reason.OVERHEAD
-    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.25, 0.75, -1.0))
-    np.testing.assert_allclose(solution.evader_velocity_m_s, (0.0, 0.75, 0.0))
-    np.testing.assert_allclose(solution.meeting_point_m, (0.0, 6.0, 0.0))
+    np.testing.assert_allclose(solution.pursuer_velocity_m_s, at(0.25, 0.75, -1.0)[turned])
+    np.testing.assert_allclose(solution.evader_velocity_m_s, at(0.0, 0.75, 0.0)[turned])
+    np.testing.assert_allclose(solution.meeting_point_m, at(0.0, 6.0, 0.0)[turned])
 
 
 def test_below_the_disc_the_ball_climbs_while_it_follows():
@@ -161,6 +177,15 @@ def test_a_state_on_the_barrier_is_undecided_and_both_go_for_the_target():
     assert solution.value == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(solution.pursuer_velocity_m_s, (-2.0, 0.0, 0.0), atol=1e-9)
     np.testing.assert_allclose(solution.evader_velocity_m_s, (0.0, -1.0, 0.0), atol=1e-9)
+
+
+@pytest.mark.parametrize("pursuer", [Ball(2.0), Cylinder(2.0, 0.7, 0.5)])
+def test_an_evader_that_can_be_at_a_guarded_target_by_now_is_captured_at_the_end_of_its_run(pursuer):
+    """Seen half a second ago a tenth of a metre from it, and the pursuer is well within its capture radius."""
+    game = Game(pursuer, 1.0, standoff=StandOff(3.0, 2.0), capture_radius_m=0.5, information_age_s=0.5)
+    solution = solve(game, at(0, 0, 2.2), at(0.1, 0, 0), ORIGIN)
+    assert (solution.winner, solution.reason, solution.meeting_time_s) == (Winner.UNDECIDED, Reason.CAPTURED, 0.0)
+    assert solution.value == pytest.approx(0.4)
 
 
 def test_a_target_at_the_centre_of_the_circle_is_finite():
