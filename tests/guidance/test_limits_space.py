@@ -217,6 +217,14 @@ def test_the_stand_off_is_a_wall_beside_and_a_lid_above(position, velocity, allo
     assert limited.acted == ((Limiter.STAND_OFF,) if allowed != velocity else ())
 
 
+def test_the_stand_off_is_about_the_target_wherever_that_is():
+    here = Situation((-10.0, 2.0, -7.0), (1.0, 0.5, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, -1.0, 0.0))
+    there = here._replace(position_ned_m=(20.0, -58.0, -3.0), target_position_ned_m=(30.0, -60.0, 4.0))
+    one, other = (settled((8.0, -2.0, 2.0), at, ZONE).setpoint.velocity_ned_m_s for at in (here, there))
+    assert one == pytest.approx(other)
+    assert one != pytest.approx((8.0, -2.0, 2.0))
+
+
 def test_across_the_rim_both_closing_parts_share_the_gap():
     position = (-6.0, 0.0, -9.0)  # 3 m beside and 4 m above: a gap of 5 m
     north, _, down = settled((8.0, 0.0, 2.0), Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), ZONE)[
