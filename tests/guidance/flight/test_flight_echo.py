@@ -69,6 +69,16 @@ def test_what_is_off_by_less_than_three_quarters_of_a_metre_a_second_is_ours(off
     assert echo.foreign is foreign
 
 
+def test_what_was_sent_two_seconds_ago_is_not_ours_any_more():
+    echo = Echo()
+    for tick in range(250):
+        velocity = (3.0, 0.0, 0.0) if tick < 150 else (0.0, 3.0, 0.0)
+        echo.sent(0.02 * tick, Setpoint(velocity))
+    for count, (at_s, foreign) in enumerate(((4.4, False), (5.0, False), (5.0, False), (5.0, True))):
+        echo.hear(reported(at_s, (3.0, 0.0, 0.0)), guided=True)
+        assert echo.foreign is foreign, count
+
+
 def test_after_silence_the_count_begins_anew():
     echo = Echo()
     flown(echo, (3.0, 0.0, 0.0))

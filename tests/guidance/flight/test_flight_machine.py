@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from flight_scenes import (
@@ -356,6 +357,20 @@ def test_a_pilots_own_setpoints_are_not_taken_for_another_sources_and_nothing_is
     assert commands(outputs) == []
 
 
+def test_what_the_autopilot_did_between_two_engagements_is_not_held_against_anyone():
+    flown = Flown().engaged()
+    flown.ticks(3.0)
+    flown.tick(Event.HOLD)
+    flown.mode = Mode.HOLD
+    flown.tick(beat=True)
+    flown.ticks(3.0)
+    flown.tick(Event.ENGAGE)
+    flown.mode = Mode.GUIDED
+    flown.tick(beat=True)
+    flown.ticks(1.2, more=[PositionTarget(flown.now_s, 0.0, 0, (0.0, 5.0, 0.0))], beat=True)
+    assert flown.state is State.ENGAGED
+
+
 def test_while_standing_by_the_autopilots_own_targets_are_its_own_affair():
     flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
     flown.target = (60.0, 0.0)
@@ -410,7 +425,8 @@ def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cyc
     assert alarms
     assert {alarm.broken for alarm in alarms} == {Broken.CAPTURE_LATER}
     assert all(alarm.amount > 0.5 for alarm in alarms)
-    assert None in {one.alarm for one in outputs}
+    alarmed = [one.alarm is not None for one in outputs]
+    assert not any(one and after for one, after in pairwise(alarmed))
 
 
 def test_of_all_that_happens_in_one_cycle_the_gravest_alone_has_an_effect():
