@@ -115,6 +115,15 @@ def test_automatic_differentiation_leaves_no_residual(library, games, oracle, na
     assert np.abs(race[over]).max() < 1e-6
 
 
+@pytest.mark.parametrize("name", ["paper", "cylinder_everything"])
+def test_jax_compiles_a_solution_whose_states_it_does_not_know_yet(games, oracle, name):
+    jax, library = pytest.importorskip("jax"), Jax()
+    P, E, T = oracle.states(27, 8)
+    compiled = jax.jit(lambda P, E, T: solve(games[name], P, E, T))
+    there = compiled(*(library.array(array) for array in (P, E, T)))
+    np.testing.assert_allclose(there.value, solve(games[name], P, E, T).value, atol=1e-6)
+
+
 def test_what_is_made_on_the_way_is_made_where_the_states_are():
     """PyTorch's device without memory stands in for one that this machine may not have."""
     torch = pytest.importorskip("torch")
