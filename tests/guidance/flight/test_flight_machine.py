@@ -427,6 +427,10 @@ def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cyc
     assert all(alarm.amount > 0.5 for alarm in alarms)
     alarmed = [one.alarm is not None for one in outputs]
     assert not any(one and after for one, after in pairwise(alarmed))
+    while flown.outputs.alarm is None:
+        flown.tick()
+    paused = flown.tick(dt_s=0.3)
+    assert (paused.state, paused.alarm) == (State.PAUSED, None)
 
 
 def test_of_all_that_happens_in_one_cycle_the_gravest_alone_has_an_effect():
