@@ -29,14 +29,6 @@ from hypothesis import Phase, settings
 
 LIMIT_S = 150
 LISTED = Path(__file__).with_name("flight_mutants.toml")
-UNIT = (
-    "test_flight_table",
-    "test_flight_machine",
-    "test_flight_events",
-    "test_flight_echo",
-    "test_flight_fence",
-    "test_flight_tracking",
-)
 FLIGHTS = (
     "test_loss_and_takeover",
     "test_offboard_entry",
@@ -45,45 +37,25 @@ FLIGHTS = (
     "test_daemon",
     "test_frames_and_limits",
 )
-LIMITS = (
-    "test_limits_laws",
-    "test_limits_walls",
-    "test_limits_space",
-    "test_limits_height",
-    "test_limits_envelope",
-)
 CLOSED_LOOP = ("test_limits_any_input", "test_limits_in_flight")
-PACKAGES = {"flight": UNIT, "limits": LIMITS}
-FIRST = {
-    "flight/detect": "test_flight_events",
-    "flight/readiness": "test_flight_events",
-    "flight/settings": "test_flight_events",
-    "flight/echo": "test_flight_echo",
-    "flight/machine": "test_flight_machine",
-    "flight/requests": "test_flight_machine",
-    "flight/fence": "test_flight_fence",
-    "flight/table": "test_flight_table",
-    "flight/tracking": "test_flight_tracking",
-    "limits/altitude": "test_limits_space",
-    "limits/altitude_hold": "test_limits_height",
-    "limits/envelope": "test_limits_envelope",
-    "limits/fence": "test_limits_space",
-    "limits/height": "test_limits_height",
-    "limits/last_word": "test_limits_laws",
-    "limits/memory": "test_limits_laws",
-    "limits/polygon": "test_limits_envelope",
-    "limits/shaping": "test_limits_laws",
-    "limits/situation": "test_limits_laws",
-    "limits/space": "test_limits_space",
-    "limits/stand_off": "test_limits_space",
-    "limits/stopping": "test_limits_laws",
-    "limits/wall": "test_limits_walls",
+NEAREST = {
+    "test_flight_events": "flight/detect flight/readiness flight/settings",
+    "test_flight_echo": "flight/echo",
+    "test_flight_playing": "flight/machine",
+    "test_flight_machine": "flight/requests",
+    "test_flight_fence": "flight/fence",
+    "test_flight_table": "flight/table",
+    "test_flight_tracking": "flight/tracking",
+    "test_limits_space": "limits/altitude limits/fence limits/space limits/stand_off",
+    "test_limits_height": "limits/altitude_hold limits/height",
+    "test_limits_envelope": "limits/envelope limits/polygon",
+    "test_limits_laws": "limits/last_word limits/memory limits/shaping limits/situation limits/stopping",
+    "test_limits_walls": "limits/wall",
 }
+PACKAGES = {name: tuple(tests for tests in NEAREST if tests[5:].startswith(name)) for name in ("flight", "limits")}
+FIRST = {stem: tests for tests, stems in NEAREST.items() for stem in stems.split()}
 WHOLE = {"test_each_event_leads_where_it_should_and_from_nowhere_else", "test_the_modes_of_our_own_doing_by_state"}
 FOLDERS = ("guidance", "guidance/flight", "pitfalls", "service")
-LEFT_OUT = {
-    "test_15_a_hover_of_five_minutes_keeps_its_height",  # twenty seconds, and not about the machine
-}
 Planted = Callable[[], None]
 
 
@@ -276,7 +248,7 @@ class Forks:
     def survives(self, session, package: str, stem: str, planted: Planted) -> bool:
         """Run the tests against a mutant in a child; a child that hangs or dies has been noticed."""
         files, mine = PACKAGES[package], self.killers.setdefault((package, stem), Counter())
-        items = [item for item in session.items if item.path.stem in files and item.originalname not in LEFT_OUT]
+        items = [item for item in session.items if item.path.stem in files]
         first = FIRST.get(f"{package}/{stem}", "")
         items.sort(
             key=lambda item: (
@@ -333,7 +305,10 @@ def main() -> None:
     parser.add_argument("--flights", action="store_true", help="let flights and wide searches judge as well")
     given = parser.parse_args()
     if given.flights:
-        PACKAGES.update(flight=(*UNIT, *FLIGHTS), limits=(*LIMITS, *CLOSED_LOOP))
+        PACKAGES.update(
+            flight=(*PACKAGES["flight"], *FLIGHTS),
+            limits=(*PACKAGES["limits"], *CLOSED_LOOP),
+        )
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)
     drawn = []

@@ -1,0 +1,92 @@
+"""A flight fed by hand: its vehicle says what the test has it say, tick by tick."""
+
+import math
+
+from flight_scenes import (
+    HOME_DOWN_M,
+    SETTINGS,
+    heartbeat,
+    home,
+    local,
+    status,
+)
+
+from guidance.autopilots import Mode
+from guidance.flight import Event, Flight, Inputs, State
+from guidance.telemetry import Attitude, LandedState, TargetReport
+
+TICK_S = 0.02
+START_S = 50.0
+
+
+class Flown:
+    """A flight and its vehicle's word for it: every tick a position, every second (or at once) a HEARTBEAT."""
+
+    def __init__(self, settings=SETTINGS):
+        self.flight = Flight(settings)
+        self.profile = settings.profile
+        self.now_s = START_S
+        self.mode, self.armed, self.landed = Mode.HOLD, False, 1
+        self.position = [0.0, 0.0, HOME_DOWN_M]
+        self.velocity = [0.0, 0.0, 0.0]
+        self.yaw_rad = 0.7
+        self.target = None
+        self.outputs = None
+        self.beat_s = -math.inf
+
+    @property
+    def state(self):
+        return self.flight.state
+
+    def tick(self, *orders, beat=False, dt_s=TICK_S, more=(), refusals=(), silent=False):
+        self.now_s += dt_s
+        said = [] if silent else [local(self.now_s, tuple(self.position), tuple(self.velocity))]
+        if beat or (not silent and self.now_s - self.beat_s >= 1.0 - 1e-9):
+            self.beat_s = self.now_s
+            said += [
+                heartbeat(self.now_s, self.mode, armed=self.armed, profile=self.profile),
+                Attitude(self.now_s, self.now_s, self.yaw_rad),
+                LandedState(self.now_s, self.landed),
+                status(self.now_s),
+                home(self.now_s),
+            ]
+        reports = [] if self.target is None else [self.report()]
+        self.outputs = self.flight.step(Inputs(self.now_s, [*said, *more], reports, orders, refusals))
+        return self.outputs
+
+    def report(self):
+        north_m, east_m = self.target
+        latitude_deg = 47.397742 + math.degrees(north_m / 6371000.0)
+        longitude_deg = 8.545594 + math.degrees(east_m / (6371000.0 * math.cos(math.radians(47.397742))))
+        return TargetReport(
+            self.now_s, self.now_s, "test", latitude_deg, longitude_deg, 492.0, (0.0, 0.0, 0.0), 0.1, 0.1
+        )
+
+    def ticks(self, seconds, **given):
+        return [self.tick(**given) for _ in range(round(seconds / TICK_S))]
+
+    def standing_by(self):
+        self.tick()
+        self.tick()
+        assert self.state is State.READY
+        self.armed, self.landed, self.position[2] = True, 2, HOME_DOWN_M - 10.0
+        self.tick(beat=True)
+        self.tick(Event.START)
+        assert self.state is State.STANDING_BY
+        return self
+
+    def engaged(self, target=(60.0, 0.0)):
+        self.target = target
+        self.standing_by()
+        self.tick(Event.ENGAGE)
+        self.mode = Mode.GUIDED
+        self.tick(beat=True)
+        assert self.state is State.ENGAGED
+        return self
+
+
+def commands(outputs):
+    return [request.command for one in outputs for request in one.requests]
+
+
+SET_MODE, ARM, TAKEOFF, REPOSITION, INTERVAL, MESSAGE = 176, 400, 22, 192, 511, 512
