@@ -16,6 +16,7 @@ P_TAD, E_TAD, T_TAD = np.array([6.97, 5.83, 9.15]), np.array([9.80, 0.33, 0.0]),
 
 places = st.tuples(*[st.floats(-50.0, 50.0)] * 2)
 heights = st.floats(0.0, 50.0)
+patient = settings(deadline=None)
 
 
 def as_written_pe(P, E, delta, v):
@@ -59,6 +60,7 @@ def as_written_tad(P, E, delta, v):
     return away / hand - r, g, velocity_p, velocity_e
 
 
+@patient
 @given(P=places, z=heights, E=places, delta=st.floats(1.05, 5.0), v=st.floats(0.2, 5.0))
 def test_pe_is_as_the_paper_writes_it(P, z, E, delta, v):
     P, E = np.array([*P, z]), np.array([*E, 0.0])
@@ -75,6 +77,7 @@ def test_pe_is_as_the_paper_writes_it(P, z, E, delta, v):
     np.testing.assert_allclose(solution.evader_velocity_m_s, (*v_star, 0.0), rtol=1e-9, atol=1e-9)
 
 
+@patient
 @given(P=places, z=heights, E=places, delta=st.floats(1.05, 5.0), v=st.floats(0.2, 5.0))
 def test_tad_is_as_the_paper_writes_it_on_both_sides_of_the_barrier(P, z, E, delta, v):
     P, E, T = np.array([*P, z]), np.array([*E, 0.0]), np.zeros(3)
@@ -101,6 +104,7 @@ def test_tad_is_as_the_paper_writes_it_on_both_sides_of_the_barrier(P, z, E, del
             np.testing.assert_allclose(solution.evader_velocity_m_s, -v * E / math.hypot(*E), atol=1e-9)
 
 
+@patient
 @given(P=places, z=heights, E=places, turn=st.floats(0.0, 6.28), delta=st.floats(1.05, 5.0))
 def test_every_point_of_the_circle_is_delta_times_as_far_from_the_pursuer(P, z, E, turn, delta):
     P, E = np.array([*P, z]), np.array([*E, 0.0])
@@ -124,6 +128,7 @@ def test_circles_of_a_batch_may_have_ratios_of_their_own():
             assert both.radius_m[index] == pytest.approx(single.radius_m)
 
 
+@patient
 @given(P=places, z=st.floats(-20.0, 50.0), E=places, R=st.floats(0.0, 5.0), h=st.floats(0.0, 10.0))
 def test_the_stand_off_game_is_the_papers_with_d_less_r_and_z_less_h(P, z, E, R, h):
     P, E = np.array([*P, z]), np.array([*E, 0.0])
@@ -136,6 +141,7 @@ def test_the_stand_off_game_is_the_papers_with_d_less_r_and_z_less_h(P, z, E, R,
     assert solve(Game(Ball(DELTA), 1.0, standoff=StandOff(R, h)), P, E).value == pytest.approx(plain.value, abs=1e-9)
 
 
+@patient
 @given(P=places, z=heights, E=places, length=st.floats(0.0, 5.0), delta=st.floats(1.05, 4.0))
 def test_a_capture_radius_has_its_closed_form(P, z, E, length, delta):
     d, v = math.dist(P, E), 1.5
@@ -148,6 +154,7 @@ def test_a_capture_radius_has_its_closed_form(P, z, E, length, delta):
     assert solve(game, np.array([*P, z]), np.array([*E, 0.0])).value == pytest.approx(expected, rel=1e-7, abs=1e-7)
 
 
+@patient
 @given(d=st.floats(0.1, 50.0), length=st.floats(0.0, 5.0))
 def test_in_the_plane_capture_takes_the_gap_over_the_speed_in_hand(d, length):
     game = Game(Ball(3.0), 1.0, capture_radius_m=length)
@@ -155,6 +162,7 @@ def test_in_the_plane_capture_takes_the_gap_over_the_speed_in_hand(d, length):
     assert solve(game, np.zeros(3), np.array([d, 0.0, 0.0])).value == pytest.approx(expected, abs=1e-12)
 
 
+@patient
 @given(P=places, z=st.floats(-30.0, 30.0), E=places, R=st.floats(0.0, 5.0), h=st.floats(0.0, 10.0))
 def test_a_cylinder_takes_the_longer_of_its_two_parts(P, z, E, R, h):
     a, up, down, v = 12.0, 3.0, 1.5, 4.0
@@ -169,6 +177,7 @@ def test_a_cylinder_takes_the_longer_of_its_two_parts(P, z, E, R, h):
     np.testing.assert_allclose(solution.pursuer_velocity_m_s[:2], horizontal, atol=1e-9)
 
 
+@patient
 @given(P=places, z=heights, E=places)
 def test_a_cylinders_tad_is_the_nearer_of_planar_disc_and_falling_disc(P, z, E):
     a, b, v = 3.0, 0.8, 1.0
@@ -208,7 +217,7 @@ def test_wind_along_the_line_of_flight_only_changes_the_pursuers_start(wind, pub
     assert round(float(time.value), 2) == published
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(P=places, z=heights, E=places, zE=st.floats(-20.0, 20.0), T=places, zT=st.floats(-20.0, 20.0))
 def test_an_evader_in_space_plays_on_the_sphere(P, z, E, zE, T, zT):
     P, E, T = np.array([*P, z]), np.array([*E, zE]), np.array([*T, zT])
