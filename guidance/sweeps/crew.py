@@ -1,8 +1,8 @@
 """Who computes the chunks: this process, or Dask's workers on this machine or on a cluster."""
 
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from itertools import islice
 from typing import Any, NamedTuple, Protocol
 
@@ -53,7 +53,7 @@ class Cluster:
         Raises:
             GuidanceError: If a chunk cannot be computed.
         """
-        from distributed import as_completed  # noqa: PLC0415 - an extra
+        from distributed import as_completed  # noqa: PLC0415 - as below
 
         waiting = iter(chunks)
         ahead = _AHEAD * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
@@ -79,10 +79,8 @@ class Cluster:
 
 
 def workers_by_default() -> int:
-    """Return as many as there are processors, or 1 where Dask is not installed."""
-    import os  # noqa: PLC0415
-
-    return (os.cpu_count() or 1) if find_spec("distributed") else 1
+    """Return as many as there are processors."""
+    return os.cpu_count() or 1
 
 
 @contextmanager
@@ -94,16 +92,12 @@ def gathered(workers: int, scheduler: str | None) -> Iterator[Crew]:
         scheduler: Address of a cluster in place of them.
 
     Raises:
-        ConfigError: If Dask is needed and not installed.
         LinkError: If the cluster cannot be reached.
     """
     if scheduler is None and workers == 1:
         yield Alone()
         return
-    if find_spec("distributed") is None:
-        option = "--scheduler" if scheduler else f"--workers {workers}"
-        raise ConfigError(f"{option}: needs Dask; install pursuit-guidance[distributed], or use --workers 1")
-    import dask  # noqa: PLC0415 - an extra, and heavy
+    import dask  # noqa: PLC0415 - half a second, and one worker needs none of it
     from distributed import Client, LocalCluster  # noqa: PLC0415
 
     with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS}):

@@ -187,13 +187,7 @@ def test_a_sweep_none_of_whose_rows_allows_a_game_is_refused_with_the_reason(pla
     assert not (tmp_path / "out").exists()
 
 
-def test_without_dask_more_workers_are_an_error_that_names_the_extra(monkeypatch):
-    monkeypatch.setattr(crews, "find_spec", lambda _: None)
-    with (
-        pytest.raises(ConfigError, match=r"--workers 2: needs Dask; install pursuit-guidance\[distributed\]"),
-        gathered(2, None),
-    ):
-        pass
+def test_one_worker_is_this_process():
     with gathered(1, None) as crew:
         assert isinstance(crew, Alone)
 
