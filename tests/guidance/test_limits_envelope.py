@@ -6,27 +6,13 @@ from dataclasses import fields, replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limits_scenes import OPEN
 
 from guidance.errors import ConfigError
 from guidance.limits import (
     Envelope,
     Polygon,
     StandOff,
-)
-
-OPEN = Envelope(
-    floor_m=-1000.0,
-    ceiling_m=1000.0,
-    speed_m_s=10.0,
-    climb_m_s=4.0,
-    descent_m_s=2.0,
-    acceleration_m_s2=5.0,
-    vertical_acceleration_m_s2=3.0,
-    jerk_m_s3=1e6,
-    yaw_rate_rad_s=0.5,
-    braking_m_s2=2.0,
-    vertical_braking_m_s2=1.0,
-    reaction_s=0.5,
 )
 
 
