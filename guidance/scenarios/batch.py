@@ -33,7 +33,8 @@ class Batch(NamedTuple):
         tolerance_m: How near to the disc is captured, (n,).
         lowest_m: Floor and ceiling above the evader's plane, (n,).
         highest_m: See `lowest_m`.
-        fence_m: Radius about the site, (n,).
+        fence_m: Radius about home, (n,).
+        home_m: Where the pursuer takes off, (n, 2).
         limit_s: When a game is over at the latest, (n,).
         noise: The sensor's.
         pursuer: Strategy, its course (n, …).
@@ -50,6 +51,7 @@ class Batch(NamedTuple):
     lowest_m: Real
     highest_m: Real
     fence_m: Real
+    home_m: Array
     limit_s: Real
     noise: Noise
     pursuer: Strategy
@@ -132,6 +134,7 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
         lowest_m=column(lambda each: each.envelope.floor_m) - ground,
         highest_m=column(lambda each: each.envelope.ceiling_m) - ground,
         fence_m=column(lambda each: each.envelope.fence_radius_m),
+        home_m=np.array([each.home_m for each in scenarios]),
         limit_s=column(lambda each: each.time_limit_s),
         noise=Noise(
             seed,

@@ -10,9 +10,6 @@ PURSUER_ID, EVADER_ID = 1, 2
 READY_AFTER_S: Final = 3.0
 """The mocks' boot is cut short (a real ArduCopter takes 39 s): nobody learns from watching it."""
 
-_BESIDE_M: Final = 2.0
-"""The pursuer takes off this far beside its start, so that it has somewhere to fly to."""
-
 
 def fleet_toml(scenario: Scenario) -> str:
     """Return the fleet: the pursuer on the ground near below its start, and the evader at its own.
@@ -20,7 +17,7 @@ def fleet_toml(scenario: Scenario) -> str:
     The pursuer's autopilot is set to the vertical speeds that the scenario says it has.
     """
     site, pursuer, evader = scenario.site, scenario.pursuer, scenario.evader
-    x, y, _ = pursuer.position_m
+    home_x, home_y = scenario.home_m
     ex, ey = evader.position_m
     limits = ""
     if pursuer.autopilot == "px4":
@@ -35,7 +32,7 @@ def fleet_toml(scenario: Scenario) -> str:
         f"lat_deg = {site.latitude_deg!r}\n"
         f"lon_deg = {site.longitude_deg!r}\n"
         f"alt_amsl_m = {site.altitude_amsl_m!r}\n"
-        f"{_vehicle(PURSUER, pursuer.autopilot, PURSUER_ID, (y - _BESIDE_M, x, 0.0))}{limits}"
+        f"{_vehicle(PURSUER, pursuer.autopilot, PURSUER_ID, (home_y, home_x, 0.0))}{limits}"
         f"{_vehicle(EVADER, 'rover', EVADER_ID, (ey, ex, -evader.height_m))}"
     )
 

@@ -229,12 +229,14 @@ def _changes_s(batch: Batch, moment: Moment, heard: Heard | None) -> Iterator[Ar
 
 def _held_back(batch: Batch, P: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Keep the pursuer within the fence, above the floor and below the ceiling; say which of them it met."""
-    out = np.sqrt(P[:, 0] ** 2 + P[:, 1] ** 2)
+    x, y = P[:, 0] - batch.home_m[:, 0], P[:, 1] - batch.home_m[:, 1]
+    out = np.sqrt(x**2 + y**2)
     beyond = out > batch.fence_m
-    scale = np.where(beyond, batch.fence_m / np.where(beyond, out, 1.0), 1.0)
+    back = np.where(beyond, 1.0 - batch.fence_m / np.where(beyond, out, 1.0), 0.0)
     low, high = P[:, 2] < batch.lowest_m, P[:, 2] > batch.highest_m
     height = np.minimum(np.maximum(P[:, 2], batch.lowest_m), batch.highest_m)
-    return np.stack([scale * P[:, 0], scale * P[:, 1], height], axis=-1), np.stack([beyond, low, high], axis=-1)
+    held = np.stack([P[:, 0] - back * x, P[:, 1] - back * y, height], axis=-1)
+    return held, np.stack([beyond, low, high], axis=-1)
 
 
 def _beside(P: Array, E: Array) -> Array:

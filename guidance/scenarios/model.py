@@ -5,7 +5,7 @@ Positions are in the game frame: x east, y north, z up, metres, about the site's
 
 import itertools
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -15,6 +15,9 @@ from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 
 Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]
+
+BESIDE_M: Final = 2.0
+"""How far beside its start the pursuer takes off."""
 
 TrackRow = tuple[float, float, float, float]
 """Time in s, and x, y and z in m."""
@@ -98,7 +101,7 @@ class Standoff(Section):
 
 
 class Envelope(Section):
-    """What the flight never leaves, about the site."""
+    """What the flight never leaves: heights above the site, and a circle about home, which is `Scenario.home_m`."""
 
     fence_radius_m: float = Field(300.0, gt=10.0)
     ceiling_m: float = Field(120.0, gt=5.0)
@@ -171,6 +174,12 @@ class Scenario(Section):
     time_limit_s: float = Field(300.0, gt=0.0, description="of the game itself, from engagement")
     hold_s: float = Field(3.0, ge=0.0, description="on station before landing")
 
+    @property
+    def home_m(self) -> Point2:
+        """Where the pursuer takes off: south of its start, so that it has somewhere to fly to."""
+        x, y, _ = self.pursuer.position_m
+        return (x, y - BESIDE_M)
+
     @model_validator(mode="after")
     def _check_players(self) -> Self:
         wind_m_s = math.hypot(*self.wind.velocity_m_s)
@@ -209,7 +218,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _check_places(self) -> Self:
-        x, y, z = self.pursuer.position_m
+        z = self.pursuer.position_m[2]
         if not self.standoff.height_m <= z <= self.envelope.ceiling_m:
             raise ValueError(
                 f"pursuer.position_m: height {z:g} m; allowed is standoff.height_m = {self.standoff.height_m:g} "
@@ -220,10 +229,10 @@ class Scenario(Section):
                 f"envelope.floor_m = {self.envelope.floor_m:g}: must not be above standoff.height_m = "
                 f"{self.standoff.height_m:g}"
             )
-        for name, (px, py) in (("pursuer", (x, y)), ("evader", self.evader.position_m)):
-            if math.hypot(px, py) > self.envelope.fence_radius_m:
-                raise ValueError(
-                    f"{name}.position_m: {math.hypot(px, py):.0f} m from the site's point; allowed is "
-                    f"envelope.fence_radius_m = {self.envelope.fence_radius_m:g}"
-                )
+        out_m = math.dist(self.evader.position_m, self.home_m)
+        if out_m > self.envelope.fence_radius_m:
+            raise ValueError(
+                f"evader.position_m: {out_m:.0f} m from the pursuer's home; allowed is envelope.fence_radius_m = "
+                f"{self.envelope.fence_radius_m:g}"
+            )
         return self

@@ -104,7 +104,8 @@ def _fence(plan: Any, scenario: Scenario) -> None:  # noqa: ANN401
     """Draw as much of the fence as is in view: a wide one would make all else small."""
     radius_m = scenario.envelope.fence_radius_m
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
-    x, y = radius_m * np.cos(angle), radius_m * np.sin(angle)
+    home_x, home_y = scenario.home_m
+    x, y = home_x + radius_m * np.cos(angle), home_y + radius_m * np.sin(angle)
     (west, east), (south, north) = plan.get_xlim(), plan.get_ylim()
     if np.any((west < x) & (x < east) & (south < y) & (y < north)):
         plan.plot(x, y, **_FENCE, label="fence", scalex=False, scaley=False)
