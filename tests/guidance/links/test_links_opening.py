@@ -152,14 +152,19 @@ def test_a_serial_device_that_is_not_there_is_a_link_error():
         open_wire("serial:///dev/ttyNOBODY:57600", clock=clock)
 
 
+def threads_of_python():
+    """A thread of C++ that has called in once leaves an object behind when it ends; that is not a thread."""
+    return {thread for thread in threading.enumerate() if not isinstance(thread, threading._DummyThread)}
+
+
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
 def test_links_opened_and_closed_many_times_leave_no_thread_behind(kind):
-    before = set(threading.enumerate())
+    before = threads_of_python()
     for _ in range(5):
         with udp(kind, None) as rig:
             rig.peer.local_position(1)
             assert rig.hear(lambda got: len(got) > 0)
-    assert set(threading.enumerate()) <= before
+    assert threads_of_python() <= before
 
 
 def test_the_library_is_silent_on_standard_output(capfd):
