@@ -43,7 +43,7 @@ def _row(rule: Rule, parameters: Parameters, wants: Wants) -> Row:
         return Row(rule.name, "not read", "to be read", Verdict.WARN, "this autopilot may not have it")
     verdict, wanted, set_to, why = rule.judge(value, wants, parameters)
     passed = verdict is Verdict.PASS
-    command = "" if passed or set_to is None else f"param set {rule.name} {set_to:g}"
+    command = "" if passed or set_to is None else f"param set {rule.name} {set_to:.9g}"
     return Row(rule.name, rule.read(value), wanted, verdict, "; ".join(filter(None, (command, why))))
 
 

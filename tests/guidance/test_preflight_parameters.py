@@ -148,6 +148,10 @@ def test_arducopters_speed_parameters_are_said_not_to_bind_guided_velocities():
     assert "not enforced on GUIDED velocities" in row.wanted
 
 
+def test_advice_keeps_every_digit_of_a_mask():
+    assert row_of("px4", "COM_RC_OVERRIDE", 1e6).advice.startswith("param set COM_RC_OVERRIDE 1000002")
+
+
 @given(st.sampled_from(["px4", "arducopter"]), st.data())
 def test_no_value_whatever_breaks_the_report_and_advice_that_is_followed_passes(autopilot, data):
     name = data.draw(st.sampled_from(parameter_names(profile(autopilot))))
