@@ -334,6 +334,7 @@ def main() -> None:
         deadline=None,
     )
     settings.load_profile("mutants")
+    os.environ["HYPOTHESIS_PROFILE"] = "mutants"  # which the tests load again
     names = {name for package, *_ in drawn for name in PACKAGES[package]}
     files = sorted(
         str(path) for folder in FOLDERS for path in (ROOT / "tests" / folder).glob("*.py") if path.stem in names

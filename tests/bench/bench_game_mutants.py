@@ -335,6 +335,7 @@ def main() -> int:
     calm = {"derandomize": True, "database": None, "deadline": None, "suppress_health_check": list(HealthCheck)}
     settings.register_profile("mutants", phases=[Phase.explicit, Phase.generate], max_examples=20, **calm)
     settings.load_profile("mutants")
+    os.environ["HYPOTHESIS_PROFILE"] = "mutants"  # which the tests load again
     stems = sorted({path.stem for path in SOURCE.glob("*.py")} - {"__init__"})
     chosen = given.only.split(",") if given.only else stems
     drawn = [mutant for stem in stems if stem in chosen for mutant in drawn_from(stem)]
