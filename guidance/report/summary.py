@@ -26,7 +26,7 @@ def _game(story: Story) -> list[tuple[str, str]]:
     engaged = None if story.engaged is None else story.certificates[story.engaged]
     if story.engaged is None or engaged is None:
         return [*rows, ("outcome", f"no game was played; ended {story.states[-1]}")]
-    rows.append(("value predicted at engagement", f"{engaged.value:.2f} {unit}"))
+    rows.append(("value predicted at engagement, to the disc itself", f"{engaged.value:.2f} {unit}"))
     if story.captured is None:
         return [*rows, ("outcome", f"not captured; ended {story.states[-1]}")]
     flown = _flown(story)

@@ -126,7 +126,7 @@ def test_a_browser_shows_the_page_without_a_word_on_its_console(pe, tmp_path):
 def test_the_summary_says_what_the_flight_itself_said(pe, tad):
     for result, path, _ in (pe, tad):
         rows = dict(summary(story_of(path)))
-        assert rows["value predicted at engagement"].startswith(f"{result.predicted:.2f} ")
+        assert rows["value predicted at engagement, to the disc itself"].startswith(f"{result.predicted:.2f} ")
         # The disc is reached in one cycle and declared in the next.
         assert float(rows["flown"].split()[0]) == pytest.approx(result.achieved, abs=0.031)
         assert rows["setpoints sent"] == str(result.setpoints_sent)
