@@ -1,9 +1,12 @@
 """Whole MAVLink frames out of bytes: the checksum is checked, garbage is skipped and counted.
 
-Only the header is looked at here; decoding is left for the few frames that are wanted.
+Only the header is looked at here; decoding is left for the few frames that are wanted. The work is linear in the bytes,
+whatever they are: what is no frame is passed over by a search for the next start, and a piece that promises frame
+after frame and keeps none is given up.
 Source: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html).
 """
 
+import re
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
@@ -15,6 +18,9 @@ SIGNED: Final = 0x01
 _SIGNATURE_BYTES: Final = 13
 _SHORTEST: Final = 8
 _MOST_BUFFERED: Final = 8192
+_START: Final = re.compile(b"[\xfd\xfe]")
+_MOST_BROKEN_PROMISES: Final = 128
+"""Checksums of one piece that may be wrong before the rest of it is given up."""
 
 
 class Frame(NamedTuple):
@@ -46,15 +52,18 @@ class Framer:
         buffer = self._buffer
         buffer += data
         frames: list[Frame] = []
-        position = 0
+        position = broken = 0
         while len(buffer) - position >= _SHORTEST:
             length = _frame_length(buffer, position)
             if stream and len(buffer) - position < length:
                 break
             frame = self._frame_at(position, length)
             if frame is None:
-                position += 1
-                self._pass_over(1)
+                broken += length > 0
+                start = _START.search(buffer, position + 1) if broken <= _MOST_BROKEN_PROMISES else None
+                after = len(buffer) if start is None else start.start()
+                self._pass_over(after - position)
+                position = after
             else:
                 frames.append(frame)
                 position += length
@@ -88,13 +97,23 @@ class Framer:
             del self._buffer[:excess]
 
 
+def first_frame(data: bytes, crc_extra: Mapping[int, int]) -> Frame | None:
+    """Return the frame that a datagram begins with; None where it begins with anything else."""
+    length = _frame_length(data, 0) if len(data) >= _SHORTEST else 0
+    if not 0 < length <= len(data):
+        return None
+    frame = _header(bytes(data[:length]))
+    extra = crc_extra.get(frame.message_id)
+    return frame if extra is not None and _is_whole(frame, extra) else None
+
+
 def _is_whole(frame: Frame, extra: int) -> bool:
     body_end = len(frame.data) - (_SIGNATURE_BYTES if frame.signed else 0) - 2
     expected = crc16.mcrf4xx(frame.data[1:body_end] + bytes((extra,)))
     return expected == int.from_bytes(frame.data[body_end : body_end + 2], "little")
 
 
-def _frame_length(buffer: bytearray, position: int) -> int:
+def _frame_length(buffer: bytes | bytearray, position: int) -> int:
     magic, payload = buffer[position], buffer[position + 1]
     if magic == MAGIC_V1:
         return 6 + payload + 2

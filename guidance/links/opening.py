@@ -1,7 +1,7 @@
 """From a URL to a link that has heard its vehicle. Importing this imports every wire library."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Final, Protocol
 
 from guidance.errors import ConfigError, LinkError
@@ -34,9 +34,17 @@ class _Polled(Protocol):
     def close(self) -> None: ...
 
 
-def open_wire(url: str, *, clock: Clock, timeout_s: float = 5.0, on_arrival: Wake | None = None) -> Wire:
+def open_wire(
+    url: str,
+    *,
+    clock: Clock,
+    systems: Collection[int] | None = None,
+    timeout_s: float = 5.0,
+    on_arrival: Wake | None = None,
+) -> Wire:
     """Open the bytes behind a URL; `timeout_s` bounds the connecting (TCP, Zenoh), in real time.
 
+    `systems` are the MAVLink system ids that are waited for, where anybody could call (`udpin`); None takes any.
     `on_arrival` is called on the wire's thread whenever something arrived; it may only wake the reader.
 
     Raises:
@@ -53,7 +61,9 @@ def open_wire(url: str, *, clock: Clock, timeout_s: float = 5.0, on_arrival: Wak
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port, on_arrival=on_arrival)
     listen = endpoint.scheme.endswith("in")
     if endpoint.scheme.startswith("udp"):
-        return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, on_arrival=on_arrival)
+        return UdpWire(
+            clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems, on_arrival=on_arrival
+        )
     return TcpWire(
         clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s, on_arrival=on_arrival
     )
@@ -111,7 +121,7 @@ def open_vehicle_link(
     who = f"{url}: system {system_id}"
     if kind == "mavsdk":
         return MavsdkLink(
-            open_wire(url, clock=clock, timeout_s=timeout_s),
+            open_wire(url, clock=clock, systems=(system_id,), timeout_s=timeout_s),
             clock,
             own_system_id=own_system_id,
             who=who,
@@ -121,7 +131,7 @@ def open_vehicle_link(
             **ids,
         )
     link = PymavlinkLink(
-        open_wire(url, clock=clock, timeout_s=timeout_s, on_arrival=on_arrival),
+        open_wire(url, clock=clock, systems=(system_id,), timeout_s=timeout_s, on_arrival=on_arrival),
         clock,
         own_system_id=own_system_id,
         signing_key=signing_key,

@@ -1,35 +1,41 @@
 """UDP: either we call (`udpout`) or we listen and learn who calls (`udpin`)."""
 
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
 from guidance.links.arrivals import Arrivals, Clock, Handler, Wake
-from guidance.links.framing import MAGIC_V1, MAGIC_V2
+from guidance.links.peers import Peers
 from guidance.links.reader import Reader
 
-Address = tuple[str, int]
-
-MOST_PEERS: Final = 8
 _WAIT_S: Final = 0.1
 _MOST_BYTES: Final = 65535
 
 
 class UdpWire:
-    """One socket. A listening wire sends to everyone who sent it MAVLink lately, eight at most."""
+    """One socket. A listening wire hears and answers one address for each system; see `guidance.links.peers`."""
 
     stream = False
 
-    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool, on_arrival: Wake | None = None) -> None:
-        """Open the socket.
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        host: str,
+        port: int,
+        listen: bool,
+        systems: Collection[int] | None = None,
+        on_arrival: Wake | None = None,
+    ) -> None:
+        """Open the socket. `systems` are the MAVLink system ids that a listening wire waits for; None takes any.
 
         Raises:
             LinkError: If the address cannot be bound or resolved.
         """
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._learns = listen
-        self._peers: dict[Address, None] = {}
+        self._clock = clock
+        self._peers = Peers(systems) if listen else None
         self._closed = False
         self._sent = self._unsent = 0
         try:
@@ -56,17 +62,7 @@ class UdpWire:
             data, address = self._socket.recvfrom(_MOST_BYTES)
         except TimeoutError:
             return b""
-        if self._learns and data and data[0] in (MAGIC_V1, MAGIC_V2):
-            self._learn(address)
-        return data
-
-    def _learn(self, address: Address) -> None:
-        peers = dict(self._peers)
-        peers.pop(address, None)
-        peers[address] = None
-        if len(peers) > MOST_PEERS:
-            del peers[next(iter(peers))]
-        self._peers = peers
+        return data if self._peers is None else self._peers.admit(self._clock(), address, data)
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Datagrams since the last call."""
@@ -80,7 +76,7 @@ class UdpWire:
         """Send one datagram to each peer; what the kernel does not take at once is dropped and counted."""
         if self._closed:
             return
-        for address in self._peers if self._learns else (None,):
+        for address in (None,) if self._peers is None else self._peers:
             try:
                 if address is None:
                     self._sender.send(frame)
@@ -91,8 +87,14 @@ class UdpWire:
                 self._unsent += 1
 
     def counters(self) -> Mapping[str, int]:
-        """Datagrams sent and not sent, and pieces dropped for want of room."""
-        return {"wire_sent": self._sent, "wire_unsent": self._unsent, "wire_dropped": self._arrivals.dropped}
+        """Datagrams sent and not sent, pieces dropped for want of room, and datagrams of strangers refused, by reason."""
+        refused = {} if self._peers is None else self._peers.refused
+        return {
+            "wire_sent": self._sent,
+            "wire_unsent": self._unsent,
+            "wire_dropped": self._arrivals.dropped,
+            **{f"wire_{reason}": count for reason, count in refused.items()},
+        }
 
     def close(self) -> None:
         """End the reader, then the socket."""

@@ -84,7 +84,9 @@ def _open_link(
     vehicle = config.vehicle
     now_s = clock.now_s
     key = None if vehicle.signing_key_file is None else signing_key(vehicle.signing_key_file)
-    wire: TappedWire | Wire = open_wire(vehicle.url, clock=now_s, timeout_s=_WIRE_LIMIT_S)
+    on_its_wire = config.target.url is None and config.target.system_id is not None
+    systems = {vehicle.system_id, config.target.system_id} if on_its_wire else {vehicle.system_id}
+    wire: TappedWire | Wire = open_wire(vehicle.url, clock=now_s, systems=systems, timeout_s=_WIRE_LIMIT_S)
     closing.callback(wire.close)
     if taps is not None:
         wire = TappedWire(wire, now_s, config.name)
@@ -121,7 +123,9 @@ def _open_source(config: Config, clock: Clock, spare: Wire | None) -> TargetSour
     url = target.url if target.url is not None else config.vehicle.url
     asked = None
     if target.request_rate_hz is not None and target.system_id is not None:
-        wire = spare if spare is not None else open_wire(url, clock=clock.now_s, timeout_s=_WIRE_LIMIT_S)
+        wire = spare
+        if wire is None:
+            wire = open_wire(url, clock=clock.now_s, systems=(target.system_id,), timeout_s=_WIRE_LIMIT_S)
         spare, asked = share(wire, 2)
     source = open_target(
         target.kind,

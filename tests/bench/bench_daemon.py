@@ -1,6 +1,6 @@
 """The whole daemon in flight: telemetry in to setpoint on the wire, jitter of its ticks, processor share and memory.
 
-    python tests/bench/bench_daemon.py [--seconds 20] [--only mavsdk/zenoh] [--busy]
+    python tests/bench/bench_daemon.py [--seconds 20] [--only mavsdk/zenoh] [--busy] [--flood frames]
 
 A mock PX4, stepped in real time in a process of its own, is flown by `guidance run` through each link and wire, after a
 target that goes round in circles; the vehicle's end takes the time from each LOCAL_POSITION_NED to the first setpoint
@@ -8,7 +8,7 @@ after it, and between setpoints. Beside it, on the same vehicle, the minimal MAV
 forwards a constant velocity from a callback; the daemon's cycles are on its own clock's 20 ms grid, which it moves so
 that a position is 2 ms old when a cycle begins: so much waiting is in its latency by design. The measuring end is
 given the processor first wherever that is permitted, so that the jitter is not its own. `--busy` keeps another process
-spinning meanwhile. The full measure of the jitter is `--seconds 600 --busy --only mavsdk/zenoh`.
+spinning meanwhile; `--flood` has one more send to the daemon's UDP port (see `FLOODS`). The full measure of the jitter is `--seconds 600 --busy --only mavsdk/zenoh`.
 """
 
 import argparse
@@ -34,6 +34,13 @@ from bench_links import SETPOINT, Stopwatch, open_wire, processor_s, url_of
 LOCAL_POSITION = 32
 PERIOD_S = 0.02
 CASES = ("script/udp", "mavsdk/udp", "pymavlink/udp", "script/zenoh", "mavsdk/zenoh", "pymavlink/zenoh")
+FLOODS = {
+    "starts": (17, 1, lambda: b"\xfe" * 65_000),
+    "frames": (20_000, 1, lambda: foreign_heartbeat(7)),
+    "impostors": (20_000, 12, lambda: foreign_heartbeat(1)),
+    "bytes": (20_000, 12, lambda: b"\xfd"),
+}
+"""What a stranger sends: datagrams a second, from how many ports, and the datagram."""
 CONFIG = """
 name = "bench"
 [vehicle]
@@ -142,6 +149,25 @@ class Beacon:
         self.socket.sendto(message.pack(self.mavlink), self.to)
 
 
+def foreign_heartbeat(system_id: int) -> bytes:
+    from pymavlink.dialects.v20 import common
+
+    return bytes(common.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3).pack(common.MAVLink(None, system_id, 1)))
+
+
+def flood(kind: str, port: int, seconds: float) -> None:
+    """Send until the time is over, evenly over each hundredth of a second; print how many went out a second."""
+    rate_hz, ports, make = FLOODS[kind]
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(ports)]
+    data, sent, start_s = make(), 0, time.monotonic()
+    while (passed_s := time.monotonic() - start_s) < seconds:
+        for _ in range(round(rate_hz * passed_s) - sent):
+            sockets[sent % ports].sendto(data, ("127.0.0.1", port))
+            sent += 1
+        time.sleep(0.01)
+    print(round(sent / seconds), flush=True)
+
+
 def free_port(kind: int) -> int:
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
@@ -205,7 +231,7 @@ def memory_mb(pid: int) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def one_case(case: str, seconds: float) -> dict[str, float]:
+def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]:
     link, wire = case.split("/")
     port = free_port(socket.SOCK_DGRAM if wire == "udp" else socket.SOCK_STREAM)
     target_port = free_port(socket.SOCK_DGRAM)
@@ -215,7 +241,10 @@ def one_case(case: str, seconds: float) -> dict[str, float]:
         assert flying.stdout is not None
         flying.stdout.readline()
         flown_by = script(wire, port, target_port) if link == "script" else daemon(link, wire, port, target_port)
-        with flown_by as pid:
+        with flown_by as pid, contextlib.ExitStack() as stack:
+            if flooded is not None:
+                sending = [sys.executable, __file__, "--as-flood", flooded, str(port), str(seconds + 1.0)]
+                stack.enter_context(subprocess.Popen(sending))
             flying.stdin.write("measure\n")
             flying.stdin.flush()
             before_s, began_s = processor_s(pid), time.monotonic()
@@ -248,13 +277,13 @@ def at(ordered: list[float], share: float) -> float:
     return ordered[int(share * (len(ordered) - 1))]
 
 
-def compare(cases: tuple[str, ...], seconds: float) -> None:
+def compare(cases: tuple[str, ...], seconds: float, flooded: str | None) -> None:
     print("latency: position to setpoint; jitter: of the 20 ms between setpoints, as the vehicle sees them")
     print("                 latency, ms                     jitter, ms                      ")
     print("case                 p50    p99  p99.9   most |    p50    p99  p99.9   most | rate Hz  cpu %   MB  load")
     base: dict[str, dict[str, float]] = {}
     for case in cases:
-        got = one_case(case, seconds)
+        got = one_case(case, seconds, flooded)
         first = base.setdefault(case.split("/")[1], got)
         shares = ("p50_ms", "p99_ms", "p999_ms", "most_ms")
         took, jitter = (" ".join(f"{got[kind + share]:6.2f}" for share in shares) for kind in ("", "jitter_"))
@@ -269,18 +298,24 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--only", choices=CASES, action="append")
     parser.add_argument("--busy", action="store_true", help="keep another process spinning meanwhile")
+    parser.add_argument("--flood", choices=FLOODS, help="flood the daemon's UDP port meanwhile")
+    parser.add_argument("--as-flood", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--as-vehicle", nargs=3, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.as_vehicle:
         wire, port, target_port = given.as_vehicle
         vehicle(wire, int(port), int(target_port))
         return
+    if given.as_flood:
+        kind, port, seconds = given.as_flood
+        flood(kind, int(port), float(seconds))
+        return
     with contextlib.ExitStack() as stack:
         if given.busy:
             spinning = subprocess.Popen([sys.executable, "-c", "while True: pass"])
             stack.callback(spinning.wait)
             stack.callback(spinning.kill)
-        compare(tuple(given.only or CASES), given.seconds)
+        compare(tuple(given.only or CASES), given.seconds, given.flood)
 
 
 if __name__ == "__main__":

@@ -90,5 +90,7 @@ def open_target(
     if identity.system_id is None:
         raise ConfigError(f"target.system_id is missing: {kind} hears one pinned MAVLink system only")
     carrier = MAVLINK[kind](frame, identity)
-    used = wire if wire is not None else open_wire(url, clock=clock, timeout_s=timeout_s)
+    used = wire
+    if used is None:
+        used = open_wire(url, clock=clock, systems=(identity.system_id,), timeout_s=timeout_s)
     return MavlinkTarget(used, carrier, system_id=identity.system_id, component_id=identity.component_id, clock=clock)

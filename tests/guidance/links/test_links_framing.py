@@ -1,5 +1,6 @@
 import itertools
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from links_peer import Peer
@@ -91,3 +92,32 @@ def test_a_signed_frame_is_one_frame():
     (frame,) = Framer(CRC_EXTRA).feed(signed + frames(1)[0])[:1]
     assert frame.signed
     assert frame.data == signed
+
+
+@pytest.mark.parametrize("byte", [0xFD, 0xFE])
+def test_a_piece_that_promises_frame_after_frame_is_given_up(byte):
+    framer, checked = Framer(CountedLookups(CRC_EXTRA)), 65_000
+    assert framer.feed(bytes([byte]) * checked, stream=False) == []
+    assert framer.garbage_bytes + framer.unknown >= checked - 300
+    assert framer._crc_extra.count <= 130
+    (frame,) = frames(1)
+    assert [one.data for one in framer.feed(frame, stream=False)] == [frame]
+
+
+def test_a_stream_of_broken_promises_is_passed_over_and_what_follows_is_heard():
+    framer = Framer(CRC_EXTRA)
+    for _ in range(40):
+        framer.feed(b"\xfe" * 4096)
+    sent = frames(30)
+    heard = [frame.data for piece in sent * 20 for frame in framer.feed(piece)]
+    assert heard[-len(sent) * 10 :] == sent * 10
+
+
+class CountedLookups(dict):
+    """Counts the candidates that were looked at: the framer's work."""
+
+    count = 0
+
+    def get(self, key, default=None):
+        self.count += 1
+        return super().get(key, default)

@@ -9,8 +9,9 @@ import time
 
 import pytest
 import zenoh
-from links_peer import until
+from links_peer import Peer, until
 from links_rigs import clock, free_port, router_config
+from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import LinkError
 from guidance.links import MemoryWire
@@ -18,10 +19,10 @@ from guidance.links.arrivals import MOST_WAITING, Arrivals
 from guidance.links.serial_wire import SerialWire
 from guidance.links.tail import Tail
 from guidance.links.tcp_wire import TcpWire
-from guidance.links.udp_wire import MOST_PEERS, UdpWire
+from guidance.links.udp_wire import UdpWire
 from guidance.links.zenoh_wire import ZenohWire
 
-FRAME = b"\xfd" + bytes(range(30))
+FRAME = Peer(lambda data: None).packed(dialect.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
 
 
 @contextlib.contextmanager
@@ -177,21 +178,29 @@ def test_a_new_peer_begins_with_a_whole_frame():
     assert port.taken == b"BBCCCC"
 
 
-def test_udp_learns_who_speaks_mavlink_and_answers_eight_at_most():
-    with closing(UdpWire(clock, host="127.0.0.1", port=0, listen=True)) as wire, contextlib.ExitStack() as stack:
-        others = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(MOST_PEERS + 2)]
+def test_udp_answers_who_speaks_as_the_vehicle_and_nobody_else():
+    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
+    with closing(wire), contextlib.ExitStack() as stack:
+        stranger, vehicle, impostor = (
+            stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(3)
+        )
+        for one in (stranger, vehicle, impostor):
+            one.bind(("127.0.0.1", 0))
+            one.setblocking(False)
         wire.send(FRAME)
         assert wire.counters()["wire_sent"] == 0
-        for number, other in enumerate(others):
-            other.bind(("127.0.0.1", 0))
-            other.setblocking(False)
-            other.sendto(b"hello" if number == 0 else FRAME, ("127.0.0.1", wire.port))
-            assert received(wire, b"hello" if number == 0 else FRAME)
+        stranger.sendto(b"hello", ("127.0.0.1", wire.port))
+        vehicle.sendto(FRAME, ("127.0.0.1", wire.port))
+        impostor.sendto(FRAME, ("127.0.0.1", wire.port))
+        vehicle.sendto(b"whatever comes after", ("127.0.0.1", wire.port))
+        assert received(wire, b"whatever comes after")
+        counters = wire.counters()
+        assert (counters["wire_garbage"], counters["wire_impostor"]) == (1, 1)
         wire.send(FRAME)
-        assert wire.counters()["wire_sent"] == MOST_PEERS
-        for known, other in zip([False, False] + [True] * MOST_PEERS, others, strict=True):
-            with contextlib.nullcontext() if known else pytest.raises(BlockingIOError):
-                assert until(lambda one=other: one.recv(100) == FRAME) if known else other.recv(100)
+        assert until(lambda: vehicle.recv(100) == FRAME)
+        for one in (stranger, impostor):
+            with pytest.raises(BlockingIOError):
+                one.recv(100)
 
 
 def test_udp_out_hears_only_whom_it_called():
