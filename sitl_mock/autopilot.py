@@ -29,6 +29,7 @@ MOVE_TICKS: Final = 2
 """The body moves every 20 ms; in between, what is reported is carried on by its rates."""
 _SLOW_TICKS: Final = round(ESTIMATOR_S / TICK_S)
 _MOVE_S: Final = TICK_S * MOVE_TICKS
+_OWN_NUMBER: Final = frozenset({"MAV_SYS_ID", "SYSID_THISMAV"})
 _EPOCH_US: Final = 1_750_000_000_000_000
 
 
@@ -74,6 +75,8 @@ class Autopilot:
             self.parameters = ParameterStore(self.flavour.parameters, settings.parameters)
         except ParameterError as error:
             raise ConfigError(f"parameters: {error}") from None
+        for name in _OWN_NUMBER & self.parameters.keys():
+            self.parameters.set(name, self.system_id)
         start = LocalFrame(settings.home).to_geodetic(*settings.start_ned)
         self.frame = LocalFrame(settings.origin or start)
         place = self.frame.to_local(*start)

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from sitl_mock import parameters_arducopter, parameters_rover
 from sitl_mock.ardupilot.brain import ArduPilot
 from sitl_mock.ardupilot.copter import COPTER
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
@@ -14,6 +13,7 @@ from sitl_mock.craft import Craft
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, ArduGains, Rover, Vehicle, arducopter_quadrotor
 from sitl_mock.estimator import ARDUPILOT_WANDER
 from sitl_mock.flavour import Flavour
+from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
     ARDUPILOT_HZ,
     ARDUPILOT_MISSION_RULES,
@@ -82,7 +82,7 @@ ARDUCOPTER: Final = Flavour(
     autopilot=3,
     vehicle_type=2,
     modes=COPTER_MODES,
-    parameters=parameters_arducopter.PARAMETERS,
+    parameters=parameters_of("arducopter"),
     parameter_rules=ARDUPILOT_PARAMETER_RULES,
     stream_rules=ARDUPILOT_STREAM_RULES,
     mission_rules=ARDUPILOT_MISSION_RULES,
@@ -101,7 +101,7 @@ ROVER_FLAVOUR: Final = Flavour(
     autopilot=3,
     vehicle_type=10,
     modes=ROVER_MODES,
-    parameters=parameters_rover.PARAMETERS,
+    parameters=parameters_of("rover"),
     parameter_rules=ARDUPILOT_PARAMETER_RULES,
     stream_rules=ARDUPILOT_STREAM_RULES,
     mission_rules=ARDUPILOT_MISSION_RULES,

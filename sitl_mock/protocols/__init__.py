@@ -25,7 +25,6 @@ from sitl_mock.protocols.parameter import Parameter, ParameterError, ParameterSt
 from sitl_mock.protocols.parameter_protocol import (
     ARDUPILOT_PARAMETER_RULES,
     PX4_PARAMETER_RULES,
-    ParamError,
     ParameterProtocol,
     ParameterRules,
 )
@@ -78,7 +77,6 @@ __all__ = [
     "MissionResult",
     "MissionRules",
     "ModeEntry",
-    "ParamError",
     "ParamKind",
     "Parameter",
     "ParameterError",

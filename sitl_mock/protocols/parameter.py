@@ -9,8 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-MAX_NAME: Final = 16  # bytes of param_id
-
 
 class ParamKind(IntEnum):
     """MAV_PARAM_TYPE, as far as autopilots use it."""

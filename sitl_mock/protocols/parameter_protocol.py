@@ -1,33 +1,27 @@
 """The parameter protocol: read by name or index, list, set with echo.
 
 PX4 puts the four bytes of an INT32 into the float field, ArduPilot casts the number; both answer PARAM_SET with the
-value as stored. Source: https://mavlink.io/en/services/parameter.html, PX4's ``mavlink_parameters.cpp``.
+value as stored, whatever its documented range. Both are silent about a name they do not know, and say nothing of
+PARAM_ERROR. Source: https://mavlink.io/en/services/parameter.html, PX4 1.17's ``mavlink_parameters.cpp``, ArduPilot
+4.5's ``GCS_Param.cpp``.
 """
 
 from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.protocols.parameter import MAX_NAME, ParameterError, ParameterStore, ParamKind
-from sitl_mock.protocols.reply import Reply, source_of
+from sitl_mock.protocols.parameter import ParameterError, ParameterStore, ParamKind
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
+    from sitl_mock.protocols.reply import Reply
 
 HASH_NAME: Final = "_HASH_CHECK"
 UINT32: Final = 5
 NO_INDEX: Final = 0xFFFF
-
-
-class ParamError(IntEnum):
-    """MAV_PARAM_ERROR."""
-
-    DOES_NOT_EXIST = 1
-    VALUE_OUT_OF_RANGE = 2
-    TYPE_MISMATCH = 7
+WARNING: Final = 4  # MAV_SEVERITY
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,22 +31,28 @@ class ParameterRules:
     Attributes:
         bytewise: Integers travel as their four bytes (PX4) instead of as a number (ArduPilot).
         hash_check: ``_HASH_CHECK`` leads each list and can be asked for (PX4).
-        type_must_match: PARAM_SET with another type is refused (PX4); otherwise the number is cast (ArduPilot).
-        errors: Unknown names and bad values are answered with PARAM_ERROR instead of silence.
-        check_range: Refuse values out of the documented range; the real autopilots leave that to the ground station.
+        type_must_match: PARAM_SET with another type is ignored (PX4); otherwise the number is cast (ArduPilot).
+        index_only_in_lists: An answer about one name carries no index (ArduPilot).
+        protected: Names that a client may not set: a text says so, and the value as it is.
         list_hz: Parameters in a second while a list is sent.
     """
 
     bytewise: bool
     hash_check: bool
     type_must_match: bool
-    errors: bool = True
-    check_range: bool = False
+    index_only_in_lists: bool = False
+    protected: frozenset[str] = frozenset()
     list_hz: float = 500.0
 
 
 PX4_PARAMETER_RULES: Final = ParameterRules(bytewise=True, hash_check=True, type_must_match=True)
-ARDUPILOT_PARAMETER_RULES: Final = ParameterRules(bytewise=False, hash_check=False, type_must_match=False)
+ARDUPILOT_PARAMETER_RULES: Final = ParameterRules(
+    bytewise=False,
+    hash_check=False,
+    type_must_match=False,
+    index_only_in_lists=True,
+    protected=frozenset({"MIS_TOTAL", *(f"BARO{n}_{what}" for n in (1, 2, 3) for what in ("DEVID", "GND_PRESS"))}),
+)
 
 
 class ParameterProtocol:
@@ -96,37 +96,37 @@ class ParameterProtocol:
     def _read(self, message: Message) -> list[Reply]:
         index = message.param_index
         if index >= 0:
-            if index < len(self._store.names):
-                return [self._value(self._store.names[index])]
-            return self._refuse(message, ParamError.DOES_NOT_EXIST)
+            return [self._value(self._store.names[index])] if index < len(self._store.names) else []
         name = message.param_id
         if name == HASH_NAME and self._rules.hash_check:
             return [self._hash_reply()]
-        if name in self._store:
-            return [self._value(name)]
-        return self._refuse(message, ParamError.DOES_NOT_EXIST)
+        return [self._named(name)] if name in self._store else []
 
     def _set(self, message: Message) -> list[Reply]:
-        name = message.param_id
-        if name == HASH_NAME and self._rules.hash_check:  # the ground station knows the values: stop the list
+        name, rules = message.param_id, self._rules
+        if name == HASH_NAME and rules.hash_check:  # the ground station knows the values: stop the list
             self._next_index = None
             return []
         item = self._store.definitions.get(name)
-        if item is None:
-            return self._refuse(message, ParamError.DOES_NOT_EXIST)
-        if self._rules.type_must_match and message.param_type != item.kind:
-            return self._refuse(message, ParamError.TYPE_MISMATCH)
-        value = self._decode(item.kind, message.param_value)
+        if item is None or (rules.type_must_match and message.param_type != item.kind):
+            return []
+        if name in rules.protected:
+            return [("STATUSTEXT", WARNING, f"Param write denied ({name})", 0, 0), self._named(name)]
         try:
-            self._store.set(name, value, check_range=self._rules.check_range)
-        except ParameterError:
-            return [*self._refuse(message, ParamError.VALUE_OUT_OF_RANGE), self._value(name)]
-        return [self._value(name)]
+            self._store.set(name, self._decode(item.kind, message.param_value))
+        except ParameterError:  # not a number: it would go on into every sum
+            return []
+        return [self._named(name)]
 
     def _decode(self, kind: ParamKind, wire: float) -> float:
         if not self._rules.bytewise or kind is ParamKind.REAL32:
             return wire
         return int(struct.unpack("<i", struct.pack("<f", wire))[0])
+
+    def _named(self, name: str) -> Reply:
+        """Return PARAM_VALUE to a question about a name."""
+        reply = self._value(name)
+        return (*reply[:-1], NO_INDEX) if self._rules.index_only_in_lists else reply
 
     def _value(self, name: str) -> Reply:
         value = self._store[name]
@@ -138,9 +138,3 @@ class ParameterProtocol:
     def _hash_reply(self) -> Reply:
         value = struct.unpack("<f", struct.pack("<I", self._store.hash()))[0]
         return ("PARAM_VALUE", HASH_NAME, value, UINT32, len(self._store), NO_INDEX)
-
-    def _refuse(self, message: Message, error: ParamError) -> list[Reply]:
-        if not self._rules.errors:
-            return []
-        index = getattr(message, "param_index", -1)
-        return [("PARAM_ERROR", *source_of(message), message.param_id[:MAX_NAME], index, int(error))]

@@ -7,7 +7,7 @@ from typing import Final
 
 from sitl_mock.dynamics import PX4_TRAVEL, PX4_WANDER, Px4Gains, Vehicle, px4_quadrotor
 from sitl_mock.flavour import Flavour
-from sitl_mock.parameters_px4 import PARAMETERS
+from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
     PX4_BROADCAST,
     PX4_GCS_HZ,
@@ -64,7 +64,7 @@ PX4: Final = Flavour(
     autopilot=12,
     vehicle_type=2,
     modes=MODES,
-    parameters=PARAMETERS,
+    parameters=parameters_of("px4"),
     parameter_rules=PX4_PARAMETER_RULES,
     stream_rules=PX4_STREAM_RULES,
     mission_rules=PX4_MISSION_RULES,

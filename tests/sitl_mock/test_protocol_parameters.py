@@ -7,21 +7,21 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sitl_mock import parameters_arducopter, parameters_px4, parameters_rover
+from sitl_mock import MockVehicle
+from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
     ARDUPILOT_PARAMETER_RULES,
     PX4_PARAMETER_RULES,
     Parameter,
     ParameterError,
     ParameterProtocol,
-    ParameterRules,
     ParameterStore,
     ParamKind,
 )
 from sitl_mock.protocols.parameter import rounded
 
 INT32, REAL32 = int(ParamKind.INT32), int(ParamKind.REAL32)
-TABLES = [parameters_px4.PARAMETERS, parameters_arducopter.PARAMETERS, parameters_rover.PARAMETERS]
+TABLES = ["px4", "arducopter", "rover"]
 
 
 def as_float(integer):
@@ -34,12 +34,12 @@ def as_integer(wire_value):
 
 @pytest.fixture
 def px4():
-    return ParameterStore(parameters_px4.PARAMETERS)
+    return ParameterStore(parameters_of("px4"))
 
 
 @pytest.fixture
 def copter():
-    return ParameterStore(parameters_arducopter.PARAMETERS)
+    return ParameterStore(parameters_of("arducopter"))
 
 
 def read(client, name, index=-1):
@@ -50,15 +50,52 @@ def write(client, name, value, kind):
     return client.send("PARAM_SET", 1, 1, name.encode(), value, kind)
 
 
-@pytest.mark.parametrize("table", TABLES)
-def test_the_tables_name_each_parameter_once_within_its_limits_and_its_type(table):
+@pytest.mark.parametrize("flavour", TABLES)
+def test_the_tables_name_each_parameter_once_within_its_limits_and_its_type(flavour):
+    table = parameters_of(flavour)
     names = [item.name for item in table]
-    assert len(names) == len(set(names)) >= 60
+    assert names == sorted(set(names))
+    assert len([item for item in table if item.meaning]) >= 60
     for item in table:
         assert 0 < len(item.name) <= 16
         assert item.minimum <= item.default <= item.maximum, item
         assert rounded(item.kind, item.default) == pytest.approx(item.default, rel=1e-6), item
-        assert item.meaning
+
+
+@pytest.mark.parametrize(
+    ("flavour", "kinds"), [("px4", {6: 285, 9: 602}), ("arducopter", {2: 419, 4: 327, 6: 87, 9: 557})]
+)
+def test_row_15_all_parameters_of_the_real_ones_are_there_with_their_types(flavour, kinds):
+    table = parameters_of(flavour)
+    assert {kind: sum(item.kind == kind for item in table) for kind in kinds} == kinds
+    assert len(table) == {"px4": 887, "arducopter": 1390}[flavour]
+
+
+@pytest.mark.parametrize(
+    ("flavour", "recorded"),
+    [
+        (
+            "px4",
+            {
+                "RTL_RETURN_ALT": 30.0,
+                "RTL_DESCEND_ALT": 10.0,
+                "NAV_ACC_RAD": 2.0,
+                "COM_LOW_BAT_ACT": 3,
+                "COM_RC_IN_MODE": 1,
+                "MC_ROLL_P": 4.0,
+            },
+        ),
+        ("arducopter", {"FENCE_RADIUS": 150.0}),
+    ],
+)
+def test_row_25_defaults_are_those_that_were_read_from_the_real_ones(flavour, recorded):
+    store = ParameterStore(parameters_of(flavour))
+    assert {name: store[name] for name in recorded} == recorded
+
+
+@pytest.mark.parametrize(("flavour", "name"), [("px4", "MAV_SYS_ID"), ("arducopter", "SYSID_THISMAV")])
+def test_a_vehicle_knows_its_own_number(flavour, name):
+    assert MockVehicle(flavour, system_id=7).autopilot.parameters[name] == 7
 
 
 def test_the_defaults_that_decide_over_offboard_are_those_of_the_autopilots(px4, copter):
@@ -78,6 +115,7 @@ def test_px4_reads_an_integer_as_its_four_bytes_and_a_float_as_itself(wire, px4)
     (real,) = read(client, "MPC_XY_P")
     assert (real.param_value, real.param_type) == (pytest.approx(0.95), REAL32)
     assert real.param_count == len(px4)
+    assert real.param_index == px4.index["MPC_XY_P"]
 
 
 def test_ardupilot_casts_the_number_and_says_the_small_type(wire, copter):
@@ -86,6 +124,7 @@ def test_ardupilot_casts_the_number_and_says_the_small_type(wire, copter):
     assert (value.param_value, value.param_type) == (975.0, int(ParamKind.INT16))
     (value,) = read(client, "FENCE_ENABLE")
     assert (value.param_value, value.param_type) == (0.0, int(ParamKind.INT8))
+    assert value.param_index == 0xFFFF  # the place in the list is told only in the list
 
 
 def test_by_index_gives_what_the_list_gives(wire, px4):
@@ -103,7 +142,7 @@ def test_a_list_holds_every_parameter_once_at_its_pace(wire, copter, rules):
     start = client.send("PARAM_REQUEST_LIST", 1, 1)
     came = client.wait(0.1)
     assert len(came) == pytest.approx(0.1 * rules.list_hz, abs=2)
-    came += client.wait(1.0)
+    came += client.wait(3.0)
     assert [value.param_index for value in came] == list(range(len(copter)))
     assert [value.param_id for value in came] == sorted(copter)
     assert [value.param_id for value in start] == (["_HASH_CHECK"] if rules.hash_check else [])
@@ -115,7 +154,7 @@ def test_a_repeated_list_request_starts_again(wire, px4):
     client.send("PARAM_REQUEST_LIST", 1, 1)
     client.wait(0.1)
     client.send("PARAM_REQUEST_LIST", 1, 1)
-    assert [value.param_index for value in client.wait(1.0)] == list(range(len(px4)))
+    assert [value.param_index for value in client.wait(2.0)] == list(range(len(px4)))
 
 
 def test_the_hash_is_that_of_names_and_values_and_changes_with_them(wire, px4):
@@ -185,51 +224,46 @@ def test_ardupilot_rounds_and_clamps_to_its_type(wire, copter):
 
 
 @pytest.mark.parametrize("rules", [PX4_PARAMETER_RULES, ARDUPILOT_PARAMETER_RULES])
-def test_an_unknown_name_or_index_is_an_error_and_changes_nothing(wire, px4, rules):
+def test_row_15_an_unknown_name_or_index_is_met_with_silence_and_changes_nothing(wire, px4, rules):
     client = wire(ParameterProtocol(px4, rules))
     before = dict(px4)
-    for answers, index in ((read(client, "NO_SUCH"), -1), (write(client, "NO_SUCH", 1.0, REAL32), -1)):
-        (error,) = answers
-        assert (error.get_type(), error.param_id, error.param_index, error.error) == (
-            "PARAM_ERROR",
-            "NO_SUCH",
-            index,
-            1,
-        )
-        assert (error.target_system, error.target_component) == (255, 190)
-    (error,) = read(client, "", len(px4))
-    assert (error.param_index, error.error) == (len(px4), 1)
+    assert read(client, "NO_SUCH") == read(client, "", len(px4)) == []
+    assert write(client, "NO_SUCH", 1.0, REAL32) == []
     assert (dict(px4), px4.revision) == (before, 0)
 
 
-def test_silence_instead_of_errors_is_a_rule(wire, px4):
-    client = wire(ParameterProtocol(px4, ParameterRules(True, True, True, errors=False)))
-    assert read(client, "NO_SUCH") == []
-
-
-def test_px4_refuses_another_type_and_keeps_the_value(wire, px4):
+def test_row_15_px4_is_silent_about_another_type_and_keeps_the_value(wire, px4):
     client = wire(ParameterProtocol(px4, PX4_PARAMETER_RULES))
-    (error,) = write(client, "COM_OBL_RC_ACT", 5.0, REAL32)
-    assert (error.get_type(), error.error, px4["COM_OBL_RC_ACT"]) == ("PARAM_ERROR", 7, 0)
+    assert write(client, "COM_OBL_RC_ACT", 5.0, REAL32) == []
+    assert px4["COM_OBL_RC_ACT"] == 0
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_refused_and_the_old_value_told(wire, px4, bad):
-    client = wire(ParameterProtocol(px4, PX4_PARAMETER_RULES))
-    error, value = write(client, "COM_OF_LOSS_T", bad, REAL32)
-    assert (error.error, value.param_value, px4["COM_OF_LOSS_T"]) == (2, 1.0, 1.0)
+def test_what_is_no_number_is_not_stored(wire, copter, bad):
+    client = wire(ParameterProtocol(copter, ARDUPILOT_PARAMETER_RULES))
+    assert write(client, "GUID_TIMEOUT", bad, REAL32) == []
+    assert copter["GUID_TIMEOUT"] == 3.0
 
 
-def test_the_documented_range_is_checked_only_where_that_is_asked_for(wire, px4):
-    real = wire(ParameterProtocol(px4, PX4_PARAMETER_RULES))
-    assert write(real, "COM_OF_LOSS_T", 900.0, REAL32)[0].param_value == 900.0
-    strict = wire(ParameterProtocol(px4, ParameterRules(True, True, True, check_range=True)))
-    error, value = write(strict, "COM_OF_LOSS_T", 901.0, REAL32)
-    assert (error.error, value.param_value) == (2, 900.0)
+@pytest.mark.parametrize(
+    ("rules", "name", "value"),
+    [(PX4_PARAMETER_RULES, "COM_OF_LOSS_T", 900.0), (ARDUPILOT_PARAMETER_RULES, "GUID_TIMEOUT", 900.0)],
+)
+def test_row_15_neither_autopilot_enforces_the_documented_range(wire, rules, name, value):
+    store = ParameterStore(parameters_of("px4" if rules.bytewise else "arducopter"))
+    client = wire(ParameterProtocol(store, rules))
+    assert write(client, name, value, REAL32)[0].param_value == value == store[name]
+
+
+def test_row_15_ardupilot_denies_what_only_itself_may_set_and_says_so(wire, copter):
+    client = wire(ParameterProtocol(copter, ARDUPILOT_PARAMETER_RULES))
+    text, value = write(client, "MIS_TOTAL", 5.0, REAL32)
+    assert (text.text, text.severity) == ("Param write denied (MIS_TOTAL)", 4)
+    assert (value.param_value, copter["MIS_TOTAL"]) == (0.0, 0)
 
 
 def test_the_store_reads_like_a_dict_and_counts_changes(px4):
-    assert (len(px4), px4["COM_OF_LOSS_T"], "NO_SUCH" in px4) == (len(parameters_px4.PARAMETERS), 1.0, False)
+    assert (len(px4), px4["COM_OF_LOSS_T"], "NO_SUCH" in px4) == (len(parameters_of("px4")), 1.0, False)
     px4.set("COM_OF_LOSS_T", 1.0)
     assert px4.revision == 0
     px4.set("COM_OF_LOSS_T", 2.0)
@@ -243,11 +277,11 @@ def test_the_store_reads_like_a_dict_and_counts_changes(px4):
 )
 def test_a_bad_override_names_the_parameter_and_what_is_allowed(overrides, said):
     with pytest.raises(ParameterError, match=said):
-        ParameterStore(parameters_px4.PARAMETERS, overrides)
+        ParameterStore(parameters_of("px4"), overrides)
 
 
 def test_an_override_is_in_place_from_the_start():
-    assert ParameterStore(parameters_px4.PARAMETERS, {"COM_OBL_RC_ACT": 7})["COM_OBL_RC_ACT"] == 7
+    assert ParameterStore(parameters_of("px4"), {"COM_OBL_RC_ACT": 7})["COM_OBL_RC_ACT"] == 7
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -128,8 +128,8 @@ async def test_the_asyncio_client_flies_offboard_over_zenoh(fleet, bridge_of):
         assert (await InfoAsync(system).get_version()).flight_sw_major == 1
         with pytest.raises(OffboardError, match="NO_SETPOINT_SET"):
             await offboard.start()
-        with pytest.raises(ParamError, match="DOES_NOT_EXIST"):
-            await ParamAsync(system).get_param_int("NO_SUCH")
+        with pytest.raises(ParamError, match="WRONG_TYPE"):
+            await ParamAsync(system).get_param_int("COM_OF_LOSS_T")
         await action.arm()
         with pytest.raises(ActionError, match="UNSUPPORTED"):
             await action.do_orbit(5.0, 1.0, 0, math.nan, math.nan, math.nan)  # the mock has no orbit
