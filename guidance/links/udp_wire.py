@@ -87,7 +87,7 @@ class UdpWire:
                 self._unsent += 1
 
     def counters(self) -> Mapping[str, int]:
-        """Datagrams sent and not sent, pieces dropped for want of room, and datagrams of strangers refused, by reason."""
+        """Datagrams sent and not sent, pieces dropped for want of room, and strangers' datagrams refused, by reason."""
         refused = {} if self._peers is None else self._peers.refused
         return {
             "wire_sent": self._sent,

@@ -84,8 +84,8 @@ def _open_link(
     vehicle = config.vehicle
     now_s = clock.now_s
     key = None if vehicle.signing_key_file is None else signing_key(vehicle.signing_key_file)
-    on_its_wire = config.target.url is None and config.target.system_id is not None
-    systems = {vehicle.system_id, config.target.system_id} if on_its_wire else {vehicle.system_id}
+    target_id = config.target.system_id if config.target.url is None else None
+    systems = {vehicle.system_id} if target_id is None else {vehicle.system_id, target_id}
     wire: TappedWire | Wire = open_wire(vehicle.url, clock=now_s, systems=systems, timeout_s=_WIRE_LIMIT_S)
     closing.callback(wire.close)
     if taps is not None:

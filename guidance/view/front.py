@@ -44,8 +44,15 @@ class Front:
     def __init__(self, port: int, *, behind: int, recording_port: int) -> None:
         self._server = _Server((LOOPBACK, port), _Handler)
         self._server.behind, self._server.policy = behind, policy(recording_port)
+        names = (LOOPBACK, "localhost")
+        self._server.hosts = frozenset(f"{name}:{self._server.server_port}" for name in names)
         self._thread = threading.Thread(target=self._server.serve_forever, name="page", daemon=True)
         self._thread.start()
+
+    @property
+    def port(self) -> int:
+        """Where it is served, for port 0."""
+        return self._server.server_port
 
     def close(self) -> None:
         """Serve no more."""
@@ -59,13 +66,17 @@ class _Server(ThreadingHTTPServer):
     block_on_close = False
     behind = 0
     policy = ""
+    hosts: frozenset[str] = frozenset()
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
-        """Fetch the file behind and pass it on."""
+        """Fetch the file behind and pass it on; who asks for another host was led here by a name that is not ours."""
+        if self.headers.get("Host", "") not in self.server.hosts:
+            self._pass_on(HTTPStatus.MISDIRECTED_REQUEST, {}, b"")
+            return
         path = urlsplit(self.path).path
         try:
             with urllib.request.urlopen(f"http://{LOOPBACK}:{self.server.behind}{path}", timeout=_LIMIT_S) as answer:

@@ -8,7 +8,8 @@ after it, and between setpoints. Beside it, on the same vehicle, the minimal MAV
 forwards a constant velocity from a callback; the daemon's cycles are on its own clock's 20 ms grid, which it moves so
 that a position is 2 ms old when a cycle begins: so much waiting is in its latency by design. The measuring end is
 given the processor first wherever that is permitted, so that the jitter is not its own. `--busy` keeps another process
-spinning meanwhile; `--flood` has one more send to the daemon's UDP port (see `FLOODS`). The full measure of the jitter is `--seconds 600 --busy --only mavsdk/zenoh`.
+spinning meanwhile; `--flood` has one more send to the daemon's UDP port (see `FLOODS`). The full measure of the jitter
+is `--seconds 600 --busy --only mavsdk/zenoh`.
 """
 
 import argparse

@@ -1,6 +1,7 @@
 """The viewer as a process of its own: bound to loopback, silent to the world, ended with whoever started it."""
 
 import contextlib
+import http.client
 import json
 import signal
 import socket
@@ -20,6 +21,7 @@ from guidance.service.broadcast import Broadcast, is_watched
 from guidance.service.bus import host_session
 from guidance.view import ViewerBeside
 from guidance.view.beside import command
+from guidance.view.front import Front
 from guidance.view.live import LiveFlight
 from guidance.view.serving import free_port, recording_server
 
@@ -216,3 +218,25 @@ def test_the_command_shows_a_daemon_live(bus, record):
         child.kill()
         child.wait()
     assert "101 cycles shown" in rest
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1:1", "", "127.0.0.1", "[::1]:{port}"]
+)
+def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
+    """DNS rebinding: a stranger's page whose name leads to loopback reads nothing from here."""
+    front = Front(0, behind=free_port(), recording_port=1)
+    try:
+        port = front.port
+        assert status_for(port, host.format(port=port)) == http.HTTPStatus.MISDIRECTED_REQUEST
+        for ours in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            assert status_for(port, ours) == http.HTTPStatus.BAD_GATEWAY  # let in; nothing is served behind
+    finally:
+        front.close()
+
+
+def status_for(port, host):
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
+    with contextlib.closing(connection):
+        connection.request("GET", "/", headers={"Host": host})
+        return connection.getresponse().status
