@@ -1,0 +1,210 @@
+"""Points of an intersection of discs: the one closest to a target, and one far from the evader.
+
+Seen from the evader, the points that it reaches before a pursuer at offset w = P − E form the disc
+
+    κ‖x‖² + 2 w_xy·x ≤ ‖w‖²,   κ = δ² − 1,
+
+Apollonius' circle (Li, Wang & Xie, section II-B), written without its centre and radius, which grow beyond all bounds
+as δ → 1 and take the last digits with them; at κ = 0 it is the half-plane on the evader's side of the bisector. Every
+disc holds the evader, so that any number of them has an intersection, which is convex.
+
+Everything that takes two discs takes them alike: the same bits come out when they change places.
+"""
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[Any]
+
+Point: TypeAlias = tuple[Array, Array]
+"""x and y, from the evader, m."""
+
+
+class Discs(NamedTuple):
+    """Discs along the last axis, every field (..., n).
+
+    Attributes:
+        curvature: κ = δ² − 1 of each pursuer, zero or more.
+        x: of the pursuer from the evader, m.
+        y: of the pursuer from the evader, m.
+        z: height of the pursuer above what it has to reach, m.
+    """
+
+    curvature: Array
+    x: Array
+    y: Array
+    z: Array
+
+    def pick(self, index: Any) -> "Discs":  # noqa: ANN401 - whatever indexes an array
+        """Return some of the discs."""
+        return Discs(*(part[..., index] for part in self))
+
+
+class Projection(NamedTuple):
+    """The point of an intersection closest to another.
+
+    Attributes:
+        point: (...), x and y from the evader, m.
+        distance: (...), from the point that was projected, m.
+        first: (...), number of a disc that binds.
+        second: (...), number of the other, or the same again where one binds alone.
+    """
+
+    point: Point
+    distance: Array
+    first: Array
+    second: Array
+
+
+class Farthest(NamedTuple):
+    """A point of an intersection far from the evader.
+
+    Attributes:
+        point: (...), x and y from the evader, m.
+        distance: (...), from the evader, m.
+        first: (...), number of a disc that binds.
+        second: (...), number of the other, or the same again where it is the first disc's own farthest point.
+    """
+
+    point: Point
+    distance: Array
+    first: Array
+    second: Array
+
+
+def project(discs: Discs, target: Point, nearest: Point, distance: Array) -> Projection:
+    """Project a point on the intersection of discs.
+
+    In the plane no more than two discs bind (the normal cone at a point has two edges), so the distance from the
+    intersection is the largest of those from two discs at a time. For two discs it is the larger of the single
+    distances where the one disc's closest point lies in the other; else the nearer corner of their lens, which is seen
+    from the evader between the two closest points.
+
+    Args:
+        discs: the discs, (..., n).
+        target: the point to project, (...), from the evader, m.
+        nearest: of every disc the point closest to the target, (..., n), from the evader, m.
+        distance: and how far that is from the target, (..., n), m; zero where the target lies in the disc.
+    """
+    i, j = np.triu_indices(distance.shape[-1], 1)
+    one, other = discs.pick(i), discs.pick(j)
+    a, b = _of(nearest, i), _of(nearest, j)
+    goal = target[0][..., None], target[1][..., None]
+    corner, away = _nearer(goal, crossings(one, other))
+    side = _cross(a, b)
+    bind = (excess(other, a) > 0) & (excess(one, b) > 0)
+    bind &= (_cross(a, corner) * side > 0) & (_cross(corner, b) * side > 0)
+    bind &= (away > distance[..., i]) & (away > distance[..., j])
+    every = np.concatenate([distance, np.where(bind, away, -np.inf)], axis=-1)
+    best = np.argmax(every, axis=-1)
+    point = tuple(taken(np.concatenate(parts, axis=-1), best) for parts in zip(nearest, corner, strict=True))
+    first, second = _numbers(distance.shape[-1], i, j)
+    return Projection((point[0], point[1]), taken(every, best), first[best], second[best])
+
+
+def farthest(discs: Discs, headings: Point, reach: Array) -> Farthest:
+    """Find the farthest point of an intersection of discs from the evader.
+
+    It lies where a disc's own farthest point is inside all others, or at a corner of two. Along every such heading the
+    intersection is followed to its edge, so that what is returned is a point of it whatever rounding does.
+
+    Args:
+        discs: the discs, (..., n).
+        headings: directions to each disc's own farthest point, (..., n), of length 1.
+        reach: and how far that is from the evader, (..., n), m.
+    """
+    count = reach.shape[-1]
+    i, j = np.triu_indices(count, 1)
+    corners = crossings(discs.pick(i), discs.pick(j))
+    units = [_unit(corner) for corner in corners]
+    x, y = (np.concatenate([headings[axis], units[0][axis], units[1][axis]], axis=-1) for axis in (0, 1))
+    along = rim(Discs(*(part[..., None, :] for part in discs)), (x[..., None], y[..., None]))
+    own = np.arange(count)
+    along[..., own, own] = reach
+    edge = np.min(along, axis=-1)
+    best = np.argmax(np.where(np.isfinite(edge), edge, -np.inf), axis=-1)
+    length = taken(edge, best)
+    first, second = _numbers(count, i, j, times=2)
+    return Farthest((length * taken(x, best), length * taken(y, best)), length, first[best], second[best])
+
+
+def excess(discs: Discs, point: Point) -> Array:
+    """Return κ‖x‖² + 2 w_xy·x − ‖w‖², m²: positive outside of a disc, zero on its rim."""
+    x, y = point
+    power = discs.x * discs.x + discs.y * discs.y + discs.z * discs.z
+    return np.asarray(discs.curvature * (x * x + y * y) + 2.0 * (discs.x * x + discs.y * y) - power)
+
+
+def rim(discs: Discs, heading: Point) -> Array:
+    """Return how far, m, the rim of a disc is from the evader along a heading of length 1."""
+    power = discs.x * discs.x + discs.y * discs.y + discs.z * discs.z
+    half = discs.x * heading[0] + discs.y * heading[1]
+    root = np.sqrt(half * half + discs.curvature * power)
+    ahead = half > 0
+    over = np.where(ahead, half + root, discs.curvature)
+    return np.asarray(np.where(ahead, power, root - half) / over)
+
+
+def crossings(one: Discs, other: Discs) -> tuple[Point, Point]:
+    """Return the two points where the rims of two discs cross, from the evader, m; NaN where they do not.
+
+    They lie on a line a·x = b and on the mean of both circles. Written with differences of positions, which are exact
+    for pursuers close to each other, and with the quadratic's root that does not cancel.
+    """
+    tilt = (one.curvature - other.curvature) / (one.curvature + other.curvature)
+    apart = [p - q for p, q in zip(one[1:], other[1:], strict=True)]
+    whole = [p + q for p, q in zip(one[1:], other[1:], strict=True)]
+    a = [difference - tilt * total for difference, total in zip(apart[:2], whole[:2], strict=True)]
+    # The difference of ‖w‖² is exact as a product; the sum is ½(‖w₁ + w₂‖² + ‖w₁ − w₂‖²).
+    difference = apart[0] * whole[0] + apart[1] * whole[1] + apart[2] * whole[2]
+    total = 0.5 * (
+        (whole[0] * whole[0] + whole[1] * whole[1] + whole[2] * whole[2])
+        + (apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2])
+    )
+    length = np.sqrt(a[0] * a[0] + a[1] * a[1])
+    e = a[0] / length, a[1] / length
+    foot = 0.5 * (difference - tilt * total) / length
+    curvature = 0.5 * (one.curvature + other.curvature)
+    half = 0.5 * (whole[1] * e[0] - whole[0] * e[1])
+    inside = 0.5 * total - foot * (curvature * foot + (whole[0] * e[0] + whole[1] * e[1]))
+    root = half + np.copysign(np.sqrt(half * half + curvature * inside), half)
+    near, far = inside / root, -root / curvature
+    return (foot * e[0] - near * e[1], foot * e[1] + near * e[0]), (foot * e[0] - far * e[1], foot * e[1] + far * e[0])
+
+
+def taken(array: Array, index: Array) -> Array:
+    """Take one element along the last axis, (..., n) → (...)."""
+    return np.take_along_axis(array, index[..., None], axis=-1)[..., 0]
+
+
+def _nearer(goal: Point, corners: tuple[Point, Point]) -> tuple[Point, Array]:
+    """Return the corner nearer to a point, and how far it is; any where there is none."""
+    away = [_length((corner[0] - goal[0], corner[1] - goal[1])) for corner in corners]
+    second = away[1] < away[0]
+    x, y = (np.where(second, corners[1][axis], corners[0][axis]) for axis in (0, 1))
+    return (x, y), np.where(second, away[1], away[0])
+
+
+def _numbers(count: int, i: Array, j: Array, times: int = 1) -> tuple[Array, Array]:
+    """Number the discs behind the candidates: each alone, then the pairs, as often as they have candidates."""
+    own = np.arange(count)
+    return np.concatenate([own, *[i] * times]), np.concatenate([own, *[j] * times])
+
+
+def _of(point: Point, index: Array) -> Point:
+    return point[0][..., index], point[1][..., index]
+
+
+def _cross(a: Point, b: Point) -> Array:
+    return np.asarray(a[0] * b[1] - a[1] * b[0])
+
+
+def _length(v: Point) -> Array:
+    return np.asarray(np.sqrt(v[0] * v[0] + v[1] * v[1]))
+
+
+def _unit(v: Point) -> Point:
+    length = _length(v)
+    return v[0] / length, v[1] / length
