@@ -18,6 +18,7 @@ from sitl_mock.mavlink import Message, Signing
 from sitl_mock.pilot import Sticks
 from sitl_mock.protocols import ParameterError, ParameterStore, Place, PlanStore, Reply, StatusTexts
 from sitl_mock.reception import take
+from sitl_mock.sensors import EXACT, Sensors
 from sitl_mock.telemetry import Report
 from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, Vector, wrap_pi
 
@@ -112,6 +113,9 @@ class Autopilot:
                 position_limit_m=float(self.parameters.get("COM_POS_FS_EPH", 5.0)),
                 dead_reckoning_s=float(self.parameters.get("EKF2_NOAID_TOUT", 5e6)) * 1e-6,
             ),
+            sensors=Sensors(
+                self.flavour.sensors if settings.noise else EXACT, Random(f"sensors {settings.seed} {self.boots}")
+            ),
             conditions=self.conditions,
             attitude=attitude_of(body),
             position_m=body.position_ned_m,
@@ -177,12 +181,13 @@ class Autopilot:
         craft.body = self.motion.body
         craft.position_m = here
         if craft.home_m is not None:
-            craft.home_m = self.frame.to_local(*old.to_geodetic(*craft.home_m))
+            moved = self.frame.to_local(*old.to_geodetic(*craft.home_m))
+            craft.set_home(moved, attitude=craft.home_attitude, given=craft.home_given)
         return True
 
     def set_home(self, _now_s: float, place: Place) -> bool:
         """SET_HOME_POSITION."""
-        self.craft.home_m = self.frame.to_local(*place)
+        self.craft.set_home(self.frame.to_local(*place), given=True)
         return True
 
     def _slowly(self, now_s: float) -> None:
@@ -212,6 +217,7 @@ class Autopilot:
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
         body = self.motion.body
         craft.body = body
+        craft.sensors.advance(craft.now_s, body)
         craft.position_m, craft.velocity_m_s = self.plant.estimate(body, around)
         craft.attitude = attitude_of(body)
         if estimator.yaw_error_rad:

@@ -10,7 +10,10 @@ from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import Body, Euler
 from sitl_mock.estimator import Estimator
 from sitl_mock.pilot import Peers, Pilot
+from sitl_mock.sensors import Sensors
 from sitl_mock.world import LocalFrame, Vector
+
+_LEVEL = Euler(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Severity(IntEnum):
@@ -44,7 +47,11 @@ class Craft:
         position_m: Estimated position (north, east, down of the local frame).
         velocity_m_s: Estimated velocity.
         attitude: Estimated attitude.
+        sensors: What the receiver and the barometer say.
         home_m: Home in the local frame, None while it is not set.
+        home_s: When it was last set.
+        home_attitude: Attitude then.
+        home_given: Home was set by a command, and not by the vehicle itself.
         booted_s: When the autopilot was switched on.
         armed_s: When it was armed; minus infinity while disarmed.
         landed_s: Since when it has stood on the ground; plus infinity in the air.
@@ -55,12 +62,16 @@ class Craft:
     parameters: Mapping[str, int | float]
     body: Body
     estimator: Estimator
+    sensors: Sensors
     conditions: Conditions
     attitude: Euler
     position_m: Vector
     ground_m: float
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
     home_m: Vector | None = None
+    home_s: float = -math.inf
+    home_attitude: Euler = _LEVEL
+    home_given: bool = False
     booted_s: float = 0.0
     armed: bool = False
     armed_s: float = -math.inf
@@ -86,12 +97,18 @@ class Craft:
         """Queue a STATUSTEXT."""
         self.texts.append((int(severity), text))
 
+    def set_home(self, position_m: Vector, *, attitude: Euler | None = None, given: bool = False) -> None:
+        """Home is there; the attitude is the present one if not given."""
+        self.home_m = position_m
+        self.home_s = self.now_s
+        self.home_attitude = self.attitude if attitude is None else attitude
+        self.home_given = given
+
     def arm(self) -> None:
-        """Motors on; home is here."""
+        """Motors on."""
         self.armed = True
         self.armed_s = self.now_s
         self.flew = False
-        self.home_m = self.position_m
 
     def disarm(self) -> None:
         """Motors off."""

@@ -18,7 +18,8 @@ ARDUPILOT_WANDER: Final = Wander((0.03, 0.03, 0.03), (0.05, 0.05, 0.05))
 """Small: height held within 0.1 m over 200 m (measured on ArduCopter 4.5.7)."""
 _DRIFT_M_S2: Final = 0.1
 _BLIND_GROWTH_M_S2: Final = 0.2
-_EPH_M: Final = 0.4
+EPH_M: Final = 0.4
+"""Horizontal uncertainty with a good receiver."""
 _RESET_LIMIT: Final = 256
 
 
@@ -54,7 +55,7 @@ class Estimator:
     velocity_error_m_s: Vector = (0.0, 0.0, 0.0)
     yaw_error_rad: float = 0.0
     offset_m: Vector = (0.0, 0.0, 0.0)
-    eph_m: float = _EPH_M
+    eph_m: float = EPH_M
     position_valid: bool = False
     global_valid: bool = False
     altitude_valid: bool = False
@@ -106,7 +107,7 @@ class Estimator:
         elif self.lost_gps_s == math.inf:
             self.lost_gps_s = now_s
         blind_s = max(0.0, now_s - self.lost_gps_s)
-        self.eph_m = max(_EPH_M + _BLIND_GROWTH_M_S2 * blind_s * blind_s, conditions.eph_m)
+        self.eph_m = max(EPH_M + _BLIND_GROWTH_M_S2 * blind_s * blind_s, conditions.eph_m)
         usable = ready and not conditions.estimator_invalid
         self.altitude_valid = usable
         self.position_valid = usable and blind_s < self.dead_reckoning_s

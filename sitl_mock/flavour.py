@@ -15,6 +15,7 @@ from sitl_mock.protocols import (
     PlanStore,
     StreamRules,
 )
+from sitl_mock.sensors import EXACT, SensorNoise
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Flavour:
         plant: The dynamics under present parameters.
         brain: Makes the brain of a craft.
         wander: Size of the estimator's error.
+        sensors: Noise of its receiver and barometer.
         ready_s: From boot until it can be armed.
         texts: STATUSTEXT goes out on the links.
         own_id_only: Protocols that ignore messages to system 0.
@@ -61,4 +63,5 @@ class Flavour:
     texts: bool
     own_id_only: frozenset[str] = frozenset()
     broadcast: frozenset[int] | None = None
+    sensors: SensorNoise = EXACT
     ground_vehicle: bool = False

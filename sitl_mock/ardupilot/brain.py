@@ -191,7 +191,7 @@ class ArduPilot:
     def _check(self) -> None:
         craft = self.craft
         if craft.home_m is None and craft.estimator.global_valid:
-            craft.home_m = craft.position_m
+            craft.set_home(craft.position_m)
         self._look()
         if craft.armed:
             safety.act(self)

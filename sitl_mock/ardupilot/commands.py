@@ -61,6 +61,7 @@ def _arm(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
         if reasons:
             return FAILED
         craft.arm()
+        craft.set_home(craft.position_m)
         craft.say(Severity.INFO, "Arming motors")
         return ACCEPTED
     if want != 0.0:
@@ -136,11 +137,11 @@ def _set_home(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     craft = brain.craft
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0:
-        craft.home_m = craft.position_m
+        craft.set_home(craft.position_m)
         return ACCEPTED
     if not on_earth(Place(lat, lon, alt)):
         return DENIED
-    craft.home_m = craft.frame.to_local(lat, lon, alt)
+    craft.set_home(craft.frame.to_local(lat, lon, alt), given=True)
     return ACCEPTED
 
 

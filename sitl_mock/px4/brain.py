@@ -16,6 +16,7 @@ from sitl_mock.modes import Need
 from sitl_mock.protocols import Command, CommandAnswer, PlanStore
 from sitl_mock.px4 import checks, commands, flying, offboard
 from sitl_mock.px4.failsafe import MODE_OF, Action, Failsafes
+from sitl_mock.px4.home import HomeKeeper
 from sitl_mock.px4.modes import AFTER, BY_NAME, BY_NUMBER
 
 CHECK_S: Final = 0.1
@@ -35,6 +36,7 @@ class Px4:
         self.plans = plans
         self.mission = MissionFlight(plans)
         self.failsafes = Failsafes()
+        self.home = HomeKeeper()
         self.intention = "HOLD"
         self.mode = "HOLD"
         self.plan = flying.Plan(craft.position_m)
@@ -138,6 +140,7 @@ class Px4:
 
     def tick(self, now_s: float) -> Setpoint:
         """Check when it is time, then say what the motors shall do."""
+        self.home.update(self.craft, in_mission=self.mode == "MISSION" and not self.mission.over)
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
             self._check(now_s)
@@ -147,10 +150,9 @@ class Px4:
 
     def _check(self, now_s: float) -> None:
         craft = self.craft
-        if craft.home_m is None and craft.estimator.global_valid:
-            craft.home_m = craft.position_m
         self.there = checks.available(craft, self.plans, self.stream_s)
         if not craft.armed:
+            self.home.follow(craft)
             self.failsafes.clear()
             self.in_failsafe = False
             self.pilot_counts = False

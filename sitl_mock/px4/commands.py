@@ -80,6 +80,7 @@ def _arm_now(px4: Px4) -> Answers:
             craft.say(Severity.CRITICAL, reason)
         return REFUSED
     craft.arm()
+    px4.home.arm(craft, in_mission=px4.mode == "MISSION")
     craft.pilot.settle()
     craft.say(Severity.INFO, "Armed by external command")
     return ACCEPTED
@@ -148,9 +149,9 @@ def _set_home(px4: Px4, _now_s: float, command: Command) -> Answers:
     craft = px4.craft
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0:
-        craft.home_m = craft.position_m
+        craft.set_home(craft.position_m)
     elif on_earth(Place(lat, lon, alt)):
-        craft.home_m = craft.frame.to_local(lat, lon, alt)
+        craft.set_home(craft.frame.to_local(lat, lon, alt), given=True)
     else:
         return DENIED
     return ACCEPTED

@@ -20,6 +20,7 @@ from sitl_mock.protocols import (
 )
 from sitl_mock.px4.brain import Px4
 from sitl_mock.px4.modes import MODES
+from sitl_mock.sensors import PX4_SENSORS
 
 _GAINS: Final = {
     "xy_p_1_s": "MPC_XY_P",
@@ -77,4 +78,5 @@ PX4: Final = Flavour(
     texts=False,
     own_id_only=PX4_OWN_ID_ONLY,
     broadcast=PX4_BROADCAST,
+    sensors=PX4_SENSORS,
 )

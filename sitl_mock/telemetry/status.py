@@ -6,7 +6,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from sitl_mock.dynamics.values import GRAVITY_M_S2
-from sitl_mock.telemetry.report import Report, heading_cdeg
+from sitl_mock.estimator import EPH_M
+from sitl_mock.telemetry.report import Report, heading_cdeg, quaternion
 
 Fields = tuple[Any, ...]
 
@@ -15,6 +16,7 @@ _RC, _GEOFENCE, _AHRS, _BATTERY, _PREARM = 0x10000, 0x100000, 0x200000, 0x200000
 _SENSORS: Final = _GYRO | _ACCEL | _MAG | _BARO
 _NO_CELL: Final = 0xFFFF
 _PWM_LOW, _PWM_HIGH = 1000, 2000
+_HDOP_CENTI, _VDOP_CENTI, _H_ACC_MM, _V_ACC_MM, _SPEED_ACC_MM_S, _SATELLITES = 70, 110, 900, 1780, 400, 10
 
 
 def heartbeat(report: Report) -> Fields:
@@ -89,18 +91,16 @@ def home_position(report: Report) -> Fields | None:
     if craft.home_m is None:
         return None
     lat, lon, alt = craft.frame.to_geodetic(*craft.home_m)
-    half = 0.5 * craft.yaw_rad
-    facing = (math.cos(half), 0.0, 0.0, math.sin(half))
     return (
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),
         *craft.home_m,
-        facing,
+        quaternion(*craft.home_attitude[:3]),
         0.0,
         0.0,
         0.0,
-        report.boot_us,
+        max(0, int((craft.home_s - craft.booted_s) * 1e6)),
     )
 
 
@@ -114,29 +114,29 @@ def gps_global_origin(report: Report) -> Fields | None:
 
 
 def gps_raw_int(report: Report) -> Fields:
-    """GPS_RAW_INT: the true place, as the receiver sees it."""
+    """GPS_RAW_INT: the receiver's last reading, with the accuracies that PX4's simulated one claims."""
     craft = report.craft
     if not craft.estimator.gps_ok:
         return (report.boot_us, 0, 0, 0, 0, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0, 0, 0, 0, 0, 0, 0)
-    body = craft.body
-    lat, lon, alt = craft.frame.to_geodetic(*body.position_ned_m)
-    v_n, v_e, _ = body.velocity_ned_m_s
-    eph_mm = int(min(craft.estimator.eph_m, 4e6) * 1000.0)
+    fix = craft.sensors.fix
+    lat, lon, alt = craft.frame.to_geodetic(*fix.position_m)
+    v_n, v_e, _ = fix.velocity_m_s
+    worse = min(craft.estimator.eph_m / EPH_M, 500.0)
     return (
-        report.boot_us,
+        max(0, report.boot_us - int((craft.now_s - fix.at_s) * 1e6)),
         3,
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),
-        min(eph_mm // 5, 0xFFFE),
-        min(eph_mm // 4, 0xFFFE),
+        int(_HDOP_CENTI * worse),
+        int(_VDOP_CENTI * worse),
         min(int(math.hypot(v_n, v_e) * 100.0), 0xFFFE),
         heading_cdeg(math.atan2(v_e, v_n)),
-        14,
-        round(alt * 1e3) + 47_000,
-        eph_mm,
-        eph_mm * 3 // 2,
-        200,
+        _SATELLITES,
+        round(alt * 1e3),
+        int(_H_ACC_MM * worse),
+        int(_V_ACC_MM * worse),
+        _SPEED_ACC_MM_S,
         0,
         0,
     )
