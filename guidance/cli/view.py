@@ -20,6 +20,7 @@ def view(
     save: Annotated[Path | None, typer.Option(help="Write FILE.rrd for Rerun's viewer instead of serving.")] = None,
     endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = "tcp/127.0.0.1:7448",
     name: Annotated[str | None, typer.Option(help="With --live: the vehicle; not needed if there is one.")] = None,
+    token_file: Annotated[Path | None, typer.Option(help="With --live: the daemon's control.token_file.")] = None,
     port: Annotated[int, typer.Option(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
     web_port: Annotated[int, typer.Option(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
     with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
@@ -44,7 +45,7 @@ def view(
         signal.signal(number, lambda *_: ended.set())
     if with_parent:
         threading.Thread(target=_end_with_parent, args=(ended,), daemon=True).start()
-    seen = Seen(file, follow, endpoint, name)
+    seen = Seen(file, follow, endpoint, name, token_file)
     count = show(seen, Place(save, port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 

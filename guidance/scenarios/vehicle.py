@@ -61,7 +61,13 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
     with contextlib.ExitStack() as closing:
         log = Log(own.log.format, own.log.level)
         closing.callback(log.close)
-        control = ControlBus(own.name, mailbox, endpoint=own.control.endpoint, host=own.control.host)
+        control = ControlBus(
+            own.name,
+            mailbox,
+            endpoint=own.control.endpoint,
+            host=own.control.host,
+            token_file=own.control.token_file,
+        )
         closing.callback(control.close)
         opened = open_all(own, clock, tapped=True)
         closing.callback(opened.close)

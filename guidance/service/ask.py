@@ -2,28 +2,30 @@
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Final
 
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_session import open_session
-from guidance.service.bus import control_key
+from guidance.service.bus import control_key, join_session
 from guidance.service.daemon import STATUS, WORDS
 
 TIMEOUT_S: Final = 4.0
 
 
-def ask(order: str, *, endpoint: str, name: str | None, timeout_s: float = TIMEOUT_S) -> Mapping[str, Any]:
+def ask(
+    order: str, *, endpoint: str, name: str | None, timeout_s: float = TIMEOUT_S, token_file: Path | None = None
+) -> Mapping[str, Any]:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
     Raises:
-        ConfigError: If there is no such order, or several daemons and no name.
-        LinkError: If nobody answers.
+        ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
+        LinkError: If nobody answers, or the daemon does not let us in.
     """
     if order not in WORDS:
         raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
-    session = open_session(endpoint)
+    session = join_session(endpoint, token_file)
     try:
         if name is None:
             # Never an order to all: first find out who is there.

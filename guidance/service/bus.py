@@ -7,12 +7,15 @@ import contextlib
 import json
 import threading
 from collections import deque
+from pathlib import Path
 from typing import Any, Final
 
 import zenoh
 
 from guidance.errors import LinkError
 from guidance.links.zenoh_session import open_session
+from guidance.service import control_token
+from guidance.service.control_token import ControlToken
 from guidance.service.mailbox import Mailbox
 
 ANSWER_LIMIT_S: Final = 2.0
@@ -25,8 +28,8 @@ def control_key(name: str, order: str) -> str:
     return f"guidance/{name}/ctl/{order}"
 
 
-def hosting_config(endpoint: str) -> zenoh.Config:
-    """Return a router of our own that listens at one endpoint and nowhere else."""
+def hosting_config(endpoint: str, token: ControlToken | None = None) -> zenoh.Config:
+    """Return a router of our own that listens at one endpoint and nowhere else, for those who know the token."""
     return zenoh.Config.from_json5(
         json.dumps(
             {
@@ -34,24 +37,46 @@ def hosting_config(endpoint: str) -> zenoh.Config:
                 "listen": {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True},
                 "connect": {"endpoints": []},
                 "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {"shared_memory": {"enabled": False}},
+                "transport": {
+                    "shared_memory": {"enabled": False},
+                    **({} if token is None else {"auth": token.for_server()}),
+                },
             }
         )
     )
 
 
-def host_session(endpoint: str) -> "zenoh.Session":
-    """Listen at an endpoint.
+def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Session":
+    """Listen at an endpoint; without a token everybody on this computer is let in.
 
     Raises:
         LinkError: If it cannot be had; then another daemon is likely to own the vehicle.
     """
     try:
-        return zenoh.open(hosting_config(endpoint))
+        return zenoh.open(hosting_config(endpoint, token))
     except zenoh.ZError as error:
         raise LinkError(
             f"control.endpoint = {endpoint!r}: cannot listen there; does another daemon own this vehicle? "
             "`guidance ctl status` asks it"
+        ) from error
+
+
+def join_session(endpoint: str, token_file: Path | None = None) -> "zenoh.Session":
+    """Join the control bus of a daemon, with its token where it has one.
+
+    Raises:
+        ConfigError: If the token may not be read by us.
+        LinkError: If nobody listens at the endpoint, or the token is not the daemon's.
+    """
+    path = control_token.default_path(endpoint) if token_file is None else token_file
+    token = control_token.read(path)
+    try:
+        return open_session(endpoint, authentication=None if token is None else token.for_client())
+    except LinkError as error:
+        used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
+        raise LinkError(
+            f"control {endpoint}: no session within 3 s: no daemon is there, or it does not let us in ({used}); "
+            "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
         ) from error
 
 
@@ -94,18 +119,23 @@ class ControlBus:
         mailbox: Where orders go.
         endpoint: The Zenoh endpoint, on loopback.
         host: Listen there; otherwise connect to a router that is there.
+        token_file: Where the token lies that lets others in; by default where `guidance ctl` looks for it.
 
     Raises:
+        ConfigError: If the token cannot be written.
         LinkError: If there is no session to be had, or another daemon owns the vehicle.
     """
 
-    def __init__(self, name: str, mailbox: Mailbox, *, endpoint: str, host: bool) -> None:
+    def __init__(
+        self, name: str, mailbox: Mailbox, *, endpoint: str, host: bool, token_file: Path | None = None
+    ) -> None:
         self._name = name
         self._mailbox = mailbox
         self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
         self._asked = threading.Event()
         self._stop = False
-        self._session = host_session(endpoint) if host else open_session(endpoint)
+        self._issued: ControlToken | None = None
+        self._session = self._host(endpoint, token_file) if host else join_session(endpoint, token_file)
         self._closed = False
         try:
             self._token = OwnerToken(self._session, f"guidance/{name}")
@@ -115,6 +145,17 @@ class ControlBus:
             raise
         self._thread = threading.Thread(target=self._serve, name="control", daemon=True)
         self._thread.start()
+
+    def _host(self, endpoint: str, token_file: Path | None) -> "zenoh.Session":
+        path = control_token.default_path(endpoint) if token_file is None else token_file
+        drawn = control_token.draw(path)
+        try:
+            session = host_session(endpoint, drawn)
+        except LinkError:
+            control_token.discard(drawn)
+            raise
+        self._issued = control_token.publish(drawn, path)
+        return session
 
     @property
     def session(self) -> "zenoh.Session":
@@ -156,3 +197,5 @@ class ControlBus:
         with contextlib.suppress(zenoh.ZError):
             self._queryable.undeclare()  # type: ignore[no-untyped-call]
             self._session.close()  # type: ignore[no-untyped-call]
+        if self._issued is not None:
+            control_token.discard(self._issued)

@@ -58,7 +58,13 @@ def run_vehicle(name: str) -> None:
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
         mailbox.meanwhile(Waiting(config, clock).answer)
-        control = ControlBus(config.name, mailbox, endpoint=config.control.endpoint, host=config.control.host)
+        control = ControlBus(
+            config.name,
+            mailbox,
+            endpoint=config.control.endpoint,
+            host=config.control.host,
+            token_file=config.control.token_file,
+        )
         closing.callback(control.close)
         if config.metrics.port is not None:
             closing.callback(MetricsServer(metrics, config.metrics.port).close)

@@ -210,6 +210,9 @@ class Control(Section):
 
     endpoint: str = "tcp/127.0.0.1:7448"
     host: bool = Field(True, description="listen there; false connects to a Zenoh router that is there already")
+    token_file: Path | None = Field(
+        None, description="the secret that lets `guidance ctl` in; by default in the runtime folder, for its owner only"
+    )
 
     @field_validator("endpoint")
     @classmethod

@@ -35,6 +35,7 @@ class Seen(NamedTuple):
     follow: bool = False
     endpoint: str = ""
     name: str | None = None
+    token_file: Path | None = None
 
 
 def view(seen: Seen, place: Place, say: Callable[[str], None], ended: threading.Event) -> int:
@@ -88,7 +89,7 @@ def _daemon(
     from guidance.view.opening import opened  # noqa: PLC0415
 
     os.nice(NICE)
-    flight = LiveFlight(seen.endpoint, seen.name)
+    flight = LiveFlight(seen.endpoint, seen.name, seen.token_file)
     closing.callback(flight.close)
     painter = opened(flight.metadata, flight.name, place, say, closing)
     for item in flight.items(_idle(ended, painter)):

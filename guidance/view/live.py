@@ -3,15 +3,16 @@
 import json
 from collections import deque
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_session import open_session
 from guidance.records import Item
 from guidance.records.reading import Idle
 from guidance.service.broadcast import FLIGHT, broadcast_key
+from guidance.service.bus import join_session
 from guidance.service.record import EVENT_TOPIC, TICK_TOPIC
 
 MOST_WAITING: Final = 4096
@@ -26,15 +27,16 @@ class LiveFlight:
     Args:
         endpoint: The daemon's `control.endpoint`.
         name: The vehicle's; None for the only one there is.
+        token_file: Where the daemon's token lies; None looks where `guidance run` puts it.
 
     Raises:
-        ConfigError: If there are several daemons and no name.
+        ConfigError: If there are several daemons and no name, or the token may not be read.
         LinkError: If nobody answers.
     """
 
-    def __init__(self, endpoint: str, name: str | None) -> None:
+    def __init__(self, endpoint: str, name: str | None, token_file: Path | None = None) -> None:
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=MOST_WAITING)
-        self._session = open_session(endpoint)
+        self._session = join_session(endpoint, token_file)
         try:
             self._flight = self._find(endpoint, name)
             self.name = str(self._flight["name"])

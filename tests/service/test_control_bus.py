@@ -9,11 +9,11 @@ import pytest
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_session import open_session
 from guidance.service import ask as asking
 from guidance.service import bus as buses
 from guidance.service.ask import ask
 from guidance.service.bus import ControlBus, OwnerToken, control_key
+from guidance.service.bus import join_session as open_session
 from guidance.service.mailbox import Mailbox
 
 
