@@ -18,14 +18,17 @@ File = Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")
 @log.command()
 def info(file: File) -> None:
     """Show what a record holds: how long, which channels, which versions, and whether it is whole."""
-    from guidance.records import reports_of, survey_of, title_of  # noqa: PLC0415 - numpy takes its time
+    from guidance.records import making_sense_of, reports_of, survey_of, title_of  # noqa: PLC0415 - numpy takes its time
 
-    survey = survey_of(file)
-    typer.echo(f"{title_of(survey.metadata)}: {survey.duration_s:.2f} s")
+    with making_sense_of(file):
+        survey = survey_of(file)
+        reports = Counter(map(_words, reports_of(file)))
+        title = title_of(survey.metadata)
+    typer.echo(f"{title}: {survey.duration_s:.2f} s")
     for topic in sorted(survey.messages):
         count, data = survey.messages[topic], survey.data_bytes[topic]
         typer.echo(f"{count:9d} messages {data / 1024:10.1f} KiB  {topic}")
-    for words, count in Counter(map(_words, reports_of(file))).items():
+    for words, count in reports.items():
         typer.echo(f"{count:9d} reports of the target by {words}")
     for name, text in survey.metadata.items():
         typer.echo(f"{name:>12}  {text if len(text) < 100 else text[:97] + '...'}")
@@ -43,9 +46,11 @@ def _words(report: "TargetReport") -> str:
 @log.command()
 def events(file: File) -> None:
     """List the events: what happened, when, and what it changed."""
-    from guidance.records import events_of  # noqa: PLC0415
+    from guidance.records import events_of, making_sense_of  # noqa: PLC0415
 
-    for event in events_of(file):
+    with making_sense_of(file):
+        events = list(events_of(file))
+    for event in events:
         typer.echo(f"{event.now_s:10.3f} s  {event.event}  {event.detail}".rstrip())
 
 
@@ -60,6 +65,9 @@ def export(
     - `.csv`, `.parquet`: one row a cycle, for spreadsheets and pandas
     - `.geojson`, `.kml`: tracks, fence and changes of state on a map
     """
+    from guidance.records import making_sense_of  # noqa: PLC0415
     from guidance.records.export import export as write  # noqa: PLC0415
 
-    typer.echo(f"{out}: {write(file, out)}")
+    with making_sense_of(file):
+        written = write(file, out)
+    typer.echo(f"{out}: {written}")

@@ -29,11 +29,12 @@ def replay(
     - `guidance replay record.mcap --with policy=pure_pursuit`: another policy at the same moments
     - `guidance replay record.mcap --with pursuer.speed_m_s=4.0 --out both.csv`
     """
-    from guidance.records import changes_of, flight_settings, metadata_of  # noqa: PLC0415 - numpy takes its time
+    from guidance.records import changes_of, flight_settings, making_sense_of, metadata_of  # noqa: PLC0415 - numpy takes its time
     from guidance.records.both import compare_into  # noqa: PLC0415
 
     wanted = changes_of(changes or [])
-    comparison, survey = compare_into(file, flight_settings(metadata_of(file), wanted), out, what_if=bool(wanted))
+    with making_sense_of(file):
+        comparison, survey = compare_into(file, flight_settings(metadata_of(file), wanted), out, what_if=bool(wanted))
     if survey.torn is not None:
         typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
     if survey.missing:

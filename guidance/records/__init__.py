@@ -1,6 +1,6 @@
 """Flight records afterwards: reading them, whole or torn, replaying them through the present code, exporting them."""
 
-from guidance.records.reading import Item, Survey, metadata_of, scan, survey_of
+from guidance.records.reading import Item, Survey, making_sense_of, metadata_of, scan, survey_of
 from guidance.records.replay import Comparison, Step, compare, replay
 from guidance.records.rows import EventRow, Row, events_of, reports_of, rows_of
 from guidance.records.settings import changes_of, flight_settings, title_of
@@ -19,6 +19,7 @@ __all__ = [
     "compare",
     "events_of",
     "flight_settings",
+    "making_sense_of",
     "metadata_of",
     "replay",
     "reports_of",

@@ -1,23 +1,31 @@
-"""Read a flight record, whole, torn or still growing: what a killed process left is read up to its last whole chunk."""
+"""Read a flight record, whole, torn or still growing: what a killed process left is read up to its last whole chunk.
 
+A record may be a stranger's. No length in it is believed before it is bounded, and whatever in it cannot be made sense
+of ends in one clear error.
+"""
+
+import contextlib
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from guidance.errors import ConfigError
 
 _LONGEST_RECORD_BYTES: Final = 64 * 1024 * 1024
-"""A torn length field must not make us ask for gigabytes."""
+_LARGEST_CHUNK_BYTES: Final = 16 * 1024 * 1024
+"""A length that is torn or a lie must not make us ask for gigabytes. Ours are 8 KiB, other writers' 1 to 4 MiB."""
 
 _TORN: Final = (McapError, ValueError, struct.error, zstandard.ZstdError, EOFError, MemoryError, OverflowError)
+
+_SENSELESS: Final = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError, MemoryError)
 
 RUN: Final = "run"
 """Name of the metadata record: what flew, with which settings and versions."""
@@ -64,6 +72,23 @@ class Survey:
 
 Idle = Callable[[], bool]
 """Called where a growing record has nothing more to read for now: waits a little; True ends the reading."""
+
+
+@contextlib.contextmanager
+def making_sense_of(path: Path) -> Iterator[None]:
+    """Turn whatever a damaged or foreign record leads to into one error that names it.
+
+    Raises:
+        ConfigError: In place of what the content led to; that is its cause.
+    """
+    try:
+        yield
+    except _SENSELESS as error:
+        said = str(error).splitlines()
+        reason = f"{type(error).__name__}: {said[0][:200]}" if said else type(error).__name__
+        raise ConfigError(
+            f"{path}: cannot be made sense of ({reason}); it is damaged, or another program or version wrote it"
+        ) from error
 
 
 def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> Iterator[Item]:
@@ -117,12 +142,31 @@ def _records(path: Path, seen: Survey, idle: Idle | None) -> Iterator[McapRecord
     """Yield the file's records, one after the other, up to its end or to where it is torn."""
     try:
         with path.open("rb") as file:
-            stream: Any = file if idle is None else _Growing(file, idle)
-            yield from _untorn(StreamReader(stream, validate_crcs=True, record_size_limit=_LONGEST_RECORD_BYTES), seen)
+            stream: Any = _Bounded(file if idle is None else _Growing(file, idle))
+            limits = {"validate_crcs": True, "record_size_limit": _LONGEST_RECORD_BYTES}
+            yield from _untorn(StreamReader(stream, emit_chunks=True, **limits), seen)
     except InvalidMagic as error:
         raise ConfigError(f"{path}: is no MCAP file; give a record.mcap that a flight wrote") from error
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+class _Bounded:
+    """A file of which nothing longer than a record is read at once, whatever a length inside a record says."""
+
+    def __init__(self, file: Any) -> None:  # noqa: ANN401 - a file, or what waits for one
+        self._file = file
+
+    def read(self, length: int) -> bytes:
+        """Read so many bytes.
+
+        Raises:
+            ValueError: If no record is as long as that.
+        """
+        if length > _LONGEST_RECORD_BYTES:
+            raise ValueError(f"a length of {length} bytes in it cannot be")
+        data: bytes = self._file.read(length)
+        return data
 
 
 class _Growing:
@@ -144,7 +188,10 @@ def _untorn(reader: StreamReader, seen: Survey) -> Iterator[McapRecord]:
     finished = False
     try:
         for record in reader.records:
-            yield record
+            if isinstance(record, Chunk):
+                yield from _inside(record)
+            else:
+                yield record
             finished = finished or isinstance(record, Footer)
     except InvalidMagic:
         if not finished:
@@ -152,6 +199,20 @@ def _untorn(reader: StreamReader, seen: Survey) -> Iterator[McapRecord]:
         seen.torn = "its end mark is wrong"
     except _TORN as error:
         seen.torn = str(error) or "it ends in the middle"
+
+
+def _inside(chunk: Chunk) -> list[McapRecord]:
+    """Take a chunk apart; one that says it is larger than it may be, or is, is torn."""
+    if chunk.uncompressed_size > _LARGEST_CHUNK_BYTES:
+        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes cannot be")
+    if chunk.compression == "zstd":
+        # One more than it says: the frame's own word for its size is not believed.
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:
+            data = stream.read(chunk.uncompressed_size + 1)
+        chunk = replace(chunk, compression="", data=data)
+    if len(chunk.data) != chunk.uncompressed_size and not chunk.compression:
+        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes has others")
+    return breakup_chunk(chunk, validate_crc=True)
 
 
 def _noted(survey: Survey, channel: Channel, message: Message) -> Item:

@@ -76,7 +76,7 @@ def inputs_of(inputs: Mapping[str, Any], now_s: float) -> Inputs:
         tuple(_message(message) for message in inputs["messages"]),
         tuple(_REPORT(report) for report in inputs["reports"]),
         tuple(_ORDER(order) for order in inputs["orders"]),
-        tuple(inputs.get("refusals", ())),
+        tuple(str(refusal) for refusal in inputs.get("refusals", ())),
     )
 
 
