@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from guidance.drawing.figures import figure_of
 from guidance.game import apollonius_circle, apollonius_sphere, solve
 from guidance.paper.cases import GAME, PE_EVADER, PE_PURSUER, TAD_EVADER, TAD_PURSUER, TAD_TARGET, Case, Table
 
@@ -104,7 +105,7 @@ def _tad_figure(cases: Sequence[Case], title: str) -> Figure:
     pursuer, evader, target = (np.asarray(place) for place in (TAD_PURSUER, TAD_EVADER, TAD_TARGET))
     circle = apollonius_circle(pursuer, evader, RATIO)
     g = solve(GAME, pursuer, evader, target).meeting_point_m
-    figure = Figure(figsize=(9.0, 4.8), layout="constrained")
+    figure = figure_of(9.0, 4.8)
     plan, side = figure.subplots(1, 2)
     marked = (("P", "^", pursuer), ("E", "s", evader), ("T", "o", target), ("c", "+", circle.centre_m), ("g*", "*", g))
     for axes, up, height in ((plan, 1, "y"), (side, 2, "z")):

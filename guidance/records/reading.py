@@ -143,8 +143,8 @@ def _records(path: Path, seen: Survey, idle: Idle | None) -> Iterator[McapRecord
     try:
         with path.open("rb") as file:
             stream: Any = _Bounded(file if idle is None else _Growing(file, idle))
-            limits = {"validate_crcs": True, "record_size_limit": _LONGEST_RECORD_BYTES}
-            yield from _untorn(StreamReader(stream, emit_chunks=True, **limits), seen)
+            reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LONGEST_RECORD_BYTES)
+            yield from _untorn(reader, seen)
     except InvalidMagic as error:
         raise ConfigError(f"{path}: is no MCAP file; give a record.mcap that a flight wrote") from error
     except OSError as error:

@@ -5,17 +5,8 @@ from itertools import groupby
 import numpy as np
 from matplotlib.figure import Figure
 
-from guidance.report.drawing import (
-    EVADER,
-    MARK,
-    PURSUER,
-    figure_of,
-    legend_beside,
-    mark_moments,
-    panels,
-    playing_span,
-    thinned,
-)
+from guidance.drawing.figures import EVADER, MARK, PURSUER, figure_of, legend_beside, literal, panels, thinned
+from guidance.report.drawing import mark_moments, playing_span
 from guidance.report.story import Array, Story
 
 _MOST_EVENTS = 60
@@ -120,7 +111,7 @@ def events(story: Story) -> Figure:
         right = event.now_s < middle_s
         words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.detail})" if event.detail else "")
         axes.annotate(
-            words,
+            literal(words),
             (event.now_s, row),
             xytext=(7 if right else -7, 0),
             textcoords="offset points",

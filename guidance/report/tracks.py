@@ -5,18 +5,25 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from guidance.records.outlines import circle, fence_edges, isochron_at
-from guidance.report.drawing import (
+from guidance.drawing.figures import (
     BEFORE,
     EVADER,
     FENCE,
     ISOCHRON,
     ISOCHRON_LATER,
+    MEETING,
     PURSUER,
-    STANDOFF,
+    TARGET,
+    draw_place,
+    draw_standoff,
     figure_of,
+    label_plan,
+    label_space,
+    legend_below,
+    lifted,
     thinned,
 )
+from guidance.drawing.shapes import fence_edges, isochron_at
 from guidance.report.story import Array, Story
 
 _MARGIN_M = 8.0
@@ -35,11 +42,12 @@ def tracks(story: Story) -> Figure:
     _fence(space, story, 3, (low, high))
     _fence(plan, story, 2, (low, high))
     _fence(whole, story, 2, None)
-    _frame_space(space, low, high)
-    _frame_plan(plan, "from above")
+    space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
+    label_space(space, zoom=0.92)
+    label_plan(plan, adjustable="box")
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    _frame_plan(whole, "from above, with the fence")
-    figure.legend(*whole.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    label_plan(whole, "from above, with the fence", adjustable="box")
+    legend_below(figure, whole, columns=5)
     return figure
 
 
@@ -65,17 +73,15 @@ def _game(axes: Any, story: Story, dimensions: int) -> None:  # noqa: ANN401
         if certificate is None or certificate.no_game:
             continue
         curve = isochron_at(story.settings.tick, certificate)
-        axes.plot(*_lifted(curve, 0.0, dimensions), **style, label=f"isochron at {when}")
+        axes.plot(*lifted(curve, 0.0, dimensions), **style, label=f"isochron at {when}")
         if when == "engagement":
             name = "q*" if tick.target_game_m is None else "g*"
-            place = certificate.meeting_point_game_m[:dimensions]
-            axes.plot(*([c] for c in place), "k*", ms=11, linestyle="none", label=f"{name}, meeting point foreseen")
+            place = certificate.meeting_point_game_m
+            draw_place(axes, place, MEETING, dimensions, f"{name}, meeting point foreseen")
         else:
-            disc = circle(certificate.evader_game_m, tick.standoff.radius_m)
-            axes.plot(*_lifted(disc, tick.standoff.height_m, dimensions), **STANDOFF, label="stand-off disc at capture")
+            draw_standoff(axes, tick.standoff, certificate.evader_game_m, dimensions, "stand-off disc at capture")
     if tick.target_game_m is not None:
-        at = tick.target_game_m[:dimensions]
-        axes.plot(*([c] for c in at), "kX", ms=9, linestyle="none", label="T, guarded place")
+        draw_place(axes, tick.target_game_m, TARGET, dimensions, "T, target")
 
 
 def _fence(axes: Any, story: Story, dimensions: int, box: tuple[Array, Array] | None) -> None:  # noqa: ANN401
@@ -88,11 +94,7 @@ def _fence(axes: Any, story: Story, dimensions: int, box: tuple[Array, Array] | 
         if box is not None:
             inside = np.all((edge >= box[0][:2]) & (edge <= box[1][:2]), axis=-1, keepdims=True)
             shown = np.where(inside, edge, np.nan)
-        axes.plot(*_lifted(shown, home[2], dimensions), **FENCE, label=None if number else "fence")
-
-
-def _lifted(curve: Array, height_m: float, dimensions: int) -> list[Array]:
-    return [*curve.T, *([np.full(len(curve), height_m)] * (dimensions - 2))]
+        axes.plot(*lifted(shown, home[2], dimensions), **FENCE, label=None if number else "fence")
 
 
 def _box(story: Story) -> tuple[Array, Array]:
@@ -109,19 +111,3 @@ def _box(story: Story) -> tuple[Array, Array]:
     if not len(known):
         known = np.zeros((1, 3))
     return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
-
-
-def _frame_space(axes: Any, low: Array, high: Array) -> None:  # noqa: ANN401
-    axes.set(xlabel="x east, m", zlabel="z up, m", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_ylabel("y north, m", labelpad=10.0)
-    axes.set_zlim(min(0.0, low[2] + _MARGIN_M), high[2])
-    axes.locator_params(nbins=5)
-    spans = [top - bottom for bottom, top in (axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d())]
-    axes.set_box_aspect(spans, zoom=0.92)  # equal scales, and room for the labels
-    axes.view_init(elev=22.0, azim=-60.0)
-
-
-def _frame_plan(axes: Any, title: str) -> None:  # noqa: ANN401
-    axes.set(xlabel="x east, m", ylabel="y north, m", title=title)
-    axes.set_aspect("equal", adjustable="box")
-    axes.grid(visible=True, linewidth=0.3)

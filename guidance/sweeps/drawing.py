@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from guidance.drawing.figures import figure_of, literal
 from guidance.sweeps.statistics import share
 from guidance.sweeps.tally import Tally
 from guidance.sweeps.worst import Worst
@@ -59,9 +59,8 @@ def key_label(column: str) -> str:
 
 
 def _figure(title: str, rows: int, columns: int) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(max(7.0, 3.4 * columns), 1.2 + 3.0 * rows), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle("\n".join(textwrap.wrap(title, 80)), fontsize=12)
+    figure = figure_of(max(7.0, 3.4 * columns), 1.2 + 3.0 * rows)
+    figure.suptitle(literal("\n".join(textwrap.wrap(title, 80))), fontsize=12)
     axes = figure.subplots(rows, columns, squeeze=False)
     for one in axes.ravel():
         one.grid(visible=True, linewidth=0.3)

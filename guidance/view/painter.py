@@ -8,10 +8,10 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from guidance.drawing.shapes import circle, fence_edges, isochron_at
 from guidance.flight import FlightSettings
 from guidance.game import Winner
 from guidance.records import Cycle, Item, Row, Teller, flight_settings
-from guidance.records.outlines import circle, fence_edges, isochron_at
 from guidance.records.rows import event_of, row_of
 from guidance.records.settings import CONFIG
 from guidance.service.record import BEGUN, EVENT_TOPIC, RELOADED, TICK_TOPIC

@@ -20,6 +20,7 @@ from pymavlink import mavutil
 from typer.testing import CliRunner
 
 from guidance.cli import app
+from guidance.drawing.shapes import fence_edges
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
@@ -28,7 +29,6 @@ from guidance.records import Teller, flight_settings, metadata_of, reports_of, r
 from guidance.records.columns import SCHEMA
 from guidance.records.export import EXPORTS, export
 from guidance.records.maps import write_geojson
-from guidance.records.outlines import fence_edges
 from guidance.records.places import Feature, features_of
 from guidance.records.tlog import started_unix_s, write_tlog
 from guidance.service.record import TARGET_TOPIC, Recorder

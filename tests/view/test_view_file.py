@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import sys
 import threading
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -14,10 +16,10 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.config import load
+from guidance.drawing.shapes import isochron_at
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.records import Item, events_of, flight_settings, metadata_of, rows_of, scan, survey_of
-from guidance.records.outlines import isochron_at
 from guidance.service.model import Config
 from guidance.service.record import EVENT_TOPIC, RELOADED, TICK_TOPIC
 from guidance.service.settings import flight_settings as of_config
@@ -228,3 +230,8 @@ def test_what_cannot_be_shown_is_refused_by_name(record, words, what):
     run = CliRunner().invoke(app, ["view", *(word.replace("RECORD", str(record)) for word in words)])
     assert isinstance(run.exception, ConfigError)
     assert what in str(run.exception)
+
+
+def test_looking_at_a_flight_imports_no_matplotlib():
+    program = "import sys, guidance.view.painter; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

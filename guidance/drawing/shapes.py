@@ -1,0 +1,47 @@
+"""What is drawn around a flight, in the game frame (m, x east, y north): discs, isochrons, the fence. Arrays only."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.frames import Vector
+from guidance.game import Game, solve
+from guidance.limits import Envelope
+from guidance.tick import Certificate, TickSettings
+
+Array = NDArray[np.float64]
+
+
+def circle(centre: Vector, radius_m: float, points: int = 181) -> Array:
+    """A closed circle (points, 2), seen from above."""
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
+
+
+def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181) -> Array:
+    """Points (points, 2) where an evader running straight at full speed is caught, one for each heading, m.
+
+    The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in
+    each heading ends where that heading's run ends.
+    """
+    headings = np.linspace(0.0, 2.0 * np.pi, points)
+    far = 1e6 * np.stack([np.cos(headings), np.sin(headings), np.zeros(points)], axis=-1)
+    P = np.broadcast_to(np.array(pursuer_m), (points, 3)).copy()
+    E = np.broadcast_to(np.array([evader_m[0], evader_m[1], 0.0]), (points, 3)).copy()
+    return np.asarray(solve(game, P, E, E + far).meeting_point_m[:, :2])
+
+
+def isochron_at(tick: TickSettings, certificate: Certificate, points: int = 181) -> Array:
+    """The isochron (points, 2) from where both are at this cycle, against an evader as fast as it declares."""
+    game = Game(tick.speed_set, tick.declared_evader_speed_m_s, standoff=tick.standoff)
+    return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
+
+
+def fence_edges(envelope: Envelope, home_m: Vector) -> list[Array]:
+    """Every edge of the fence about home as a closed curve (n, 2); none where there is no fence."""
+    edges = []
+    if envelope.fence_radius_m is not None:
+        edges.append(circle(home_m, envelope.fence_radius_m))
+    if envelope.fence_polygon is not None:
+        corners = np.array(envelope.fence_polygon.corners_ne_m)[:, ::-1] + np.array(home_m[:2])  # north, east of home
+        edges.append(np.concatenate([corners, corners[:1]]))
+    return edges
