@@ -127,6 +127,10 @@ class LocalFrame:
                 latitude, longitude = self._equirectangular_inverse(north_m, east_m)
         return latitude, _wrap_deg(longitude), Amsl(self.altitude.metres - down_m)
 
+    def ned_in(self, other: "LocalFrame", position_ned_m: Vector) -> Vector:
+        """Position in another local frame of a place that is given in this one, metres."""
+        return other.ned_from_wgs84(*self.wgs84_from_ned(position_ned_m))
+
     def _tangent_plane(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         # Both ends at the origin's altitude: horizontal metres, free of the target's height.
         height = self.altitude.metres

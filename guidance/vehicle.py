@@ -17,6 +17,7 @@ from guidance.telemetry import (
     Odometry,
     Origin,
     StatusText,
+    Vector,
 )
 
 LANDED_ON_GROUND = 1
@@ -24,15 +25,37 @@ LANDED_ON_GROUND = 1
 # A sender's clock that runs backwards by more than this is a reboot; less is reordering.
 _REBOOT_S = 1.0
 
+# How far positions may go astray of the velocities told with them (PX4 and ArduCopter in flight: 0.03 m), plus what a
+# manoeuvre between two messages makes of that: more is the estimator's doing.
+_ASTRAY_M = 1.0
+_ASTRAY_M_S2 = 2.5
+
+# Where a vehicle that arms has its home: here, or its home is still that of another place.
+_HERE_M = 2.0
+
 Kind = TypeVar("Kind", bound=Message)
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """The latest message of every kind, the estimator's jumps seen in ODOMETRY, and the reboots seen in the clock."""
+    """What was heard of a vehicle.
+
+    Attributes:
+        latest: The latest message of every kind; HOME_POSITION only as the flight has it (see `observe`).
+        home_taken: Whether home is the flight's: from arming to disarming it stays where it was.
+        resets: Signs of an estimator's reset: ODOMETRY counts one, or LOCAL_POSITION_NED jumps.
+        reset_s: When the last one was heard.
+        jumped_ned_m: The sum of all jumps.
+        jumped_boot_s: When the last jump was, on the sender's clock.
+        reboots: How often the sender's clock began anew.
+    """
 
     latest: Mapping[type, Message] = field(default_factory=dict)
+    home_taken: bool = False
     resets: int = 0
+    reset_s: float = -math.inf
+    jumped_ned_m: Vector = (0.0, 0.0, 0.0)
+    jumped_boot_s: float = -math.inf
     reboots: int = 0
 
     def last(self, kind: type[Kind]) -> Kind | None:
@@ -67,23 +90,103 @@ class VehicleState:
 def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     """Fold messages, oldest first, into the state.
 
-    Local positions that are not finite, repeated or older than the one held are passed over.
+    Local positions that are not finite, repeated or older than the one held are passed over. So is a home that comes
+    in flight: an autopilot may move it about (PX4, by up to 2 m every two seconds), and heights and fences are counted
+    from where it was when the vehicle armed.
     """
-    latest, resets, reboots = dict(state.latest), state.resets, state.reboots
+    folding = _Folding(state)
     for message in messages:
-        if isinstance(message, LocalPosition):
-            held = latest.get(LocalPosition)
-            step_s = message.time_boot_s - held.time_boot_s if isinstance(held, LocalPosition) else math.inf
-            if not _finite(message) or -_REBOOT_S <= step_s <= 0.0:
-                continue
-            reboots += step_s < -_REBOOT_S
-        elif isinstance(message, Odometry):
-            previous = latest.get(Odometry)
-            resets += isinstance(previous, Odometry) and previous.reset_counter != message.reset_counter
-        elif isinstance(message, CommandAck | StatusText):
-            continue
-        latest[type(message)] = message
-    return replace(state, latest=latest, resets=resets, reboots=reboots)
+        folding.fold(message)
+    return folding.state()
+
+
+class _Folding:
+    """One fold under way."""
+
+    def __init__(self, state: VehicleState) -> None:
+        self._before = state
+        self._latest = dict(state.latest)
+        self._home_taken = state.home_taken
+        self._resets, self._reset_s, self._reboots = state.resets, state.reset_s, state.reboots
+        self._jumped, self._jumped_boot_s = state.jumped_ned_m, state.jumped_boot_s
+
+    def fold(self, message: Message) -> None:
+        """Take in one message."""
+        match message:
+            case CommandAck() | StatusText():
+                return
+            case LocalPosition() if not self._is_news(message):
+                return
+            case Home() if self._armed and self._home_taken:
+                return
+            case Home():
+                self._home_taken = self._armed
+            case Odometry():
+                held = self._latest.get(Odometry)
+                if isinstance(held, Odometry) and held.reset_counter != message.reset_counter:
+                    self._reset(message)
+            case Heartbeat():
+                self._home_taken = message.armed and (self._home_taken or self._home_is_here(message))
+        self._latest[type(message)] = message
+
+    def state(self) -> VehicleState:
+        """Return what it came to."""
+        return replace(
+            self._before,
+            latest=self._latest,
+            home_taken=self._home_taken,
+            resets=self._resets,
+            reset_s=self._reset_s,
+            jumped_ned_m=self._jumped,
+            jumped_boot_s=self._jumped_boot_s,
+            reboots=self._reboots,
+        )
+
+    @property
+    def _armed(self) -> bool:
+        heartbeat = self._latest.get(Heartbeat)
+        return isinstance(heartbeat, Heartbeat) and heartbeat.armed
+
+    def _home_is_here(self, now: Heartbeat) -> bool:
+        """Whether the home held is that of a vehicle that has just armed, or that we join armed."""
+        home, local = self._latest.get(Home), self._latest.get(LocalPosition)
+        if Heartbeat not in self._latest:
+            return home is not None  # joined in flight: there is no better one than the first
+        if self._armed or not now.armed or not isinstance(home, Home) or not isinstance(local, LocalPosition):
+            return False
+        return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
+
+    def _reset(self, seen_in: Message) -> None:
+        self._resets += 1
+        self._reset_s = seen_in.received_s
+
+    def _is_news(self, now: LocalPosition) -> bool:
+        """Whether to keep a position; counts the jump or the reboot that it shows."""
+        if not _finite(now):
+            return False
+        held = self._latest.get(LocalPosition)
+        if not isinstance(held, LocalPosition):
+            return True
+        step_s = now.time_boot_s - held.time_boot_s
+        if -_REBOOT_S <= step_s <= 0.0:
+            return False
+        if step_s < 0.0:
+            self._reboots += 1
+            return True
+        jump = _jump_ned_m(held, now, step_s)
+        if jump is not None:
+            self._reset(now)
+            north, east, down = (total + part for total, part in zip(self._jumped, jump, strict=True))
+            self._jumped, self._jumped_boot_s = (north, east, down), now.time_boot_s
+        return True
+
+
+def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vector | None:
+    """How far the position moved beyond what the velocities explain; None for no more than a manoeuvre does."""
+    rows = zip(before.position_ned_m, now.position_ned_m, before.velocity_ned_m_s, now.velocity_ned_m_s, strict=True)
+    north, east, down = (to - origin - 0.5 * step_s * (was + rate) for origin, to, was, rate in rows)
+    allowed_m = _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s
+    return (north, east, down) if math.hypot(north, east, down) > allowed_m else None
 
 
 def _finite(message: LocalPosition) -> bool:

@@ -2,6 +2,7 @@
 
 from guidance.estimate.clock_offset import ClockOffset
 from guidance.estimate.measurement import Measurement
+from guidance.estimate.moving import moved
 from guidance.estimate.observer import Observer, compare_clocks, observe, target_at
 from guidance.estimate.outcome import TAKEN, Outcome
 from guidance.estimate.settings import TrackSettings
@@ -18,6 +19,7 @@ __all__ = [
     "Track",
     "TrackSettings",
     "compare_clocks",
+    "moved",
     "observe",
     "predict",
     "target_at",

@@ -8,7 +8,7 @@ from guidance.autopilots import Mode
 from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import OUR_MODES, TRANSITIONS, Event, State
-from guidance.telemetry import Heartbeat, Home, LocalPosition, SystemStatus, Vector
+from guidance.telemetry import Heartbeat, LocalPosition, SystemStatus, Vector
 from guidance.tick import Certificate
 from guidance.vehicle import VehicleState
 
@@ -32,6 +32,7 @@ class Scene:
     reboots_seen: int
     target_silence_s: float
     start_ned_m: Vector | None
+    home_ned_m: Vector | None
     certificate: Certificate | None
     refusals: Sequence[str]
     foreign: bool
@@ -93,10 +94,10 @@ def _armed(scene: Scene) -> bool:
 
 
 def _at_height(scene: Scene) -> bool:
-    local, home = scene.vehicle.last(LocalPosition), scene.vehicle.last(Home)
-    if local is None or home is None:
+    local, home_ned_m = scene.vehicle.last(LocalPosition), scene.home_ned_m
+    if local is None or home_ned_m is None:
         return False
-    height_m = home.position_ned_m[2] - local.position_ned_m[2]
+    height_m = home_ned_m[2] - local.position_ned_m[2]
     return height_m > scene.settings.takeoff_height_m - _AT_HEIGHT_M and scene.mode is not Mode.TAKEOFF
 
 
@@ -122,7 +123,8 @@ def _target_lost(scene: Scene) -> bool:
 
 def _clear(scene: Scene) -> bool:
     waited = scene.now_s - scene.since_s >= scene.settings.settle_s
-    return waited and not (_target_lost(scene) or _telemetry_lost(scene) or _reset(scene))
+    settled = scene.now_s - scene.vehicle.reset_s >= scene.settings.settle_s
+    return waited and settled and not (_target_lost(scene) or _telemetry_lost(scene))
 
 
 def _reset(scene: Scene) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from guidance.autopilots import Mode
+from guidance.flight.carrying import carried, difference
 from guidance.flight.detect import Scene, events
 from guidance.flight.echo import Echo
 from guidance.flight.fence import polygon_about_home
@@ -20,7 +21,7 @@ from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame
 from guidance.limits import Envelope
 from guidance.monitor import Alarm, Guarantee, watch
-from guidance.telemetry import Heartbeat, Home, LocalPosition, Message, Request, Setpoint, TargetReport, Vector
+from guidance.telemetry import Heartbeat, LocalPosition, Message, Request, Setpoint, TargetReport, Vector
 from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
 from guidance.vehicle import VehicleState, observe
 
@@ -82,6 +83,7 @@ class Flight:
         self.tracking = Tracking(settings.tick, settings.profile)
         self._tick = settings.tick
         self._home_in: tuple[Vector, LocalFrame] | None = None
+        self._taken_up_ned_m: Vector = (0.0, 0.0, 0.0)
         self._echo = Echo()
         self._foreign = False
         self._memory = TickMemory()
@@ -131,20 +133,23 @@ class Flight:
         self._echo.hear(inputs.messages, guided=self._mode() is Mode.GUIDED)
         # A pilot's takeover shows as strange setpoints before a HEARTBEAT tells of it: the next one must not.
         self._foreign = strange and self._echo.foreign and _beat(inputs)
-        home, frame = self.vehicle.last(Home), self.tracking.local_frame
-        if home is not None and frame is not None and (home.position_ned_m, frame) != self._home_in:
-            self._home_in = home.position_ned_m, frame
-            self._tick = replace(self._tick, envelope=self._about(home, frame))
+        taken_up = difference(self.vehicle.jumped_ned_m, self.tracking.held_back_ned_m)
+        self._memory = carried(self._memory, difference(taken_up, self._taken_up_ned_m))
+        self._taken_up_ned_m = taken_up
+        home_ned_m, frame = self.tracking.home_ned_m, self.tracking.local_frame
+        if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
+            self._home_in = home_ned_m, frame
+            self._tick = replace(self._tick, envelope=self._about(home_ned_m, frame))
         for message in inputs.messages:
             if isinstance(message, Heartbeat) and message.received_s > self._since_s:
                 self._other_mode_seen |= self.settings.profile.mode_of(message.custom_mode) is not Mode.GUIDED
 
-    def _about(self, home: Home, frame: LocalFrame) -> Envelope:
+    def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Heights and fences count from home, which need not be where the local frame has its zero."""
         envelope, corners_deg = self._tick.envelope, self.settings.fence_corners_deg
         if corners_deg is not None:
-            envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home, frame))
-        return replace(envelope, home_ned_m=home.position_ned_m)
+            envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
+        return replace(envelope, home_ned_m=home_ned_m)
 
     def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
         for order in inputs.orders:
@@ -183,6 +188,7 @@ class Flight:
             reboots_seen=self._reboots_seen,
             target_silence_s=self.tracking.silence_s(now_s),
             start_ned_m=self._start_ned_m(),
+            home_ned_m=self.tracking.home_ned_m,
             certificate=self._certificate,
             refusals=refusals,
             foreign=self._foreign,
@@ -226,7 +232,7 @@ class Flight:
             self._memory = TickMemory(limits=self._memory.limits)
         inputs = TickInputs(
             dt_s=dt_s,
-            position_ned_m=local.position_ned_m,
+            position_ned_m=difference(local.position_ned_m, self.tracking.held_back_ned_m),
             velocity_ned_m_s=local.velocity_ned_m_s,
             yaw_rad=self.vehicle.yaw_rad,
             target=self.tracking.target(now_s),

@@ -1,39 +1,55 @@
 """Where the target is: its reports, estimated in the vehicle's local frame, and where the game is played in it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from guidance.autopilots import AutopilotProfile
-from guidance.estimate import Observer, TrackSettings, observe, target_at
-from guidance.frames import GameFrame, LocalFrame
-from guidance.telemetry import TargetReport
+from guidance.estimate import Observer, Outcome, TrackSettings, moved, observe, target_at
+from guidance.flight.zero import Zero
+from guidance.frames import GameFrame, LocalFrame, Vector
+from guidance.telemetry import Home, TargetReport
 from guidance.tick import TargetNow, TickSettings
-from guidance.vehicle import VehicleState, local_frame
+from guidance.vehicle import VehicleState
 
 
 class Tracking:
-    """The memory of the target in one flight, and the two frames that follow from what the vehicle said of itself."""
+    """The memory of the target in one flight, and all places that stay where they are on Earth.
+
+    When the zero of the local frame moves, the target's track, home and the game frame are moved into the new one.
+    """
 
     def __init__(self, settings: TickSettings, profile: AutopilotProfile) -> None:
         self._site = settings.site
-        self._projection = profile.projection
         self._track = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
         self._observer = Observer()
-        self._resets = 0
+        self._zero = Zero(profile.projection)
+        self._home: Home | None = None
+        self.home_ned_m: Vector | None = None
         self.local_frame: LocalFrame | None = None
         self.game_frame: GameFrame | None = None
 
     def observe(self, vehicle: VehicleState, reports: Sequence[TargetReport]) -> None:
         """Take in what was heard in one cycle."""
-        frame = local_frame(vehicle, self._projection)
+        frame = self._zero.observe(vehicle)
         if frame is None:
             return
-        if frame != self.local_frame or vehicle.resets != self._resets:
-            # What the track holds was said in a frame that is no more.
-            self._observer, self._resets = Observer(), vehicle.resets
-            self.local_frame, self.game_frame = frame, GameFrame(self._game_origin(frame))
+        if frame != self.local_frame:
+            self._move_into(frame)
+        home = vehicle.last(Home)
+        if home is not None and home != self._home:
+            self._home, self.home_ned_m = home, home.position_ned_m
         for report in reports:
             self._observer = observe(self._observer, report, frame, self._track)
+
+    @property
+    def held_back_ned_m(self) -> Vector:
+        """A jump of the vehicle's position of which it is not known yet whether the frame's zero was moved."""
+        return self._zero.held_back_ned_m
+
+    @property
+    def counts(self) -> Mapping[Outcome, int]:
+        """How many reports of the target were taken in, and how many dropped, and why."""
+        return self._observer.track.counts
 
     def silence_s(self, now_s: float) -> float:
         """Seconds since a report of the target arrived that could be used; infinite if none ever did."""
@@ -48,7 +64,18 @@ class Tracking:
         velocity = target.velocity_ned_m_s if target.velocity_known else (0.0, 0.0, 0.0)
         return TargetNow(target.position_ned_m, velocity, target.speed_bound_m_s, target.age_s)
 
-    def _game_origin(self, frame: LocalFrame) -> tuple[float, float, float]:
+    def _move_into(self, frame: LocalFrame) -> None:
+        before, self.local_frame = self.local_frame, frame
+        if before is not None:
+            self._observer = moved(self._observer, lambda place: before.ned_in(frame, place))
+            if self.home_ned_m is not None:
+                self.home_ned_m = before.ned_in(frame, self.home_ned_m)
+        if before is None or self.game_frame is None or self._site is not None:
+            self.game_frame = GameFrame(self._game_origin(frame))
+        else:
+            self.game_frame = GameFrame(before.ned_in(frame, self.game_frame.origin_ned_m))
+
+    def _game_origin(self, frame: LocalFrame) -> Vector:
         if self._site is None:
             return (0.0, 0.0, 0.0)
         latitude_deg, longitude_deg, altitude = self._site

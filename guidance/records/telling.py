@@ -10,7 +10,7 @@ from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.limits import Envelope
 from guidance.records.rows import Row
-from guidance.telemetry import Home, LocalPosition, TargetReport, Timesync
+from guidance.telemetry import LocalPosition, TargetReport, Timesync
 from guidance.tick import Certificate
 from guidance.vehicle import VehicleState, observe
 
@@ -49,7 +49,7 @@ class Teller:
         self._vehicle = VehicleState()
         self._evader_m: Vector = _NOWHERE
         self._report_s = math.nan
-        self._home: Home | None = None
+        self._home_ned_m: Vector | None = None
         self.home_m: Vector | None = None
         self.envelope: Envelope = settings.tick.envelope
 
@@ -61,11 +61,11 @@ class Teller:
         for report in inputs.reports:
             self._hear(report)
         frame = self._tracking.game_frame
-        home, local_frame = self._vehicle.last(Home), self._tracking.local_frame
-        if home is not None and frame is not None and local_frame is not None and home is not self._home:
-            self._home = home
-            self.home_m = frame.position_from_ned(home.position_ned_m)
-            self.envelope = self._about(home, local_frame)
+        home_ned_m, local_frame = self._tracking.home_ned_m, self._tracking.local_frame
+        if home_ned_m is not None and frame is not None and local_frame is not None and home_ned_m != self._home_ned_m:
+            self._home_ned_m = home_ned_m
+            self.home_m = frame.position_from_ned(home_ned_m)
+            self.envelope = self._about(home_ned_m, local_frame)
         local, setpoint, certificate = self._vehicle.last(LocalPosition), row.setpoint, row.certificate
         trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
         timing = row.json.get("timing") or {}
@@ -85,12 +85,12 @@ class Teller:
             cycle = cycle._replace(commanded_ned_m_s=setpoint.velocity_ned_m_s)
         return cycle if certificate is None else _played(cycle, certificate)
 
-    def _about(self, home: Home, frame: LocalFrame) -> Envelope:
+    def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """The limits as the flight has them: a fence given on the map is put about home."""
         envelope, corners_deg = self._settings.tick.envelope, self._settings.fence_corners_deg
         if corners_deg is None:
             return envelope
-        return replace(envelope, fence_polygon=polygon_about_home(corners_deg, home, frame))
+        return replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
 
     def _hear(self, report: TargetReport) -> None:
         self._report_s = report.received_s

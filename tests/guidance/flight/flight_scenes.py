@@ -109,6 +109,7 @@ def scene(state, **changes):
         "reboots_seen": 0,
         "target_silence_s": 0.1,
         "start_ned_m": None,
+        "home_ned_m": (0.0, 0.0, HOME_DOWN_M),
         "certificate": QUIET,
         "refusals": (),
         "foreign": False,

@@ -65,19 +65,19 @@ class Flown:
     def ticks(self, seconds, **given):
         return [self.tick(**given) for _ in range(round(seconds / TICK_S))]
 
-    def standing_by(self):
+    def standing_by(self, height_m=10.0):
         self.tick()
         self.tick()
         assert self.state is State.READY
-        self.armed, self.landed, self.position[2] = True, 2, HOME_DOWN_M - 10.0
+        self.armed, self.landed, self.position[2] = True, 2, HOME_DOWN_M - height_m
         self.tick(beat=True)
         self.tick(Event.START)
         assert self.state is State.STANDING_BY
         return self
 
-    def engaged(self, target=(60.0, 0.0)):
+    def engaged(self, target=(60.0, 0.0), height_m=10.0):
         self.target = target
-        self.standing_by()
+        self.standing_by(height_m)
         self.tick(Event.ENGAGE)
         self.mode = Mode.GUIDED
         self.tick(beat=True)

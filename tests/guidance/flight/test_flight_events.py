@@ -183,9 +183,10 @@ def test_armed_counts_in_a_mode_of_ours_only(armed, mode):
 def test_the_take_off_height_is_above_home_and_reached_once_the_autopilot_is_done(height_m, mode, there):
     vehicle = well(heartbeat(mode=mode), local(position=(0.0, 0.0, HOME_DOWN_M - height_m)))
     assert happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=vehicle) is there
-    high = (0.0, 0.0, -50.0)
-    for said in ([heartbeat(), local(position=high)], [heartbeat(), home()]):
-        assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=observe(VehicleState(), said))
+    high = observe(VehicleState(), [heartbeat(), local(position=(0.0, 0.0, -50.0))])
+    assert happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high)
+    assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high, home_ned_m=None)
+    assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=observe(VehicleState(), [heartbeat(), home()]))
 
 
 @pytest.mark.parametrize(
@@ -206,7 +207,8 @@ def test_the_start_is_reached_at_rest_within_a_metre(off_m, speed_m_s, there):
         ({}, True),
         ({"since_s": NOW_S - 0.99}, False),
         ({"target_silence_s": 1.6}, False),
-        ({"resets_seen": 1}, False),
+        ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 1.0)}, True),
+        ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 0.99)}, False),
         ({"vehicle": observe(VehicleState(), [heartbeat(mode=Mode.GUIDED), local(NOW_S - 1.2)])}, False),
     ],
 )
@@ -301,7 +303,7 @@ def row(name, vehicle, profile=PX4):
         ("Attitude", [Attitude(NOW_S - 1.1, 0.0, 0.0)], (False, "1.1 s old")),
         ("LandedState", [LandedState(NOW_S - 2.0, 1)], (True, "2.0 s old")),
         ("LandedState", [LandedState(NOW_S - 2.1, 1)], (False, "2.1 s old")),
-        ("Home", [home(NOW_S - 1e4)], (True, "10000.0 s old")),
+        ("Home", [heartbeat(armed=False), home(NOW_S - 1e4)], (True, "10000.0 s old")),
         ("prearm", [], (True, "healthy")),
         ("prearm", [status(healthy=PREARM - 1)], (False, "the autopilot's own checks fail")),
         ("prearm", [status(present=0, healthy=0)], (True, "the autopilot's own checks fail")),

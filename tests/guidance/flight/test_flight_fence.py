@@ -28,7 +28,7 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(profi
     latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
     home = Home(0.0, latitude, longitude, altitude.metres, home_ned_m)
     corners_deg = on_the_map(frame, home_ned_m)
-    made = polygon_about_home(corners_deg, home, frame).corners_ne_m
+    made = polygon_about_home(corners_deg, home_ned_m, frame).corners_ne_m
     assert [place for corner in made for place in corner] == pytest.approx(
         [place for corner in SQUARE_M for place in corner], abs=1e-3
     )
@@ -41,7 +41,10 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(profi
     assert not envelope.fence_polygon.contains((51.0, 0.0))
 
 
-def test_a_home_that_is_set_anew_takes_heights_along_and_leaves_the_fence_on_the_map():
+@pytest.mark.parametrize(("armed", "flown_by"), [(False, 1), (True, 0)])
+def test_a_home_that_is_set_anew_takes_heights_along_on_the_ground_only_and_leaves_the_fence_on_the_map(
+    armed, flown_by
+):
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=SETTINGS.profile.projection)
     flight = Flight(settings_of(fence_corners_deg=on_the_map(frame, (0.0, 0.0, 0.0))))
     origin = Origin(50.0, 47.397742, 8.545594, 488.0)
@@ -49,11 +52,11 @@ def test_a_home_that_is_set_anew_takes_heights_along_and_leaves_the_fence_on_the
     for n, home_ned_m in enumerate(homes):
         latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
         home = Home(50.0 + n, latitude, longitude, altitude.metres, home_ned_m)
-        flight.step(Inputs(50.0 + n, [heartbeat(50.0 + n), origin, home, local(50.0 + n)]))
-    envelope = flight._tick.envelope
-    assert envelope.home_ned_m == homes[-1]
+        flight.step(Inputs(50.0 + n, [heartbeat(50.0 + n, armed=armed), origin, home, local(50.0 + n)]))
+    envelope, (north_m, east_m, _) = flight._tick.envelope, homes[flown_by]
+    assert envelope.home_ned_m == homes[flown_by]
     first = envelope.fence_polygon.corners_ne_m[0]
-    assert first == pytest.approx((SQUARE_M[0][0] - 10.0, SQUARE_M[0][1] - 20.0), abs=1e-3)
+    assert first == pytest.approx((SQUARE_M[0][0] - north_m, SQUARE_M[0][1] - east_m), abs=1e-3)
 
 
 def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
@@ -81,6 +84,5 @@ def test_without_corners_on_the_map_the_fence_stays_as_it_was_configured():
 
 def test_corners_that_make_no_polygon_are_refused_before_they_are_flown():
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0))
-    home = Home(0.0, 47.397742, 8.545594, 488.0, (0.0, 0.0, 0.0))
     with pytest.raises(ConfigError, match="2 corners"):
-        polygon_about_home(on_the_map(frame, (0.0, 0.0, 0.0))[:2], home, frame)
+        polygon_about_home(on_the_map(frame, (0.0, 0.0, 0.0))[:2], (0.0, 0.0, 0.0), frame)

@@ -71,8 +71,7 @@ def test_the_heading_of_the_engagement_is_held_until_the_vehicle_is_handed_over(
 
 @pytest.mark.parametrize(("after", "moves"), [(AfterCapture.HOLD, False), (AfterCapture.SHADOW, True)])
 def test_on_station_the_vehicle_hovers_or_follows_as_configured(after, moves):
-    flown = Flown(settings_of(after_capture=after)).engaged(target=(3.2, 0.0))
-    flown.position[2] = HOME_DOWN_M - 5.0
+    flown = Flown(settings_of(after_capture=after)).engaged(target=(3.2, 0.0), height_m=5.0)
     flown.ticks(1.0)
     assert flown.state is State.ON_STATION
     flown.target = (4.3, 0.0)
@@ -83,16 +82,14 @@ def test_on_station_the_vehicle_hovers_or_follows_as_configured(after, moves):
 
 
 def test_after_the_capture_it_returns_where_that_is_configured():
-    flown = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(target=(3.2, 0.0))
-    flown.position[2] = HOME_DOWN_M - 5.0
+    flown = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(target=(3.2, 0.0), height_m=5.0)
     events = [h.event for one in flown.ticks(1.0) for h in one.happenings]
     assert events == [Event.CAPTURED, Event.DONE]
     assert flown.state is State.RETURNING
 
 
 def test_a_certificate_is_of_the_state_that_it_was_made_in():
-    flown = Flown().engaged(target=(3.2, 0.0))
-    flown.position[2] = HOME_DOWN_M - 5.0
+    flown = Flown().engaged(target=(3.2, 0.0), height_m=5.0)
     outputs = flown.ticks(1.0)
     entered = next(one for one in outputs if one.happenings)
     assert entered.state is State.ON_STATION

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from flight_scenes import SETTINGS, home
+from flight_scenes import HOME_DOWN_M, SETTINGS, home
 
 from guidance.autopilots import PX4
 from guidance.flight.tracking import Tracking
@@ -53,28 +53,23 @@ def test_a_target_that_moves_is_where_it_has_come_to_with_its_own_velocity():
     assert target.velocity_ned_m_s == pytest.approx((2.0, 0.0, 0.0), abs=0.2)
 
 
-@pytest.mark.parametrize("change", ["reset", "origin"])
-def test_what_was_said_in_a_frame_that_is_no_more_is_forgotten(change):
+def test_a_reset_that_leaves_the_zero_where_it_was_leaves_the_track_alone():
     tracking = Tracking(SETTINGS.tick, PX4)
-    tracking.observe(vehicle_at_home(), [report(1.0)])
-    tracking.observe(vehicle_at_home(), [])
-    assert tracking.target(1.5) is not None
-    other = (
-        vehicle_at_home(resets=1) if change == "reset" else observe(vehicle_at_home(), [Origin(2.0, 47.4, 8.5, 488.0)])
-    )
-    tracking.observe(other, [])
-    assert tracking.target(2.0) is None
-    assert tracking.silence_s(2.0) == math.inf
-    tracking.observe(other, [report(3.0)])
-    tracking.observe(other, [])
-    assert tracking.target(3.0) is not None
+    tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
+    before = tracking.target(1.5)
+    tracking.observe(replace(vehicle_at_home(resets=1), jumped_ned_m=(7.0, 0.0, 0.0)), [])
+    assert tracking.target(1.5) == before
 
 
-def test_a_count_of_resets_that_did_not_begin_at_none_is_forgotten_only_when_it_changes():
+def test_an_origin_that_is_told_elsewhere_moves_the_track_to_the_same_place_in_the_new_frame():
     tracking = Tracking(SETTINGS.tick, PX4)
-    tracking.observe(vehicle_at_home(resets=4), [report(1.0)])
-    tracking.observe(vehicle_at_home(resets=4), [])
-    assert tracking.target(1.0) is not None
+    tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
+    before, place = tracking.target(1.5), tracking.local_frame
+    tracking.observe(observe(vehicle_at_home(), [Origin(2.0, 47.4, 8.5, 480.0)]), [])
+    after = tracking.target(1.5)
+    assert after.position_ned_m == pytest.approx(place.ned_in(tracking.local_frame, before.position_ned_m), abs=1e-6)
+    assert after[1:] == before[1:]
+    assert tracking.home_ned_m[2] == pytest.approx(HOME_DOWN_M - 8.0)
 
 
 def test_the_game_is_played_about_the_site_or_where_the_local_frame_has_its_zero():
