@@ -16,6 +16,16 @@ def fly(
     scenario: Annotated[
         str, typer.Argument(help="A scenario file, or the name of one that comes along: pe, tad.", show_default=True)
     ] = "pe",
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="URL of an autopilot that runs already (a SITL, say): IT IS ARMED AND FLOWN.", metavar="URL"),
+    ] = None,
+    autopilot: Annotated[
+        str | None, typer.Option(help="px4 or arducopter; found by HEARTBEAT if not given (with --vehicle).")
+    ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Do not ask before a vehicle is armed that is not on loopback.")
+    ] = False,
     fast: Annotated[
         bool, typer.Option("--fast", help="Fly in virtual time, in one process, as fast as the processor goes.")
     ] = False,
@@ -29,34 +39,60 @@ def fly(
         bool, typer.Option("--view", help="Show the flight in Rerun meanwhile (needs the extra viz).")
     ] = False,
 ) -> None:
-    """Fly a pursuit against the mock autopilot and show how it compares with the game's value.
+    """Fly a pursuit, of the mock or of an autopilot that runs already, and show how it compares with the game's value.
 
     Starts the mock (a PX4-flavoured copter and a ground rover) as a child process on a loopback Zenoh session, connects
     as to a real vehicle, arms, takes off, flies to the scenario's start, plays the game at 50 Hz over MAVLink until the
     stand-off disc around the evader is reached, holds, lands and disarms. Writes the record (MCAP) and a picture (PNG).
+
+    With `--vehicle URL` nothing is started: the autopilot there, PX4 or ArduCopter, is **armed**, climbs, flies to the
+    start, plays, returns and lands. The scenario is laid about its home, and its evader is simulated here and reports
+    over UDP as a real one would. Preflight has to pass (`guidance check --vehicle URL --apply`). Ctrl-C lands it; the
+    pilot's mode switch takes it at any moment. What is not on loopback is asked for first.
 
     - `guidance fly`: the paper's PE game, in real time
     - `guidance fly config/scenarios/tad.toml`: the paper's TAD game
     - `guidance fly --fast`: the same flight in virtual time
     - `guidance fly --link pymavlink`: with pymavlink instead of MAVSDK
     - `guidance fly --view`: with a view of it in the browser, from a process of its own
+    - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
+    - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
     """
-    from guidance.scenarios.command import fly_scenario  # noqa: PLC0415 - matplotlib, zenoh and mavsdk take a second
+    if vehicle is not None:
+        _may_fly(vehicle, fast=fast, port=port, yes=yes)
 
     signal.signal(signal.SIGTERM, _terminated)
     with contextlib.ExitStack() as closing:
         beside = _viewer(closing) if view else None
         watch = (lambda _: None) if beside is None else beside.start
         try:
-            code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, on_record=watch)
+            if vehicle is None:
+                from guidance.scenarios.command import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
+
+                code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, on_record=watch)
+            else:
+                from guidance.scenarios.reached import Asked, fly_url  # noqa: PLC0415
+
+                code = fly_url(scenario, Asked(vehicle, autopilot, link), out=out, seed=seed, on_record=watch)
         except KeyboardInterrupt:
-            typer.echo("interrupted: the mock was ended, and the record so far can be read", err=True)
+            ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"
+            typer.echo(f"interrupted: {ended}", err=True)
             raise typer.Exit(128 + signal.SIGINT) from None
         if beside is not None:
             with contextlib.suppress(KeyboardInterrupt):
                 typer.echo("the view stays: Ctrl-C ends it")
                 beside.wait()
     raise typer.Exit(code)
+
+
+def _may_fly(vehicle: str, *, fast: bool, port: int, yes: bool) -> None:
+    from guidance.errors import ConfigError  # noqa: PLC0415
+    from guidance.links.endpoint import parse  # noqa: PLC0415
+
+    if fast or port:
+        raise ConfigError(f"--vehicle {vehicle}: not with {'--fast' if fast else '--port'}, which is the mock's")
+    if not (parse(vehicle).on_loopback or yes):
+        typer.confirm(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn", abort=True)
 
 
 def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":

@@ -1,5 +1,6 @@
 """What a link's URL says."""
 
+import ipaddress
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
@@ -20,6 +21,16 @@ class Endpoint(NamedTuple):
     host: str
     port: int
     namespace: str = ""
+
+    @property
+    def on_loopback(self) -> bool:
+        """Whether only this machine can be at the other end: a simulator, in all likelihood."""
+        if self.scheme == "serial":
+            return False
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host == "localhost"
 
 
 def parse(url: str) -> Endpoint:

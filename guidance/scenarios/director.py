@@ -17,12 +17,27 @@ PATIENCE_S: Mapping[State, float] = {
 
 
 class Director:
-    """Start when all is ready, engage when both stand by, land when the game is over or has lasted too long."""
+    """Start when all is ready, engage when both stand by, end when the game is over or has lasted too long.
 
-    def __init__(self, *, hold_s: float, time_limit_s: float, patience_s: Mapping[State, float] = PATIENCE_S) -> None:
+    Args:
+        hold_s: How long to stay on station.
+        time_limit_s: Of the game.
+        patience_s: How long a state is watched that leads nowhere.
+        end_with: The order that ends the game: land where it is, or return.
+    """
+
+    def __init__(
+        self,
+        *,
+        hold_s: float,
+        time_limit_s: float,
+        patience_s: Mapping[State, float] = PATIENCE_S,
+        end_with: Event = Event.LAND,
+    ) -> None:
         self._hold_s = hold_s
         self._time_limit_s = time_limit_s
         self._patience_s = patience_s
+        self._end_with = end_with
         self._state = State.CONNECTING
         self._since_s = self._now_s = 0.0
         self.engaged_s: float | None = None
@@ -61,12 +76,12 @@ class Director:
             case State.STANDING_BY if evader_ready and target_fresh and self.engaged_s is None:
                 return (Event.ENGAGE,)
             case State.ON_STATION if waited_s >= self._hold_s:
-                return (Event.LAND,)
+                return (self._end_with,)
             case State.HOLDING | State.STANDING_BY if waited_s >= _LINGER_S:
-                return (Event.LAND,)
+                return (self._end_with,)
             case State.ENGAGED | State.PAUSED if self._overtime(now_s):
                 self.timed_out = True
-                return (Event.LAND,)
+                return (self._end_with,)
         return ()
 
     def _overtime(self, now_s: float) -> bool:

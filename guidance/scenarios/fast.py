@@ -3,16 +3,15 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.tap import Passed, TappedWire
+from guidance.links.tap import Passed
 from guidance.links.targets.global_position import GlobalPositionInt
 from guidance.links.targets.mavlink_source import MavlinkTarget
 from guidance.scenarios.faulting import faulted_fleet, faults_after
 from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
 from guidance.scenarios.model import Scenario
+from guidance.scenarios.stepped import SteppedMock
 from guidance.service.clock import Clock
-from sitl_mock.faults import Faulted
 
 if TYPE_CHECKING:
     from guidance.links.port import TargetSource, VehicleLink
@@ -30,7 +29,7 @@ class FastWorld:
         self._scenario = scenario
         self._faulted = faulted_fleet(scenario)
         self.vehicles = {name: faulted.vehicle for name, faulted in self._faulted.items()}
-        self._mocks = {name: _Mock(name, faulted, clock) for name, faulted in self._faulted.items()}
+        self._mocks = {name: SteppedMock(name, faulted, clock) for name, faulted in self._faulted.items()}
         pursuer, evader = self._mocks[PURSUER], self._mocks[EVADER]
         self.pursuer: VehicleLink = PymavlinkLink(pursuer.wire, clock.now_s, system_id=PURSUER_ID)
         self.evader: VehicleLink = PymavlinkLink(evader.wire, clock.now_s, system_id=EVADER_ID)
@@ -56,27 +55,3 @@ class FastWorld:
         self.pursuer.close()
         self.evader.close()
         self.target.close()
-
-
-class _Mock:
-    """One vehicle and the wires that lead to it."""
-
-    def __init__(self, name: str, vehicle: Faulted, clock: Clock) -> None:
-        self._vehicle = vehicle
-        self._clock = clock
-        ours, self._end = MemoryWire.pair(clock.now_s)
-        self.wire = TappedWire(ours, clock.now_s, name)
-        self._listeners: list[MemoryWire] = []
-
-    def listener(self) -> MemoryWire:
-        """Return one more wire that hears the vehicle."""
-        ours, end = MemoryWire.pair(self._clock.now_s)
-        self._listeners.append(end)
-        return ours
-
-    def advance(self, now_s: float) -> None:
-        """Hand the vehicle what was sent to it, and everybody what it says."""
-        heard = [frame for _, frame in self._end.receive()]
-        for frame in self._vehicle.step(now_s, heard):
-            for end in (self._end, *self._listeners):
-                end.send(frame)

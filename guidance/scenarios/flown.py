@@ -85,6 +85,8 @@ def _never_engaged(result: FlightResult, way: str) -> Outcome:
     cause = next((each for each in result.happenings if each.after in ends), None)
     by_pilot = cause is not None and cause.event is Event.PILOT
     why = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
+    if result.said:
+        why += f'; the autopilot said "{result.said}"'
     return outcome_of(
         result.scenario,
         way,

@@ -28,7 +28,7 @@ MISSION_LIMIT_S = 900.0
 
 
 class Progress(NamedTuple):
-    """What the live line shows."""
+    """What the live line shows; `waiting` is what a vehicle on the ground is not ready for want of."""
 
     now_s: float
     state: State
@@ -36,6 +36,7 @@ class Progress(NamedTuple):
     certificate: Certificate | None
     unit: str
     record_stopped: Stopped | None = None
+    waiting: str = ""
 
 
 class Sample(NamedTuple):
@@ -52,7 +53,8 @@ class FlightResult:
     """What a flight came to.
 
     `predicted` is what the first certificate said (s in PE, m in TAD), to the disc itself, and `achieved` what was
-    flown, NaN where it did not come to that. What is compared with other runs is the `Outcome` made of it.
+    flown, NaN where it did not come to that. What is compared with other runs is the `Outcome` made of it. `said` is
+    the autopilot's last warning before it flew; `interrupted` whether a person ended the run.
     """
 
     scenario: Scenario
@@ -75,6 +77,8 @@ class FlightResult:
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
     record_stopped: Stopped | None = None
+    said: str = ""
+    interrupted: bool = False
 
 
 def fly(

@@ -75,12 +75,13 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
 
         assert run.config is not None
         return fly_vehicle(scenario, run.config, console, out=run.out, engage=run.engage)
-    from guidance.scenarios.command import flown, next_folder  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.scenarios.command import flown  # noqa: PLC0415 - zenoh and mavsdk take a second
     from guidance.scenarios.flown import outcome_of_flight  # noqa: PLC0415
+    from guidance.scenarios.recording import RECORD, next_folder  # noqa: PLC0415
 
     folder = run.out if run.out is not None else next_folder(Path("flights"), stem)
     result = flown(scenario, console, folder, fast=run.way == "fast", link=run.link, port=run.port, over=run.over)
-    console.print(f"record   {folder / 'record.mcap'}", soft_wrap=True, highlight=False)
+    console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
     return outcome_of_flight(result, run.way)
 
 

@@ -1,19 +1,23 @@
-"""`guidance scenario run FILE --as vehicle`: a scenario flown by a real vehicle, against a real target."""
+"""A scenario flown by a vehicle that is not ours: the daemon of `guidance run`, supervised for one flight."""
 
 import contextlib
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 from rich.console import Console
 
 from guidance.config import find
 from guidance.errors import ConfigError
-from guidance.scenarios.command import next_folder, recording
+from guidance.flight import Event
+from guidance.scenarios.evader_here import Evader
 from guidance.scenarios.flown import outcome_of_flight
+from guidance.scenarios.fly import FlightResult, Progress
 from guidance.scenarios.impaired import ImpairedTarget
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.outcome import Outcome
+from guidance.scenarios.recording import RECORD, next_folder, recording
 from guidance.scenarios.supervisor import Supervisor
 from guidance.scenarios.vehicle_settings import vehicle_config, vehicle_flight
 from guidance.service.bus import ControlBus
@@ -24,12 +28,32 @@ from guidance.service.log import Log
 from guidance.service.loop import Signals, run
 from guidance.service.mailbox import Mailbox
 from guidance.service.metrics import Metrics
+from guidance.service.model import Config
 from guidance.service.notify import Notifier
-from guidance.service.opening import open_all
+from guidance.service.opening import Opened, open_all
 from guidance.service.plan_fence import load_vehicle
 from guidance.service.record import started_utc, versions
 from guidance.service.settings import wants
 from guidance.service.tidying import Tidying
+
+
+class Reached(NamedTuple):
+    """A vehicle and its target as they were opened, and what is flown by there."""
+
+    own: Config
+    plan: Plan
+    opened: Opened
+    clock: MonotonicClock
+
+
+class Conduct(NamedTuple):
+    """How a run is conducted; see `Supervisor`. Without an evader the target is somebody else's."""
+
+    engage: bool
+    on_terminate: Event
+    evader: Evader | None = None
+    alone: bool = False
+    show: Callable[[Progress], None] = lambda _: None
 
 
 def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path | None, engage: bool) -> Outcome:
@@ -44,23 +68,13 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
         LinkError: If vehicle or target cannot be reached.
     """
     own = load_vehicle(find(str(config), "vehicles"))
-    merged, flight = vehicle_config(scenario, own), vehicle_flight(scenario, own)
-    plan = Plan(flight=flight, wants=wants(merged), document=merged.model_dump_json())
+    plan = plan_of(scenario, own)
     folder = out if out is not None else next_folder(Path("flights"), own.name)
     if scenario.fault:
         console.print("faults are a mock's: the vehicle flies without them")
-    clock, mailbox, metrics, signals, tidying = MonotonicClock(), Mailbox(), Metrics(own.name), Signals(), Tidying()
+    clock, mailbox, signals = MonotonicClock(), Mailbox(), Signals()
     signals.install()
-    metadata = {
-        "scenario": scenario.model_dump_json(exclude_unset=True),
-        "config": own.model_dump_json(),
-        "seed": str(scenario.seed),
-        **versions(),
-        "started_utc": started_utc(clock.now_s()),
-    }
     with contextlib.ExitStack() as closing:
-        log = Log(own.log.format, own.log.level)
-        closing.callback(log.close)
         control = ControlBus(
             own.name,
             mailbox,
@@ -71,10 +85,46 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
         closing.callback(control.close)
         opened = open_all(own, clock, tapped=True)
         closing.callback(opened.close)
-        record = closing.enter_context(recording(folder / "record.mcap", metadata, real_time=True))
-        console.print(f"record   {folder / 'record.mcap'}", soft_wrap=True, highlight=False)
+        console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
         if not engage:
             console.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
+        conduct = Conduct(engage, ORDER_OF[own.flight.on_terminate])
+        reached = Reached(own, plan, opened, clock)
+        result = conducted(scenario, reached, conduct, folder, mailbox, signals)
+    return outcome_of_flight(result, "vehicle")
+
+
+def plan_of(scenario: Scenario, own: Config) -> Plan:
+    """Return what a scenario is flown by on a vehicle.
+
+    Raises:
+        ConfigError: If the two contradict each other.
+    """
+    merged = vehicle_config(scenario, own)
+    return Plan(flight=vehicle_flight(scenario, own), wants=wants(merged), document=merged.model_dump_json())
+
+
+def conducted(
+    scenario: Scenario, reached: Reached, conduct: Conduct, folder: Path, mailbox: Mailbox, signals: Signals
+) -> FlightResult:
+    """Fly with what was opened, until the run is over or a signal ends it; the record is in the folder.
+
+    Raises:
+        FlightError: As the supervisor.
+    """
+    own, plan, opened, clock = reached
+    metrics, tidying = Metrics(own.name), Tidying()
+    metadata = {
+        "scenario": scenario.model_dump_json(exclude_unset=True),
+        "config": own.model_dump_json(),
+        "seed": str(scenario.seed),
+        **versions(),
+        "started_utc": started_utc(clock.now_s()),
+    }
+    with contextlib.ExitStack() as closing:
+        log = Log(own.log.format, own.log.level)
+        closing.callback(log.close)
+        record = closing.enter_context(recording(folder / RECORD, metadata, real_time=True))
         target = ImpairedTarget(opened.target, scenario.sensor, scenario.seed, clock.now_s)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
@@ -89,22 +139,22 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
             notifier=notifier,
             record=record,
         )
-        on_terminate = ORDER_OF[own.flight.on_terminate]
-        supervisor = Supervisor(scenario, daemon, mailbox, target, engage=engage, on_terminate=on_terminate)
+        supervisor = Supervisor(scenario, daemon, mailbox, target, **conduct._asdict())
         closing.callback(tidying.end)
         run(
             daemon,
             clock,
             signals=signals,
             metrics=metrics,
-            on_terminate=on_terminate,
+            on_terminate=conduct.on_terminate,
             load=_kept,
             drain=opened.drain,
             record=record,
             tidying=tidying,
             watch=supervisor.watch,
         )
-    return outcome_of_flight(supervisor.result, "vehicle")
+    supervisor.result.interrupted = not supervisor.left
+    return supervisor.result
 
 
 def _kept() -> NoReturn:

@@ -8,13 +8,16 @@ each other, nothing flies.
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
+from guidance.links.finding import Found
 from guidance.scenarios.courses import pursuer_strategy
+from guidance.scenarios.fleet import EVADER_ID, PURSUER
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import site, target_game_m
 from guidance.service.model import Config
@@ -31,17 +34,12 @@ def vehicle_config(scenario: Scenario, config: Config) -> Config:
     if contradictions:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
-    pursuer, disc, game, limits = scenario.pursuer, scenario.standoff, config.game, config.limits
+    pursuer, game, limits = scenario.pursuer, config.game, config.limits
     document = config.model_dump(mode="json")
     document["game"] = {
-        "speed_set": pursuer.speed_set,
-        "speed_m_s": pursuer.speed_m_s,
+        **_game(scenario),
         "climb_m_s": min(pursuer.climb_m_s, game.climb_m_s),
         "descent_m_s": min(pursuer.descent_m_s, game.descent_m_s),
-        "evader_speed_m_s": scenario.evader.believed_speed_m_s,
-        "standoff_radius_m": disc.radius_m,
-        "standoff_height_m": disc.height_m - scenario.evader.height_m,
-        "tolerance_m": disc.tolerance_m,
     }
     document["limits"] |= {
         "floor_m": max(scenario.envelope.floor_m, limits.floor_m),
@@ -54,6 +52,44 @@ def vehicle_config(scenario: Scenario, config: Config) -> Config:
         "engage_on": "command",
     }
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
+
+
+def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: Found, target_url: str) -> Config:
+    """Return the configuration that a vehicle's file would have been: the scenario's limits are the vehicle's own.
+
+    Raises:
+        ConfigError: If the scenario asks for what no vehicle's file may.
+    """
+    scenario_limits = scenario.envelope
+    vehicle = {"autopilot": autopilot, "link": link, "url": url}
+    document = {
+        "name": PURSUER,
+        "vehicle": {**vehicle, "system_id": found.system_id, "component_id": found.component_id},
+        "target": {"kind": "global_position", "url": target_url, "system_id": EVADER_ID},
+        "game": _game(scenario),
+        "limits": {
+            "floor_m": scenario_limits.floor_m,
+            "ceiling_m": scenario_limits.ceiling_m,
+            "fence_radius_m": scenario_limits.fence_radius_m,
+        },
+        "flight": {"takeoff_height_m": scenario.pursuer.takeoff_height_m, "on_terminate": "land"},
+        "log": {"level": "error"},
+    }
+    return parse(Config, document, source=f"{scenario.title!r} at {url}")
+
+
+def _game(scenario: Scenario) -> dict[str, Any]:
+    pursuer, disc = scenario.pursuer, scenario.standoff
+    return {
+        "speed_set": pursuer.speed_set,
+        "speed_m_s": pursuer.speed_m_s,
+        "climb_m_s": pursuer.climb_m_s,
+        "descent_m_s": pursuer.descent_m_s,
+        "evader_speed_m_s": scenario.evader.believed_speed_m_s,
+        "standoff_radius_m": disc.radius_m,
+        "standoff_height_m": disc.height_m - scenario.evader.height_m,
+        "tolerance_m": disc.tolerance_m,
+    }
 
 
 def vehicle_flight(scenario: Scenario, config: Config) -> FlightSettings:

@@ -1,7 +1,7 @@
 """The daemon's core: one call a cycle, time given. Orders and answers, preflight, log, metrics, signs of life."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -20,7 +20,7 @@ from guidance.service.reasons import is_done, missing, not_engageable, refusal
 from guidance.service.record import RELOADED, STOPPED, Record
 from guidance.service.status import status
 from guidance.service.timing import Timing
-from guidance.telemetry import LocalPosition
+from guidance.telemetry import LocalPosition, Message
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
@@ -96,6 +96,11 @@ class Daemon:
     def surveyed(self) -> bool:
         """True once every parameter that preflight judges was read."""
         return self._survey.complete
+
+    @property
+    def heard(self) -> Sequence[Message]:
+        """What the last cycle heard of the vehicle."""
+        return self._cycle.inputs.messages
 
     @property
     def position_age_s(self) -> float:

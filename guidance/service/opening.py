@@ -49,8 +49,17 @@ class Opened:
         self.closing.close()
 
 
-def open_all(config: Config, clock: Clock, *, tapped: bool) -> Opened:
+def open_all(
+    config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, target_wire: Wire | None = None
+) -> Opened:
     """Claim the vehicle, open its link and the target's source, and wait until the vehicle was heard.
+
+    Args:
+        config: Whom to talk to.
+        clock: Arrival times are its.
+        tapped: Whether raw frames are passed on.
+        wire: The vehicle's, where it is open already; closed with what is opened.
+        target_wire: The target's, likewise.
 
     Raises:
         ConfigError: If a URL or the signing key is wrong.
@@ -59,9 +68,12 @@ def open_all(config: Config, clock: Clock, *, tapped: bool) -> Opened:
     with contextlib.ExitStack() as closing:
         _claim(config, closing)
         taps: list[TappedWire] = []
-        link, spare = _open_link(config, clock, closing, taps if tapped else None)
+        if wire is None:
+            wire = _open_wire(config, clock)
+        closing.callback(wire.close)
+        link, spare = _open_link(config, clock, wire, taps if tapped else None)
         closing.callback(link.close)
-        target = _open_source(config, clock, spare)
+        target = _open_source(config, clock, spare if target_wire is None else target_wire)
         closing.callback(target.close)
         return Opened(link, target, taps, closing.pop_all())
 
@@ -77,17 +89,21 @@ def _claim(config: Config, closing: contextlib.ExitStack) -> None:
     closing.callback(token.close)
 
 
+def _open_wire(config: Config, clock: Clock) -> Wire:
+    vehicle, target = config.vehicle, config.target
+    systems = {vehicle.system_id}
+    if target.url is None and target.system_id is not None:
+        systems.add(target.system_id)
+    return open_wire(vehicle.url, clock=clock.now_s, systems=systems, timeout_s=_WIRE_LIMIT_S)
+
+
 def _open_link(
-    config: Config, clock: Clock, closing: contextlib.ExitStack, taps: list[TappedWire] | None
+    config: Config, clock: Clock, wire: Wire, taps: list[TappedWire] | None
 ) -> tuple[VehicleLink, Wire | None]:
     """Open the link; the second is a share of its wire for the target, where it is wanted and can be had."""
     vehicle = config.vehicle
     now_s = clock.now_s
     key = None if vehicle.signing_key_file is None else signing_key(vehicle.signing_key_file)
-    target_id = config.target.system_id if config.target.url is None else None
-    systems = {vehicle.system_id} if target_id is None else {vehicle.system_id, target_id}
-    wire: TappedWire | Wire = open_wire(vehicle.url, clock=now_s, systems=systems, timeout_s=_WIRE_LIMIT_S)
-    closing.callback(wire.close)
     if taps is not None:
         wire = TappedWire(wire, now_s, config.name)
         taps.append(wire)

@@ -13,13 +13,13 @@ from mcap.reader import make_reader
 from guidance.config import load
 from guidance.drawing.shapes import isochron
 from guidance.flight import Event, State
-from guidance.scenarios.command import next_folder
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.flown import ending_words, outcome_of_flight
 from guidance.scenarios.fly import fly
 from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.picture import draw
+from guidance.scenarios.recording import next_folder
 from guidance.scenarios.settings import game
 from guidance.service.clock import VirtualClock
 from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder
