@@ -44,6 +44,9 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
     framer, mavlink = Framer(CRC_EXTRA), common.MAVLink(None, *_OWN)
     deadline_s, beat_s, others = clock() + timeout_s, clock(), 0
     while True:
+        if clock() >= beat_s:
+            beat_s += _HEARTBEAT_EVERY_S
+            wire.send(_beat(mavlink))
         for _, data in wire.receive():
             for frame in framer.feed(data, stream=wire.stream):
                 found = _found(mavlink, frame)
@@ -55,9 +58,6 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
                 f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({others} other frames heard); is it running, "
                 "and does it send here?"
             )
-        if clock() >= beat_s:
-            beat_s += _HEARTBEAT_EVERY_S
-            wire.send(_beat(mavlink))
         sleep(_LOOK_EVERY_S)
 
 

@@ -25,6 +25,7 @@ _MULTICOPTERS: Final = {2, 3, 4, 13, 14, 15, 29, 35}
 """MAV_TYPE of what can hover and fly in any direction."""
 
 _NAMES: Final[dict[type[Message], str]] = {
+    Heartbeat: "HEARTBEAT",
     Home: "HOME_POSITION",
     Origin: "GPS_GLOBAL_ORIGIN",
     LandedState: "EXTENDED_SYS_STATE",
@@ -78,7 +79,7 @@ def wait_until_placed(
         said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
         waited_s = now_s - begun_s
         _refuse_if_flown(state, waited_s)
-        missing = [name for kind, name in _NAMES.items() if state.last(kind) is None]
+        missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
         home, frame = state.last(Home), local_frame(state, profile.projection)
         if not missing and home is not None and frame is not None:
             return home, frame
