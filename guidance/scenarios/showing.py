@@ -91,7 +91,9 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
     try:
         draw(result, outcome, folder / PICTURE)
     except OSError as error:
-        console.print(f"[yellow]picture  {folder / PICTURE}: cannot be written ({error.strerror})[/yellow]")
+        console.print(
+            f"[yellow]picture  {folder / PICTURE}: cannot be written ({error.strerror})[/yellow]", soft_wrap=True
+        )
     else:
         console.print(f"picture  {folder / PICTURE}", soft_wrap=True, highlight=False)
 
