@@ -18,6 +18,7 @@ from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from guidance.errors import ConfigError
+from guidance.service.record import PART, part_path
 
 _LONGEST_RECORD_BYTES: Final = 64 * 1024 * 1024
 _LARGEST_CHUNK_BYTES: Final = 16 * 1024 * 1024
@@ -95,7 +96,7 @@ def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> 
     """Yield the messages of a record in the order they were written.
 
     Args:
-        path: The MCAP file.
+        path: The MCAP file. A long flight's first file stands for all of them, a later one for itself.
         survey: Filled along the way, complete after the last item.
         idle: The file is still being written: its end is waited for. The writer knows nothing of it.
 
@@ -103,12 +104,20 @@ def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> 
         ConfigError: If the file cannot be read or is no MCAP file. A torn one is no error: `survey.torn` says so.
     """
     seen = Survey() if survey is None else survey
+    yield from _scan_file(path, seen, seen.metadata, idle)
+    part = 2
+    while PART not in seen.metadata and (following := part_path(path, part)).exists():
+        yield from _scan_file(following, seen, {}, idle)
+        part += 1
+
+
+def _scan_file(path: Path, seen: Survey, metadata: dict[str, str], idle: Idle | None) -> Iterator[Item]:
     channels: dict[int, Channel] = {}
     for record in _records(path, seen, idle):
         if isinstance(record, Channel):
             channels[record.id] = record
         elif isinstance(record, Metadata) and record.name == RUN:
-            seen.metadata.update(record.metadata)
+            metadata.update(record.metadata)
         elif isinstance(record, Message) and record.channel_id in channels:
             yield _noted(seen, channels[record.channel_id], record)
 

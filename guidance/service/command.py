@@ -154,7 +154,9 @@ def _recording(
     path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
     recorder: BackgroundRecorder | UnwrittenRecord
     try:
-        recorder = BackgroundRecorder(Recorder(path, metadata))
+        rotate_bytes = round(config.record.rotate_mb * 1e6)
+        written = Recorder(path, metadata, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
+        recorder = BackgroundRecorder(written)
     except OSError as error:
         where = f"record.folder = {str(config.record.folder)!r}"
         recorder = UnwrittenRecord(f"{where}: cannot be written ({error.strerror})")

@@ -238,7 +238,9 @@ class Metrics(Section):
 class Record(Section):
     """The flight record."""
 
-    folder: Path | None = Field(None, description="one MCAP file per start; none by default")
+    folder: Path | None = Field(None, description="where each start begins an MCAP record; none by default")
+    rotate_s: float = Field(1800.0, ge=10.0, description="a longer flight goes on in a next file")
+    rotate_mb: float = Field(256.0, ge=1.0, description="so does a larger one")
 
 
 class Config(Section):

@@ -1,7 +1,9 @@
 """The flight's record: one MCAP file with the raw frames of every link and a JSON row for every cycle and event.
 
-Written through an unbuffered file in small chunks, so that a killed process loses at most the last fraction of a
-second. A record that cannot be written never disturbs the flight: recording stops and `failed` says why.
+A long flight goes on in a next file from time to time, `NAME.002.mcap` and so on: each can be read by itself, and what
+the writer has to remember for a file's index stays bounded. Written through an unbuffered file in small chunks, so that
+a killed process loses at most the last fraction of a second. A record that cannot be written never disturbs the flight:
+recording stops and `failed` says why.
 """
 
 import calendar
@@ -28,6 +30,10 @@ CHUNK_BYTES = 8 * 1024
 CHUNK_S = 0.1
 """A chunk is written when it is this long or this old: what a killed process had not written is lost."""
 
+ROTATED_S = 1800.0
+ROTATED_BYTES = 256_000_000
+"""A file is finished and the next one begun when it is this long or this large."""
+
 _PACKAGES = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 
 TICK_TOPIC = "guidance/tick"
@@ -40,6 +46,9 @@ BEGUN = "flight begins"
 
 RELOADED = "configuration read again"
 """Event of a configuration that took the place of the one in the metadata; it is the detail, as JSON."""
+
+PART = "part"
+"""Key of a file's number in its metadata; the first has none."""
 
 STOPPED = "recording has stopped; the flight goes on"
 """Event of a record that can be written no longer: it is the log's, the metrics' and the bus's, not the record's."""
@@ -66,29 +75,55 @@ class Record(Protocol):
 
 
 class Recorder:
-    """Writes one MCAP file. Times are those of the injected clock, in nanoseconds of the file's log time.
+    """Writes MCAP files. Times are those of the injected clock, in nanoseconds of the file's log time.
 
     Args:
-        path: Where to write.
-        metadata: Name -> text, written at the start: configuration, versions, seed.
+        path: Where to write; files that follow are named after it (`guidance.service.record.part_path`).
+        metadata: Name -> text, written at the start of each file: configuration, versions, seed.
+        rotate_s: How long a file may be.
+        rotate_bytes: How large it may be.
 
     Raises:
         OSError: If the file cannot be opened; nothing has flown yet.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        *,
+        rotate_s: float = ROTATED_S,
+        rotate_bytes: int = ROTATED_BYTES,
+    ) -> None:
         self.path = path
         self.failed: str | None = None
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._stream = path.open("wb", buffering=0)
-        self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="", library="guidance")
-        self._writer.add_metadata("run", dict(metadata))
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
+        self._metadata = dict(metadata)
+        self._rotate_s, self._rotate_bytes = rotate_s, rotate_bytes
         self._scene = Scene()
         self._sequence = 0
+        self._part = 0
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._open_part()
+
+    def _open_part(self) -> None:
+        self._part += 1
+        self._stream = part_path(self.path, self._part).open("wb", buffering=0)
+        self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library="guidance")
+        self._writer.add_metadata("run", {**self._metadata, **({} if self._part == 1 else {PART: str(self._part)})})
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
         self._chunk_began_s = math.inf
+        self._part_began_s: float | None = None
+
+    def _rotate(self) -> None:
+        """Go on in the next file; it is there before the one before is finished, so that who follows finds it."""
+        stream, writer = self._stream, self._writer
+        try:
+            self._open_part()
+        finally:
+            with stream:
+                writer.finish()
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Keep one raw MAVLink frame as it went over the wire; `topic` is the Zenoh key."""
@@ -127,6 +162,11 @@ class Recorder:
         if self.failed is not None or self._stream.closed:
             return
         try:
+            if self._part_began_s is None:
+                self._part_began_s = now_s
+            elif now_s - self._part_began_s >= self._rotate_s or self._stream.tell() >= self._rotate_bytes:
+                self._rotate()
+                self._part_began_s = now_s
             if topic not in self._channels:
                 schema_id = 0 if schema is None else self._schema(schema)
                 self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
@@ -145,6 +185,11 @@ class Recorder:
             described = json.dumps(SCHEMAS[name], separators=(",", ":")).encode()
             self._schemas[name] = self._writer.register_schema(name, "jsonschema", described)
         return self._schemas[name]
+
+
+def part_path(path: Path, part: int) -> Path:
+    """Return the name of a record's file: the first is `path` itself, the second NAME.002.mcap."""
+    return path if part == 1 else path.with_name(f"{path.stem}.{part:03d}{path.suffix}")
 
 
 class _Whole(BytesIO):
