@@ -66,6 +66,7 @@ class Farthest(NamedTuple):
         distance: (...), from the evader, m.
         first: (...), number of a disc that binds.
         second: (...), number of the other, or the same again where it is the first disc's own farthest point.
+            Where that heading is as good as any other of the second disc, whose rim is met on it, both are named.
     """
 
     point: Point
@@ -127,7 +128,13 @@ def farthest(discs: Discs, headings: Point, reach: Array) -> Farthest:
     best = np.argmax(np.where(np.isfinite(edge), edge, -np.inf), axis=-1)
     length = taken(edge, best)
     first, second = _numbers(count, i, j, times=2)
-    return Farthest((length * taken(x, best), length * taken(y, best)), length, first[best], second[best])
+    met = taken(np.argmin(along, axis=-1), best)
+    return Farthest(
+        (length * taken(x, best), length * taken(y, best)),
+        length,
+        first[best],
+        np.where(best < count, met, second[best]),
+    )
 
 
 def excess(discs: Discs, point: Point) -> Array:

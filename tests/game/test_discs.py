@@ -73,7 +73,7 @@ def searched(ratio, w, cost):
     return costs.min()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=seeds, count=st.integers(1, 6))
 def test_no_reachable_point_is_closer_to_the_target(seed, count):
     discs, ratio, w, target = random_discs(seed, count)
@@ -87,7 +87,7 @@ def test_no_reachable_point_is_closer_to_the_target(seed, count):
     np.testing.assert_allclose(np.hypot(*(found.point - target)), found.distance, rtol=1e-12, atol=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=seeds, count=st.integers(1, 6))
 def test_no_reachable_point_is_farther_from_the_evader(seed, count):
     discs, ratio, w, _ = random_discs(seed, count)
@@ -98,7 +98,7 @@ def test_no_reachable_point_is_farther_from_the_evader(seed, count):
     assert (excess(discs, found.point) <= 1e-9 * (1.0 + np.linalg.norm(w, axis=-1) ** 2)).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=seeds, count=st.integers(2, 6))
 def test_those_that_bind_are_enough(seed, count):
     discs, _, _, target = random_discs(seed, count)
@@ -107,7 +107,7 @@ def test_those_that_bind_are_enough(seed, count):
     assert (again.distance, *again.point) == (found.distance, *found.point)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=seeds, count=st.integers(2, 6))
 def test_the_order_of_the_discs_changes_no_bit(seed, count):
     discs, _, _, target = random_discs(seed, count)

@@ -1,0 +1,217 @@
+"""Teams played to the end of the game: all players as point masses, each evader until it is captured or arrives.
+
+Everybody keeps a velocity for a step, and a step is never longer than the least time in which something could end, so
+that no end is stepped over; the steps close in on it until it is a nanosecond away. Whoever has ended stays where it
+is, and its pursuers are matched again.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game, Policy, Reason
+from guidance.game.discs import Array
+from guidance.game.team.matching import Matching, each_speed, match_teams
+from guidance.game.team.several import with_speeds
+
+NANOSECOND_S = 1e-9
+SPARE_STEPS = 10_000
+"""Steps that a game may take to close in on its ends, beyond those of its duration."""
+
+OPTIMAL = "optimal"
+
+Policies = str | Policy | Sequence[str | Policy]
+"""How a team plays: all alike, or each player its own way."""
+
+
+class TeamSample(NamedTuple):
+    """A moment of a batch of games: the time (...), positions, how each evader ended (..., m), and who plays whom."""
+
+    time_s: Array
+    pursuers_m: Array
+    evaders_m: Array
+    end: Array
+    matching: Matching
+
+
+class TeamRollout(NamedTuple):
+    """The end of a game of teams, or of each game of a batch.
+
+    Attributes:
+        end: `End` of each evader, (..., m).
+        time_s: when, (..., m).
+        captor: number of the pursuer that captured it, (..., m); −1 for none.
+        distance_m: final distance of each evader from its target, (..., m); NaN without one.
+        pursuers_m: final positions, (..., n, 3).
+        evaders_m: final positions, (..., m, 3).
+        first: the matching at the beginning.
+        path: every sample if asked for, else empty.
+    """
+
+    end: Array
+    time_s: Array
+    captor: Array
+    distance_m: Array
+    pursuers_m: Array
+    evaders_m: Array
+    first: Matching
+    path: tuple[TeamSample, ...]
+
+
+class _Team(NamedTuple):
+    """What does not change while a batch is played: speeds (..., n) and (..., m), targets, and how they play."""
+
+    game: Game
+    u: Array
+    v: Array
+    target: Array | None
+    pursuers: Sequence[str | Policy]
+    evaders: Sequence[str | Policy]
+
+
+def rollout_teams(
+    game: Game,
+    pursuers: Array,
+    evaders: Array,
+    target: Array | None = None,
+    *,
+    pursuer_policy: Policies = OPTIMAL,
+    evader_policy: Policies = OPTIMAL,
+    capture_m: float = 0.0,
+    step_s: float = 0.05,
+    duration_s: float = 600.0,
+    hysteresis: float = 0.0,
+    keep_path: bool = False,
+) -> TeamRollout:
+    """Play a game of teams to its end.
+
+    Args:
+        game: as `match_teams`.
+        pursuers: initial positions, (..., n, 3), m.
+        evaders: initial positions, (..., m, 3), m.
+        target: each evader's target, (..., m, 3), or the one of all, (3,), m; None for PE.
+        pursuer_policy: "optimal" is the play of `match_teams`; any other policy of `PURSUER_POLICIES`, or a function
+            like them, is played by each pursuer against the evader that it is matched with.
+        evader_policy: likewise of `EVADER_POLICIES`, against the nearest pursuer.
+        capture_m: distance that counts as captured, m.
+        step_s: longest step.
+        duration_s: when to stop at the latest.
+        hysteresis: as `match_teams`.
+        keep_path: whether to keep every sample.
+
+    Raises:
+        ConfigError: as `match_teams`; an unknown policy; or a number that is out of range.
+    """
+    for name, value in (("step_s", step_s), ("duration_s", duration_s)):
+        if not (math.isfinite(value) and value > 0):
+            raise ConfigError(f"{name} = {value!r}: must be a finite number above 0")
+    if not (math.isfinite(capture_m) and capture_m >= 0):
+        raise ConfigError(f"capture_m = {capture_m!r}: must be a finite number, zero or more")
+    first = match_teams(game, pursuers, evaders, target)
+    shape, (n, m) = first.guaranteed.shape, first.beats.shape[-2:]
+    u, v = each_speed(game)
+    team = _Team(
+        game,
+        np.broadcast_to(u, (*shape, n)),
+        np.broadcast_to(v, (*shape, m)),
+        None if target is None else np.broadcast_to(target, (*shape, m, 3)),
+        _named("pursuer_policy", pursuer_policy, n, PURSUER_POLICIES),
+        _named("evader_policy", evader_policy, m, EVADER_POLICIES),
+    )
+    P = np.array(np.broadcast_to(pursuers, (*shape, n, 3)), dtype=np.float64)
+    E = np.array(np.broadcast_to(evaders, (*shape, m, 3)), dtype=np.float64)
+    end = np.where(first.reason >= int(Reason.NOT_FINITE), int(End.NO_ANSWER), int(End.RUNNING))
+    now, when, captor = np.zeros(shape), np.zeros((*shape, m)), np.full((*shape, m), -1)
+    matching, path = first, []
+    for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
+        capture, arrival = _ahead(team, P, E, capture_m)
+        soonest = np.min(capture, axis=-2)
+        running = end == End.RUNNING
+        caught, arrived = running & (soonest <= NANOSECOND_S), running & (arrival <= NANOSECOND_S)
+        captor = np.where(caught, np.argmin(capture, axis=-2), captor)
+        late = running & (now >= duration_s)[..., None]
+        end = np.select([caught, arrived, late], [int(End.CAPTURED), int(End.ARRIVED), int(End.TIME_UP)], end)
+        when = np.where(running, now[..., None], when)
+        running = end == End.RUNNING
+        matching = match_teams(game, P, E, target, in_play=running, previous=matching, hysteresis=hysteresis)
+        if keep_path:
+            path.append(TeamSample(now, P, E, end, matching))
+        if not running.any():
+            break
+        flown, run = _velocities(team, P, E, matching)
+        free = np.where(running, np.minimum(soonest, arrival), np.inf)
+        h = np.minimum(np.minimum(np.min(free, axis=-1), step_s), duration_s - now)
+        h = np.where(running.any(axis=-1), h, 0.0)
+        P = P + h[..., None, None] * flown
+        E = E + np.where(running, h[..., None], 0.0)[..., None] * run
+        now = now + h
+    end = np.where(end == End.RUNNING, int(End.TIME_UP), end)
+    distance = np.full((*shape, m), math.nan) if team.target is None else _level(E - team.target)
+    return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
+
+
+def _ahead(team: _Team, P: Array, E: Array, capture_m: float) -> tuple[Array, Array]:
+    """Return the least times, s, in which each pursuer could capture each evader, and an evader be at its target."""
+    w = P[..., :, None, :] - E[..., None, :, :]
+    height = w[..., 2] - team.game.standoff.height_m
+    gap = np.sqrt(w[..., 0] ** 2 + w[..., 1] ** 2 + height**2) - capture_m
+    capture = gap / (team.u[..., :, None] + team.v[..., None, :])
+    arrival = np.full(team.v.shape, math.inf) if team.target is None else _level(E - team.target) / team.v
+    return capture, arrival
+
+
+def _velocities(team: _Team, P: Array, E: Array, matching: Matching) -> tuple[Array, Array]:
+    """Return the velocities of all players, (..., n, 3) and (..., m, 3)."""
+    chased = np.maximum(matching.evader_of, 0)
+    w = P[..., :, None, :] - E[..., None, :, :]
+    near = np.argmin(w[..., 0] ** 2 + w[..., 1] ** 2 + w[..., 2] ** 2, axis=-2)
+
+    def chase(policy: Policy) -> Array:
+        game = with_speeds(team.game, team.u, np.take_along_axis(team.v, chased, axis=-1))
+        goal = None if team.target is None else _rows(team.target, chased)
+        return np.where((matching.evader_of < 0)[..., None], 0.0, policy(game, P, _rows(E, chased), goal))
+
+    def flee(policy: Policy) -> Array:
+        game = with_speeds(team.game, np.take_along_axis(team.u, near, axis=-1), team.v)
+        return np.asarray(policy(game, _rows(P, near), E, team.target))
+
+    flown = _each(team.pursuers, PURSUER_POLICIES, matching.pursuer_velocity_m_s, chase)
+    return flown, _each(team.evaders, EVADER_POLICIES, matching.evader_velocity_m_s, flee)
+
+
+def _each(
+    policies: Sequence[str | Policy], catalogue: Mapping[str, Policy], optimal: Array, play: Callable[[Policy], Array]
+) -> Array:
+    """Return the velocities of a team's players, each by its own policy."""
+    velocity = np.array(optimal, dtype=np.float64)
+    for policy in dict.fromkeys(policies):
+        if policy != OPTIMAL:
+            mine = np.array([other == policy for other in policies])
+            velocity[..., mine, :] = play(catalogue[policy] if isinstance(policy, str) else policy)[..., mine, :]
+    return velocity
+
+
+def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]) -> Sequence[str | Policy]:
+    """Return a policy for each player.
+
+    Raises:
+        ConfigError: If one is unknown, or there are not as many as players.
+    """
+    each = [given] * count if isinstance(given, str) or callable(given) else list(given)
+    for policy in each:
+        if isinstance(policy, str) and policy not in catalogue:
+            raise ConfigError(f"{name} = {policy!r}: must be one of {', '.join(catalogue)}")
+    if len(each) != count:
+        raise ConfigError(f"{name}: has {len(each)} policies for {count} players; give one, or one for each")
+    return each
+
+
+def _rows(positions: Array, index: Array) -> Array:
+    return np.take_along_axis(positions, index[..., None], axis=-2)
+
+
+def _level(v: Array) -> Array:
+    return np.asarray(np.sqrt(v[..., 0] ** 2 + v[..., 1] ** 2))

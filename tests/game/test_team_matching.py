@@ -1,0 +1,314 @@
+"""Many against many: the matching by trying all of them, and what it guarantees."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.errors import ConfigError
+from guidance.game import Ball, Game, Reason, StandOff, Winner, solve
+from guidance.game.team import match_teams, solve_team
+
+PAPER = Game(Ball(2.0), 1.0)
+T = np.zeros(3)
+seeds = st.integers(0, 2**32 - 1)
+counts = st.integers(1, 4)
+
+
+def states(seed, n, m, count=None):
+    """Positions of pursuers and evaders such that some pursuers beat some evaders of a target at zero."""
+    rng = np.random.default_rng(seed)
+    shape = () if count is None else (count,)
+    P = rng.uniform(-25.0, 25.0, (*shape, n, 3))
+    P[..., 2] = np.abs(P[..., 2])
+    E = rng.uniform(-18.0, 18.0, (*shape, m, 3))
+    E[..., 2] = 0.0
+    return P, E
+
+
+def same(a, b):
+    a, b = np.asarray(a), np.asarray(b)
+    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def all_matchings(n, m):
+    """Every way to give evaders pursuers of their own, −1 for none."""
+    for first in itertools.product(range(-1, n), repeat=m):
+        taken = [i for i in first if i >= 0]
+        if len(set(taken)) == len(taken):
+            yield first
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds, n=counts, m=st.integers(1, 3))
+def test_no_matching_guarantees_more_captures_or_as_many_with_a_larger_sum(seed, n, m):
+    P, E = states(seed, n, m)
+    found = match_teams(PAPER, P, E, T)
+    value = solve(PAPER, P[:, None], E[None], T)
+    beats = value.winner > 0
+    np.testing.assert_array_equal(found.beats, beats)
+    assert same(found.alone, value.value)
+    best = (0, 0.0)
+    for first in all_matchings(n, m):
+        pairs = [(i, j) for j, i in enumerate(first) if i >= 0]
+        if all(beats[pair] for pair in pairs):
+            best = max(best, (len(pairs), sum(value.value[pair] for pair in pairs)))
+    guarded = found.first >= 0
+    assert found.guaranteed == guarded.sum() == best[0]
+    sum_of_firsts = sum(value.value[i, j] for j, i in enumerate(found.first) if i >= 0)
+    assert sum_of_firsts == pytest.approx(best[1], rel=1e-12)
+    np.testing.assert_array_equal(found.winner, np.where(guarded, Winner.PURSUER, Winner.EVADER))
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds, n=st.integers(2, 5), m=st.integers(1, 3))
+def test_no_other_second_pursuers_add_more(seed, n, m):
+    P, E = states(seed, n, m)
+    found = match_teams(PAPER, P, E, T)
+    spare = sorted(set(range(n)) - set(found.first.tolist()))
+    matched = np.flatnonzero(found.first >= 0)
+
+    def total(second):
+        parts = []
+        for j in matched:
+            team = [found.first[j]] + ([second[j]] if second[j] >= 0 else [])
+            parts.append(float(solve_team(PAPER, P[team], E[j], T).value))
+        return sum(parts)
+
+    best = 0.0
+    for pick in all_matchings(len(spare), len(matched)):
+        second = np.full(m, -1)
+        second[matched] = [spare[i] if i >= 0 else -1 for i in pick]
+        best = max(best, total(second))
+    assert found.total == pytest.approx(best, rel=1e-12)
+    assert found.total == pytest.approx(total(found.second), rel=1e-12)
+    assert set(found.second[found.second >= 0].tolist()) <= set(spare)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=seeds, n=st.integers(1, 4), m=counts)
+def test_everybody_plays_the_game_of_its_team(seed, n, m):
+    P, E = states(seed, n, m)
+    found = match_teams(PAPER, P, E, T)
+    for j in range(m):
+        if found.first[j] < 0:
+            assert found.value[j] == 0.0
+            np.testing.assert_allclose(found.evader_velocity_m_s[j], -E[j] / np.linalg.norm(E[j]), rtol=1e-14)
+            assert found.meeting_point_m[j].tolist() == T.tolist()
+            continue
+        team = [i for i in (found.first[j], found.second[j]) if i >= 0]
+        answer = solve_team(PAPER, P[team], E[j], T)
+        assert same(found.value[j], answer.value)
+        assert same(found.meeting_point_m[j], answer.meeting_point_m)
+        assert same(found.evader_velocity_m_s[j], answer.evader_velocity_m_s)
+        assert same(found.pursuer_velocity_m_s[team], answer.pursuer_velocity_m_s)
+        assert (found.evader_of[team] == j).all()
+    unmatched = np.flatnonzero(found.first < 0)
+    for i in set(range(n)) - set(found.first.tolist()) - set(found.second.tolist()):
+        among = unmatched if len(unmatched) else np.arange(m)
+        alone = solve(PAPER, P[i], E[among], T)
+        assert found.evader_of[i] == among[np.argmax(alone.margin_s)]
+        assert same(found.pursuer_velocity_m_s[i], alone.pursuer_velocity_m_s[np.argmax(alone.margin_s)])
+
+
+def test_one_against_one_is_the_game_of_one_to_the_bit():
+    P, E = states(1, 1, 1, 200)
+    for target in (T, None):
+        found = match_teams(PAPER, P, E, target)
+        one = solve(PAPER, P[:, 0], E[:, 0], target)
+        won = one.winner > 0
+        assert same(found.guaranteed.astype(bool), won)
+        for name in ("value", "meeting_point_m", "evader_velocity_m_s"):
+            assert same(getattr(found, name)[won, 0], getattr(one, name)[won])
+        assert same(found.pursuer_velocity_m_s[:, 0], one.pursuer_velocity_m_s)
+        assert same(found.reason[:, 0], one.reason)
+        assert same(found.total[won], one.value[won])
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=seeds, n=counts, m=counts)
+def test_pe_assigns_as_many_as_can_be_with_the_least_sum_of_times(seed, n, m):
+    P, E = states(seed, n, m)
+    found = match_teams(PAPER, P, E)
+    time = solve(PAPER, P[:, None], E[None]).value
+    best = min(
+        sum(time[i, j] for j, i in enumerate(first) if i >= 0)
+        for first in all_matchings(n, m)
+        if sum(i >= 0 for i in first) == min(n, m)
+    )
+    assert found.guaranteed == min(n, m)
+    assert found.total == pytest.approx(best, rel=1e-12)
+    assert (found.second == -1).all()
+    for j, i in enumerate(found.first):
+        whole = solve_team(PAPER, P, E[j])
+        assert same(found.lower_bound[j], whole.lower_bound)
+        assert same(found.evader_velocity_m_s[j], whole.evader_velocity_m_s)
+        assert found.value[j] == (time[i, j] if i >= 0 else np.inf)
+        assert found.lower_bound[j] <= found.value[j]
+        assert found.winner[j] == (Winner.PURSUER if i >= 0 else Winner.UNDECIDED)
+    for i in range(n):
+        j = found.evader_of[i]
+        assert same(found.pursuer_velocity_m_s[i], solve(PAPER, P[i], E[j]).pursuer_velocity_m_s)
+        if i not in found.first.tolist():
+            among = np.flatnonzero(found.first < 0)
+            among = among if len(among) else np.arange(m)
+            assert j == among[np.argmin(time[i, among])]
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=seeds, n=counts, m=counts, tad=st.booleans())
+def test_the_order_of_the_players_changes_nothing(seed, n, m, tad):
+    P, E = states(seed, n, m)
+    rng = np.random.default_rng(seed)
+    p, e = rng.permutation(n), rng.permutation(m)
+    u, v = rng.uniform(1.5, 4.0, n), rng.uniform(0.5, 1.4, m)
+    goal = T if tad else None
+    found = match_teams(Game(Ball(u[:, None]), v), P, E, goal)
+    moved = match_teams(Game(Ball(u[p, None]), v[e]), P[p], E[e], goal)
+    assert moved.guaranteed == found.guaranteed
+    assert same(moved.total, found.total)
+    for name in ("value", "lower_bound", "winner", "meeting_point_m", "evader_velocity_m_s", "reason"):
+        assert same(getattr(moved, name), getattr(found, name)[e]), name
+    assert same(moved.pursuer_velocity_m_s, found.pursuer_velocity_m_s[p])
+    assert same(moved.beats, found.beats[p][:, e])
+    back = np.append(p, -1)
+    assert back[moved.first].tolist() == found.first[e].tolist()
+    assert back[moved.second].tolist() == found.second[e].tolist()
+    assert e[moved.evader_of].tolist() == found.evader_of[p].tolist()
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds, n=counts, m=counts, tad=st.booleans())
+def test_a_batch_is_its_singles(seed, n, m, tad):
+    P, E = states(seed, n, m, 6)
+    rng = np.random.default_rng(seed)
+    game = Game(Ball(rng.uniform(1.5, 4.0, (n, 1))), rng.uniform(0.5, 1.4, (6, 1, m)), standoff=StandOff(0.0, 2.0))
+    in_play = rng.random((6, m)) < 0.8
+    goal = T if tad else None
+    whole = match_teams(game, P, E, goal, in_play=in_play)
+    folded = match_teams(
+        Game(game.pursuer, game.evader_speed_m_s.reshape(2, 3, 1, m), standoff=game.standoff),
+        P.reshape(2, 3, n, 3),
+        E.reshape(2, 3, m, 3),
+        goal,
+        in_play=in_play.reshape(2, 3, m),
+    )
+    for i in range(6):
+        one = Game(game.pursuer, game.evader_speed_m_s[i], standoff=game.standoff)
+        single = match_teams(one, P[i], E[i], goal, in_play=in_play[i])
+        for part, other, alone in zip(whole, folded, single, strict=True):
+            assert same(part[i], alone)
+            assert same(other.reshape(part.shape), part)
+
+
+def test_leading_axes_broadcast():
+    P, E = states(2, 3, 2, 4)
+    crossed = match_teams(PAPER, P[:, None], E[None, :3], T)
+    assert crossed.first.shape == (4, 3, 2)
+    assert crossed.beats.shape == (4, 3, 3, 2)
+    assert same(crossed.value[2, 1], match_teams(PAPER, P[2], E[1], T).value)
+    targets = np.array([[0.0, 0.0, 0.0], [5.0, 5.0, 0.0]])
+    apart = match_teams(PAPER, P[0], E[0], targets)
+    assert apart.alone[1, 1] == solve(PAPER, P[0, 1], E[0, 1], targets[1]).value
+
+
+def test_who_is_out_of_play_is_left_alone():
+    P, E = states(3, 2, 3)
+    for target in (T, None):
+        found = match_teams(PAPER, P, E, target, in_play=[True, False, True])
+        without = match_teams(PAPER, P, E[[0, 2]], target)
+        assert found.first[1] == -1
+        assert found.winner[1] == Winner.UNDECIDED
+        assert np.isnan(found.value[1])
+        assert np.isnan(found.alone[:, 1]).all()
+        assert not found.beats[:, 1].any()
+        assert found.evader_velocity_m_s[1].tolist() == [0.0, 0.0, 0.0]
+        assert same(found.value[[0, 2]], without.value)
+        assert same(found.pursuer_velocity_m_s, without.pursuer_velocity_m_s)
+        over = match_teams(PAPER, P, E, target, in_play=np.zeros(3, dtype=bool))
+        assert (over.guaranteed, over.total) == (0, 0.0)
+        assert (over.evader_of == -1).all()
+        assert (over.pursuer_velocity_m_s == 0).all()
+
+
+def test_hysteresis_keeps_a_pair_that_is_nearly_as_good():
+    P = np.array([[5.0, 5.0, 5.0], [5.0, -5.0, 5.0]])
+    one = np.array([[12.0, 0.01, 0.0], [12.0, -0.01, 0.0]])
+    other = one * [1, -1, 1]
+    before = match_teams(PAPER, P, one, T)
+    assert before.first.tolist() == [0, 1]
+    assert match_teams(PAPER, P, other, T).first.tolist() == [1, 0]
+    gain = (
+        match_teams(PAPER, P, other, T).total - match_teams(PAPER, P, other, T, previous=before, hysteresis=9.0).total
+    )
+    assert gain > 0
+    kept = match_teams(PAPER, P, other, T, previous=before, hysteresis=0.5 * gain + 1e-9)
+    assert kept.first.tolist() == [0, 1]
+    assert kept.guaranteed == 2
+    assert match_teams(PAPER, P, other, T, previous=before, hysteresis=0.5 * gain - 1e-9).first.tolist() == [1, 0]
+    pe = match_teams(PAPER, P, other, previous=match_teams(PAPER, P, one), hysteresis=1.0)
+    assert pe.first.tolist() == [0, 1]
+    assert match_teams(PAPER, P, other, previous=match_teams(PAPER, P, one)).first.tolist() == [1, 0]
+
+
+def test_hysteresis_never_costs_a_capture():
+    rng = np.random.default_rng(4)
+    P, E = states(4, 3, 3, 200)
+    before = match_teams(PAPER, P, E + rng.normal(0.0, 4.0, E.shape) * [1, 1, 0], T)
+    fresh = match_teams(PAPER, P, E, T)
+    kept = match_teams(PAPER, P, E, T, previous=before, hysteresis=1e6)
+    np.testing.assert_array_equal(kept.guaranteed, fresh.guaranteed)
+    assert (kept.first != fresh.first).any()
+    assert (match_teams(PAPER, P, E, T, previous=before).first == fresh.first).all()
+
+
+def test_a_second_pursuer_that_is_kept_stays():
+    P = np.array([[7.0, 0.0, 2.0], [8.0, 5.0, 3.0], [8.0, 5.1, 3.0]])
+    one, other = np.array([[11.0, 3.0, 0.0]]), np.array([[11.0, 3.3, 0.0]])
+    before, fresh = match_teams(PAPER, P, one, T), match_teams(PAPER, P, other, T)
+    before = before._replace(second=3 - before.second)
+    assert (fresh.first.tolist(), fresh.second.tolist()) == ([0], [1])
+    assert match_teams(PAPER, P, other, T, previous=before).second.tolist() == [1]
+    assert match_teams(PAPER, P, other, T, previous=before, hysteresis=1.0).second.tolist() == [2]
+
+
+def test_rows_without_an_answer_are_nan_and_say_why():
+    P, E = states(5, 2, 2, 3)
+    P[1, 0, 0] = np.nan
+    for target in (T, None):
+        found = match_teams(PAPER, P, E, target)
+        assert (found.reason[1] == Reason.NOT_FINITE).all()
+        assert (found.first[1] == -1).all()
+        assert (found.evader_of[1] == -1).all()
+        assert found.guaranteed[1] == 0
+        assert np.isnan(found.total[1])
+        assert np.isnan(found.value[1]).all()
+        assert np.isnan(found.pursuer_velocity_m_s[1]).all()
+        only = match_teams(PAPER, P[2], E[2], target)
+        assert all(same(part[2], one) for part, one in zip(found, only, strict=True))
+        with pytest.raises(ConfigError, match="have no answer: not finite"):
+            match_teams(PAPER, P[1], E[1], target)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"evaders": np.zeros(3)}, r"evaders = .*\(..., m, 3\)"),
+        ({"target": np.zeros(2)}, "target"),
+        ({"target": np.zeros((5, 3))}, "do not fit each other"),
+        ({"pursuers": np.zeros((4, 2, 3)), "evaders": np.zeros((3, 2, 3))}, "do not fit each other"),
+        ({"in_play": [True]}, "in_play = .*: must say for each of 2 evaders"),
+        ({"hysteresis": -1.0}, r"hysteresis = -1.0"),
+        ({"hysteresis": np.inf}, "hysteresis"),
+        ({"game": Game(Ball(np.array([2.0, 3.0])), 1.0)}, r"speed_m_s = .*\(..., n, 1\)"),
+        ({"game": Game(Ball(np.array([[2.0, 3.0]])), 1.0)}, r"speed_m_s = .*\(..., n, 1\)"),
+        ({"game": Game(Ball(2.0), np.array([[1.0], [1.5]]))}, r"(?s)evader_speed_m_s = .*\(..., 1, m\)"),
+    ],
+)
+def test_bad_arguments_are_refused_by_their_names(changed, said):
+    P, E = states(0, 2, 2)
+    given = {"game": PAPER, "pursuers": P, "evaders": E, "target": T} | changed
+    with pytest.raises(ConfigError, match=said):
+        match_teams(**given)

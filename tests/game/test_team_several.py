@@ -1,0 +1,330 @@
+"""Several pursuers against one evader: from the definitions, against opponents, and against the game of one."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.errors import ConfigError
+from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
+from guidance.game.team import solve_team
+
+PAPER = Game(Ball(2.0), 1.0)
+HIGH = Game(Ball(3.0), 1.5, standoff=StandOff(0.0, 4.0))
+seeds = st.integers(0, 2**32 - 1)
+counts = st.integers(1, 5)
+
+
+def states(seed, n, count=None):
+    """Positions of n pursuers, an evader and a target, for one state or a batch."""
+    rng = np.random.default_rng(seed)
+    shape = () if count is None else (count,)
+    P = rng.uniform(-20.0, 20.0, (*shape, n, 3))
+    P[..., 2] = np.abs(P[..., 2])
+    E, T = rng.uniform(-20.0, 20.0, (2, *shape, 3))
+    E[..., 2] = T[..., 2] = 0.0
+    return P, E, T
+
+
+def unequal(seed, n):
+    """A game in which every pursuer has a speed of its own."""
+    return Game(Ball(np.random.default_rng(seed).uniform(1.05, 4.0, n)), 1.0)
+
+
+def pursuer_of(game, i):
+    u = np.ravel(game.pursuer.speed_m_s)
+    return Game(Ball(float(u[i % len(u)])), game.evader_speed_m_s, standoff=game.standoff)
+
+
+def same(a, b):
+    a, b = np.asarray(a), np.asarray(b)
+    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def survival(oracle, game, P, E, n):
+    """How long an evader can run along each heading before the first of the pursuers has it: the definition."""
+    return np.min([oracle.capture_times(pursuer_of(game, i), one, E, n) for i, one in enumerate(P)], axis=0)
+
+
+def searched(oracle, game, P, E, cost):
+    """The least cost of the end of a run, over all headings, ever finer about the best."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    spread = angle[1]
+    for _ in range(13):
+        n = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+        t = survival(oracle, game, P, E, n)
+        costs = cost(t, E + game.evader_speed_m_s * t[:, None] * n)
+        best = angle[np.argmin(costs)]
+        angle, spread = np.linspace(best - spread, best + spread, 41), spread / 10.0
+    return costs.min()
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=seeds, n=counts, game=st.sampled_from([PAPER, HIGH, None]))
+def test_the_value_is_that_of_its_definition(oracle, seed, n, game):
+    game = unequal(seed, n) if game is None else game
+    P, E, T = states(seed, n)
+    answer = solve_team(game, P, E, T)
+    if answer.winner < 0:
+        arrival = np.linalg.norm(E - T) / game.evader_speed_m_s
+        short = [oracle.shortfall(pursuer_of(game, i), one, T, arrival) for i, one in enumerate(P)]
+        assert answer.value == pytest.approx(min(short), rel=1e-12)
+        return
+    value = searched(oracle, game, P, E, lambda t, X: np.linalg.norm(X - T, axis=1))
+    assert answer.value == pytest.approx(value, rel=1e-11, abs=1e-11)
+    assert np.linalg.norm(answer.meeting_point_m - T) == pytest.approx(answer.value, rel=1e-12, abs=1e-12)
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=seeds, n=counts, game=st.sampled_from([PAPER, HIGH, None]))
+def test_the_lower_bound_of_pe_is_the_longest_run_that_no_pursuer_ends(oracle, seed, n, game):
+    game = unequal(seed, n) if game is None else game
+    P, E, _ = states(seed, n)
+    answer = solve_team(game, P, E)
+    assert answer.lower_bound == pytest.approx(-searched(oracle, game, P, E, lambda t, X: -t), rel=1e-11)
+    alone = [solve(pursuer_of(game, i), one, E).value for i, one in enumerate(P)]
+    assert answer.lower_bound <= answer.value == min(alone)
+    assert answer.meeting_time_s == pytest.approx(answer.lower_bound, rel=1e-15)
+    run = np.linalg.norm(answer.meeting_point_m - E)
+    assert run == pytest.approx(game.evader_speed_m_s * answer.lower_bound, rel=1e-12)
+    np.testing.assert_allclose(answer.evader_velocity_m_s * answer.lower_bound + E, answer.meeting_point_m, atol=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=seeds, kind=st.sampled_from([np.float64, np.float32]), tad=st.booleans())
+def test_a_team_of_one_has_the_answer_of_solve_to_the_bit(seed, kind, tad):
+    for game in (PAPER, HIGH):
+        P, E, T = (part.astype(kind) for part in states(seed, 1, 30))
+        E[0] = P[0, 0] * [1, 1, 0]
+        P[1, 0], E[2] = E[1] + [0, 0, game.standoff.height_m], T[2]
+        seen = np.random.default_rng(seed).normal(size=(30, 3)).astype(kind)
+        target = T if tad else None
+        team = solve_team(game, P, E, target, evader_velocity_m_s=seen)
+        one = solve(game, P[:, 0], E, target, evader_velocity_m_s=seen)
+        assert same(team.pursuer_velocity_m_s[:, 0], one.pursuer_velocity_m_s)
+        assert team.binds.all()
+        for name in set(one._fields) - {"pursuer_velocity_m_s"}:
+            assert same(getattr(team, name), getattr(one, name)), name
+        assert same(team.lower_bound, one.value)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=seeds, n=counts, tad=st.booleans())
+def test_a_batch_is_its_singles(seed, n, tad):
+    P, E, T = states(seed, n, 12)
+    game = unequal(seed, n)
+    T = T if tad else None
+    whole = solve_team(game, P, E, T)
+    folded = solve_team(game, P.reshape(3, 4, n, 3), E.reshape(3, 4, 3), None if T is None else T.reshape(3, 4, 3))
+    for i in range(12):
+        one = solve_team(game, P[i], E[i], None if T is None else T[i])
+        for part, other, single in zip(whole, folded, one, strict=True):
+            assert same(part[i], single)
+            assert same(other.reshape(part.shape), part)
+
+
+def test_leading_axes_broadcast():
+    P, E, T = states(1, 3, 20)
+    crossed = solve_team(PAPER, P[:5, None], E[None, 5:12], T[0])
+    assert crossed.value.shape == (5, 7)
+    assert crossed.binds.shape == (5, 7, 3)
+    assert crossed.pursuer_velocity_m_s.shape == (5, 7, 3, 3)
+    assert crossed.value[3, 4] == solve_team(PAPER, P[3], E[9], T[0]).value
+    speeds = Game(PAPER.pursuer, np.array([[0.5], [1.0]]))
+    assert solve_team(speeds, P[0], E[0], T[0]).value.shape == (2,)
+    assert solve_team(speeds, P[0], E[0], T[0]).value[1] == solve_team(PAPER, P[0], E[0], T[0]).value
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds, n=st.integers(2, 6), tad=st.booleans(), alike=st.booleans())
+def test_the_order_of_the_pursuers_changes_nothing(seed, n, tad, alike):
+    P, E, T = states(seed, n)
+    order = np.random.default_rng(seed).permutation(n)
+    game = PAPER if alike else unequal(seed, n)
+    moved = game if alike else Game(Ball(game.pursuer.speed_m_s[order]), 1.0)
+    answer = solve_team(game, P, E, T if tad else None)
+    again = solve_team(moved, P[order], E, T if tad else None)
+    for name in set(answer._fields) - {"binds", "pursuer_velocity_m_s"}:
+        assert same(getattr(answer, name), getattr(again, name)), name
+    assert same(answer.pursuer_velocity_m_s[order], again.pursuer_velocity_m_s)
+    assert same(answer.binds[order], again.binds)
+
+
+def stepped(answer, P, E, dt, *, flown=None, run=None):
+    return P + dt * (answer.pursuer_velocity_m_s if flown is None else flown), E + dt * (
+        answer.evader_velocity_m_s if run is None else run
+    )
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds, n=counts)
+def test_l_never_falls_whatever_fifty_evaders_do_and_never_rises_whatever_fifty_teams_do(seed, n):
+    P, E, T = states(seed, n, 60)
+    answer = solve_team(PAPER, P, E, T)
+    won = (answer.winner > 0) & (answer.value > 1.0) & (answer.meeting_time_s > 0.5)
+    P, E, T = P[won], E[won], T[won]
+    answer = solve_team(PAPER, P, E, T)
+    rng = np.random.default_rng(seed)
+    dt = 1e-6
+    evaders = rng.normal(size=(50, *E.shape)) * [1, 1, 0]
+    evaders *= (rng.choice([1.0, 0.5], (50, 1, 1))) / np.linalg.norm(evaders, axis=-1, keepdims=True)
+    later = solve_team(PAPER, *stepped(answer, P, E, dt, run=evaders), T)
+    assert ((later.value - answer.value) / dt > -1e-4).all()
+    teams = rng.normal(size=(50, *P.shape))
+    teams *= 2.0 / np.linalg.norm(teams, axis=-1, keepdims=True)
+    later = solve_team(PAPER, *stepped(answer, P, E, dt, flown=teams), T)
+    assert ((later.value - answer.value) / dt < 1e-4).all()
+    both = solve_team(PAPER, *stepped(answer, P, E, dt), T)
+    np.testing.assert_allclose(both.value, answer.value, atol=1e-9)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds, n=st.integers(2, 5))
+def test_the_bounds_of_pe_hold_against_fifty_opponents(seed, n):
+    P, E, _ = states(seed, n, 40)
+    answer = solve_team(PAPER, P, E)
+    rng = np.random.default_rng(seed)
+    dt = 1e-6 * np.minimum(1.0, answer.lower_bound)[:, None, None]
+    evaders = rng.normal(size=(50, *E.shape)) * [1, 1, 0]
+    evaders /= np.linalg.norm(evaders, axis=-1, keepdims=True)
+    later = solve_team(PAPER, *stepped(answer, P, E, dt, run=evaders[..., None, :])[:1], E + dt[:, 0] * evaders)
+    assert ((later.value + dt[:, 0, 0] - answer.value) / dt[:, 0, 0] < 1e-3).all()
+    teams = rng.normal(size=(50, *P.shape))
+    teams *= 2.0 / np.linalg.norm(teams, axis=-1, keepdims=True)
+    later = solve_team(PAPER, P + dt * teams, E + dt[:, 0] * answer.evader_velocity_m_s)
+    assert ((later.lower_bound + dt[:, 0, 0] - answer.lower_bound) / dt[:, 0, 0] > -1e-3).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds, n=st.integers(2, 5))
+def test_a_pair_wins_only_if_one_of_it_wins_alone_and_one_more_never_hurts(seed, n):
+    P, E, T = states(seed, n)
+    answer = solve_team(PAPER, P, E, T)
+    alone = solve(PAPER, P, E, T)
+    assert answer.winner == alone.winner.max()
+    fewer = solve_team(PAPER, P[1:], E, T)
+    assert answer.winner >= fewer.winner
+    if answer.winner > 0 and fewer.winner > 0:
+        assert answer.value >= fewer.value
+    elif answer.winner < 0:
+        assert answer.value <= fewer.value
+    pe, fewer = solve_team(PAPER, P, E), solve_team(PAPER, P[1:], E)
+    assert pe.value <= fewer.value
+    assert pe.lower_bound <= fewer.lower_bound * (1 + 1e-15)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds, n=st.integers(3, 5))
+def test_pursuers_that_do_not_bind_are_free(seed, n):
+    P, E, T = states(seed, n)
+    answer = solve_team(PAPER, P, E, T)
+    assert 1 <= answer.binds.sum() <= 2
+    again = solve_team(PAPER, P[answer.binds], E, T)
+    assert (again.value, again.winner) == (answer.value, answer.winner)
+    assert same(again.pursuer_velocity_m_s, answer.pursuer_velocity_m_s[answer.binds])
+    if answer.winner > 0:
+        towards = answer.meeting_point_m - P
+        cosine = np.vecdot(towards, answer.pursuer_velocity_m_s) / np.linalg.norm(towards, axis=-1)
+        np.testing.assert_allclose(cosine, 2.0, rtol=1e-9)
+
+
+def test_two_pursuers_meet_the_evader_together_where_both_bind():
+    P = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0], [9.0, 9.0, 9.0]])
+    answer = solve_team(PAPER, P, np.array([9.0, 0.0, 0.0]), np.zeros(3))
+    assert answer.winner == Winner.PURSUER
+    assert answer.reason == Reason.SOLVED
+    assert answer.binds.tolist() == [True, True, False]
+    way = np.linalg.norm(P - answer.meeting_point_m, axis=-1)
+    np.testing.assert_allclose(way[:2] / 2.0, answer.meeting_time_s, rtol=1e-14)
+    assert way[2] / 2.0 > answer.meeting_time_s
+    np.testing.assert_allclose(
+        [9, 0, 0] + answer.meeting_time_s * answer.evader_velocity_m_s, answer.meeting_point_m, atol=1e-14
+    )
+
+
+def test_a_captured_evader_is_captured_by_whoever_is_there():
+    P, E, T = states(3, 3)
+    P[1] = E
+    for target in (None, T):
+        answer = solve_team(PAPER, P, E, target)
+        assert answer.reason == Reason.CAPTURED
+        assert answer.binds.tolist() == [False, True, False]
+        assert answer.meeting_point_m.tolist() == E.tolist()
+        assert answer.meeting_time_s == 0.0
+        assert answer.value == (0.0 if target is None else pytest.approx(np.linalg.norm(E - T)))
+        assert np.isfinite(answer.pursuer_velocity_m_s).all()
+
+
+def test_right_above_the_evader_the_others_decide_where_it_runs():
+    P = np.array([[0.0, 0.0, 10.0], [4.0, 0.0, 8.0]])
+    answer = solve_team(PAPER, P, np.zeros(3))
+    assert answer.reason == Reason.SOLVED
+    assert answer.binds.all()
+    assert answer.evader_velocity_m_s.tolist() == [-1.0, 0.0, 0.0]
+    assert answer.lower_bound == answer.value == pytest.approx(10.0 / np.sqrt(3.0))
+    far = solve_team(PAPER, P + np.array([[0, 0, 0], [99, 0, 0]]), np.zeros(3))
+    assert far.reason == Reason.OVERHEAD
+    assert far.binds.tolist() == [True, False]
+
+
+def test_rows_without_an_answer_are_nan_and_say_why():
+    P, E, T = states(4, 2, 4)
+    P[1, 0, 2] = np.nan
+    E[2, 0] = np.inf
+    answer = solve_team(Game(Ball(np.array([[2.0, 2.0]] * 3 + [[2.0, 1.0]])), 1.0), P, E, T)
+    assert answer.reason.tolist()[1:] == [Reason.NOT_FINITE, Reason.NOT_FINITE, Reason.PURSUER_TOO_SLOW]
+    assert answer.winner.tolist()[1:] == [Winner.UNDECIDED] * 3
+    assert not answer.binds[1:].any()
+    for name in ("value", "lower_bound", "margin_s", "meeting_point_m", "pursuer_velocity_m_s"):
+        assert np.isnan(getattr(answer, name)[1:]).all()
+        assert np.isfinite(getattr(answer, name)[0]).all()
+    only = solve_team(PAPER, P[0], E[0], T[0])
+    assert all(same(part[0], one) for part, one in zip(answer, only, strict=True))
+
+
+def test_integers_are_real_numbers():
+    whole = solve_team(PAPER, np.array([[3, 4, 10], [30, 2, 3]]), [0, 0, 0], [30, 1, 0])
+    real = solve_team(PAPER, np.array([[3.0, 4, 10], [30, 2, 3]]), np.zeros(3), np.array([30.0, 1, 0]))
+    assert all(same(a, b) for a, b in zip(whole, real, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("game", "said"),
+    [
+        (Game(Cylinder(2.0, 1.0, 1.0), 1.0), "must be a Ball"),
+        (Game(Ball(2.0), 1.0, capture_radius_m=0.5), "capture_radius_m = 0.5: must be 0.0"),
+        (Game(Ball(2.0), 1.0, capture_radius_m=np.zeros(2)), "capture_radius_m"),
+        (Game(Ball(2.0), 1.0, information_age_s=1.0), "information_age_s = 1.0"),
+        (Game(Ball(2.0), 1.0, wind_m_s=(0.1, 0.0)), "wind_m_s"),
+        (Game(Ball(2.0), 1.0, target_velocity_m_s=(0.1, 0.0)), "target_velocity_m_s"),
+        (Game(Ball(2.0), 1.0, evader_space="space"), "evader_space = 'space'"),
+        (Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 2.0)), r"standoff.radius_m = 3.0"),
+        (Game(Ball(2.0), 1.0, standoff=StandOff(0.0, np.ones(2))), r"standoff.height_m"),
+    ],
+)
+def test_a_game_that_teams_do_not_play_is_refused_by_its_key(game, said):
+    P, E, _ = states(0, 2)
+    with pytest.raises(ConfigError, match=said):
+        solve_team(game, P, E)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"pursuers": np.zeros(3)}, r"pursuers = .*\(..., n, 3\)"),
+        ({"pursuers": np.zeros((0, 3))}, "pursuers"),
+        ({"pursuers": np.zeros((2, 2))}, "pursuers"),
+        ({"pursuers": "near"}, "pursuers = 'near'"),
+        ({"evader": np.zeros(2)}, "evader"),
+        ({"evader": 3.0}, "evader = 3.0"),
+        ({"evader": np.zeros((4, 3)), "target": np.zeros((5, 3))}, "do not fit each other"),
+        ({"evader": np.array([0.0, np.nan, 0.0])}, "evader = .*has no answer: not finite"),
+        ({"game": Game(Ball(2.0), np.array([1.0, 1.5]))}, r"evader_speed_m_s = .*\(..., 1\)"),
+        ({"game": Game(Ball(np.array([2.0, 0.5])), 1.0)}, "the team: has no answer: pursuer too slow"),
+    ],
+)
+def test_bad_arguments_are_refused_by_their_names(changed, said):
+    P, E, T = states(0, 2)
+    given = {"game": PAPER, "pursuers": P, "evader": E, "target": T} | changed
+    with pytest.raises(ConfigError, match=said):
+        solve_team(**given)
