@@ -12,8 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Game, Reason, Solution, Winner
-from guidance.game.batch import solve_rows
+from guidance.game import Ball, Game, Reason, Solution, Winner, solve
 
 PURSUER = ("pursuer_x_m", "pursuer_y_m", "pursuer_z_m")
 EVADER = ("evader_x_m", "evader_y_m")
@@ -92,7 +91,7 @@ def _answered(game: Game, chunk: pa.Table, *, ratio_given: bool) -> pa.Table:
     if RATIO in names:
         game = replace(game, pursuer=Ball(_column(chunk, RATIO) * game.evader_speed_m_s))
     with_target = bool(names & set(TARGET))
-    answer = solve_rows(
+    answer = solve(
         game, _places(chunk, PURSUER), _places(chunk, EVADER), _places(chunk, TARGET) if with_target else None
     )
     for name, column in _columns(answer).items():

@@ -2,19 +2,23 @@
 
 Kernels work on components, x, y and z as separate arrays of the leading shape, with nothing but + − × ÷, √, comparison
 and selection. IEEE arithmetic rounds each of those correctly, alone or in a SIMD lane, so that one state and a million
-give the same bits. A sum over the last axis, `hypot`, `sin` or a BLAS dot product would not promise that, and a single
-state, whose components are NumPy scalars, would pay ten times as much for each of its operations.
+give the same bits, and a single state may as well be Python's own floats (`FLOATS`), whose operations cost a tenth of
+those of NumPy's scalars. A sum over the last axis, `hypot`, `sin` or a BLAS dot product would not promise that.
 """
 
+import math
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
-from array_api_compat import array_namespace, is_jax_array, is_numpy_namespace
+from array_api_compat import array_namespace, is_array_api_obj, is_jax_array, is_numpy_namespace
 from array_api_compat import device as device_of
 
+from guidance.errors import ConfigError
+
 Array: TypeAlias = Any
-"""An array of any library of the Python array API: NumPy, PyTorch, JAX."""
+"""An array of any library of the Python array API: NumPy, PyTorch, JAX. For a given vector a list does, too."""
 
 Library: TypeAlias = Any
 """The functions of such a library."""
@@ -28,22 +32,69 @@ Plane: TypeAlias = tuple[Any, Any]
 Space: TypeAlias = tuple[Any, Any, Any]
 """The x, y and z components of a vector."""
 
+FLOATS: Library = SimpleNamespace(sqrt=math.sqrt)
+"""What the kernels ask of a library, for the floats of a single state."""
 
-def namespace(*arrays: Array) -> Library:
-    """Return the array library of the arguments; NumPy without a look-up, for the sake of a 20 ms loop."""
-    for array in arrays:
-        if type(array) is not np.ndarray:
-            return array_namespace(*arrays)
-    return np
+DOUBLE = np.dtype(np.float64)
+
+
+def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Library, dict[str, Array]]:
+    """Take named vectors as real numbers, all in the widest precision among them and some arrays of parameters.
+
+    Integers, fractions and lists are numbers like any others.
+
+    Returns:
+        The array library, and the vectors as its arrays.
+
+    Raises:
+        ConfigError: one is no array of numbers, or they belong to different libraries.
+    """
+    if all(type(value) is np.ndarray and value.dtype is DOUBLE for value in (*given.values(), *parameters)):
+        return np, given
+    known = [value for value in given.values() if is_array_api_obj(value)]
+    try:
+        xp = array_namespace(*known) if known else np
+    except TypeError:
+        kinds = ", ".join(f"{name}: {type(value).__name__}" for name, value in given.items())
+        raise ConfigError(f"arrays of different libraries cannot be mixed: {kinds}") from None
+    taken = {name: _as_array(xp, name, value) for name, value in given.items()}
+    wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
+    return xp, {name: array if array.dtype == wide else xp.astype(array, wide) for name, array in taken.items()}
+
+
+def _as_array(xp: Library, name: str, value: object) -> Array:
+    try:
+        return as_reals(value if is_array_api_obj(value) else xp.asarray(value))
+    except (TypeError, ValueError, RuntimeError):
+        raise ConfigError(f"{name} = {value!r}: must be an array of shape (..., 3) of real numbers") from None
+
+
+def as_reals(array: Array) -> Array:
+    """Return an array of numbers of any kind as one of floating point numbers; what is not whole stays as it is.
+
+    Raises:
+        TypeError: it holds complex numbers, or no numbers.
+        ValueError: an object in it is no number.
+    """
+    xp = array_namespace(array)
+    if is_numpy(xp) and array.dtype.kind == "O":
+        return array.astype(np.float64)
+    if xp.isdtype(array.dtype, ("integral", "bool")):
+        return xp.astype(array, xp.float64)
+    if not xp.isdtype(array.dtype, "real floating"):
+        raise TypeError(f"{array.dtype} are no real numbers")
+    return array
 
 
 def is_numpy(xp: Library) -> bool:
     """Say whether the library is NumPy itself."""
-    return bool(is_numpy_namespace(xp))
+    return xp is np or bool(is_numpy_namespace(xp))
 
 
 def component(array: Array, index: int) -> Array:
-    """Take one component, (..., 3) → (...); of a single NumPy state a scalar."""
+    """Take one component, (..., 3) → (...); of a single state a scalar."""
+    if type(array) is list:
+        return array[index]
     return array[..., index][()] if isinstance(array, np.ndarray) else array[..., index]
 
 
@@ -80,6 +131,39 @@ def larger(xp: Library, a: Array, b: Array) -> Array:
     return select(xp, a > b, a, b)
 
 
+def root(xp: Library, square: Array) -> Array:
+    """Return a square root; at zero with a derivative that is finite, in the libraries that differentiate."""
+    if xp is np or xp is FLOATS:
+        return xp.sqrt(square)
+    some = square > 0
+    return select(xp, some, xp.sqrt(select(xp, some, square, 1.0)), square)
+
+
+def less_length(u: Real, v: Real, w: Plane) -> Real:
+    """Return u − v − ‖w‖ to the last digits of the numbers given, however small it is beside them.
+
+    (u − v)² − ‖w‖² over (u − v) + ‖w‖, with every square as a sum of two floats whose second is what the first lost.
+    """
+    difference = u - v
+    if w == (0.0, 0.0):
+        return difference
+    back = u - difference
+    lost = (u - (difference + back)) + (back - v)
+    (a, a_lost), (b, b_lost), (c, c_lost) = (_square(part) for part in (difference, *w))
+    both = b + c
+    both_lost = b - (both - (both - b)) + (c - (both - b))
+    rest = (a - both) + (a_lost - b_lost - c_lost - both_lost + 2.0 * difference * lost)
+    return rest / (difference + math.hypot(*w))
+
+
+def _square(value: Real) -> tuple[Real, Real]:
+    """Return the square as rounded, and what rounding took from it (Dekker, for double precision)."""
+    square, scaled = value * value, 134217729.0 * value
+    high = scaled - (scaled - value)
+    low = value - high
+    return square, ((high * high - square) + 2.0 * high * low) + low * low
+
+
 def dot2(a: Plane, b: Plane) -> Array:
     """Scalar product of two plane vectors."""
     return a[0] * b[0] + a[1] * b[1]
@@ -87,13 +171,13 @@ def dot2(a: Plane, b: Plane) -> Array:
 
 def norm2(xp: Library, v: Plane) -> Array:
     """Length of a plane vector."""
-    return xp.sqrt(v[0] * v[0] + v[1] * v[1])
+    return root(xp, v[0] * v[0] + v[1] * v[1])
 
 
 def norm3(xp: Library, vectors: Array) -> Array:
     """Length of vectors, (..., 3) → (...)."""
     x, y, z = (component(vectors, index) for index in range(3))
-    return xp.sqrt(x * x + y * y + z * z)
+    return root(xp, x * x + y * y + z * z)
 
 
 def unit2(xp: Library, v: Plane, length: Array) -> Plane:
@@ -122,7 +206,7 @@ def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[
     if is_numpy(xp):
         packed = np.empty((*shape, len(components)), dtype=like.dtype)
         for index, part in enumerate(components):
-            _fill(packed[..., index], part, plus)
+            fill(packed[..., index], part, plus)
         return packed
     return xp.stack([spread(xp, shape, like, part + plus) for part in components], axis=-1)
 
@@ -131,12 +215,12 @@ def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real, plus: 
     """Spread a number or an array, `plus` added, over the leading shape, in the precision and place of `like`."""
     if is_numpy(xp):
         filled = np.empty(shape, dtype=like.dtype)
-        _fill(filled, value, plus)
+        fill(filled, value, plus)
         return filled
     return xp.broadcast_to(constant(xp, like, value + plus), shape)
 
 
-def _fill(place: Array, value: Real, plus: Real) -> None:
+def fill(place: Array, value: Real, plus: Real) -> None:
     """Write a sum to where it shall be: a batch in one pass, a single number by the shorter way."""
     if place.ndim:
         np.add(value, plus, out=place, casting="same_kind")

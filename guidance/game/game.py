@@ -1,12 +1,19 @@
-"""What is played: the speeds, what counts as capture, what the world adds. One record for every combination."""
+"""What is played: the speeds, what counts as capture, what the world adds; who wins, and what an answer is.
+
+One record for every combination. Its numbers are checked and kept as floats, arrays of them as floating point arrays,
+so that a game is the same game whichever kind of number it was written with.
+"""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Real
-from guidance.game.checks import is_array, is_zero, require, require_fields, require_pair
+from guidance.game.arrays import Array, Real, as_reals, less_length
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -14,7 +21,57 @@ if TYPE_CHECKING:
 STILL = (0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+class Winner(IntEnum):
+    """Who wins."""
+
+    EVADER = -1
+    UNDECIDED = 0
+    """Neither: the state lies on the barrier, or has no answer."""
+    PURSUER = 1
+
+
+class Reason(IntEnum):
+    """What an answer is: solved, a degenerate state with its finite answer, or (from 10 on) NaN, and why."""
+
+    SOLVED = 0
+    CAPTURED = 1
+    """The evader is captured now."""
+    OVERHEAD = 2
+    """The pursuer will be right above the evader whatever the heading: every heading of the evader is as good."""
+    ARRIVED = 3
+    """The evader is at its target now."""
+    ON_BARRIER = 4
+    """Both could be at the target at the same instant."""
+    TOO_OLD = 5
+    """The evader's position is older than `guaranteed_age_s`: value and winner hold if the evader keeps its heading,
+    and play can beat them. No guarantee."""
+    NOT_FINITE = 10
+    """A position or velocity is NaN or infinite."""
+    PURSUER_TOO_SLOW = 11
+    """δ ≤ 1: the pursuer is no faster than evader and wind together."""
+    OUT_OF_RANGE = 12
+    """A parameter of this row is negative, zero where it must not be, or not finite."""
+    OVERFLOW = 13
+    """The numbers are too large for their precision: their squares, or what those become, are infinite."""
+
+
+def same_record(one: "DataclassInstance", other: object) -> bool:
+    """Say whether two records hold the same numbers; an array is compared as a whole, not row by row."""
+    return type(one) is type(other) and record_key(one) == record_key(other)
+
+
+def record_hash(record: "DataclassInstance") -> int:
+    """Return what equal records share."""
+    return hash(record_key(record))
+
+
+def record_key(record: "DataclassInstance") -> tuple[Any, ...]:
+    """Return a record's numbers as something that can be compared and hashed."""
+    values = (getattr(record, part.name) for part in fields(record) if part.init)
+    return tuple((value.shape, (np.asarray(value) + 0.0).tobytes()) if is_array(value) else value for value in values)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Ball:
     """The paper's speed set, eq. (2): the pursuer flies in any direction at up to `speed_m_s`.
 
@@ -23,12 +80,14 @@ class Ball:
     """
 
     speed_m_s: Real
+    __eq__ = same_record
+    __hash__ = record_hash
 
     def __post_init__(self) -> None:
-        require_fields(self)
+        _take_fields(self)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Cylinder:
     """A multicopter's speed set: horizontal and vertical speed bounded each by itself, climb and descent apart.
 
@@ -42,15 +101,17 @@ class Cylinder:
     horizontal_m_s: Real
     climb_m_s: Real
     descent_m_s: Real
+    __eq__ = same_record
+    __hash__ = record_hash
 
     def __post_init__(self) -> None:
-        require_fields(self)
+        _take_fields(self)
 
 
 SpeedSet: TypeAlias = Ball | Cylinder
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class StandOff:
     """Where the pursuer shall end: on the disc of `radius_m` around the evader, `height_m` above its plane.
 
@@ -62,15 +123,14 @@ class StandOff:
 
     radius_m: Real = 0.0
     height_m: Real = 0.0
+    __eq__ = same_record
+    __hash__ = record_hash
 
     def __post_init__(self) -> None:
-        require_fields(self, zero_allowed=True)
+        _take_fields(self, zero_allowed=True)
 
 
-POINT_CAPTURE = StandOff()
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Game:
     """One pursuer against one evader in a plane (Li, Wang & Xie, section II-A), with what a vehicle adds to it.
 
@@ -83,9 +143,11 @@ class Game:
         capture_radius_m: distance l from the stand-off disc that counts as capture.
         standoff: the disc (R, h) around the evader; point capture by default.
         information_age_s: age τ of the evader's position, in which it ran on unseen; the pursuer's own is up to date.
+            Up to `guaranteed_age_s` the value is guaranteed; beyond, it is open-loop, and `Reason.TOO_OLD` says so.
         wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader.
-        target_velocity_m_s: velocity (x, y) of the evader's target. Zero is the paper's game. Anything else is a
-            heuristic: the target is taken to keep this velocity, and the players to meet where it is closest then.
+        target_velocity_m_s: velocity (x, y) of the evader's target. Zero is the paper's game. A constant one is a
+            change of frame, in which the target rests and both players drift, so the answer is as exact as without;
+            of a target that manoeuvres it is not.
         evader_space: "plane", or "space" for the evader of the paper's remark, which moves in three dimensions.
 
     Raises:
@@ -96,20 +158,22 @@ class Game:
     pursuer: SpeedSet
     evader_speed_m_s: Real
     capture_radius_m: Real = 0.0
-    standoff: StandOff = POINT_CAPTURE
+    standoff: StandOff = field(default_factory=StandOff)
     information_age_s: Real = 0.0
     wind_m_s: tuple[float, float] = STILL
     target_velocity_m_s: tuple[float, float] = STILL
     evader_space: Literal["plane", "space"] = "plane"
-    varies: bool = field(init=False, repr=False, compare=False)
+    varies: bool = field(init=False, repr=False)
     """Whether a parameter differs from row to row."""
+    __eq__ = same_record
+    __hash__ = record_hash
 
     def __post_init__(self) -> None:
-        require("evader_speed_m_s", self.evader_speed_m_s)
-        require("capture_radius_m", self.capture_radius_m, zero_allowed=True)
-        require("information_age_s", self.information_age_s, zero_allowed=True)
-        require_pair("wind_m_s", self.wind_m_s)
-        require_pair("target_velocity_m_s", self.target_velocity_m_s)
+        _take(self, "evader_speed_m_s")
+        _take(self, "capture_radius_m", zero_allowed=True)
+        _take(self, "information_age_s", zero_allowed=True)
+        _take_pair(self, "wind_m_s")
+        _take_pair(self, "target_velocity_m_s")
         object.__setattr__(self, "varies", any(is_array(value) for value in parameters(self).values()))
         self._require_speeds()
         self._require_space()
@@ -134,7 +198,7 @@ class Game:
             return
         if self.evader_space != "space":
             raise ConfigError(f"evader_space = {self.evader_space!r}: must be 'plane' or 'space'")
-        plain = self.standoff is POINT_CAPTURE or (is_zero(self.standoff.radius_m) and is_zero(self.standoff.height_m))
+        plain = is_zero(self.standoff.radius_m) and is_zero(self.standoff.height_m)
         if not (plain and isinstance(self.pursuer, Ball) and is_calm(self) and self.target_velocity_m_s == STILL):
             raise ConfigError(
                 "evader_space = 'space': an evader that flies is defined for the speed set Ball, without stand-off, "
@@ -149,7 +213,23 @@ def horizontal_speed(pursuer: SpeedSet) -> Real:
 
 def speed_in_hand(game: Game) -> Real:
     """Return by how much the pursuer outruns the evader against the wind, m/s; without it there is no capture."""
-    return horizontal_speed(game.pursuer) - game.evader_speed_m_s - math.hypot(*game.wind_m_s)
+    return less_length(horizontal_speed(game.pursuer), game.evader_speed_m_s, game.wind_m_s)
+
+
+def guaranteed_age_s(game: Game) -> Real:
+    """Return the age of the evader's position up to which the value is guaranteed, s.
+
+    An evader seen τ seconds ago may be anywhere within vτ. Capture is certain once all of that disc is within reach,
+    and what is within reach after t, less that disc, grows by the players' own speeds (is a semigroup) only while
+
+        vτ ≤ R + (v/u) l for a Ball,    vτ ≤ R + l for a Cylinder (and for the sphere of an evader in space).
+
+    Beyond, the value answers an evader that keeps its heading, and one that does not can beat it.
+    """
+    capture, v = game.capture_radius_m, game.evader_speed_m_s
+    if isinstance(game.pursuer, Ball) and game.evader_space == "plane":
+        return game.standoff.radius_m / v + capture / game.pursuer.speed_m_s
+    return (game.standoff.radius_m + capture) / v
 
 
 def is_calm(game: Game) -> bool:
@@ -176,15 +256,67 @@ def parameters(game: Game) -> dict[str, Real]:
     }
 
 
-def for_rows(game: Game, index: object) -> Game:
-    """Return the game of some rows: every parameter that is an array, indexed alike (`...` and None are fine too)."""
+def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
+    """Return the game of some rows: every parameter that is an array, as `rows` takes them from it."""
     if not game.varies:
         return game
-    pursuer = replace(game.pursuer, **_indexed(game.pursuer, index))
-    standoff = replace(game.standoff, **_indexed(game.standoff, index))
-    return replace(game, pursuer=pursuer, standoff=standoff, **_indexed(game, index))
+    pursuer = replace(game.pursuer, **_taken(game.pursuer, rows))
+    standoff = replace(game.standoff, **_taken(game.standoff, rows))
+    return replace(game, pursuer=pursuer, standoff=standoff, **_taken(game, rows))
 
 
-def _indexed(record: "DataclassInstance", index: object) -> dict[str, Real]:
+def _taken(record: "DataclassInstance", rows: Callable[[Array], Array]) -> dict[str, Real]:
     values = {part.name: getattr(record, part.name) for part in fields(record) if part.init}
-    return {name: value[index] for name, value in values.items() if is_array(value)}
+    return {name: rows(value) for name, value in values.items() if is_array(value)}
+
+
+def _take_fields(record: "DataclassInstance", *, zero_allowed: bool = False) -> None:
+    """Check every number of a record."""
+    for part in fields(record):
+        _take(record, part.name, zero_allowed=zero_allowed)
+
+
+def _take(record: "DataclassInstance", name: str, *, zero_allowed: bool = False) -> None:
+    """Check a number of a record and keep it as a float; an array is judged row by row in `solve`."""
+    value = getattr(record, name)
+    if type(value) is not float:
+        object.__setattr__(record, name, as_reals(value) if is_array(value) else _float(value))
+    if not is_array(value):
+        require(name, value, zero_allowed=zero_allowed)
+
+
+def _take_pair(record: "DataclassInstance", name: str) -> None:
+    """Check a velocity in the plane and keep it as two floats."""
+    pair = getattr(record, name)
+    if not isinstance(pair, tuple) or len(pair) != 2 or not all(is_finite(part) for part in pair):
+        raise ConfigError(f"{name} = {pair!r}: must be a tuple of two finite numbers (x, y), m/s")
+    object.__setattr__(record, name, (float(pair[0]), float(pair[1])))
+
+
+def _float(value: Real) -> Real:
+    return float(value) if is_finite(value) else value
+
+
+def require(name: str, value: Real, *, zero_allowed: bool = False) -> None:
+    """Refuse a number out of range by its name."""
+    if not is_finite(value) or value < 0 or (value == 0 and not zero_allowed):
+        allowed = "zero or more" if zero_allowed else "more than zero"
+        raise ConfigError(f"{name} = {value!r}: must be a finite number, {allowed}")
+
+
+def is_finite(value: Real) -> bool:
+    """Say whether a value is a finite number."""
+    try:
+        return math.isfinite(value)
+    except (TypeError, OverflowError):
+        return False
+
+
+def is_array(value: Real) -> bool:
+    """Say whether a parameter holds one number for each row of a batch."""
+    return type(value) is not float and getattr(value, "shape", ()) != ()
+
+
+def is_zero(value: Real) -> bool:
+    """Say whether a parameter is switched off, an array of NumPy in every row."""
+    return not value.any() if isinstance(value, np.ndarray) else not is_array(value) and bool(value == 0)

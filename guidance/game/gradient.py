@@ -4,7 +4,7 @@ With t_P(X) the pursuer's time to have an evader at X captured and t_E(X) the ev
 extremum of an objective over the edge t_P = t_E of the evader's region, and its multiplier λ gives the gradient at once
 (the envelope theorem). PE, objective t_E: ∇_P V = λ ∇_P t_P and ∇_E V = (1 − λ) ∇_E t_E, with λ = 1/(1 − v n·∇_X t_P).
 TAD, objective ‖X − T‖: ∇_P V = λ ∇_P t_P and ∇_E V = −λ ∇_E t_E. In the paper's game these are its derivatives
-∂V/∂x_P … ∂V/∂y_E of sections III and IV.
+∂V/∂x_P … ∂V/∂y_E, eqs. (23) to (27) and (54) to (58).
 """
 
 from typing import NamedTuple
@@ -17,17 +17,16 @@ from guidance.game.arrays import (
     Space,
     component,
     dot2,
-    namespace,
     norm2,
     pack,
     positive_part,
     select,
     select2,
     unit2,
+    vectors,
 )
 from guidance.game.game import Cylinder, Game
-from guidance.game.play import State, take_apart
-from guidance.game.reach import level_time, vertical_speed
+from guidance.game.reach import State, level_time, take_apart, vertical_speed
 from guidance.game.solution import Solution, leading_shape, quiet, solve
 
 
@@ -55,17 +54,16 @@ def value_gradient(game: Game, pursuer: Array, evader: Array, target: Array | No
     """
     if game.evader_space == "space":
         raise ConfigError("evader_space = 'space': differentiate this one with guidance.game.hji")
-    given = {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
-    shape = leading_shape(game, given)
-    xp = namespace(*given.values())
-    solution = solve(game, pursuer, evader, target)
+    xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
+    shape, like = leading_shape(game, given), given["pursuer"]
+    solution = solve(game, **given)
     with quiet(xp):
-        state = take_apart(xp, game, pursuer, evader, None)
-        by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, target)
+        state = take_apart(xp, game, like, given["evader"], None)
+        by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, given.get("target"))
     return Gradient(
-        pack(xp, shape, pursuer, by_pursuer),
-        pack(xp, shape, pursuer, (*by_evader, 0.0)),
-        pack(xp, shape, pursuer, (*by_target, 0.0)),
+        pack(xp, shape, like, by_pursuer),
+        pack(xp, shape, like, (*by_evader, 0.0)),
+        pack(xp, shape, like, (*by_target, 0.0)),
     )
 
 

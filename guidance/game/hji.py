@@ -1,4 +1,4 @@
-"""The Hamilton-Jacobi-Isaacs residual of a value function: zero where the value is the game's (eq. (9) of the paper).
+"""The Hamilton-Jacobi-Isaacs residual of a value function: zero where the value is the game's (eq. (10) of the paper).
 
     min over one player, max over the other, of  V̇ + running cost,   V̇ = ∇_P V·(u + w) + ∇_E V·v + ∇_T V·v_T
 
@@ -12,10 +12,10 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Literal, TypeAlias
 
-from array_api_compat import is_jax_array, is_torch_array
+from array_api_compat import array_namespace, is_jax_array, is_torch_array
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Plane, component, constant, dot2, namespace, norm2, select
+from guidance.game.arrays import Array, Library, Plane, component, constant, dot2, norm2, root, select, vectors
 from guidance.game.game import Ball, Game
 from guidance.game.gradient import Gradient
 from guidance.game.solution import solve
@@ -53,12 +53,13 @@ def hji_residual(
     """
     if method not in METHODS:
         raise ConfigError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+    xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
+    pursuer, evader, target = given["pursuer"], given["evader"], given.get("target")
     asked = value or (lambda P, E, T: solve(game, P, E, T).value)
     if method == "automatic":
         gradient = automatic_gradient(asked, pursuer, evader, target)
     else:
         gradient = finite_differences(asked, pursuer, evader, target, step_m=step_m)
-    xp = namespace(pursuer, evader)
     if target is None:
         return 1.0 + _drift(game, gradient) + _saddle(xp, game, gradient, 1.0)
     minimises = select(xp, solve(game, pursuer, evader, target).winner > 0, -1.0, 1.0)
@@ -69,7 +70,7 @@ def finite_differences(
     value: ValueFunction, pursuer: Array, evader: Array, target: Array | None, *, step_m: float
 ) -> Gradient:
     """Differentiate by central differences of fourth order, whose error falls with `step_m`⁴."""
-    xp = namespace(pursuer, evader)
+    xp = array_namespace(pursuer, evader)
 
     def along(place: int) -> Array:
         given = [pursuer, evader, target]
@@ -118,13 +119,13 @@ def _saddle(xp: Library, game: Game, gradient: Gradient, minimises: Array) -> Ar
     """What the best of both adds, turned so that the pursuer minimises."""
     x, y, z = (-minimises * component(gradient.pursuer, index) for index in range(3))
     if isinstance(game.pursuer, Ball):
-        pursuer = game.pursuer.speed_m_s * xp.sqrt(x * x + y * y + z * z)
+        pursuer = game.pursuer.speed_m_s * root(xp, x * x + y * y + z * z)
     else:
         vertical = select(xp, z > 0, game.pursuer.climb_m_s * z, -game.pursuer.descent_m_s * z)
         pursuer = game.pursuer.horizontal_m_s * norm2(xp, (x, y)) + vertical
     a, b, c = (component(gradient.evader, index) for index in range(3))
     free = c if game.evader_space == "space" else 0.0 * c
-    return game.evader_speed_m_s * xp.sqrt(a * a + b * b + free * free) - pursuer
+    return game.evader_speed_m_s * root(xp, a * a + b * b + free * free) - pursuer
 
 
 def _plane(vectors: Array) -> Plane:

@@ -1,35 +1,42 @@
 """The pursuit-evasion game: capture as soon as possible against delay (Li, Wang & Xie, section III).
 
 The evader's best heading is straight away from where the wind drifts the pursuer to: then the capture circle of `reach`
-needs longest to span the evader's own circle. In still air that is the paper's q*, with d → d + v τ − R and z → z − h.
-A Ball flies straight to that meeting point, a Cylinder at a along the line of sight and at b vertically, and it holds
-what is already met.
+needs longest to span the evader's own circle. In still air that is the paper's q*, eq. (16), with d → d + v τ − R and
+z → z − h. A Ball flies straight to that meeting point, eq. (20), a Cylinder at a along the line of sight and at b
+vertically, and it holds what is already met.
 
-Where the paper is silent: right above the evader (d = 0, outside its set R₀) any heading of the evader is as good as
-any other, and the formulas divide by zero. The value is their limit, z/√(u² − v²). A Ball copies the evader's observed
-velocity there and spends the rest of its speed on the descent, √(u² − ‖v_E‖²); over an evader that stands still, or
-whose velocity is unknown, it goes straight down. The evader keeps its observed heading, or takes the x axis.
+Where the paper is silent: right above the evader (d = 0, outside its set R₀, eq. (13)) any heading of the evader is as
+good as any other, and the formulas divide by zero. The value is their limit, z/√(u² − v²). A Ball copies the evader's
+observed velocity there and spends the rest of its speed on the descent, √(u² − ‖v_E‖²); over an evader that stands
+still, or whose velocity is unknown, it goes straight down. The evader keeps its observed heading, or takes the x axis.
 """
 
-from guidance.game.arrays import Array, Library, Plane, Space, dot2, norm2, select, select2, unit2
-from guidance.game.game import Ball, Cylinder, Game, is_calm
-from guidance.game.play import Play, State
-from guidance.game.reach import NEWTON_STEPS, cover_time, steer
-from guidance.game.reasons import Reason, Winner
+from guidance.game.arrays import Array, Library, Plane, Space, dot2, norm2, root, select, select2, unit2
+from guidance.game.game import (
+    Ball,
+    Cylinder,
+    Game,
+    Reason,
+    Winner,
+    horizontal_speed,
+    is_calm,
+    speed_in_hand,
+)
+from guidance.game.reach import NEWTON_STEPS, Play, State, cover_time, head_wind, steer
 
 
 def pursuit(xp: Library, game: Game, state: State) -> Play:
     """Play the PE game from a state taken apart; see `solve` for what the answer means."""
     v, age = game.evader_speed_m_s, game.information_age_s
-    gap = state.distance + v * age - game.standoff.radius_m
     t, direction, free = _flee(xp, game, state)
-    caught = t <= 0
     run = v * (t + age)
-    to = (state.to_evader[0] + run * direction[0], state.to_evader[1] + run * direction[1])
+    dash = (run * direction[0], run * direction[1])
+    gap = state.distance + (v * age - game.standoff.radius_m)
     if isinstance(game.pursuer, Cylinder):
         gap = gap - game.capture_radius_m
+    to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
     flown = steer(xp, game, to, gap, t, state.z, state.hold)
-    overhead = free & ~caught & (gap + v * t > 0)
+    overhead = free & (t > 0) & (gap + v * t > 0)
     if isinstance(game.pursuer, Ball):
         flown = _follow(xp, game, game.pursuer, state, overhead, flown)
     reason = select(xp, overhead, int(Reason.OVERHEAD), int(Reason.SOLVED))
@@ -37,11 +44,11 @@ def pursuit(xp: Library, game: Game, state: State) -> Play:
         winner=int(Winner.PURSUER),
         value=t,
         margin=float("inf"),
-        meeting=(state.evader[0] + run * direction[0], state.evader[1] + run * direction[1], state.ground),
+        meeting=(state.evader[0] + dash[0], state.evader[1] + dash[1], state.ground),
         time=t,
         pursuer=flown,
         evader=(v * direction[0], v * direction[1], 0.0),
-        reason=select(xp, caught, int(Reason.CAPTURED), reason),
+        reason=select(xp, t > 0, reason, int(Reason.CAPTURED)),
     )
 
 
@@ -52,10 +59,11 @@ def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
     away, distance = state.to_evader, state.distance
     direction = unit2(xp, away, distance)
     if is_calm(game):
-        t = cover_time(xp, game, distance + lead, v, state.z)
+        t = cover_time(xp, game, distance + lead, horizontal_speed(game.pursuer) - v, state.z)
     else:
         for _ in range(NEWTON_STEPS):
-            t = cover_time(xp, game, dot2(direction, state.to_evader) + lead, v - dot2(direction, wind), state.z)
+            spare = speed_in_hand(game) + head_wind(game, direction)
+            t = cover_time(xp, game, dot2(direction, state.to_evader) + lead, spare, state.z)
             away = (state.to_evader[0] - wind[0] * t, state.to_evader[1] - wind[1] * t)
             distance = norm2(xp, away)
             direction = unit2(xp, away, distance)
@@ -69,7 +77,7 @@ def _follow(xp: Library, game: Game, pursuer: Ball, state: State, overhead: Arra
     """Above the evader: copy its velocity, and spend the rest of the speed on the height, if there is any."""
     rest = pursuer.speed_m_s
     if state.seen is not None:
-        rest = xp.sqrt(rest * rest - dot2(state.seen, state.seen))
+        rest = root(xp, rest * rest - dot2(state.seen, state.seen))
     copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
     vertical = select(xp, state.z > 0, -rest, select(xp, state.z < 0, rest, 0.0))
     return *select2(xp, overhead, copied, (flown[0], flown[1])), select(xp, overhead, vertical, flown[2])

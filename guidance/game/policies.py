@@ -10,10 +10,9 @@ from types import MappingProxyType
 from typing import Protocol
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, component, namespace, norm2, pack, select, unit2
+from guidance.game.arrays import Array, component, norm2, pack, select, unit2, vectors
 from guidance.game.game import Game
-from guidance.game.play import take_apart
-from guidance.game.reach import steer
+from guidance.game.reach import steer, take_apart
 from guidance.game.solution import leading_shape, quiet, solve
 from guidance.game.tad import guard_time
 
@@ -35,14 +34,14 @@ class Policy(Protocol):
 def optimal_pursuer(
     game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
 ) -> Array:
-    """Play the pursuer's part of `solve`: eq. (13) of the paper in PE, eq. (24) in TAD, straight to T where E wins."""
+    """Play the pursuer's part of `solve`: eq. (20) of the paper in PE, eq. (49) in TAD, straight to T where E wins."""
     return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).pursuer_velocity_m_s
 
 
 def optimal_evader(
     game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
 ) -> Array:
-    """Play the evader's part of `solve`."""
+    """Play the evader's part of `solve`: eq. (20) of the paper in PE, eq. (44) in TAD, straight to T where it wins."""
     return solve(game, pursuer, evader, target, evader_velocity_m_s=evader_velocity_m_s).evader_velocity_m_s
 
 
@@ -78,7 +77,8 @@ def hold(
     game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
 ) -> Array:
     """Stay where you are."""
-    return 0.0 * (pursuer + evader)
+    _, given = vectors({"pursuer": pursuer, "evader": evader})
+    return 0.0 * (given["pursuer"] + given["evader"])
 
 
 PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
@@ -100,21 +100,22 @@ def _needed(target: Array | None) -> Array:
 
 def _fly_straight(game: Game, pursuer: Array, evader: Array, aim: Array, seen: Array | None) -> Array:
     """Fly the pursuer to the disc around `aim` as if that stood still; hold, or follow `seen`, once it is there."""
-    shape = leading_shape(game, {"pursuer": pursuer, "evader": evader, "aim": aim})
-    xp = namespace(pursuer, evader, aim)
+    observed = {} if seen is None else {"evader_velocity_m_s": seen}
+    xp, given = vectors({"pursuer": pursuer, "evader": evader, "aim": aim} | observed)
+    shape, aim = leading_shape(game, given), given["aim"]
     with quiet(xp):
-        state = take_apart(xp, game, pursuer, evader, seen)
+        state = take_apart(xp, game, given["pursuer"], given["evader"], given.get("evader_velocity_m_s"))
         goal = (component(aim, 0) - state.evader[0], component(aim, 1) - state.evader[1])
         to = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
         gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
         flown = steer(xp, game, to, gap, guard_time(xp, game, state, goal), state.z, state.hold)
-        return pack(xp, shape, pursuer, flown)
+        return pack(xp, shape, aim, flown)
 
 
 def _run(game: Game, evader: Array, point: Array, *, away: bool) -> Array:
     """Run the evader from or to a point: from right below it along the x axis, and no further than to it."""
-    shape = leading_shape(game, {"evader": evader, "point": point})
-    xp = namespace(evader, point)
+    xp, given = vectors({"evader": evader, "point": point})
+    shape, evader, point = leading_shape(game, given), given["evader"], given["point"]
     with quiet(xp):
         way = (component(point, 0) - component(evader, 0), component(point, 1) - component(evader, 1))
         length = norm2(xp, way)

@@ -10,13 +10,16 @@ distance from the disc is `gap + run · t` is caught when the circle has grown a
 
     (u² − v²) t² + 2 (u l − v gap) t + l² − z² − gap² = 0,   v = run,
 
-whose discriminant is written below as (u gap − v l)² + (u² − v²) z², a sum of squares that no rounding turns negative.
-With R = l = 0 and run = v it is the paper's capture time t_E, the value of the PE game.
+whose discriminant is written below as (u gap − v l)² + (u² − v²) z², a sum of squares that no rounding turns negative,
+and u² − v² as (u − v)(u + v), for which u − v is what callers give. With R = l = 0 it is the paper's capture time.
 
 A distance that is a plane vector y + m t, not a straight line in t, is the largest of its projections on a direction.
 Fixing the direction at the last estimate bounds it from below, so that the steps of `catch_time` climb to the answer
 and never pass it: Newton's method on a concave function, quadratic at the end.
 """
+
+import math
+from typing import NamedTuple
 
 from guidance.game.arrays import (
     Array,
@@ -24,16 +27,18 @@ from guidance.game.arrays import (
     Plane,
     Real,
     Space,
+    bounded2,
+    component,
     dot2,
     larger,
     norm2,
     positive_part,
+    root,
     select,
     select2,
     unit2,
 )
-from guidance.game.checks import is_zero
-from guidance.game.game import Ball, Cylinder, Game, is_calm
+from guidance.game.game import Ball, Cylinder, Game, horizontal_speed, is_calm, is_zero, speed_in_hand
 
 TOUCH_M = 1e-9
 """What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""
@@ -42,26 +47,84 @@ NEWTON_STEPS = 10
 """Eight reach the last bit even at δ = 1.02; wider speed ratios need four or five."""
 
 
-def cover_time(xp: Library, game: Game, gap: Real, run: Real, z: Real) -> Array:
+class State(NamedTuple):
+    """A state of the game by components, each of the leading shape, with what every kernel needs of it."""
+
+    evader: Plane
+    """Position of the evader, m."""
+    ground: Array
+    """Height of the evader's plane, m."""
+    to_evader: Plane
+    """Horizontal vector from the pursuer to the evader, m."""
+    distance: Array
+    """Its length d, m."""
+    z: Array
+    """Height of the pursuer above the stand-off disc, m."""
+    seen: Plane | None
+    """Observed velocity of the evader, at most v, m/s; None where it is unknown."""
+
+    @property
+    def hold(self) -> Plane:
+        """Velocity of a pursuer that has nothing to gain: the evader's, or none."""
+        return (0.0, 0.0) if self.seen is None else self.seen
+
+
+class Play(NamedTuple):
+    """A kernel's answer by components; see `Solution`."""
+
+    winner: Array
+    value: Array
+    margin: Array
+    meeting: Space
+    time: Array
+    pursuer: Space
+    evader: Space
+    reason: Array
+
+
+def take_apart(xp: Library, game: Game, P: Array, E: Array, seen: Array | None) -> State:
+    """Take a state apart, `seen` being the evader's observed velocity (..., 3) or None."""
+    evader = (component(E, 0), component(E, 1))
+    ground = component(E, 2)
+    to_evader = (evader[0] - component(P, 0), evader[1] - component(P, 1))
+    z = component(P, 2) - ground - game.standoff.height_m
+    velocity = None
+    if seen is not None:
+        velocity = bounded2(xp, (component(seen, 0), component(seen, 1)), game.evader_speed_m_s)
+    return State(evader, ground, to_evader, norm2(xp, to_evader), z, velocity)
+
+
+def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Array:
     """Return the time from now, s, until the capture circle spans `gap + run · t`; zero if it does now.
 
     Args:
         xp: array library.
         game: speed set and capture radius.
         gap: horizontal distance to the stand-off disc now, m; negative inside.
-        run: speed at which that distance grows, m/s; less in magnitude than the pursuer's horizontal speed.
+        spare: by how much the pursuer's horizontal speed exceeds `run`, at which that distance grows, m/s.
         z: height of the pursuer above the stand-off disc, m, of either sign.
     """
     pursuer, capture = game.pursuer, game.capture_radius_m
     if isinstance(pursuer, Cylinder):
-        beside = (gap - capture) / (pursuer.horizontal_m_s - run)
+        beside = (gap - capture) / spare
         return positive_part(larger(xp, beside, level_time(xp, game, pursuer, z)))
     u = pursuer.speed_m_s
+    run = u - spare
+    hand = spare * (u + run)
+    if is_zero(capture) and is_zero(game.standoff.radius_m):
+        cross = u * gap
+        return (run * gap + root(xp, hand * (z * z) + cross * cross)) / hand  # V, eq. (19), of both speeds
     above = (abs(z) - capture) / u
-    hand = u * u - run * run
-    cross = u * gap - run * capture
-    t = (run * gap - u * capture + xp.sqrt(cross * cross + hand * (z * z))) / hand
+    half, cross = run * gap - u * capture, u * gap - run * capture
+    t = _positive_root(xp, hand, half, root(xp, hand * (z * z) + cross * cross), gap * gap + z * z - capture * capture)
     return positive_part(select(xp, gap + run * above > 0, t, above))
+
+
+def _positive_root(xp: Library, hand: Real, half: Real, delta: Real, beyond: Real) -> Array:
+    """Solve hand·t² − 2 half·t − beyond = 0, `delta` being √(half² + hand·beyond), by the form that does not cancel."""
+    kept = half >= 0
+    other = select(xp, kept, 1.0, delta - half)
+    return select(xp, kept, (half + delta) / hand, beyond / other)
 
 
 def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Array:
@@ -74,33 +137,59 @@ def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Array:
     return select(xp, z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
 
 
+def head_wind(game: Game, n: Plane) -> Real:
+    """Return by how much the wind is kinder to the pursuer, m/s, than if it blew against heading n: ‖w‖ + n·w.
+
+    As ‖w‖ ‖n + w/‖w‖‖²/2, which does not cancel where it does.
+    """
+    strength = math.hypot(*game.wind_m_s)
+    x, y = n[0] + game.wind_m_s[0] / strength, n[1] + game.wind_m_s[1] / strength
+    return 0.5 * strength * (x * x + y * y)
+
+
+def least_square_in_hand(game: Game) -> Real:
+    """Return u² − (v + ‖w‖)², what is left of the pursuer's speed against an evader that runs from it up the wind.
+
+    Against one that runs along n, u² − ‖v n − w‖², it is 2 v (‖w‖ + n·w) more, see `head_wind`.
+    """
+    u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
+    return speed_in_hand(game) * (u + v + math.hypot(*game.wind_m_s))
+
+
 def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Array:
     """Return the time from now, s, until an evader at `y` from the pursuer, moving at `m` in the air, is captured."""
-    pursuer, radius = game.pursuer, game.standoff.radius_m
+    pursuer, radius, capture = game.pursuer, game.standoff.radius_m, game.capture_radius_m
     if isinstance(pursuer, Cylinder):
-        return larger(xp, level_catch_time(xp, game, pursuer, y, m), level_time(xp, game, pursuer, z))
+        level = catch_in_ball(xp, pursuer.horizontal_m_s, radius + capture, y, m, 0.0)
+        return larger(xp, level, level_time(xp, game, pursuer, z))
+    u = pursuer.speed_m_s
     if is_zero(radius):
-        return catch_in_ball(xp, pursuer.speed_m_s, game.capture_radius_m, y, m, z)
+        return catch_in_ball(xp, u, capture, y, m, z)
     direction = unit2(xp, y, norm2(xp, y))
     for _ in range(NEWTON_STEPS):
-        t = cover_time(xp, game, dot2(direction, y) - radius, dot2(direction, m), z)
+        t = cover_time(xp, game, dot2(direction, y) - radius, u - dot2(direction, m), z)
         then = (y[0] + m[0] * t, y[1] + m[1] * t)
         direction = unit2(xp, then, norm2(xp, then))
     return t
 
 
-def level_catch_time(xp: Library, game: Game, pursuer: Cylinder, y: Plane, m: Plane) -> Array:
-    """Return the same for the horizontal part of a Cylinder alone: the planar game with capture radius R + l."""
-    return catch_in_ball(xp, pursuer.horizontal_m_s, game.standoff.radius_m + game.capture_radius_m, y, m, 0.0)
-
-
 def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Real) -> Array:
     """Solve ‖(y + m t, z)‖ = u t + capture for its root t ≥ 0, with ‖m‖ < u; zero if it is captured now."""
-    hand = u * u - dot2(m, m)
-    half = dot2(y, m) - u * capture
-    beyond = dot2(y, y) + z * z - capture * capture
-    t = (half + xp.sqrt(half * half + hand * beyond)) / hand
-    return select(xp, beyond > 0, t, 0.0 * t)
+    pace = norm2(xp, m)
+    return ball_time(xp, (u - pace) * (u + pace), dot2(y, m) - u * capture, dot2(y, y) + z * z - capture * capture)[0]
+
+
+def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Array, Array]:
+    """Solve hand·t² − 2 half·t − beyond = 0 for its root t ≥ 0, and return √(half² + hand·beyond) with it.
+
+    Where `beyond`, the square of what is out of reach now, is not positive, the time is zero.
+    """
+    out = positive_part(beyond)
+    delta = root(xp, half * half + hand * out)
+    kept = half >= 0
+    other = select(xp, kept, 1.0, delta - half)
+    t = select(xp, kept, (half + delta) / hand, out / other)
+    return select(xp, beyond > 0, t, 0.0 * t), delta
 
 
 def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold: Plane) -> Space:
@@ -117,25 +206,30 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
     """
     wind = game.wind_m_s
     y = to if is_calm(game) else (to[0] - wind[0] * t, to[1] - wind[1] * t)
-    length = norm2(xp, y)
     if isinstance(game.pursuer, Cylinder):
-        beside, pace = gap > TOUCH_M, game.pursuer.horizontal_m_s
-        above = abs(z) - game.capture_radius_m > TOUCH_M
-        vertical = select(xp, z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
-        direction = unit2(xp, y, length)
+        air, vertical = _pace(xp, game.pursuer, y, z)
     else:
-        beside = above = t > 0
-        pace, vertical, direction = _aim(xp, game, game.pursuer, y, length, z)
-    flown = (pace * direction[0] + wind[0], pace * direction[1] + wind[1])
-    return *select2(xp, beside, flown, hold), select(xp, above, vertical, 0.0)
+        air, vertical = _aim(xp, game, game.pursuer, y, z)
+    flown = air if is_calm(game) else (air[0] + wind[0], air[1] + wind[1])
+    if isinstance(game.pursuer, Ball):
+        met = t <= 0
+        return *select2(xp, met, hold, flown), select(xp, met, 0.0, vertical)
+    over = abs(z) - game.capture_radius_m
+    return *select2(xp, gap > TOUCH_M, flown, hold), select(xp, over > TOUCH_M, vertical, 0.0)
 
 
-def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, length: Real, z: Real) -> tuple[Real, Real, Plane]:
-    """Point a Ball at the disc around y: horizontal pace, vertical velocity, and what the pace multiplies."""
-    radius = game.standoff.radius_m
+def _pace(xp: Library, pursuer: Cylinder, y: Plane, z: Real) -> tuple[Plane, Real]:
+    """Point a Cylinder at y: horizontal and vertical velocity through the air."""
+    x, across = unit2(xp, y, norm2(xp, y))
+    pace = pursuer.horizontal_m_s
+    return (pace * x, pace * across), select(xp, z > 0, -pursuer.descent_m_s, pursuer.climb_m_s)
+
+
+def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Plane, Real]:
+    """Point a Ball at the disc around y: horizontal and vertical velocity through the air."""
+    radius, length = game.standoff.radius_m, norm2(xp, y)
     reach = length if is_zero(radius) else positive_part(length - radius)
-    distance = xp.sqrt(reach * reach + z * z)
+    distance = root(xp, reach * reach + z * z)
     rate = pursuer.speed_m_s / select(xp, distance > 0, distance, 1.0)
-    if is_zero(radius):
-        return rate, -z * rate, y
-    return reach * rate, -z * rate, unit2(xp, y, length)
+    pace = rate if is_zero(radius) else rate * (reach / select(xp, length > 0, length, 1.0))
+    return (pace * y[0], pace * y[1]), -z * rate

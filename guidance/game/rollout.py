@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, choose, namespace, norm3, spread
-from guidance.game.checks import is_zero, require
-from guidance.game.game import Game
+from guidance.game.arrays import Array, choose, norm3, spread, vectors
+from guidance.game.game import Game, is_zero, require
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.solution import leading_shape, quiet, solve
 from guidance.game.stepping import End, Exact, Paper, Sample, Velocities, exact_samples, published_samples
@@ -68,9 +67,9 @@ def rollout(
         raise ConfigError(
             f"information_age_s = {game.information_age_s!r}: a rollout keeps no past to look at; must be 0"
         )
-    given = {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
+    xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
+    pursuer, evader, target = given["pursuer"], given["evader"], given.get("target")
     shape = leading_shape(game, given)
-    xp = namespace(*given.values())
     velocities = _velocities(game, pursuer_policy, evader_policy)
     nought = spread(xp, shape, pursuer, 0.0)
     start = Sample(

@@ -6,10 +6,10 @@ to E), solved there, and the answer unfolded. Where all three are on one line th
 what leans towards the first is taken off, so that no velocity is unfolded to more than its bound.
 """
 
-from guidance.game.arrays import Array, Library, Space, component, select
+from guidance.game.arrays import Array, Library, Space, component, root, select
 from guidance.game.game import Game
 from guidance.game.pe import pursuit
-from guidance.game.play import Play, State
+from guidance.game.reach import Play, State
 from guidance.game.tad import defence
 
 
@@ -24,7 +24,7 @@ def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, 
     if T is None:
         play = pursuit(xp, game, State((nought, nought), nought, (along, nought), along, nought, None))
     else:
-        distance = xp.sqrt(along * along + across * across)
+        distance = root(xp, along * along + across * across)
         state = State((nought, nought), nought, (along, across), distance, nought, None)
         play = defence(xp, game, state, (far, nought))
 
@@ -75,7 +75,7 @@ def _dot(a: Space, b: Space) -> Array:
 
 def _unit(xp: Library, v: Space) -> tuple[Space, Array]:
     """Direction and length; the x axis where the length is zero."""
-    length = xp.sqrt(_dot(v, v))
+    length = root(xp, _dot(v, v))
     some = length > 0
     inverse = 1.0 / select(xp, some, length, 1.0)
     return (select(xp, some, v[0] * inverse, 1.0), v[1] * inverse, v[2] * inverse), length

@@ -16,13 +16,26 @@ from enum import IntEnum
 from typing import Literal, NamedTuple, TypeAlias
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, choose, constant, norm3
-from guidance.game.checks import require
-from guidance.game.game import Game
-from guidance.game.terminal import NANOSECOND_S, look_ahead
+from guidance.game.arrays import (
+    Array,
+    Library,
+    choose,
+    component,
+    constant,
+    larger,
+    norm2,
+    norm3,
+    positive_part,
+    root,
+    select,
+)
+from guidance.game.game import Ball, Game, horizontal_speed, require
+from guidance.game.reach import TOUCH_M, take_apart, vertical_speed
 
 SHARE = {1: 1.0, 4: 0.5}
 """Share of the least time to the end that a step of an order may take; Runge-Kutta must not look past the end."""
+
+NANOSECOND_S = 1e-9
 
 SPARE_STEPS = 10_000
 """Steps that a game may take to close in on its end, beyond those of its duration."""
@@ -162,3 +175,43 @@ def _advance(
         target_m=None if T is None else T + step * drift,
     )
     return moved, first[1]
+
+
+class Ahead(NamedTuple):
+    """The least time, s, that must pass whatever the players do, before ...
+
+    Attributes:
+        capture_s: the evader can be captured.
+        arrival_s: the evader can be at its target; infinite without one.
+        turn_s: a Cylinder that is not level with its disc is so, and holds its height; infinite for a Ball.
+    """
+
+    capture_s: Array
+    arrival_s: Array
+    turn_s: Array
+
+
+def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: Array | None) -> Ahead:
+    """Return the least times to the ends of a game, from positions (..., 3).
+
+    A Cylinder's parts are met a little outside of where its pursuer holds, for it to come there.
+    """
+    state = take_apart(xp, game, pursuer, evader, None)
+    closing = horizontal_speed(game.pursuer) + game.evader_speed_m_s + math.hypot(*game.wind_m_s)
+    capture, turn = game.capture_radius_m, math.inf
+    beside = state.distance - game.standoff.radius_m
+    if isinstance(game.pursuer, Ball):
+        ahead = positive_part(norm2(xp, (positive_part(beside), state.z)) - capture) / closing
+    else:
+        met = capture + 2.0 * TOUCH_M
+        above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
+        ahead = positive_part(larger(xp, (beside - met) / closing, above))
+        over = abs(state.z) - capture
+        inside = (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z)
+        turn = select(xp, over > TOUCH_M, inside, math.inf)
+    if target is None:
+        return Ahead(ahead, math.inf, turn)
+    x, y, z = (component(target, index) - component(evader, index) for index in range(3))
+    rise = z if game.evader_space == "space" else 0.0 * z
+    speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
+    return Ahead(ahead, root(xp, x * x + y * y + rise * rise) / speed, turn)

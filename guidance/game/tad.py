@@ -1,54 +1,119 @@
 """The target-attacker-defender game: how close to its target the evader ends (Li, Wang & Xie, section IV).
 
 The evader owns the points that it reaches before the pursuer can have it captured there. With the target among them it
-wins. Otherwise it goes for the point of that region closest to the target, and the pursuer meets it there (`edge`).
+wins. Otherwise it goes for the point of that region closest to the target, and the pursuer meets it there: g* of eq.
+(38) in the paper's game (`apollonius.race`), and what `region` finds in every other. A Cylinder's region is the planar
+one together with the disc ‖X − E‖ ≤ v (t_z + τ) that the evader has while the pursuer's height is not yet spent; its
+pursuer flies horizontally by the planar region alone, and holds over the evader what it has met.
 
 Where the paper is wrong:
 
-* Evader wins: its "value" ‖P‖² − δ²‖E‖² is the barrier with the sign turned, in m², and no payoff of the play that it
-  prescribes. The value here is what that play ends with, the distance that the pursuer is short of a capture when the
-  evader arrives: ‖P − T‖ − δ‖E − T‖ in the paper's game.
-* Its payoff J_P there drops z_P. Flying straight to T would not minimise that: measured horizontally, a pursuer would
-  spend nothing on its descent. The distance here is measured in space.
+* Evader wins: its "value" ‖P‖² − δ²‖E‖², eq. (36), is the barrier with the sign turned, in m², and no payoff of the
+  play that it prescribes. The value here is what that play ends with, the distance that the pursuer is short of a
+  capture when the evader arrives: ‖P − T‖ − δ‖E − T‖ in the paper's game.
+* Its payoff J_P there, eq. (35), drops z_P. Flying straight to T would not minimise that: measured horizontally, a
+  pursuer would spend nothing on its descent. The distance here is measured in space.
 * c = T, where g* has no direction, cannot happen while the pursuer wins (‖c − T‖ > r), but it can when the evader wins.
   The answer is finite there.
 """
 
+from typing import NamedTuple
+
+from guidance.game.apollonius import race
 from guidance.game.arrays import Array, Library, Plane, norm2, positive_part, select, select2, unit2
-from guidance.game.edge import edge_point
-from guidance.game.game import STILL, Ball, Game, is_calm
-from guidance.game.play import Play, State
-from guidance.game.reach import catch_in_ball, catch_time, cover_time, steer, vertical_speed
-from guidance.game.reasons import Reason, Winner
+from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm
+from guidance.game.reach import Play, State, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
+from guidance.game.region import Edge, closest_point, is_circle
+
+
+class Contest(NamedTuple):
+    """Who is sooner at the target, and where the evader ends if that is the pursuer.
+
+    Attributes:
+        goal: Vector from the evader to where it can meet its target, m.
+        arrival: When it can be there, s.
+        guard: When the pursuer could hold captured whoever is there, s.
+        margin: How much sooner that is, s.
+        short: Distance that the pursuer is short of that when the evader arrives, m.
+        edge: The closest point of the evader's region to its target, of a Cylinder's the planar part.
+    """
+
+    goal: Plane
+    arrival: Array
+    guard: Array
+    margin: Array
+    short: Array
+    edge: Edge
 
 
 def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
     """Play the TAD game from a state taken apart; see `solve` for what the answer means."""
-    v, age = game.evader_speed_m_s, game.information_age_s
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
+    contest = _compare(xp, game, state, to_target)
+    goal, margin, lead = contest.goal, contest.margin, contest.edge
+    edge = _with_falling(xp, game, game.pursuer, state, to_target, lead) if isinstance(game.pursuer, Cylinder) else lead
+    won, arrived = margin > 0, contest.arrival <= 0
+    run, leading = select2(xp, won, edge.run, goal), select2(xp, won, lead.run, goal)
+    to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
+    gap = norm2(xp, to) - (game.standoff.radius_m + game.capture_radius_m)
+    hold = select2(xp, won, state.hold, (0.0, 0.0))
+    length = norm2(xp, run)
+    heading = select2(xp, length > 0, unit2(xp, run, length), unit2(xp, goal, norm2(xp, goal)))
+    pace = select(xp, arrived, 0.0, game.evader_speed_m_s)
+    return Play(
+        winner=_winner(xp, margin),
+        value=select(xp, won, edge.left, select(xp, margin < 0, contest.short, 0.0)),
+        margin=margin,
+        meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
+        time=select(xp, won, edge.time, contest.arrival),
+        pursuer=steer(xp, game, to, gap, select(xp, won, lead.time, contest.guard), state.z, hold),
+        evader=(pace * heading[0], pace * heading[1], 0.0),
+        reason=_reason(xp, margin, arrived, is_caught(xp, game, state)),
+    )
+
+
+def _compare(xp: Library, game: Game, state: State, to_target: Plane) -> Contest:
+    """Compare the times to the target, by the paper's formulas wherever the game is the paper's."""
+    circle = is_circle(game)
+    whole = circle is True
+    if whole and isinstance(game.pursuer, Ball):
+        return _paper(xp, game, state, to_target, state.z)
     arrival, goal = _arrive(xp, game, to_target)
     guard = guard_time(xp, game, state, goal)
     margin = arrival - guard
-    lost, arrived = margin < 0, arrival <= 0
-    edge = edge_point(xp, game, state, to_target, goal)
-    run = select2(xp, lost, goal, edge.run)
-    lead = select2(xp, lost, goal, edge.lead)
-    to = (state.to_evader[0] + lead[0], state.to_evader[1] + lead[1])
-    gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
-    caught = cover_time(xp, game, state.distance + v * age - game.standoff.radius_m, 0.0, state.z) <= 0
-    hold = (0.0, 0.0) if state.seen is None else select2(xp, caught, state.seen, (0.0, 0.0))
-    length = norm2(xp, run)
-    heading = select2(xp, length > 0, unit2(xp, run, length), unit2(xp, goal, norm2(xp, goal)))
-    pace = select(xp, arrived, 0.0, v)
-    return Play(
-        winner=_winner(xp, margin),
-        value=select(xp, lost, _shortfall(xp, game, state, goal, arrival, lost), edge.left),
-        margin=margin,
-        meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
-        time=select(xp, lost, arrival, edge.time),
-        pursuer=steer(xp, game, to, gap, select(xp, lost, guard, edge.lead_time), state.z, hold),
-        evader=(pace * heading[0], pace * heading[1], 0.0),
-        reason=_reason(xp, margin, arrived, caught),
+    short = _shortfall(xp, game, state, goal, arrival, margin < 0)
+    if circle is False:
+        edge = closest_point(xp, game, state, to_target, goal, margin > 0)
+        return Contest(goal, arrival, guard, margin, short, edge)
+    flat = isinstance(game.pursuer, Cylinder)
+    paper = _paper(xp, game, state, to_target, 0.0 if flat else state.z)
+    if whole:
+        return Contest(goal, arrival, guard, margin, short, paper.edge)
+    edge = _choose_edge(xp, circle, paper.edge, closest_point(xp, game, state, to_target, goal, (margin > 0) & ~circle))
+    if flat:
+        return Contest(goal, arrival, guard, margin, short, edge)
+    arrival, guard, margin, short = (
+        select(xp, circle, one, other)
+        for one, other in zip(
+            (paper.arrival, paper.guard, paper.margin, paper.short), (arrival, guard, margin, short), strict=True
+        )
+    )
+    return Contest(goal, arrival, guard, margin, short, edge)
+
+
+def _paper(xp: Library, game: Game, state: State, to_target: Plane, z: Array) -> Contest:
+    u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
+    ended = race(xp, (u, v), state.to_evader, z, to_target)
+    arrival = norm2(xp, to_target) / v
+    edge = Edge(ended.run, norm2(xp, ended.run) / v, ended.final_distance)
+    return Contest(to_target, arrival, arrival - ended.margin, ended.margin, -u * ended.margin, edge)
+
+
+def _choose_edge(xp: Library, condition: Array, yes: Edge, no: Edge) -> Edge:
+    return Edge(
+        select2(xp, condition, yes.run, no.run),
+        select(xp, condition, yes.time, no.time),
+        select(xp, condition, yes.left, no.left),
     )
 
 
@@ -65,8 +130,29 @@ def guard_time(xp: Library, game: Game, state: State, goal: Plane) -> Array:
     """Return how soon, s, the pursuer could hold captured whoever is at `goal`, a vector from the evader."""
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if is_calm(game):
-        return cover_time(xp, game, norm2(xp, y) - game.standoff.radius_m, 0.0, state.z)
+        return cover_time(xp, game, norm2(xp, y) - game.standoff.radius_m, horizontal_speed(game.pursuer), state.z)
     return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
+
+
+def is_caught(xp: Library, game: Game, state: State) -> Array:
+    """Say whether the evader is captured now, wherever within v τ it may be."""
+    beside = state.distance + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
+    capture = game.capture_radius_m
+    if isinstance(game.pursuer, Cylinder):
+        return (beside <= capture) & (abs(state.z) <= capture)
+    beside = positive_part(beside)
+    return norm2(xp, (beside, state.z)) <= capture
+
+
+def _with_falling(xp: Library, game: Game, pursuer: Cylinder, state: State, to_target: Plane, level: Edge) -> Edge:
+    """Join the disc that the evader has while the pursuer's height is not spent to the planar region."""
+    falling, adrift = positive_part(level_time(xp, game, pursuer, state.z)), game.target_velocity_m_s
+    radius = game.evader_speed_m_s * (falling + game.information_age_s)
+    goal = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
+    far = norm2(xp, goal)
+    towards = unit2(xp, goal, far)
+    fallen = Edge((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
+    return _choose_edge(xp, far - radius < level.left, fallen, level)
 
 
 def _winner(xp: Library, margin: Array) -> Array:

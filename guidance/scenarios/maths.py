@@ -16,7 +16,7 @@ from guidance.flight.settings import LIMITS_S
 from guidance.game import Game, Solution, solve
 from guidance.game.arrays import Real
 from guidance.game.solution import quiet
-from guidance.game.terminal import NANOSECOND_S, Ahead, look_ahead
+from guidance.game.stepping import NANOSECOND_S, Ahead, look_ahead
 from guidance.scenarios.batch import Array, Batch, keep, kind_of, stack, starts
 from guidance.scenarios.hearing import PERFECT, TIMEOUT_S, Heard, Known, begin, known, listen, next_event_s
 from guidance.scenarios.model import Scenario

@@ -4,10 +4,9 @@ Both act in the plane, as a missile's do in its plane of engagement, and leave h
 on the disc: a Cylinder at its own pace, a Ball in proportion.
 """
 
-from guidance.game.arrays import Array, Library, Plane, component, dot2, namespace, norm2, pack, select2, unit2
+from guidance.game.arrays import Array, Library, Plane, component, dot2, norm2, pack, select2, unit2, vectors
 from guidance.game.game import Game
-from guidance.game.play import State, take_apart
-from guidance.game.reach import catch_time, steer
+from guidance.game.reach import State, catch_time, steer, take_apart
 from guidance.game.solution import leading_shape, quiet
 from guidance.game.tad import guard_time
 
@@ -20,12 +19,11 @@ def lead_pursuit(
     A `Policy` as those of `guidance.game`. Without an observed velocity it is pure pursuit.
     """
     del target
-    shape = leading_shape(game, {"pursuer": pursuer, "evader": evader})
-    xp = namespace(pursuer, evader)
+    seen = {} if evader_velocity_m_s is None else {"evader_velocity_m_s": evader_velocity_m_s}
+    xp, given = vectors({"pursuer": pursuer, "evader": evader} | seen)
+    shape, pursuer = leading_shape(game, given), given["pursuer"]
     with quiet(xp):
-        state = take_apart(
-            xp, game, pursuer, evader, 0.0 * evader if evader_velocity_m_s is None else evader_velocity_m_s
-        )
+        state = take_apart(xp, game, pursuer, given["evader"], given.get("evader_velocity_m_s", 0.0 * given["evader"]))
         run, wind = state.hold, game.wind_m_s
         t = catch_time(xp, game, state.to_evader, (run[0] - wind[0], run[1] - wind[1]), state.z)
         to = (state.to_evader[0] + run[0] * t, state.to_evader[1] + run[1] * t)
@@ -56,10 +54,10 @@ def proportional_navigation(
         dt_s: How long ago that was, (...).
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
     """
-    shape = leading_shape(game, {"pursuer": pursuer, "evader": evader})
-    xp = namespace(pursuer, evader)
+    xp, given = vectors({"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s})
+    shape, pursuer = leading_shape(game, given), given["pursuer"]
     with quiet(xp):
-        state = take_apart(xp, game, pursuer, evader, evader_velocity_m_s)
+        state = take_apart(xp, game, *given.values())
         direction = unit2(xp, state.to_evader, state.distance)
         if previous_m_s is not None:
             previous = (component(previous_m_s, 0), component(previous_m_s, 1))

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from guidance.game import Ball, Cylinder, Exact, Game, StandOff, rollout, solve
-from guidance.game.batch import ROWS, solve_rows
+from guidance.game.solution import ROWS
 
 GAME = Game(Ball(2.0), 1.0)
 VEHICLE = Game(Cylinder(12.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.2)
@@ -151,9 +151,9 @@ def bench_batch(count: int) -> None:
         "TAD": per_call_s(lambda: [scalar_tad(2.0, 1.0, p, e, t) for p, e, t in zip(*some, strict=True)]) / 20000,
     }
     for name, given in (("PE", states[:2]), ("TAD", states)):
-        answer = solve_rows(GAME, *given)
+        answer = solve(GAME, *given)
         moved = sum(array.nbytes for array in given) + sum(field.nbytes for field in answer)
-        took = per_call_s(lambda given=given, answer=answer: solve_rows(GAME, *given, out=answer), least_s=1.0)
+        took = per_call_s(lambda given=given, answer=answer: solve(GAME, *given, out=answer), least_s=1.0)
         rate, scalar = count / took, 1.0 / scalars[name]
         print(
             f"  {name:4} {rate / 1e6:6.2f} million states/s, scalar {scalar / 1e6:5.3f}: {rate / scalar:5.1f} ×,",

@@ -15,7 +15,7 @@ from guidance.game import (
     solve,
     value_gradient,
 )
-from guidance.game.arrays import codes, constant, namespace, spread
+from guidance.game.arrays import codes, constant, spread, vectors
 
 NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")
 
@@ -128,7 +128,7 @@ def test_what_is_made_on_the_way_is_made_where_the_states_are():
     """PyTorch's device without memory stands in for one that this machine may not have."""
     torch = pytest.importorskip("torch")
     like = torch.zeros(3, dtype=torch.float64, device="meta")
-    xp = namespace(like)
+    xp, _ = vectors({"like": like})
     for made in (constant(xp, like, (1.0, 2.0)), spread(xp, (3,), like, 1.0), codes(xp, (3,), like, 1)):
         assert made.device.type == "meta"
 

@@ -18,7 +18,7 @@ from guidance.game import (
     solve,
     value_gradient,
 )
-from guidance.game.batch import solve_rows
+from guidance.game import solution as solving
 
 
 def same(a, b):
@@ -86,26 +86,30 @@ def test_single_precision_stays_single_and_close(games, oracle):
 
 
 @pytest.mark.parametrize("rows", [1, 7, 64, 1000])
-def test_chunks_join_to_the_whole(games, oracle, rows):
+def test_chunks_join_to_the_whole(games, oracle, rows, monkeypatch):
     P, E, T = oracle.states(5, 100)
     seen = 0.1 * E
     for game in (games["paper"], games["cylinder_standoff"]):
         for target in (None, T):
             whole = solve(game, P, E, target, evader_velocity_m_s=seen)
-            parts = solve_rows(game, P, E, target, evader_velocity_m_s=seen, rows=rows)
+            with monkeypatch.context() as patched:
+                patched.setattr(solving, "ROWS", rows)
+                parts = solve(game, P, E, target, evader_velocity_m_s=seen)
             assert all(same(a, b) for a, b in zip(whole, parts, strict=True))
 
 
-def test_the_arrays_of_an_earlier_answer_are_filled_again(games, oracle):
+@pytest.mark.parametrize("rows", [8, 8192])
+def test_the_arrays_of_an_earlier_answer_are_filled_again(games, oracle, rows, monkeypatch):
+    monkeypatch.setattr(solving, "ROWS", rows)
     P, E, T = oracle.states(6, 30)
     earlier = solve(games["paper"], P, E)
-    again = solve_rows(games["cylinder"], P, E, T, rows=8, out=earlier)
+    again = solve(games["cylinder"], P, E, T, out=earlier)
     assert all(a is b for a, b in zip(again, earlier, strict=True))
     assert all(same(a, b) for a, b in zip(again, solve(games["cylinder"], P, E, T), strict=True))
 
 
 def test_no_rows_give_no_answers(games):
-    answer = solve_rows(games["paper"], np.empty((0, 3)), np.empty((0, 3)))
+    answer = solve(games["paper"], np.empty((0, 3)), np.empty((0, 3)))
     assert answer.value.shape == (0,)
     assert answer.meeting_point_m.shape == (0, 3)
 
@@ -141,13 +145,15 @@ def one_row(game, index):
 
 
 @pytest.mark.parametrize("kind", PER_ROW)
-def test_parameters_may_differ_from_row_to_row(oracle, kind):
+def test_parameters_may_differ_from_row_to_row(oracle, kind, monkeypatch):
     P, E, T = oracle.states(6, 30)
     game = PER_ROW[kind](30)
     assert game.varies
     for target in (None, T):
         answer = solve(game, P, E, target)
-        chunks = solve_rows(game, P, E, target, rows=8)
+        with monkeypatch.context() as patched:
+            patched.setattr(solving, "ROWS", 8)
+            chunks = solve(game, P, E, target)
         assert all(same(a, b) for a, b in zip(answer, chunks, strict=True))
         for i in range(30):
             single = solve(one_row(game, i), P[i], E[i], None if target is None else T[i])
@@ -169,5 +175,5 @@ def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracl
 
 def test_the_codes_that_batches_and_files_carry_stay_what_they_are():
     assert {code.name: code.value for code in Winner} == {"EVADER": -1, "UNDECIDED": 0, "PURSUER": 1}
-    assert [code.value for code in Reason] == [0, 1, 2, 3, 4, 10, 11, 12]
+    assert [code.value for code in Reason] == [0, 1, 2, 3, 4, 5, 10, 11, 12, 13]
     assert [code.value for code in End] == [0, 1, 2, 3, 4]
