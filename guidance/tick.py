@@ -151,7 +151,8 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
     solution, wanted_game = _strategy(game, settings, pursuer, evader, seen, memory.strategy, inputs.dt_s)
     motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, target.velocity_ned_m_s)
     wanted = keep_inside(ned_from_game(wanted_game), inputs.position_ned_m, settings.envelope)
-    followed = follow(wanted, motion, gaps, settings.following, memory.follow, dt_s=inputs.dt_s)
+    most = settings.envelope.speed_m_s / float(horizontal_speed(settings.speed_set))
+    followed = follow(wanted, motion, gaps, settings.following, memory.follow, most=most, dt_s=inputs.dt_s)
     yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     limited = _limit(command, inputs, settings, memory)

@@ -1,10 +1,10 @@
 """Way lost to acceleration is made good: by flying a little faster than the game's pursuer, and never ahead of it.
 
 The game's pursuer is at full speed at once; a vehicle that starts from hover is some metres behind for the rest of the
-game, and would be later by just that. So the way that it owes is kept account of, and worked off at a few per cent more
-than the game's speed. Nothing is owed any more when it has flown as far as the game's pursuer would have: over any game
-its mean speed stays within the game's bound, and its value is never beaten in this way. The limits have the last word
-on the speed as on any other.
+game, and would be later by just that. So the way that it owes is kept account of, and worked off with what the speed
+limits leave above the game's speed; where they leave nothing, nothing is made good. Nothing is owed any more when the
+vehicle has flown as far as the game's pursuer would have: over any game its mean speed stays within the game's bound,
+and its value is never beaten in this way.
 """
 
 import math
@@ -19,14 +19,12 @@ class CatchUp:
     """How way that is owed is worked off.
 
     Attributes:
-        share: Largest speed added, as a share of the speed that the game asks for; 0 keeps strictly to that.
         gain_per_s: Speed added per metre owed, where little is.
         limit_m: More than this is never owed: a vehicle that cannot keep up at all does not race for ever after.
     """
 
-    share: float = 0.05
     gain_per_s: float = 0.5
-    limit_m: float = 12.0
+    limit_m: float = 15.0
 
 
 class CaughtUp(NamedTuple):
@@ -37,7 +35,13 @@ class CaughtUp(NamedTuple):
 
 
 def catch_up(
-    wanted_ned_m_s: Vector, flown_ned_m_s: Vector, owed_m: float, settings: CatchUp, *, dt_s: float
+    wanted_ned_m_s: Vector,
+    flown_ned_m_s: Vector,
+    owed_m: float,
+    settings: CatchUp,
+    *,
+    most: float,
+    dt_s: float,
 ) -> CaughtUp:
     """Add to a velocity what makes up for the way that is owed, along it.
 
@@ -46,6 +50,7 @@ def catch_up(
         flown_ned_m_s: What the vehicle flies.
         owed_m: From the last call; 0 at engagement.
         settings: How fast it is worked off.
+        most: The largest multiple of the velocity, which is what the speed limits are of the game's speeds; at least 1.
         dt_s: Seconds since the last call.
     """
     speed = math.hypot(*wanted_ned_m_s)
@@ -53,6 +58,6 @@ def catch_up(
         return CaughtUp(wanted_ned_m_s, owed_m)
     along = sum(w * f for w, f in zip(wanted_ned_m_s, flown_ned_m_s, strict=True)) / speed
     owed_m = min(settings.limit_m, max(0.0, owed_m + (speed - along) * dt_s))
-    scale = 1.0 + min(settings.share, settings.gain_per_s * owed_m / speed)
+    scale = min(most, 1.0 + settings.gain_per_s * owed_m / speed)
     north, east, down = wanted_ned_m_s
     return CaughtUp((scale * north, scale * east, scale * down), owed_m)

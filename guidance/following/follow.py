@@ -55,6 +55,7 @@ def follow(
     following: Following | None,
     memory: FollowMemory,
     *,
+    most: float,
     dt_s: float,
 ) -> Followed:
     """Follow the game's velocity for one cycle; None for `following` sends it as it is.
@@ -65,13 +66,14 @@ def follow(
         gaps: To the disc.
         following: How this vehicle is made to.
         memory: From the last call.
+        most: The largest multiple of the game's velocity with which way that is owed is made good.
         dt_s: Seconds since the last call.
     """
     if following is None:
         return Followed(wanted_ned_m_s, None, wanted_ned_m_s, memory)
     drift = observe_drift(memory.drift, motion.position_ned_m, motion.velocity_ned_m_s, dt_s=dt_s)
     flown = less_drift(motion.velocity_ned_m_s, drift)
-    caught_up = catch_up(wanted_ned_m_s, flown, memory.owed_m, following.catch_up, dt_s=dt_s)
+    caught_up = catch_up(wanted_ned_m_s, flown, memory.owed_m, following.catch_up, most=most, dt_s=dt_s)
     wanted, braking = approach(
         caught_up.velocity_ned_m_s, flown, motion.evader_velocity_ned_m_s, gaps, following.approach
     )

@@ -7,6 +7,7 @@ from guidance.limits.limiter import Limiter
 from guidance.limits.memory import Memory, start
 from guidance.limits.polygon import Polygon
 from guidance.limits.situation import Situation
+from guidance.limits.speeds import SpeedLimits, Speeds
 
 __all__ = [
     "AltitudeHold",
@@ -17,6 +18,8 @@ __all__ = [
     "Memory",
     "Polygon",
     "Situation",
+    "SpeedLimits",
+    "Speeds",
     "StandOff",
     "hold_altitude",
     "limit",

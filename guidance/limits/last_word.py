@@ -12,7 +12,7 @@ The order, and why:
  7. fences         │ a velocity back into an earlier one, so all are asked again by scaling alone, which breaks none
  8. floor, ceiling ┘ of the others: in the end all hold together. Standing still always does.
  9. height         A height beside the velocity is cut to what the autopilot may make of it, by the same walls.
-10. feed-forward   Within acceleration and jerk; nothing of it leans on a limit that acts.
+10. feed-forward   Within acceleration and jerk; nothing of it leans on a limit that acts, or drives beyond one of speed.
 11. yaw            Turned at the turn rate.
 
 Nothing is kept here: the memory goes in and comes out, and it holds what was sent, not what was wished, so that
@@ -71,12 +71,13 @@ def limit(command: Setpoint, situation: Situation, envelope: Envelope, memory: M
     velocity, leaning = keep_within(shaped, situation, envelope)
     acted.extend(dict.fromkeys(one.limiter for one in leaning))
     down_m = _height(command.down_m, velocity, situation, envelope, acted)
-    leaning = (*leaning, *full_speed_walls(velocity, envelope))
-    feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, leaning, envelope, dt_s, acted)
+    forbidden = tuple(one.forbidding_all() for one in leaning)
+    at_speed = full_speed_walls(velocity, situation.velocity_ned_m_s, envelope)
+    feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*forbidden, *at_speed), envelope, dt_s, acted)
     yaw_rad = _yaw(command.yaw_rad, memory, envelope, dt_s, acted)
     sent = Memory(
         velocity,
-        _stripped(acceleration, leaning),
+        _stripped(acceleration, (*forbidden, *(one.forbidding_all() for one in at_speed))),
         feed_forward or STILL,
         situation.yaw_rad if yaw_rad is None else yaw_rad,
     )
@@ -137,7 +138,7 @@ def _yaw(
 def _feed_forward(
     wanted: Vector | None,
     memory: Memory,
-    leaning: tuple[Wall, ...],
+    walls: tuple[Wall, ...],
     envelope: Envelope,
     dt_s: float,
     acted: list[Limiter],
@@ -145,16 +146,16 @@ def _feed_forward(
     if wanted is None:
         return None
     allowed = slew(clamp_acceleration(wanted, envelope), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
-    allowed = _stripped(clamp_acceleration(allowed, envelope), leaning)
+    allowed = _stripped(clamp_acceleration(allowed, envelope), walls)
     _note(acted, Limiter.FEED_FORWARD, allowed, wanted)
     return allowed
 
 
-def _stripped(acceleration: Vector, leaning: tuple[Wall, ...]) -> Vector:
-    for one in leaning:
-        acceleration = slide(acceleration, one.forbidding_all())
-    for one in leaning:
-        acceleration = shrink(acceleration, one.forbidding_all())
+def _stripped(acceleration: Vector, walls: tuple[Wall, ...]) -> Vector:
+    for one in walls:
+        acceleration = slide(acceleration, one)
+    for one in walls:
+        acceleration = shrink(acceleration, one)
     return acceleration
 
 

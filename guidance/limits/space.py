@@ -54,15 +54,34 @@ def keep_within(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelo
     return Allowed(velocity, tuple(leaning))
 
 
-def full_speed_walls(velocity_ned_m_s: Vector, envelope: Envelope) -> tuple[Wall, ...]:
-    """At a speed limit, the limit is a wall to acceleration: a feed-forward may turn the velocity, not raise it."""
-    north, east, down = velocity_ned_m_s
+OVER_SPEED = 0.05
+"""Share of a speed limit over which what a feed-forward may push along it fades away, once the vehicle flies faster."""
+
+
+def full_speed_walls(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope) -> tuple[Wall, ...]:
+    """Where a speed limit is commanded, it is a wall to the feed-forward as well, of m/s² for a distance.
+
+    A feed-forward may turn the velocity, and hold it against drag, which takes several m/s² at full speed: along a
+    limit it may push as long as the vehicle itself flies no faster, and not at all from `OVER_SPEED` above it on.
+    """
+    (north, east, down), flown = velocity_ned_m_s, flown_ned_m_s
     ground_m_s = math.hypot(north, east)
     found = []
     if ground_m_s >= envelope.speed_m_s * (1.0 - 1e-9):
-        found.append(Wall(Limiter.SPEED, (north, east, 0.0), 0.0))
+        along = (north / ground_m_s, east / ground_m_s, 0.0)
+        push = _push(flown[0] * along[0] + flown[1] * along[1], envelope.speed_m_s, envelope.acceleration_m_s2)
+        found.append(Wall(Limiter.SPEED, along, push))
+    vertical_m_s2 = envelope.vertical_acceleration_m_s2
     if down >= envelope.descent_m_s * (1.0 - 1e-9):
-        found.append(Wall(Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), 0.0))
+        push = _push(flown[2], envelope.descent_m_s, vertical_m_s2)
+        found.append(Wall(Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), push))
     if -down >= envelope.climb_m_s * (1.0 - 1e-9):
-        found.append(Wall(Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), 0.0))
+        push = _push(-flown[2], envelope.climb_m_s, vertical_m_s2)
+        found.append(Wall(Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), push))
     return tuple(found)
+
+
+def _push(flown_m_s: float, limit_m_s: float, most_m_s2: float) -> float:
+    """Return the acceleration that a vehicle at this speed may still be given along a speed limit."""
+    over = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
+    return most_m_s2 * min(1.0, max(0.0, 1.0 - over))

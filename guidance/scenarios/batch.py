@@ -131,9 +131,9 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
             column(lambda each: each.standoff.radius_m), column(lambda each: each.standoff.height_m) - ground
         ),
         tolerance_m=column(lambda each: each.standoff.tolerance_m),
-        lowest_m=column(lambda each: each.envelope.floor_m) - ground,
-        highest_m=column(lambda each: each.envelope.ceiling_m) - ground,
-        fence_m=column(lambda each: each.envelope.fence_radius_m),
+        lowest_m=column(lambda each: each.limits.floor_m) - ground,
+        highest_m=column(lambda each: each.limits.ceiling_m) - ground,
+        fence_m=column(lambda each: each.limits.fence_radius_m),
         home_m=np.array([each.home_m for each in scenarios]),
         limit_s=column(lambda each: each.time_limit_s),
         noise=Noise(

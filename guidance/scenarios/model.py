@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 
 from guidance.config import Section
+from guidance.limits import SpeedLimits, Speeds
 from guidance.scenarios.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 
@@ -69,6 +70,11 @@ class Pursuer(Player):
     autopilot: Literal["px4", "arducopter"] = "px4"
     takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0)
 
+    @property
+    def speeds(self) -> Speeds:
+        """What the game is played with."""
+        return Speeds(self.speed_m_s, self.climb_m_s, self.descent_m_s)
+
 
 class Evader(Player):
     """The cooperative target: a ground vehicle that plays the evader."""
@@ -100,8 +106,8 @@ class Standoff(Section):
     tolerance_m: float = Field(0.5, gt=0.0, le=5.0)
 
 
-class Envelope(Section):
-    """What the flight never leaves: heights above the site, and a circle about home, which is `Scenario.home_m`."""
+class Limits(SpeedLimits):
+    """What the flight never leaves: heights above the site, a circle about home (`Scenario.home_m`), and speeds."""
 
     fence_radius_m: float = Field(300.0, gt=10.0)
     ceiling_m: float = Field(120.0, gt=5.0)
@@ -168,7 +174,7 @@ class Scenario(Section):
     wind: Wind = Wind()
     fault: tuple[Fault, ...] = ()
     expect: Expect = Expect()
-    envelope: Envelope = Envelope()
+    limits: Limits = Limits()
     site: Site = Site()
     seed: int = Field(0, ge=0)
     time_limit_s: float = Field(300.0, gt=0.0, description="of the game itself, from engagement")
@@ -180,8 +186,21 @@ class Scenario(Section):
         x, y, _ = self.pursuer.position_m
         return (x, y - BESIDE_M)
 
+    @property
+    def speed_limits(self) -> Speeds:
+        """What no command to the pursuer exceeds."""
+        return self.limits.speeds(self.pursuer.speeds, section="pursuer")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_names(cls, document: Any) -> Any:  # noqa: ANN401 - anything that a file may hold
+        if isinstance(document, dict) and "envelope" in document:
+            raise ValueError("envelope: its name is limits now, with the same keys, as in vehicle files")
+        return document
+
     @model_validator(mode="after")
     def _check_players(self) -> Self:
+        _ = self.speed_limits
         wind_m_s = math.hypot(*self.wind.velocity_m_s)
         evader = self.evader
         for key, speed_m_s in (("speed_m_s", evader.speed_m_s), ("declared_speed_m_s", evader.believed_speed_m_s)):
@@ -219,20 +238,20 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _check_places(self) -> Self:
         z = self.pursuer.position_m[2]
-        if not self.standoff.height_m <= z <= self.envelope.ceiling_m:
+        if not self.standoff.height_m <= z <= self.limits.ceiling_m:
             raise ValueError(
                 f"pursuer.position_m: height {z:g} m; allowed is standoff.height_m = {self.standoff.height_m:g} "
-                f"to envelope.ceiling_m = {self.envelope.ceiling_m:g}"
+                f"to limits.ceiling_m = {self.limits.ceiling_m:g}"
             )
-        if self.envelope.floor_m > self.standoff.height_m:
+        if self.limits.floor_m > self.standoff.height_m:
             raise ValueError(
-                f"envelope.floor_m = {self.envelope.floor_m:g}: must not be above standoff.height_m = "
+                f"limits.floor_m = {self.limits.floor_m:g}: must not be above standoff.height_m = "
                 f"{self.standoff.height_m:g}"
             )
         out_m = math.dist(self.evader.position_m, self.home_m)
-        if out_m > self.envelope.fence_radius_m:
+        if out_m > self.limits.fence_radius_m:
             raise ValueError(
-                f"evader.position_m: {out_m:.0f} m from the pursuer's home; allowed is envelope.fence_radius_m = "
-                f"{self.envelope.fence_radius_m:g}"
+                f"evader.position_m: {out_m:.0f} m from the pursuer's home; allowed is limits.fence_radius_m = "
+                f"{self.limits.fence_radius_m:g}"
             )
         return self

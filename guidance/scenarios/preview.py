@@ -98,7 +98,7 @@ def _courses(plan: Any, scenario: Scenario, until_s: float) -> None:  # noqa: AN
 def _fence(plan: Any, scenario: Scenario) -> None:  # noqa: ANN401
     """Draw as much of the fence as is in view: a wide one would make all else small."""
     home_x, home_y = scenario.home_m
-    x, y = circle((home_x, home_y, 0.0), scenario.envelope.fence_radius_m, 361).T
+    x, y = circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361).T
     (west, east), (south, north) = plan.get_xlim(), plan.get_ylim()
     if np.any((west < x) & (x < east) & (south < y) & (y < north)):
         plan.plot(x, y, **FENCE, label="fence", scalex=False, scaley=False)

@@ -56,11 +56,9 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
     start = (*pursuer.position_m[:2], pursuer.position_m[2] - scenario.evader.height_m)
     flown = handling(pursuer.autopilot)
     envelope = Envelope(
-        floor_m=scenario.envelope.floor_m,
-        ceiling_m=scenario.envelope.ceiling_m,
-        speed_m_s=1.5 * pursuer.speed_m_s,
-        climb_m_s=pursuer.climb_m_s,
-        descent_m_s=pursuer.descent_m_s,
+        floor_m=scenario.limits.floor_m,
+        ceiling_m=scenario.limits.ceiling_m,
+        **scenario.speed_limits._asdict(),
         acceleration_m_s2=flown.acceleration_m_s2,
         vertical_acceleration_m_s2=flown.vertical_acceleration_m_s2,
         jerk_m_s3=flown.jerk_m_s3,
@@ -68,7 +66,7 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
         vertical_braking_m_s2=flown.vertical_braking_m_s2,
         reaction_s=flown.reaction_s,
         yaw_rate_rad_s=math.radians(45.0),
-        fence_radius_m=scenario.envelope.fence_radius_m,
+        fence_radius_m=scenario.limits.fence_radius_m,
         fence_margin_m=1.0,
         stand_off=StandOffLimit(
             radius_m=max(0.5, scenario.standoff.radius_m - _STANDOFF_SLACK_M),

@@ -15,6 +15,7 @@ import numpy as np
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
+from guidance.limits import Speeds
 from guidance.links.finding import Found
 from guidance.scenarios.courses import pursuer_strategy
 from guidance.scenarios.fleet import EVADER_ID, PURSUER
@@ -42,8 +43,9 @@ def vehicle_config(scenario: Scenario, config: Config) -> Config:
         "descent_m_s": min(pursuer.descent_m_s, game.descent_m_s),
     }
     document["limits"] |= {
-        "floor_m": max(scenario.envelope.floor_m, limits.floor_m),
-        "ceiling_m": min(scenario.envelope.ceiling_m, limits.ceiling_m),
+        **Speeds(*map(min, scenario.speed_limits, config.speed_limits))._asdict(),
+        "floor_m": max(scenario.limits.floor_m, limits.floor_m),
+        "ceiling_m": min(scenario.limits.ceiling_m, limits.ceiling_m),
         "fence_radius_m": _fence_m(scenario, config),
     }
     document["flight"] |= {
@@ -60,18 +62,13 @@ def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found:
     Raises:
         ConfigError: If the scenario asks for what no vehicle's file may.
     """
-    scenario_limits = scenario.envelope
     vehicle = {"autopilot": autopilot, "link": link, "url": url}
     document = {
         "name": PURSUER,
         "vehicle": {**vehicle, "system_id": found.system_id, "component_id": found.component_id},
         "target": {"kind": "global_position", "url": target_url, "system_id": EVADER_ID},
         "game": _game(scenario),
-        "limits": {
-            "floor_m": scenario_limits.floor_m,
-            "ceiling_m": scenario_limits.ceiling_m,
-            "fence_radius_m": scenario_limits.fence_radius_m,
-        },
+        "limits": scenario.limits.model_dump(mode="json"),
         "flight": {"takeoff_height_m": scenario.pursuer.takeoff_height_m, "on_terminate": "land"},
         "log": {"level": "error"},
     }
@@ -164,4 +161,4 @@ def _of_places(scenario: Scenario, config: Config) -> Iterator[str]:
 
 def _fence_m(scenario: Scenario, config: Config) -> float:
     own_m = config.limits.fence_radius_m
-    return scenario.envelope.fence_radius_m if own_m is None else min(own_m, scenario.envelope.fence_radius_m)
+    return scenario.limits.fence_radius_m if own_m is None else min(own_m, scenario.limits.fence_radius_m)

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from guidance.config import Section
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
-from guidance.limits import Polygon
+from guidance.limits import Polygon, SpeedLimits, Speeds
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
@@ -110,6 +110,11 @@ class GameSection(Section):
     tolerance_m: float = Field(1.0, gt=0.0, le=10.0)
     guarded: Place | None = Field(None, description="TAD: the place that the target wants to reach")
 
+    @property
+    def speeds(self) -> Speeds:
+        """What the game is played with."""
+        return Speeds(self.speed_m_s, self.climb_m_s, self.descent_m_s)
+
     @model_validator(mode="after")
     def _check_game(self) -> Self:
         if self.speed_m_s <= self.evader_speed_m_s:
@@ -142,8 +147,8 @@ def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:
         )
 
 
-class Limits(Section):
-    """What the flight never leaves. Heights are above home, distances from home."""
+class Limits(SpeedLimits):
+    """What the flight never leaves. Heights are above home, distances from home; speeds are those of every command."""
 
     floor_m: float = Field(5.0, ge=1.0)
     ceiling_m: float = Field(60.0, gt=5.0, le=500.0)
@@ -258,8 +263,14 @@ class Config(Section):
     metrics: Metrics = Metrics()
     record: Record = Record()
 
+    @property
+    def speed_limits(self) -> Speeds:
+        """What no command exceeds."""
+        return self.limits.speeds(self.game.speeds, section="game")
+
     @model_validator(mode="after")
     def _check_together(self) -> Self:
+        _ = self.speed_limits
         low, high = self.limits.floor_m, self.limits.ceiling_m
         for key, height_m in (
             ("flight.takeoff_height_m", self.flight.takeoff_height_m),

@@ -20,8 +20,6 @@ from guidance.tick import TickSettings
 # The limits keep this much out of the way of the disc that the game is played to, so that they bind only when something
 # is wrong.
 _STANDOFF_SLACK_M = 1.0
-_CATCHING_UP = 1.5
-"""How much faster than the game the limits let the vehicle be, to make good what accelerating has cost."""
 
 _WAITS_FOR_EVER = (State.CONNECTING, State.CHECKING)
 
@@ -74,9 +72,7 @@ def envelope(config: Config) -> Envelope:
     return Envelope(
         floor_m=limits.floor_m,
         ceiling_m=limits.ceiling_m,
-        speed_m_s=_CATCHING_UP * game.speed_m_s,
-        climb_m_s=game.climb_m_s,
-        descent_m_s=game.descent_m_s,
+        **config.speed_limits._asdict(),
         acceleration_m_s2=flown.acceleration_m_s2,
         vertical_acceleration_m_s2=flown.vertical_acceleration_m_s2,
         jerk_m_s3=flown.jerk_m_s3,
@@ -98,7 +94,7 @@ def wants(config: Config) -> Wants:
     """Return what the autopilot has to be set to."""
     return Wants(
         speed_m_s=config.game.speed_m_s,
-        limit_speed_m_s=_CATCHING_UP * config.game.speed_m_s,
+        limit_speed_m_s=config.speed_limits.speed_m_s,
         climb_m_s=config.game.climb_m_s,
         descent_m_s=config.game.descent_m_s,
         fence_required=config.preflight.fence_required,

@@ -20,7 +20,6 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.flight import FlightSettings
-from guidance.following.catch_up import CatchUp
 from guidance.strategies import Strategy
 from guidance.telemetry import Setpoint
 
@@ -48,9 +47,12 @@ def ours(settings: FlightSettings) -> FlightSettings:
 
 
 def strict(settings: FlightSettings) -> FlightSettings:
-    """As it is flown, without catching up: never faster than the game allows."""
-    following = replace(settings.tick.following, catch_up=CatchUp(share=0.0))
-    return replace(settings, tick=replace(settings.tick, following=following))
+    """As it is flown, with limits equal to the game's speeds: nothing is left to catch up with."""
+    game = settings.tick.speed_set
+    limits = replace(
+        settings.tick.envelope, speed_m_s=game.horizontal_m_s, climb_m_s=game.climb_m_s, descent_m_s=game.descent_m_s
+    )
+    return replace(settings, tick=replace(settings.tick, envelope=limits))
 
 
 def plain(settings: FlightSettings) -> FlightSettings:
