@@ -1,43 +1,73 @@
-"""The guarantee, watched in flight: under optimal play V + t never rises (PE) and L never falls (TAD).
+"""What was promised, watched in flight: the time of capture never rises (PE), the evader's final distance never falls.
 
-If it does, an assumption of the game is broken: the evader is faster than its bound, the vehicle slower than the
-game's, or what is known of the evader is stale. It is reported, never acted upon. Crossing the barrier, after which
-the other player wins, is reported too.
+Under optimal play V + t never rises and L never falls, for the game's pursuer; for a vehicle that has to accelerate
+first it is the certificate's `time_needed_s` and `assured_distance_m` that hold. If they do not, an assumption is
+broken: the evader is faster than its bound, the vehicle slower than the game's, or what is known of the evader is
+stale. It is reported, never acted upon. Crossing the barrier, after which the other player wins, is reported too, and
+an evader of which nothing new is heard.
+
+An alarm that always rings is none. What a promise moves by without any of that is allowed for:
+
+- twice what accelerating costs by the promise, for a vehicle that has not answered yet, or has little to spare;
+- what estimates scatter by, as the time that it takes to make good: `SCATTER_M` of position, and `SCATTER_M_S` of the
+  evader's speed for as long as the game lasts, both over the closing speed;
+- what lasts no longer than `LASTING_S`: the bound on the evader's speed jumps about by some per cent, which near the
+  barrier decides who wins;
+- the last `ARRIVAL_S`, in which the vehicle brakes to the evader's speed, as the game's pursuer does not;
+- a source that is always so slow: an age of the last report that is not much more than any before it.
 """
 
 import math
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from guidance.game import Winner
 from guidance.tick import Certificate
 
+SCATTER_M: Final = 1.0
+SCATTER_M_S: Final = 0.05
+LASTING_S: Final = 0.4
+ARRIVAL_S: Final = 1.5
+STALE_S: Final = 1.0
+STALER: Final = 1.5
+"""A report is stale from `STALE_S` on, and from this many times the largest age before."""
+
 
 class Broken(StrEnum):
-    """What of the guarantee did not hold."""
+    """What of the promise did not hold."""
 
     CAPTURE_LATER = "guarantee: the time of capture has risen"
     EVADER_CLOSER = "guarantee: the evader's final distance to its target has fallen"
     BARRIER_LOST = "barrier: the evader can now reach its target"
     BARRIER_WON = "barrier: the evader can no longer reach its target"
+    STALE = "guarantee: nothing new is heard of the evader"
 
 
 class Alarm(NamedTuple):
-    """What was broken and by how much: s of V + t, m of L, nothing for the barrier."""
+    """What was broken and by how much: s of the time of capture or of age, m of L, nothing for the barrier."""
 
     broken: Broken
     amount: float
 
 
 class Guarantee(NamedTuple):
-    """Memory: the least V + t or the largest L since the last alarm, and who was winning."""
+    """Memory of the watch.
+
+    Attributes:
+        best: The best promise since the last alarm: least time, or largest L turned around.
+        winner: Who was winning.
+        since_s: Since when less than that is promised, or the other one wins; None while all is well.
+        oldest_s: The largest age of a report that has been said.
+    """
 
     best: float = math.nan
     winner: int | None = None
+    since_s: float | None = None
+    oldest_s: float = 0.0
 
 
 def watch(
-    memory: Guarantee, now_s: float, certificate: Certificate, *, with_target: bool, slack: float
+    memory: Guarantee, now_s: float, certificate: Certificate, *, with_target: bool, speed_m_s: float, slack_s: float
 ) -> tuple[Guarantee, Alarm | None]:
     """Compare this cycle's certificate with the best before it.
 
@@ -46,23 +76,65 @@ def watch(
         now_s: Time of the injected clock.
         certificate: This cycle's; one without a game is passed over.
         with_target: Whether the game is TAD.
-        slack: How much may be lost before it is said, s (PE) or m (TAD); after an alarm the count starts anew.
+        speed_m_s: The pursuer's in the game, over ground.
+        slack_s: How much may be lost besides what is allowed for, s; in TAD, the evader's way in that time. After an
+            alarm the count starts anew.
 
     Returns:
         The memory for the next call and the alarm, if there is one.
     """
-    winner = certificate.winner
-    if winner == Winner.UNDECIDED or math.isnan(certificate.value):
+    if certificate.winner == Winner.UNDECIDED or math.isnan(certificate.value):
         return memory, None
-    crossed = with_target and memory.winner not in {None, winner}
-    if crossed:
-        broken = Broken.BARRIER_LOST if winner == Winner.EVADER else Broken.BARRIER_WON
-        return Guarantee(math.nan, winner), Alarm(broken, 0.0)
-    if with_target and winner == Winner.EVADER:
-        return Guarantee(math.nan, winner), None
-    # Larger is worse for the pursuer in either game, once L is turned around.
-    cost = -certificate.value if with_target else certificate.value + now_s
+    age_s = certificate.target_age_s
+    if age_s > max(STALE_S, STALER * memory.oldest_s):
+        return memory._replace(oldest_s=age_s), Alarm(Broken.STALE, age_s)
+    if with_target and memory.winner not in {None, certificate.winner}:
+        return _crossed(memory, now_s, certificate.winner)
+    memory = memory._replace(winner=certificate.winner)
+    if (with_target and certificate.winner == Winner.EVADER) or certificate.meeting_time_s < ARRIVAL_S:
+        return memory._replace(since_s=None), None
+    slack = _slack(certificate, speed_m_s, slack_s, with_target=with_target)
+    memory, lost = _compare(memory, now_s, _cost(now_s, certificate, with_target=with_target), slack)
+    if lost is None:
+        return memory, None
+    return memory, Alarm(Broken.EVADER_CLOSER if with_target else Broken.CAPTURE_LATER, lost)
+
+
+def _crossed(memory: Guarantee, now_s: float, winner: int) -> tuple[Guarantee, Alarm | None]:
+    memory = _since(memory, now_s)
+    if not _lasts(memory, now_s):
+        return memory, None
+    broken = Broken.BARRIER_LOST if winner == Winner.EVADER else Broken.BARRIER_WON
+    return Guarantee(winner=winner, oldest_s=memory.oldest_s), Alarm(broken, 0.0)
+
+
+def _compare(memory: Guarantee, now_s: float, cost: float, slack: float) -> tuple[Guarantee, float | None]:
+    """Hold a cost against the best before it; return what was lost once more than the slack is, for long enough."""
     lost = cost - memory.best
-    if lost > slack:
-        return Guarantee(cost, winner), Alarm(Broken.EVADER_CLOSER if with_target else Broken.CAPTURE_LATER, lost)
-    return Guarantee(cost if math.isnan(lost) else min(cost, memory.best), winner), None
+    if not lost > slack:
+        return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
+    memory = _since(memory, now_s)
+    return (memory._replace(best=cost, since_s=None), lost) if _lasts(memory, now_s) else (memory, None)
+
+
+def _since(memory: Guarantee, now_s: float) -> Guarantee:
+    return memory if memory.since_s is not None else memory._replace(since_s=now_s)
+
+
+def _lasts(memory: Guarantee, now_s: float) -> bool:
+    return memory.since_s is not None and now_s - memory.since_s >= LASTING_S
+
+
+def _cost(now_s: float, certificate: Certificate, *, with_target: bool) -> float:
+    """Return what must not rise: the time of capture, or L turned around, with what accelerating costs taken twice."""
+    if with_target:
+        return certificate.value - 2.0 * certificate.assured_distance_m
+    return 2.0 * certificate.time_needed_s - certificate.value + now_s
+
+
+def _slack(certificate: Certificate, speed_m_s: float, slack_s: float, *, with_target: bool) -> float:
+    """Return what may be lost: s of the time of capture, or m of L, the evader's way in that time."""
+    evader_m_s = speed_m_s / certificate.speed_ratio
+    scatter_m = SCATTER_M + SCATTER_M_S * certificate.meeting_time_s
+    slack_s += scatter_m / (speed_m_s - evader_m_s)
+    return slack_s * evader_m_s if with_target else slack_s

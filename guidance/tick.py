@@ -14,9 +14,10 @@ from guidance.following.approach import Gaps
 from guidance.following.boundary import keep_inside
 from guidance.following.drift import observe_drift
 from guidance.following.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
+from guidance.following.late_start import Acceleration, late_start
 from guidance.following.station import Place, keep_station
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
-from guidance.game import Game, Solution, SpeedSet, StandOff, solve
+from guidance.game import Game, Solution, SpeedSet, StandOff, Winner, solve
 from guidance.game.game import horizontal_speed
 from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
 from guidance.limits import Memory as LimitMemory
@@ -39,6 +40,7 @@ class TickSettings:
         tolerance_m: How near to the disc, horizontally and vertically each, counts as reached.
         envelope: The limits.
         following: How the vehicle is made to fly the game's velocity; None sends that as it is.
+        acceleration: What the vehicle surely achieves, by which the time that it needs is told.
         target_game_m: The place the evader wants to reach, in the game frame (TAD); None in the PE game.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
         target_timeout_s: Age of the target's last report from which it counts as lost.
@@ -51,6 +53,7 @@ class TickSettings:
     tolerance_m: float
     envelope: Envelope
     following: Following | None
+    acceleration: Acceleration
     target_game_m: Vector | None = None
     site: tuple[float, float, Amsl] | None = None
     target_timeout_s: float = 1.5
@@ -86,14 +89,18 @@ class TickMemory(NamedTuple):
     yaw_rad: float | None = None
     place: Place | None = None
     strategy: StrategyMemory = StrategyMemory()
+    optimal_game_m_s: Vector | None = None
 
 
 class Certificate(NamedTuple):
     """What the game says at this cycle, and what became of it.
 
-    `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD); `margin_s` is
-    zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and `height_gap_m` the height above the
-    disc. `command_ned_m_s` left the limits that are named in `acted`.
+    `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD), of the game's
+    pursuer, which is at full speed at once. What this vehicle can promise, from the velocity and with the acceleration
+    that it has (`guidance.following.late_start`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
+    keep the evader `assured_distance_m` from its target: negative by what it comes short where the evader gets there,
+    NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
+    `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `acted`.
     """
 
     winner: int
@@ -115,6 +122,15 @@ class Certificate(NamedTuple):
     evader_arrived: bool
     no_game: bool
     outside_fence: bool
+    time_needed_s: float = math.nan
+    assured_distance_m: float = math.nan
+
+
+class Promise(NamedTuple):
+    """What this vehicle can do; see `Certificate`."""
+
+    time_needed_s: float
+    assured_distance_m: float
 
 
 class TickOutput(NamedTuple):
@@ -148,7 +164,10 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
         output = hover(inputs, settings, memory)
         return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
     seen = game_from_ned(target.velocity_ned_m_s)
-    solution, wanted_game = _strategy(game, settings, pursuer, evader, seen, memory.strategy, inputs.dt_s)
+    flown = game_from_ned(inputs.velocity_ned_m_s)
+    solution, promise = _solve(game, settings, pursuer, evader, seen, flown, memory.optimal_game_m_s)
+    optimal = _vector(solution.pursuer_velocity_m_s)
+    wanted_game = _strategy(game, settings, pursuer, evader, seen, optimal, memory.strategy, inputs.dt_s)
     motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, target.velocity_ned_m_s)
     wanted = keep_inside(ned_from_game(wanted_game), inputs.position_ned_m, settings.envelope)
     most = settings.envelope.speed_m_s / float(horizontal_speed(settings.speed_set))
@@ -158,13 +177,14 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
     limited = _limit(command, inputs, settings, memory)
     return TickOutput(
         limited.setpoint,
-        _certify(inputs, settings, game, solution, pursuer, evader, gaps, followed.wanted_ned_m_s, limited),
+        _certify(inputs, settings, game, solution, promise, pursuer, evader, gaps, followed.wanted_ned_m_s, limited),
         TickMemory(
             followed.memory,
             limited.memory,
             None,
             yaw_rad,
             strategy=StrategyMemory(np.array(wanted_game), memory.strategy.played_s + inputs.dt_s),
+            optimal_game_m_s=optimal,
         ),
     )
 
@@ -189,23 +209,52 @@ def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tic
     return TickOutput(limited.setpoint, None, kept)
 
 
+def _solve(
+    game: Game,
+    settings: TickSettings,
+    pursuer: Vector,
+    evader: Vector,
+    evader_velocity: Vector,
+    flown: Vector,
+    optimal: Vector | None,
+) -> tuple[Solution, Promise]:
+    """Solve the game, and once more from where a pursuer would begin that does as well as this vehicle.
+
+    Both at once, which takes no longer than one: with the optimal velocity of the last cycle.
+    """
+    E, seen = np.array(evader), np.array(evader_velocity)
+    T = None if settings.target_game_m is None else np.array(settings.target_game_m)
+    if optimal is None:
+        optimal = _vector(solve(game, np.array(pursuer), E, T, evader_velocity_m_s=seen).pursuer_velocity_m_s)
+    late = late_start(pursuer, optimal, flown, settings.acceleration)
+    both = solve(game, np.array((pursuer, late)), E, T, evader_velocity_m_s=seen)
+    here, there = (Solution(*(column[row] for column in both)) for row in (0, 1))
+    if T is None:
+        return here, Promise(float(there.value), math.nan)
+    short = int(there.winner) == Winner.EVADER
+    return here, Promise(float(there.meeting_time_s), float(-there.value if short else there.value))
+
+
 def _strategy(
     game: Game,
     settings: TickSettings,
     pursuer: Vector,
     evader: Vector,
     evader_velocity: Vector,
+    optimal: Vector,
     memory: StrategyMemory,
     dt_s: float,
-) -> tuple[Solution, Vector]:
+) -> Vector:
+    if settings.strategy.name == OPTIMAL:
+        return optimal
     P, E, seen = np.array(pursuer), np.array(evader), np.array(evader_velocity)
     T = None if settings.target_game_m is None else np.array(settings.target_game_m)
-    solution = solve(game, P, E, T, evader_velocity_m_s=seen)
-    velocity = solution.pursuer_velocity_m_s
-    if settings.strategy.name != OPTIMAL:
-        velocity = pursue(settings.strategy, game, P, E, T, seen, memory, dt_s=dt_s)
-    x, y, z = (float(part) for part in velocity)
-    return solution, (x, y, z)
+    return _vector(pursue(settings.strategy, game, P, E, T, seen, memory, dt_s=dt_s))
+
+
+def _vector(parts: np.typing.NDArray[np.float64]) -> Vector:
+    x, y, z = (float(part) for part in parts)
+    return (x, y, z)
 
 
 def _gaps(position_ned_m: Vector, target_ned_m: Vector, standoff: StandOff) -> Gaps:
@@ -233,6 +282,7 @@ def _certify(
     settings: TickSettings,
     game: Game,
     solution: Solution,
+    promise: Promise,
     pursuer: Vector,
     evader: Vector,
     gaps: Gaps,
@@ -263,6 +313,8 @@ def _certify(
         evader_arrived=at is not None and not reached and math.dist(at[:2], evader[:2]) <= near_m,
         no_game=False,
         outside_fence=_outside(inputs.position_ned_m, settings.envelope),
+        time_needed_s=promise.time_needed_s,
+        assured_distance_m=promise.assured_distance_m,
     )
 
 

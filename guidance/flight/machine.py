@@ -19,6 +19,7 @@ from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, Event, State, next_state
 from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame
+from guidance.game.game import horizontal_speed
 from guidance.limits import Envelope
 from guidance.monitor import Alarm, Guarantee, watch
 from guidance.telemetry import Heartbeat, LocalPosition, Message, Request, Setpoint, TargetReport, Vector
@@ -174,6 +175,8 @@ class Flight:
             self._certificate, self._other_mode_seen = None, False
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
                 self._memory, self._guarantee = TickMemory(), Guarantee()
+            if after is State.ON_STATION:
+                self._guarantee = Guarantee()  # the promise is kept: a target that gets away begins a new one
         return Happening(now_s, event, before, after)
 
     def _scene(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Scene:
@@ -246,12 +249,14 @@ class Flight:
         self._memory = output.memory
         if output.certificate is not None:
             self._certificate = output.certificate
+        if output.certificate is not None and self.state is State.ENGAGED:
             self._guarantee, self._alarm = watch(
                 self._guarantee,
                 now_s,
                 output.certificate,
                 with_target=self._tick.target_game_m is not None,
-                slack=self.settings.guarantee_slack,
+                speed_m_s=float(horizontal_speed(self._tick.speed_set)),
+                slack_s=self.settings.guarantee_slack_s,
             )
         return output.setpoint
 

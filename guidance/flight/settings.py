@@ -52,7 +52,8 @@ class FlightSettings:
         after_capture: What to do at the stand-off disc.
         engage_on: What begins the game.
         battery_minimum: Battery remaining (0 to 1) below which the flight returns.
-        guarantee_slack: How much of the value may be lost, s (PE) or m (TAD), before an alarm says so.
+        guarantee_slack_s: How much of what was promised may be lost before an alarm says so, besides what
+            `guidance.monitor` allows for: s of the time of capture (PE), and the evader's way in that time (TAD).
         settle_s: How long everything must be well again before a paused game goes on.
         limits_s: Longest stay in a state, where there is a limit.
         fence_corners_deg: A polygon fence by latitude and longitude; it takes effect with HOME_POSITION, before which
@@ -67,6 +68,6 @@ class FlightSettings:
     engage_on: EngageOn = EngageOn.COMMAND
     battery_minimum: float = 0.2
     settle_s: float = 1.0
-    guarantee_slack: float = 1.0
+    guarantee_slack_s: float = 0.3
     limits_s: Mapping[State, float] = field(default_factory=lambda: LIMITS_S)
     fence_corners_deg: Corners | None = None

@@ -12,14 +12,21 @@ from guidance.errors import ConfigError
 from guidance.following.approach import Approach
 from guidance.following.catch_up import CatchUp
 from guidance.following.follow import Following
+from guidance.following.late_start import Acceleration
 from guidance.following.servo import ServoGains
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handling:
-    """One vehicle's handling; the last six are of `guidance.limits.Envelope`, with its names and meanings."""
+    """One vehicle's handling.
+
+    `acceleration` is what the vehicle surely achieves, by which the time that it needs is told: the autopilot's own
+    parameter (PX4's MPC_ACC_HOR and MPC_ACC_DOWN_MAX, ArduCopter's WPNAV_ACCEL and WPNAV_ACCEL_Z) at its default. The
+    last six are of `guidance.limits.Envelope`, with its names and meanings.
+    """
 
     following: Following
+    acceleration: Acceleration
     acceleration_m_s2: float
     vertical_acceleration_m_s2: float
     jerk_m_s3: float
@@ -46,6 +53,7 @@ PX4 = Handling(
         approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, vertical_settle_s=0.4),
         catch_up=CatchUp(),
     ),
+    acceleration=Acceleration(ground_m_s2=3.0, vertical_m_s2=3.0),
     acceleration_m_s2=9.0,
     vertical_acceleration_m_s2=3.0,
     jerk_m_s3=80.0,
@@ -62,6 +70,7 @@ ARDUCOPTER = Handling(
         approach=Approach(braking_m_s2=1.8, vertical_braking_m_s2=0.9),
         catch_up=CatchUp(),
     ),
+    acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0),
     acceleration_m_s2=5.0,
     vertical_acceleration_m_s2=2.0,
     jerk_m_s3=20.0,

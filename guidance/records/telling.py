@@ -30,6 +30,8 @@ class Cycle(NamedTuple):
     height_gap_m: float = math.nan
     value: float = math.nan
     meeting_time_s: float = math.nan
+    time_needed_s: float = math.nan
+    assured_distance_m: float = math.nan
     telemetry_age_s: float = math.nan
     target_age_s: float = math.nan
     round_trip_s: float = math.nan
@@ -109,4 +111,6 @@ def _played(cycle: Cycle, certificate: Certificate) -> Cycle:
         height_gap_m=certificate.height_gap_m,
         value=certificate.value,
         meeting_time_s=certificate.meeting_time_s,
+        time_needed_s=certificate.time_needed_s,
+        assured_distance_m=certificate.assured_distance_m,
     )

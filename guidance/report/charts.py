@@ -15,7 +15,7 @@ _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 
 def game(story: Story) -> Figure:
-    """Draw range, value to go and the guarantee: V + t never rises in PE, L never falls in TAD."""
+    """Draw range, time to go and what the vehicle promises: t + time needed never rises in PE, its L never falls."""
     figure = figure_of(11.0, 7.0)
     distance, value, guarantee = axes = panels(figure, 3)
     span = playing_span(story)
@@ -24,19 +24,25 @@ def game(story: Story) -> Figure:
     distance.plot(now_s, story.column("height_gap_m")[span], **EVADER, label="height above the disc")
     distance.axhline(0.0, color="0.0", linewidth=0.6)
     distance.set_ylabel("range, m")
-    value.plot(now_s, to_go_s, **PURSUER, label="time to go")
-    value.set_ylabel("value to go, s")
-    what, thin = story.column("value")[span], {**PURSUER, "linewidth": 0.9}
-    if story.with_target:
-        guarantee.plot(now_s, what, **thin, label="L, evader's final\ndistance to T")
-        guarantee.set_ylabel("guarantee L, m")
-    else:
-        begun_s = now_s[0] if story.engaged is None else story.cycles[story.engaged].now_s
-        guarantee.plot(now_s, what + now_s - begun_s, **thin, label="V + t, time of capture\nfrom engagement")
-        guarantee.set_ylabel("guarantee V + t, s")
+    needed_s = story.column("time_needed_s")[span]
+    value.plot(now_s, to_go_s, **EVADER, label="the game's pursuer")
+    value.plot(now_s, needed_s, **PURSUER, label="this vehicle")
+    value.set_ylabel("time to go, s")
+    game_line, thin = {**EVADER, "linewidth": 0.9}, {**PURSUER, "linewidth": 0.9}
     certificate = None if story.engaged is None else story.certificates[story.engaged]
-    if certificate is not None:
-        guarantee.axhline(certificate.value, **_THIRD, label="promised at engagement")
+    if story.with_target:
+        guarantee.plot(now_s, story.column("value")[span], **game_line, label="L, evader's final\ndistance to T")
+        guarantee.plot(now_s, story.column("assured_distance_m")[span], **thin, label="the same, of\nthis vehicle")
+        guarantee.set_ylabel("guarantee L, m")
+        promised = None if certificate is None else certificate.assured_distance_m
+    else:
+        since_s = now_s - (now_s[0] if story.engaged is None else story.cycles[story.engaged].now_s)
+        guarantee.plot(now_s, story.column("value")[span] + since_s, **game_line, label="V + t, the game's\npursuer")
+        guarantee.plot(now_s, needed_s + since_s, **thin, label="time of capture,\nthis vehicle")
+        guarantee.set_ylabel("time of capture, s")
+        promised = None if certificate is None else certificate.time_needed_s
+    if promised is not None:
+        guarantee.axhline(promised, **_THIRD, label="promised at engagement")
     _alarms(guarantee, story)
     mark_moments(axes, story)
     for one in axes:

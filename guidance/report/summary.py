@@ -27,6 +27,9 @@ def _game(story: Story) -> list[tuple[str, str]]:
     if story.engaged is None or engaged is None:
         return [*rows, ("outcome", f"no game was played; ended {story.states[-1]}")]
     rows.append(("value predicted at engagement, to the disc itself", f"{engaged.value:.2f} {unit}"))
+    rows.append(("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"))
+    if story.with_target:
+        rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
     if story.captured is None:
         return [*rows, ("outcome", f"not captured; ended {story.states[-1]}")]
     flown = _flown(story)
@@ -37,6 +40,7 @@ def _game(story: Story) -> list[tuple[str, str]]:
         ("flown", f"{flown:.2f} {unit}"),
         ("flown / predicted", f"{flown / engaged.value:.3f}" if engaged.value else "–"),
         ("game lasted", f"{lasted_s:.2f} s"),
+        ("lasted / time needed", f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–"),
     ]
 
 

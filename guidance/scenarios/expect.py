@@ -57,6 +57,7 @@ class Expectations(Section):
     capture_time_s: Range | None = None
     final_distance_m: Range | None = None
     predicted: Range | None = None
+    time_needed_s: Range | None = None
     achieved: Range | None = None
     regret: Range | None = None
     ratio: Range | None = None

@@ -52,14 +52,16 @@ class Sample(NamedTuple):
 class FlightResult:
     """What a flight came to.
 
-    `predicted` is what the first certificate said (s in PE, m in TAD), to the disc itself, and `achieved` what was
-    flown, NaN where it did not come to that. What is compared with other runs is the `Outcome` made of it. `said` is
-    the autopilot's last warning before it flew; `interrupted` whether a person ended the run.
+    `predicted` is what the first certificate said (s in PE, m in TAD), to the disc itself, `time_needed_s` when this
+    vehicle would be there, and `achieved` what was flown, NaN where it did not come to that. What is compared with
+    other runs is the `Outcome` made of it. `said` is the autopilot's last warning before it flew; `interrupted` whether
+    a person ended the run.
     """
 
     scenario: Scenario
     ended: State
     predicted: float = math.nan
+    time_needed_s: float = math.nan
     achieved: float = math.nan
     capture_time_s: float = math.nan
     meeting_point_m: Vector | None = None
@@ -157,7 +159,7 @@ def note(
         return
     result.limits.extend(name for name in certificate.acted if name not in result.limits)
     if math.isnan(result.predicted):
-        result.predicted = certificate.value
+        result.predicted, result.time_needed_s = certificate.value, certificate.time_needed_s
         result.meeting_point_m = certificate.meeting_point_game_m
         result.engaged_pursuer_m, result.engaged_evader_m = certificate.pursuer_game_m, certificate.evader_game_m
     if certificate.captured and not result.captured:

@@ -260,6 +260,7 @@ def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, plac
         final_distance_m=final_distance_m(scenario, P, E),
         predicted=float(first.value[row]),
         predicted_winner=winner_name(int(first.winner[row])),
+        time_needed_s=float(first.meeting_time_s[row]),
         min_standoff_m=float(moment.standoff_m[place]),
         min_altitude_m=float(moment.altitude_m[place]) + scenario.evader.height_m,
         duration_s=float(moment.now_s[place]),

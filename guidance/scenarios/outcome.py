@@ -29,6 +29,8 @@ class Outcome(NamedTuple):
         final_distance_m: TAD: of the evader from its target at the end. PE: of the pursuer from the stand-off disc.
         predicted: The game's value at engagement: s until capture (PE), or m from the target (TAD); where the evader
             wins, the m that the pursuer comes short.
+        time_needed_s: What the vehicle promised at engagement: the time to the meeting, from the velocity that it had
+            and with its acceleration. In mathematics, where no pursuer accelerates, the game's own.
         achieved: What it came to in the same unit; NaN in PE without a capture, and in TAD where nobody got there.
         regret: What the pursuer lost against the value: achieved − predicted in PE, predicted − achieved in TAD, where
             it wants the evader far from the target; NaN where the value has another meaning, as the evader wins.
@@ -55,6 +57,7 @@ class Outcome(NamedTuple):
     capture_time_s: float
     final_distance_m: float
     predicted: float
+    time_needed_s: float
     achieved: float
     regret: float
     ratio: float
@@ -76,6 +79,7 @@ def outcome_of(
     final_distance_m: float,
     predicted: float,
     predicted_winner: str,
+    time_needed_s: float,
     min_standoff_m: float,
     min_altitude_m: float,
     duration_s: float,
@@ -106,6 +110,7 @@ def outcome_of(
         capture_time_s=game_time_s if captured else math.nan,
         final_distance_m=final_distance_m,
         predicted=predicted,
+        time_needed_s=time_needed_s,
         achieved=achieved,
         regret=regret if comparable else math.nan,
         ratio=achieved / predicted if comparable and predicted else math.nan,
@@ -136,7 +141,7 @@ def winner_name(winner: int) -> str:
 def invalid(title: str, run: str, reason: str) -> Outcome:
     """Return the row of a scenario that allows no game."""
     nan = math.nan
-    numbers = (nan, nan, nan, nan, nan, nan, nan, nan, nan)
+    numbers = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
     return Outcome(title, run, "", "", "", 0, "invalid", "none", "none", *numbers, (), 0, (), nan, reason)
 
 

@@ -17,7 +17,7 @@ from guidance.scenarios.outcome import Outcome
 
 WAYS: Final = ("maths", "fast", "live", "vehicle")
 
-_SECONDS: Final = ("game_time_s", "capture_time_s", "duration_s")
+_SECONDS: Final = ("game_time_s", "capture_time_s", "time_needed_s", "duration_s")
 _METRES: Final = ("final_distance_m", "min_standoff_m", "min_altitude_m")
 _NUMBERS: Final = ("predicted", "achieved", "regret")
 

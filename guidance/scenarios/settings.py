@@ -83,6 +83,7 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
             tolerance_m=scenario.standoff.tolerance_m,
             envelope=envelope,
             following=flown.following,
+            acceleration=flown.acceleration,
             target_game_m=target_game_m(scenario),
             site=site(scenario),
         ),

@@ -66,7 +66,7 @@ def words(progress: Progress) -> str:
         return words
     return (
         f"{words} range {certificate.gap_m:5.1f} m, {certificate.height_gap_m:5.1f} m up"
-        f"  value to go {certificate.value:5.1f} {unit}"
+        f"  value to go {certificate.value:5.1f} {unit}, time needed {certificate.time_needed_s:5.1f} s"
     )
 
 
@@ -106,6 +106,7 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
     table.add_column(justify="right")
     rows = {
         "value predicted at engagement": f"{outcome.predicted:.2f} {unit}",
+        "time this vehicle needs, at engagement": f"{outcome.time_needed_s:.2f} s",
         "flown": f"{outcome.achieved:.2f} {unit}",
         "flown / predicted": f"{outcome.ratio:.3f}",
         "game lasted": f"{outcome.game_time_s:.2f} s",

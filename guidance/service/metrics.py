@@ -10,6 +10,17 @@ from guidance.errors import LinkError
 from guidance.flight import Flight, Outputs, State
 from guidance.telemetry import Heartbeat, LocalPosition
 
+_OF_THE_GAME: Final = (
+    "value",
+    "time_needed_s",
+    "assured_distance_m",
+    "margin_s",
+    "meeting_time_s",
+    "speed_ratio",
+    "target_age_s",
+    "gap_m",
+    "height_gap_m",
+)
 _BUCKETS_S: Final = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)
 
 
@@ -68,7 +79,7 @@ class Metrics:
         ):
             self._ages.labels(self._name, what).set(age_s)
         certificate = outputs.certificate
-        for what in ("value", "margin_s", "meeting_time_s", "speed_ratio", "target_age_s", "gap_m", "height_gap_m"):
+        for what in _OF_THE_GAME:
             self._game.labels(self._name, what).set(math.nan if certificate is None else getattr(certificate, what))
         for link, counts in counters.items():
             for what, count in counts.items():

@@ -44,6 +44,7 @@ def flight_settings(config: Config) -> FlightSettings:
             tolerance_m=game.tolerance_m,
             envelope=envelope(config),
             following=flown.following,
+            acceleration=flown.acceleration,
             # The game frame has its zero at the guarded place; heights in a game are differences only.
             target_game_m=None if guarded is None else (0.0, 0.0, 0.0),
             site=None

@@ -38,7 +38,10 @@ PLOTS: Final = (
     Plot(
         "Value to go, s",
         "plots/to_go",
-        {"value_s": Curve("time to go", _RED, lambda cycle: cycle.meeting_time_s)},
+        {
+            "value_s": Curve("the game's pursuer", _RED, lambda cycle: cycle.meeting_time_s),
+            "needed_s": Curve("this vehicle", _GREY, lambda cycle: cycle.time_needed_s),
+        },
     ),
     Plot(
         "Speed, m/s",

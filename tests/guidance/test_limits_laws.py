@@ -213,8 +213,24 @@ def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
 )
 def test_a_feed_forward_does_not_lean_on_a_limit_that_acts(velocity, limits, wanted, allowed):
     at = HOVER._replace(position_ned_m=(0.001, 0.0, 0.0)) if "fence_radius_m" in limits else HOVER
+    flown = tuple(1.05 * part for part in velocity)  # a little faster than any limit of speed
+    at = at._replace(velocity_ned_m_s=(0.0, 0.0, 0.0) if limits else flown)
     limited = settled(velocity, at, replace(OPEN, **limits), acceleration_ned_m_s2=wanted)
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(allowed, abs=1e-9)
+
+
+@pytest.mark.parametrize("along", [(0.6, 0.8, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_at_a_speed_limit_drag_is_made_up_for_until_the_vehicle_is_past_it(along):
+    ground, limit_m_s = along[2] == 0.0, {0.0: 10.0, 1.0: 2.0, -1.0: 4.0}[along[2]]
+    most_m_s2, asked_m_s2 = (5.0, 4.0) if ground else (3.0, 2.0)
+    given = []
+    for share in (0.0, 0.9, 1.0, 1.01, 1.025, 1.04, 1.05, 1.5):
+        at = HOVER._replace(velocity_ned_m_s=tuple(share * limit_m_s * part for part in along))
+        wanted = tuple(asked_m_s2 * part for part in along)
+        limited = settled(tuple(limit_m_s * part for part in along), at, acceleration_ned_m_s2=wanted)
+        given.append(sum(a * b for a, b in zip(limited.setpoint.acceleration_ned_m_s2, along, strict=True)))
+    faded = [min(asked_m_s2, most_m_s2 * (1.0 - (share - 1.0) / 0.05)) for share in (1.01, 1.025, 1.04)]
+    assert given == pytest.approx([asked_m_s2] * 3 + faded + [0.0, 0.0], abs=1e-9)
 
 
 def test_nothing_winds_up_behind_a_wall():

@@ -134,11 +134,11 @@ def test_the_wind_carries_the_pursuer():
 
 
 def test_the_fence_holds_the_pursuer_back_and_is_said_to():
-    outcome = one(envelope={"fence_radius_m": 40.0}, time_limit_s=40.0)
+    outcome = one(limits={"fence_radius_m": 40.0}, time_limit_s=40.0)
     assert outcome.end == "time_up"
     assert outcome.limits == ("fence",)
     assert np.isnan(outcome.capture_time_s)
-    last = list(moments([scenario(envelope={"fence_radius_m": 40.0}, time_limit_s=40.0)]))[-1]
+    last = list(moments([scenario(limits={"fence_radius_m": 40.0}, time_limit_s=40.0)]))[-1]
     assert np.hypot(*(last.pursuer_m[0, :2] - [0.0, -2.0])) == pytest.approx(40.0)
 
 

@@ -79,7 +79,22 @@ def test_a_start_outside_of_the_fence_or_below_the_stand_off_is_refused():
 
 
 def test_a_floor_above_the_stand_off_is_refused():
-    assert "envelope.floor_m = 6" in refused(envelope={"floor_m": 6.0})
+    assert "limits.floor_m = 6" in refused(limits={"floor_m": 6.0})
+
+
+def test_the_old_name_of_the_limits_says_the_new_one():
+    assert "envelope: its name is limits now" in refused(envelope={"floor_m": 3.0})
+
+
+def test_speed_limits_are_a_tenth_above_the_game_unless_given_and_never_below_it():
+    speeds = {"speed_m_s": 5.0, "climb_m_s": 2.0, "descent_m_s": 1.0}
+    limits = parse(Scenario, changed(pursuer=speeds), source="a.toml").speed_limits
+    assert limits == pytest.approx((5.5, 2.2, 1.1))
+    given = flight_settings(parse(Scenario, changed(pursuer=speeds, limits={"speed_m_s": 5.0}), source="a.toml"))
+    assert given.tick.envelope.speed_m_s == 5.0
+    assert "limits.climb_m_s = 1.5: must be at least pursuer.climb_m_s = 2" in refused(
+        pursuer=speeds, limits={"climb_m_s": 1.5}
+    )
 
 
 @pytest.mark.parametrize("player", ["pursuer", "evader"])

@@ -169,12 +169,18 @@ def test_a_start_outside_of_the_fence_about_home_is_refused_on_the_ground(sortie
 
 
 def test_limits_are_the_tighter_of_both_files():
-    flown = scenario(envelope={"fence_radius_m": 80.0, "ceiling_m": 100.0, "floor_m": 3.0})
+    flown = scenario(limits={"fence_radius_m": 80.0, "ceiling_m": 100.0, "floor_m": 3.0})
     limits = vehicle_config(flown, own()).limits
     assert (limits.floor_m, limits.ceiling_m, limits.fence_radius_m) == (5.0, 60.0, 80.0)
     envelope = vehicle_flight(flown, own()).tick.envelope
     assert (envelope.floor_m, envelope.ceiling_m, envelope.fence_radius_m) == (5.0, 60.0, 80.0)
-    assert (envelope.climb_m_s, envelope.descent_m_s) == (2.0, 1.5)
+    assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.2, 1.65))
+
+
+def test_speed_limits_are_the_tighter_of_both_files_too():
+    assert vehicle_config(scenario(), own()).limits.speed_m_s == pytest.approx(1.1 * scenario().pursuer.speed_m_s)
+    tight = own(limits={"speed_m_s": 6.2}), scenario(limits={"speed_m_s": 7.0})
+    assert vehicle_config(tight[1], tight[0]).limits.speed_m_s == 6.2
 
 
 def test_a_scenario_of_the_library_can_be_flown_with_the_vehicle_file_that_comes_along():

@@ -125,11 +125,24 @@ def test_defaults_are_the_safe_ones(read):
 def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
     config = read(game={"climb_m_s": 2.5, "descent_m_s": 1.2})
     envelope = flight_settings(config).tick.envelope
-    assert envelope.speed_m_s > config.game.speed_m_s
-    assert (envelope.climb_m_s, envelope.descent_m_s) == (2.5, 1.2)
+    assert envelope.speed_m_s == pytest.approx(1.1 * config.game.speed_m_s)
+    assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.75, 1.32))
     assert envelope.stand_off.radius_m < config.game.standoff_radius_m
     assert envelope.stand_off.height_m < config.game.standoff_height_m
     assert wants(config).limit_speed_m_s == envelope.speed_m_s
+
+
+def test_speed_limits_are_keys_of_their_own_and_the_games_speeds_stay(read):
+    config = read(game={"speed_m_s": 6.0, "descent_m_s": 1.5}, limits={"speed_m_s": 6.0, "descent_m_s": 1.5})
+    envelope, speeds = flight_settings(config).tick.envelope, flight_settings(config).tick.speed_set
+    assert (envelope.speed_m_s, envelope.descent_m_s) == (6.0, 1.5) == (speeds.horizontal_m_s, speeds.descent_m_s)
+    assert envelope.climb_m_s == pytest.approx(1.1 * speeds.climb_m_s)
+
+
+@pytest.mark.parametrize("key", ["speed_m_s", "climb_m_s", "descent_m_s"])
+def test_a_speed_limit_below_the_games_speed_names_both_keys(read, key):
+    with pytest.raises(ConfigError, match=rf"limits.{key} = 0.5: must be at least game.{key} = "):
+        read(limits={key: 0.5})
 
 
 def test_a_guarded_place_is_the_zero_of_the_game(read):

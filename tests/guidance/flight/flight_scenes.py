@@ -5,6 +5,7 @@ from dataclasses import replace
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FlightSettings
 from guidance.flight.detect import Scene
+from guidance.following.late_start import Acceleration
 from guidance.game import Ball, StandOff
 from guidance.limits import Envelope
 from guidance.strategies import Strategy
@@ -36,6 +37,7 @@ TICK = TickSettings(
     tolerance_m=0.5,
     envelope=ENVELOPE,
     following=None,
+    acceleration=Acceleration(3.0, 3.0),
     target_timeout_s=1.5,
 )
 SETTINGS = FlightSettings(profile=PX4, tick=TICK, takeoff_height_m=10.0, battery_minimum=0.25)

@@ -191,7 +191,7 @@ def test_heights_count_from_where_home_is_now():
 
 
 def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cycle():
-    flown = Flown(settings_of(guarantee_slack=0.5)).engaged()
+    flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
     assert {one.alarm for one in flown.ticks(0.3)} == {None}
     outputs = flown.ticks(1.5)  # the vehicle does not move, so that the capture is ever later
     alarms = [one.alarm for one in outputs if one.alarm is not None]
@@ -293,7 +293,7 @@ def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
 def test_a_flight_that_says_nothing_of_it_is_flown_so():
     said = FlightSettings(profile=ARDUCOPTER, tick=SETTINGS.tick, takeoff_height_m=10.0)
     assert (said.start_game_m, said.after_capture, said.engage_on) == (None, AfterCapture.HOLD, EngageOn.COMMAND)
-    assert (said.battery_minimum, said.settle_s, said.guarantee_slack) == (0.2, 1.0, 1.0)
+    assert (said.battery_minimum, said.settle_s, said.guarantee_slack_s) == (0.2, 1.0, 0.3)
     assert said.limits_s == {
         State.CONNECTING: 30.0,
         State.CHECKING: 90.0,

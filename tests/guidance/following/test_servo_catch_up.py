@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from guidance.following.catch_up import CatchUp, catch_up
 
 DT_S = 0.02
-SETTINGS = CatchUp(share=0.05, gain_per_s=0.5, limit_m=12.0)
+SETTINGS = CatchUp(gain_per_s=0.5, limit_m=12.0)
 WANTED = (6.0, 0.0, 0.0)
 
 speeds = st.floats(-12.0, 12.0)
@@ -17,8 +17,8 @@ velocities = st.tuples(speeds, speeds, speeds)
 
 
 @given(velocities, velocities, st.floats(0.0, 12.0), st.floats(0.0, 0.5))
-def test_never_more_than_the_share_is_added_and_the_direction_is_kept(wanted, flown, owed_m, dt_s):
-    velocity, owed_m = catch_up(wanted, flown, owed_m, SETTINGS, dt_s=dt_s)
+def test_never_more_than_the_limits_leave_is_added_and_the_direction_is_kept(wanted, flown, owed_m, dt_s):
+    velocity, owed_m = catch_up(wanted, flown, owed_m, SETTINGS, most=1.05, dt_s=dt_s)
     size = math.hypot(*wanted)
     assert size - 1e-9 <= math.hypot(*velocity) <= 1.05 * size + 1e-9
     assert 0.0 <= owed_m <= SETTINGS.limit_m
@@ -26,8 +26,8 @@ def test_never_more_than_the_share_is_added_and_the_direction_is_kept(wanted, fl
 
 
 @given(velocities, st.floats(0.0, 12.0))
-def test_without_a_share_the_games_speed_is_kept_strictly(wanted, owed_m):
-    velocity, _ = catch_up(wanted, (0.0, 0.0, 0.0), owed_m, CatchUp(share=0.0), dt_s=DT_S)
+def test_limits_at_the_games_speed_leave_nothing_to_catch_up_with(wanted, owed_m):
+    velocity, _ = catch_up(wanted, (0.0, 0.0, 0.0), owed_m, SETTINGS, most=1.0, dt_s=DT_S)
     assert velocity == wanted
 
 
@@ -36,7 +36,7 @@ def test_a_vehicle_from_hover_comes_as_far_as_the_games_pursuer_and_no_further(l
     flown = way_m = owed_m = 0.0
     ahead_m = -math.inf
     for tick in range(1, 3001):
-        velocity, owed_m = catch_up(WANTED, (flown, 0.0, 0.0), owed_m, SETTINGS, dt_s=DT_S)
+        velocity, owed_m = catch_up(WANTED, (flown, 0.0, 0.0), owed_m, SETTINGS, most=1.05, dt_s=DT_S)
         way_m += flown * DT_S
         flown += (velocity[0] - flown) * (1.0 - math.exp(-DT_S / lag_s))
         ahead_m = max(ahead_m, way_m - 6.0 * tick * DT_S)
@@ -48,9 +48,9 @@ def test_a_vehicle_from_hover_comes_as_far_as_the_games_pursuer_and_no_further(l
 def test_a_vehicle_that_cannot_keep_up_owes_no_more_than_the_limit():
     owed_m = 0.0
     for _ in range(1000):
-        _, owed_m = catch_up(WANTED, (3.0, 0.0, 0.0), owed_m, SETTINGS, dt_s=DT_S)
+        _, owed_m = catch_up(WANTED, (3.0, 0.0, 0.0), owed_m, SETTINGS, most=1.05, dt_s=DT_S)
     assert owed_m == SETTINGS.limit_m
 
 
 def test_where_the_game_asks_for_no_motion_nothing_is_added_or_owed():
-    assert catch_up((0.0, 0.0, 0.0), (1.0, 2.0, 3.0), 4.0, SETTINGS, dt_s=DT_S) == ((0.0, 0.0, 0.0), 4.0)
+    assert catch_up((0.0, 0.0, 0.0), (1.0, 2.0, 3.0), 4.0, SETTINGS, most=1.05, dt_s=DT_S) == ((0.0, 0.0, 0.0), 4.0)

@@ -17,7 +17,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
-    followed = follow(WANTED, Motion(STILL, STILL, STILL), FAR, None, FollowMemory(), dt_s=0.02)
+    followed = follow(WANTED, Motion(STILL, STILL, STILL), FAR, None, FollowMemory(), most=1.1, dt_s=0.02)
     assert followed == (WANTED, None, WANTED, FollowMemory())
 
 
@@ -25,13 +25,15 @@ def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
 def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
     following = HANDLING[name].following
     drift = Drift((0.2, -0.1, 0.05), (0.0, 0.0, -20.0))
-    plain = follow(WANTED, Motion((0.0, 0.0, -20.0), STILL, STILL), FAR, following, FollowMemory(), dt_s=0.0)
+    at = Motion((0.0, 0.0, -20.0), STILL, STILL)
+    plain = follow(WANTED, at, FAR, following, FollowMemory(), most=1.1, dt_s=0.0)
     shifted = follow(
         WANTED,
         Motion((0.0, 0.0, -20.0), drift.velocity_ned_m_s, STILL),
         FAR,
         following,
         FollowMemory(drift=drift),
+        most=1.1,
         dt_s=0.0,
     )
     moved = [one - other for one, other in zip(shifted.velocity_ned_m_s, plain.velocity_ned_m_s, strict=True)]
@@ -46,8 +48,8 @@ def test_what_braking_at_the_disc_costs_is_not_owed():
     near = Gaps(0.2, 0.0, 1.0, 0.0)
     motion = Motion((0.0, 0.0, -5.0), (3.0, 0.0, 0.0), (3.0, 0.0, 0.0))
     memory = FollowMemory(owed_m=1.0)
-    assert follow(WANTED, motion, near, following, memory, dt_s=0.02).memory.owed_m == 1.0
-    assert follow(WANTED, motion, FAR, following, memory, dt_s=0.02).memory.owed_m > 1.0
+    assert follow(WANTED, motion, near, following, memory, most=1.1, dt_s=0.02).memory.owed_m == 1.0
+    assert follow(WANTED, motion, FAR, following, memory, most=1.1, dt_s=0.02).memory.owed_m > 1.0
 
 
 def test_every_autopilot_has_a_handling_that_its_own_limits_allow():
