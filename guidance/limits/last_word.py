@@ -12,7 +12,7 @@ The order, and why:
  7. fences         │ a velocity back into an earlier one, so all are asked again by scaling alone, which breaks none
  8. floor, ceiling ┘ of the others: in the end all hold together. Standing still always does.
  9. height         A height beside the velocity is cut to what the autopilot may make of it, by the same walls.
-10. feed-forward   Within acceleration and jerk; nothing of it leans on a limit that acts, or drives beyond one of speed.
+10. feed-forward   Within acceleration and jerk; nothing of it leans on a limit that acts, or drives past one of speed.
 11. yaw            Turned at the turn rate.
 
 Nothing is kept here: the memory goes in and comes out, and it holds what was sent, not what was wished, so that

@@ -13,7 +13,8 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.scenarios.loading import load_scenario
-from guidance.scenarios.model import Scenario
+from guidance.monitor import Alarm
+from guidance.scenarios.model import Scenario, Target
 from guidance.scenarios.settings import flight_settings
 from guidance.service.clock import VirtualClock
 from guidance.service.cycle import Cycle
@@ -32,15 +33,42 @@ LONGEST_S = 90.0
 ORDERS = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,)}
 
 
-def hover_chase(autopilot: str, *, seed: int) -> Scenario:
-    """The scenario that is measured, on one autopilot."""
+def hover_chase(
+    autopilot: str,
+    *,
+    seed: int,
+    speeds_m_s: tuple[float, float] = (6.0, 3.0),
+    target_m: tuple[float, float] | None = None,
+) -> Scenario:
+    """The scenario that is measured, on one autopilot: the pursuer's speed and the evader's, and in TAD its target."""
     scenario = load_scenario("hover_chase")[1]
-    pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot})
-    return scenario.model_copy(update={"pursuer": pursuer, "seed": seed})
+    pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot, "speed_m_s": speeds_m_s[0]})
+    evader = scenario.evader.model_copy(update={"speed_m_s": speeds_m_s[1]})
+    game = {} if target_m is None else {"game": "tad", "target": Target(position_m=target_m)}
+    return scenario.model_copy(update={"pursuer": pursuer, "evader": evader, "seed": seed, **game})
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """What breaks the game's promise, some time after engagement.
+
+    Attributes:
+        after_s: When.
+        evader: The evader's speed as a share of the one declared.
+        silent: Whether its reports stop.
+        alter: What becomes of the vehicle.
+    """
+
+    after_s: float = math.inf
+    evader: float = 1.0
+    silent: bool = False
+    alter: Callable[[MockVehicle], None] = lambda _vehicle: None
 
 
 class Runner:
-    """The evader: stands until told, then runs from the pursuer at full speed at once; a `TargetSource`.
+    """The evader: stands until told, then runs at full speed at once; a `TargetSource`.
+
+    It runs from the pursuer, or to `goal_m` once that is set.
 
     Args:
         scenario: Whose place, speed and noise it has.
@@ -52,6 +80,9 @@ class Runner:
     def __init__(
         self, scenario: Scenario, settings: FlightSettings, *, turn_at_m: float = -math.inf, turned: float = 1.0
     ) -> None:
+        self.goal_m: tuple[float, float] | None = None
+        self.silent = False
+        self.share = 1.0
         self._turn_at_m = turn_at_m + settings.tick.standoff.radius_m
         self._turned = turned
         self._has_turned = False
@@ -72,7 +103,9 @@ class Runner:
         """Run on to now."""
         away = [mine - his for mine, his in zip(self.place_m, pursuer_m, strict=True)]
         self._has_turned |= running and math.hypot(*away) < self._turn_at_m
-        pace = self._speed_m_s / math.hypot(*away) if running else 0.0
+        if self.goal_m is not None:
+            away = [goal - mine for goal, mine in zip(self.goal_m, self.place_m, strict=True)]
+        pace = self.share * self._speed_m_s / math.hypot(*away) if running else 0.0
         pace *= self._turned if self._has_turned else 1.0
         self.velocity_m_s = (away[0] * pace, away[1] * pace)
         dt_s, self._now_s = now_s - self._now_s, now_s
@@ -82,7 +115,7 @@ class Runner:
         )
         if now_s >= self._next_s - 1e-9:
             self._next_s = now_s + REPORT_S
-            self._due.append(self._report())
+            self._due.extend(() if self.silent else (self._report(),))
 
     def _report(self) -> TargetReport:
         gauss = self._random.gauss
@@ -142,6 +175,8 @@ class Chased:
         station_m: From two seconds after the capture on: every distance to the rim of the disc,
         slip_m_s: and every speed over the ground relative to the evader.
         commands: Every setpoint's velocity and acceleration, NED.
+        needed_s: The time that this vehicle needs, as the first certificate has it.
+        alarms: Every alarm and its time since engagement.
     """
 
     value_s: float = math.nan
@@ -153,6 +188,8 @@ class Chased:
     station_m: list[float] = field(default_factory=list)
     slip_m_s: list[float] = field(default_factory=list)
     commands: list[tuple[float, ...]] = field(default_factory=list)
+    needed_s: float = math.nan
+    alarms: list[tuple[float, Alarm]] = field(default_factory=list)
 
     @property
     def ratio(self) -> float:
@@ -172,7 +209,7 @@ class Chased:
     def note(self, since_s: float, certificate: Certificate, gap_m: float, height_m: float, slip_m_s: float) -> None:
         """Take down one tick of the game."""
         if math.isnan(self.value_s):
-            self.value_s = certificate.value
+            self.value_s, self.needed_s = certificate.value, certificate.time_needed_s
         if math.isnan(self.flown_s) and certificate.captured:
             self.flown_s = since_s
         if height_m < -0.5:
@@ -192,8 +229,12 @@ def chase(
     station_s: float = 8.0,
     turn_at_m: float = -math.inf,
     turned: float = 1.0,
+    disturbance: Disturbance = Disturbance(),
+    longest_s: float = LONGEST_S,
 ) -> Chased:
-    """Fly a PE scenario until some time after the capture, the evader still running; the pursuer keeps station.
+    """Fly a scenario until some time after the capture, the evader still running; the pursuer keeps station.
+
+    In TAD the evader goes for the game's meeting point, as it stands at each moment.
 
     Args:
         scenario: What is flown; its evader's policy is not asked.
@@ -203,6 +244,8 @@ def chase(
         station_s: How long station is kept.
         turn_at_m: See `Runner`.
         turned: See `Runner`.
+        disturbance: What breaks the promise.
+        longest_s: The game is broken off after this long.
     """
     clock = VirtualClock()
     settings = change(replace(flight_settings(scenario), after_capture=AfterCapture.SHADOW))
@@ -214,13 +257,22 @@ def chase(
     cycle = Cycle(Flight(settings), Altering(link, send), runner, None)
     chased, state, engaged_s = Chased(), State.CONNECTING, math.nan
     height_m = settings.tick.standoff.height_m
-    while (now_s := clock.now_s()) < LONGEST_S and not now_s > engaged_s + chased.flown_s + station_s:
+    disturbed = False
+    while (now_s := clock.now_s()) < LONGEST_S and not now_s > engaged_s + min(longest_s, chased.flown_s + station_s):
+        if not disturbed and now_s >= engaged_s + disturbance.after_s:
+            disturbed, runner.share, runner.silent = True, disturbance.evader, disturbance.silent
+            disturbance.alter(vehicle)
         for frame in vehicle.step(now_s, [frame for _, frame in theirs.receive()]):
             theirs.send(frame)
         (north, east, down), speed = _truth(vehicle, scenario)
         runner.advance(now_s, (north, east), running=now_s > engaged_s)
         outputs = cycle.run(now_s, ORDERS.get(state, ()))
         state, certificate = outputs.state, outputs.certificate
+        if outputs.alarm is not None:
+            chased.alarms.append((now_s - engaged_s, outputs.alarm))
+        if certificate is not None and scenario.target is not None and not certificate.no_game:
+            east_m, north_m, _ = certificate.meeting_point_game_m
+            runner.goal_m = (north_m, east_m)
         if certificate is not None and outputs.setpoint is not None:
             engaged_s = now_s if math.isnan(engaged_s) else engaged_s
             gap_m = math.dist((north, east), runner.place_m) - settings.tick.standoff.radius_m
