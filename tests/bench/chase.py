@@ -12,8 +12,8 @@ from guidance.flight import AfterCapture, Event, Flight, FlightSettings, State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.scenarios.loading import load_scenario
 from guidance.monitor import Alarm
+from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario, Target
 from guidance.scenarios.settings import flight_settings
 from guidance.service.clock import VirtualClock
