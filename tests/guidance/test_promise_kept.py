@@ -1,4 +1,4 @@
-"""Alarms in whole flights of the calibrated mock: silent while all goes as promised, and soon said where it does not."""
+"""Alarms in whole flights of the calibrated mock: none while all goes as promised, and soon one where it does not."""
 
 import sys
 from pathlib import Path
