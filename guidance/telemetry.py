@@ -125,11 +125,12 @@ class Timesync(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """PARAM_VALUE: name and value as a number, whatever the flavour's encoding."""
+    """PARAM_VALUE: name and value as a number, whatever the flavour's encoding; `param_type` is MAV_PARAM_TYPE."""
 
     received_s: float
     name: str
     value: float
+    param_type: int = 9
 
 
 class FenceCount(NamedTuple):
@@ -244,6 +245,14 @@ class ParameterRequest(NamedTuple):
     name: str
 
 
+class ParameterSet(NamedTuple):
+    """PARAM_SET: `param_type` is MAV_PARAM_TYPE as it was read, since an autopilot refuses any other."""
+
+    name: str
+    value: float
+    param_type: int
+
+
 class FenceRequest(NamedTuple):
     """MISSION_REQUEST_LIST of the uploaded fence, or with a sequence number MISSION_REQUEST_INT of one item."""
 
@@ -254,4 +263,4 @@ class FenceReceived(NamedTuple):
     """MISSION_ACK that ends the reading of the uploaded fence."""
 
 
-Request = Command | ParameterRequest | FenceRequest | FenceReceived
+Request = Command | ParameterRequest | ParameterSet | FenceRequest | FenceReceived

@@ -1,4 +1,4 @@
-"""`guidance check`: preflight alone."""
+"""`guidance check`: preflight alone, and setting what it wants."""
 
 import json
 from collections.abc import Sequence
@@ -7,47 +7,126 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from guidance.preflight import Row
+    from contextlib import AbstractContextManager
+
+    from guidance.preflight import ParameterChange, Row
+    from guidance.service.checkup import Applied, Checkup
 
 _STYLE = {"pass": "green", "warn": "yellow", "refuse": "bold red"}
 
 
 def check(
-    config: Annotated[
-        str, typer.Argument(help="A vehicle file, or the name of one that comes along: px4, arducopter.")
-    ],
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="A vehicle file, or the name of one that comes along: px4, arducopter. With --vehicle: the scenario "
+            "that is to be flown, pe if not given."
+        ),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="URL of an autopilot that runs; no vehicle file is needed.", metavar="URL"),
+    ] = None,
+    autopilot: Annotated[
+        str | None, typer.Option(help="px4 or arducopter; found by HEARTBEAT if not given (with --vehicle).")
+    ] = None,
+    link: Annotated[str, typer.Option(help="mavsdk or pymavlink (with --vehicle).")] = "mavsdk",
+    apply: Annotated[
+        bool, typer.Option("--apply", help="Set the parameters that are refused, after asking, and judge again.")
+    ] = False,
+    advised: Annotated[bool, typer.Option("--advised", help="With --apply: set also what is only warned of.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --apply: do not ask.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
-    """Read the autopilot's parameters, frames and stream rates, and judge them. Sets nothing.
+    """Read the autopilot's parameters, frames and stream rates, and judge them. Sets nothing without `--apply`.
+
+    With `--apply` the parameters to be set are shown first, with their values now and then and why. They are set on
+    the ground only, never while the vehicle is armed; each is read back, and everything is judged again.
 
     Ends with 0 if the vehicle may fly guided, with 4 if something is refused.
 
-    Examples:
-        guidance check config/vehicles/px4.toml
+    - `guidance check config/vehicles/px4.toml`: the vehicle of a file
+    - `guidance check --vehicle udpin://127.0.0.1:14540 --apply`: PX4's SITL, made ready for `guidance fly --vehicle`
+    - `guidance check hover_chase --vehicle tcpout://127.0.0.1:5760 --apply --yes`: ArduPilot's, without being asked
     """
     from guidance.preflight import refusals  # noqa: PLC0415 - NumPy takes a moment
-    from guidance.service.command import check_vehicle  # noqa: PLC0415 - zenoh and mavsdk take a second
 
-    rows = check_vehicle(config)
+    if (yes or advised) and not apply:
+        raise typer.BadParameter("only with --apply", param_hint="--yes" if yes else "--advised")
+    if as_json and apply and not yes:
+        raise typer.BadParameter("with --apply only where nothing is asked: add --yes", param_hint="--json")
+    with _checkup(name, vehicle, autopilot, link) as checkup:
+        rows = checkup.rows()
+        if apply:
+            rows = _apply(checkup, rows, advised=advised, yes=yes, quiet=as_json)
+    refused = refusals(rows)
     if as_json:
         typer.echo(json.dumps([row._asdict() for row in rows], indent=2))
     else:
-        _print(rows, refusals(rows))
-    raise typer.Exit(4 if refusals(rows) else 0)
+        _print_rows(rows)
+        _print_verdict(refused)
+    raise typer.Exit(4 if refused else 0)
 
 
-def _print(rows: "Sequence[Row]", refused: Sequence[str]) -> None:
+def _checkup(
+    name: str | None, vehicle: str | None, autopilot: str | None, link: str
+) -> "AbstractContextManager[Checkup]":
+    if vehicle is not None:
+        from guidance.scenarios.reached import Asked, checkup_at  # noqa: PLC0415 - zenoh and mavsdk take a second
+
+        return checkup_at(name or "pe", Asked(vehicle, autopilot, link))
+    if name is None:
+        raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
+    from guidance.service.checkup import checkup_of  # noqa: PLC0415 - zenoh and mavsdk take a second
+
+    return checkup_of(name)
+
+
+def _apply(checkup: "Checkup", rows: "Sequence[Row]", *, advised: bool, yes: bool, quiet: bool) -> "Sequence[Row]":
+    wanted = checkup.changes(advised=advised)
+    if not wanted:
+        if not quiet:
+            typer.echo("no parameter is to be set")
+        return rows
+    if not quiet:
+        _print_changes(wanted)
+    if not yes:
+        typer.confirm(f"Set these {len(wanted)} parameters?", abort=True)
+    done: list[Applied] = []
+    checkup.apply(wanted, done.append)
+    if not quiet:
+        for one in done:
+            read = "not read back" if one.read_back is None else f"reads {one.read_back:g}"
+            typer.echo(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}")
+    return checkup.rows()
+
+
+def _print_changes(wanted: "Sequence[ParameterChange]") -> None:
+    lines = [(one.name, one.now, one.then, str(one.verdict), one.why) for one in wanted]
+    _print_table(("name", "now", "then", "as it is", "why"), lines, style=3)
+
+
+def _print_rows(rows: "Sequence[Row]") -> None:
+    lines = [(row.name, row.value, row.wanted, str(row.verdict), row.advice) for row in rows]
+    _print_table(("name", "value", "wanted", "verdict", "how to set it"), lines, style=3)
+
+
+def _print_table(headings: Sequence[str], lines: Sequence[Sequence[str]], *, style: int) -> None:
     from rich.console import Console  # noqa: PLC0415 - only where somebody looks
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
     table = Table(box=None, pad_edge=False)
-    for heading in ("name", "value", "wanted", "verdict", "how to set it"):
+    for heading in headings:
         table.add_column(heading, overflow="fold")
-    for row in rows:
-        verdict = Text(str(row.verdict), style=_STYLE[str(row.verdict)])
-        table.add_row(Text(row.name), Text(row.value), Text(row.wanted), verdict, Text(row.advice))
-    console = Console()
-    console.print(table)
+    for line in lines:
+        cells = [Text(cell, style=_STYLE[cell] if n == style else "") for n, cell in enumerate(line)]
+        table.add_row(*cells)
+    Console().print(table)
+
+
+def _print_verdict(refused: Sequence[str]) -> None:
+    from rich.console import Console  # noqa: PLC0415
+
     words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
-    console.print(words, style=_STYLE["refuse" if refused else "pass"])
+    Console().print(words, style=_STYLE["refuse" if refused else "pass"])

@@ -188,11 +188,11 @@ def parameter(fields: Fields, received_s: float, *, autopilot: int) -> Parameter
     NaN (every small negative number) is unreadable, and the value NaN.
     """
     if "param_integer" in fields:
-        return Parameter(received_s, fields["param_id"], float(fields["param_integer"]))
+        return Parameter(received_s, fields["param_id"], float(fields["param_integer"]), MAV_PARAM_TYPE_INT32)
     value = number(fields["param_value"])
     if is_bytewise(fields, autopilot=autopilot) and not math.isnan(value):
         value = float(struct.unpack("<i", struct.pack("<f", value))[0])
-    return Parameter(received_s, fields["param_id"], value)
+    return Parameter(received_s, fields["param_id"], value, fields["param_type"])
 
 
 def is_bytewise(fields: Fields, *, autopilot: int) -> bool:

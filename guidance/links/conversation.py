@@ -91,7 +91,7 @@ class Conversation:
         self._open_text, texts = status_text.expire(self._open_text, now_s)
         self._keep(*texts)
         for request, attempt in self._requests.due(now_s):
-            self._send(*encode.request(request, attempt=attempt, **self._target))
+            self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._target))
             self.counts["requests_sent"] += 1
         if self.heartbeats and (question := self._timesync.ask(now_s)) is not None:
             self._send("TIMESYNC", question)
@@ -112,7 +112,7 @@ class Conversation:
         Raises:
             ValueError: If it cannot be sent as it is.
         """
-        encode.request(request, attempt=0, **self._target)
+        encode.request(request, attempt=0, autopilot=self.autopilot, **self._target)
         self._requests.add(request)
         self.tend(now_s)
 

@@ -1,15 +1,26 @@
 """Typed requests and setpoints to MAVLink fields, with the exact type masks, for either library to pack."""
 
 import math
+import struct
 from typing import Any, Final
 
-from guidance.links.codec import INT32_MAX, MAV_MISSION_TYPE_FENCE
-from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, Request, Setpoint
+from guidance.links.codec import INT32_MAX, MAV_MISSION_TYPE_FENCE, is_bytewise
+from guidance.telemetry import (
+    Command,
+    FenceReceived,
+    FenceRequest,
+    ParameterRequest,
+    ParameterSet,
+    Request,
+    Setpoint,
+)
 
 Packed = tuple[str, dict[str, Any]]
 
 MAV_FRAME_LOCAL_NED: Final = 1
 FLOAT32_MAX: Final = 3.4028234663852886e38
+_MOST_BYTEWISE: Final = 0x7F7FFFFF
+"""The largest integer whose bytes are a finite float; those of a negative one are a NaN, which JSON cannot carry."""
 
 # POSITION_TARGET_TYPEMASK: a set bit tells the autopilot to ignore that field.
 IGNORE_XY: Final = 1 | 2
@@ -77,17 +88,17 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
     }
 
 
-def request(request: Request, *, attempt: int, system_id: int, component_id: int) -> Packed:
-    """COMMAND_LONG, COMMAND_INT, PARAM_REQUEST_READ or MISSION_*; `attempt` counts from 0 and becomes `confirmation`.
+def request(request: Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0) -> Packed:
+    """COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_*; `attempt` counts from 0 and becomes `confirmation`.
+
+    `autopilot` is MAV_AUTOPILOT, by which integers are carried in a parameter's float.
 
     Raises:
         ValueError: If a parameter is infinite, a coordinate does not fit, or a parameter's name is too long.
     """
     target = {"target_system": system_id, "target_component": component_id}
-    if isinstance(request, ParameterRequest):
-        if not 0 < len(request.name.encode()) <= 16:
-            raise ValueError(f"parameter {request.name!r}: 1 to 16 bytes are allowed")
-        return "PARAM_REQUEST_READ", {**target, "param_id": request.name, "param_index": -1}
+    if isinstance(request, ParameterRequest | ParameterSet):
+        return _parameter(request, target, autopilot)
     if isinstance(request, FenceRequest):
         if request.sequence is None:
             return "MISSION_REQUEST_LIST", {**target, "mission_type": MAV_MISSION_TYPE_FENCE}
@@ -100,6 +111,22 @@ def request(request: Request, *, attempt: int, system_id: int, component_id: int
         return "COMMAND_INT", {**target, **_command_int(request, request.frame)}
     numbered = {f"param{index}": value for index, value in enumerate(request.params, start=1)}
     return "COMMAND_LONG", {**target, "command": request.command, "confirmation": attempt, **numbered}
+
+
+def _parameter(request: ParameterRequest | ParameterSet, target: dict[str, Any], autopilot: int) -> Packed:
+    if not 0 < len(request.name.encode()) <= 16:
+        raise ValueError(f"parameter {request.name!r}: 1 to 16 bytes are allowed")
+    if isinstance(request, ParameterRequest):
+        return "PARAM_REQUEST_READ", {**target, "param_id": request.name, "param_index": -1}
+    value = request.value
+    fields = {"param_id": request.name, "param_type": request.param_type}
+    if not math.isfinite(value):
+        raise ValueError(f"parameter {request.name} = {value}: only finite values can be set")
+    if is_bytewise(fields, autopilot=autopilot):
+        if not (value.is_integer() and 0 <= value <= _MOST_BYTEWISE):
+            raise ValueError(f"parameter {request.name} = {value:g}: it is an integer of 0 to {_MOST_BYTEWISE}")
+        (value,) = struct.unpack("<f", struct.pack("<i", int(value)))
+    return "PARAM_SET", {**target, **fields, "param_value": value}
 
 
 def _command_int(command: Command, frame: int) -> dict[str, Any]:

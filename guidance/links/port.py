@@ -35,10 +35,10 @@ class VehicleLink(Protocol):
     def request(self, request: Request) -> None:
         """Send a command or a parameter request; the answer (COMMAND_ACK, PARAM_VALUE) comes back through `receive`.
 
-        What only asks (parameters; the uploaded fence; streams and messages, 511 and 512) is repeated every 0.5 s, 4
-        times in all, until it is answered, one command of a number at a time. A command that acts on the vehicle is
-        sent exactly once: if it is to be repeated, then by someone who looked at a HEARTBEAT first, lest it is taken
-        back from a pilot.
+        What may be repeated (parameters, read or set; the uploaded fence; streams and messages, 511 and 512) is
+        repeated every 0.5 s, 4 times in all, until it is answered, one command of a number at a time. A command that
+        acts on the vehicle is sent exactly once: if it is to be repeated, then by someone who looked at a HEARTBEAT
+        first, lest it is taken back from a pilot.
 
         Raises:
             ValueError: If it cannot be sent as it is (an infinite parameter, a latitude that is none).

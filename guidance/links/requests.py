@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, Request
+from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request
 
 REPEAT_S: Final = 0.5
 MOST_SENDS: Final = 4
@@ -30,6 +30,8 @@ def key_of(request: Request) -> Key:
     match request:
         case ParameterRequest(name):
             return "parameter", name
+        case ParameterSet(name):
+            return "parameter set", name
         case FenceRequest():
             return "fence", 0  # one step at a time
         case FenceReceived():
@@ -38,7 +40,7 @@ def key_of(request: Request) -> Key:
 
 
 def only_asks(request: Request) -> bool:
-    """Whether a repeat can do no harm: parameters, the fence, streams and messages."""
+    """Whether a repeat can do no harm: parameters, read or set, the fence, streams and messages."""
     if isinstance(request, Command):
         return request.command in _ASKING
     return not isinstance(request, FenceReceived)
@@ -115,3 +117,4 @@ class RequestQueue:
     def parameter_came(self, name: str) -> None:
         """A PARAM_VALUE came."""
         self.waiting.pop(("parameter", name), None)
+        self.waiting.pop(("parameter set", name), None)

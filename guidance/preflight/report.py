@@ -5,6 +5,7 @@ from typing import Final
 
 from guidance.autopilots import PX4, AutopilotProfile
 from guidance.preflight import arducopter, fence, place, px4, streams
+from guidance.preflight.mending import ParameterChange, mend
 from guidance.preflight.row import Row, Verdict
 from guidance.preflight.rule import UPLOADED, Rule, judge
 from guidance.preflight.wants import Facts, Wants
@@ -22,9 +23,7 @@ def parameter_names(profile: AutopilotProfile) -> tuple[str, ...]:
 def rows(facts: Facts, profile: AutopilotProfile, wants: Wants) -> tuple[Row, ...]:
     """Judge everything."""
     home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, profile.projection)
-    wants, parameters = fence.about_home(wants, home, frame), dict(facts.parameters)
-    if facts.uploaded.areas is not None:
-        parameters[UPLOADED] = float(facts.uploaded.holds_in)
+    wants, parameters = fence.about_home(wants, home, frame), _judged(facts)
     px4_flown = profile.name == PX4.name
     in_use = px4_flown or bool(round(parameters.get("FENCE_TYPE", arducopter.POLYGON)) & arducopter.POLYGON)
     return (
@@ -34,6 +33,32 @@ def rows(facts: Facts, profile: AutopilotProfile, wants: Wants) -> tuple[Row, ..
         *place.rows(facts, profile.projection, wants),
         *streams.rows(facts, profile),
     )
+
+
+def changes(
+    facts: Facts, profile: AutopilotProfile, wants: Wants, *, advised: bool = False
+) -> tuple[ParameterChange, ...]:
+    """Return the parameters to set so that no parameter is refused any more, as far as there is a value for it.
+
+    One may ask for another (a return height below a fence that was off), so that all are judged again until nothing
+    is left to change.
+
+    Args:
+        facts: What was read.
+        profile: Which autopilot.
+        wants: What it has to be set to.
+        advised: Also change what is only warned of.
+    """
+    home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, profile.projection)
+    wants, before = fence.about_home(wants, home, frame), _judged(facts)
+    return mend(_RULES[profile.name], before, facts.parameter_types, wants, advised=advised)
+
+
+def _judged(facts: Facts) -> dict[str, float]:
+    parameters = dict(facts.parameters)
+    if facts.uploaded.areas is not None:
+        parameters[UPLOADED] = float(facts.uploaded.holds_in)
+    return parameters
 
 
 def refusals(rows: Sequence[Row]) -> tuple[str, ...]:

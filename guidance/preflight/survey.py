@@ -22,6 +22,7 @@ class Survey:
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
         self._parameters: dict[str, float] = {}
+        self._types: dict[str, int] = {}
         self._arrivals: dict[type[Message], deque[float]] = {}
         self._asked_s: float | None = None
         self._target_amsl_m: float | None = None
@@ -36,6 +37,7 @@ class Survey:
             self._fence.observe(message)
             if isinstance(message, Parameter) and message.name in self._names:
                 self._parameters[message.name] = message.value
+                self._types[message.name] = message.param_type
         for report in reports:
             self._target_amsl_m = report.altitude_amsl_m
 
@@ -61,6 +63,7 @@ class Survey:
         parameters: Mapping[str, float] = dict(self._parameters)
         return Facts(
             parameters=parameters,
+            parameter_types=dict(self._types),
             vehicle=vehicle,
             rates_hz=rates_hz,
             target_amsl_m=self._target_amsl_m,

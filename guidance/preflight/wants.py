@@ -47,10 +47,11 @@ class Wants:
 class Facts:
     """The vehicle's side: parameters and uploaded fence as read, the vehicle as heard, messages per second.
 
-    And the target's last altitude.
+    And the target's last altitude. `parameter_types` are MAV_PARAM_TYPE.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
+    parameter_types: Mapping[str, int] = field(default_factory=dict)
     vehicle: VehicleState = field(default_factory=VehicleState)
     rates_hz: Mapping[type[Message], float] = field(default_factory=dict)
     target_amsl_m: float | None = None

@@ -24,8 +24,10 @@ from guidance.scenarios.recording import RECORD, next_folder
 from guidance.scenarios.showing import Show, live_line, report
 from guidance.scenarios.vehicle import Conduct, Reached, conducted, plan_of
 from guidance.scenarios.vehicle_settings import config_of
+from guidance.service.checkup import Checkup
 from guidance.service.clock import MonotonicClock
 from guidance.service.leaving import ORDER_OF
+from guidance.service.log import Log
 from guidance.service.loop import Signals
 from guidance.service.mailbox import Mailbox
 from guidance.service.model import Config
@@ -127,6 +129,25 @@ def reached(scenario: Scenario, asked: Asked) -> Iterator[tuple[Config, Opened, 
         opened = open_all(own, clock, tapped=True, wire=wire, target_wire=ears)
         closing.callback(opened.close)
         yield own, opened, clock, radio
+
+
+@contextlib.contextmanager
+def checkup_at(name: str, asked: Asked) -> Iterator[Checkup]:
+    """Open the vehicle at a URL, to be judged by what a scenario asks of it.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    _, scenario = load_scenario(name)
+    log = Log("console", "error")
+    try:
+        with reached(scenario, asked) as (own, opened, clock, _):
+            scenario = scenario.model_copy(
+                update={"pursuer": scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})}
+            )
+            yield Checkup(own.name, plan_of(scenario, own), opened.link, opened.target, clock, log=log)
+    finally:
+        log.close()
 
 
 def _laid(scenario: Scenario, own: Config, opened: Opened, clock: MonotonicClock, show: Show) -> Scenario:

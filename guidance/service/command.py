@@ -4,14 +4,12 @@ import contextlib
 import logging
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
 from guidance.config import find
 from guidance.errors import ConfigError
-from guidance.preflight import Row, Verdict
-from guidance.preflight.survey import COUNTED_S
 from guidance.service.background import BackgroundRecorder
 from guidance.service.broadcast import Broadcast
 from guidance.service.bus import ControlBus
@@ -19,12 +17,12 @@ from guidance.service.clock import MonotonicClock
 from guidance.service.daemon import Daemon, Plan
 from guidance.service.leaving import ORDER_OF
 from guidance.service.log import Log
-from guidance.service.loop import PERIOD_S, Signals, run
+from guidance.service.loop import Signals, run
 from guidance.service.mailbox import Mailbox
 from guidance.service.metrics import Metrics, MetricsServer
 from guidance.service.model import Config
 from guidance.service.notify import Notifier
-from guidance.service.opening import Opened, open_all
+from guidance.service.opening import open_all
 from guidance.service.plan_fence import load_vehicle
 from guidance.service.priority import claim
 from guidance.service.record import Recorder, started_utc, versions
@@ -32,7 +30,6 @@ from guidance.service.settings import flight_settings, wants
 from guidance.service.tidying import Tidying
 from guidance.service.unwritten import UnwrittenRecord
 from guidance.service.waiting import Waiting
-from guidance.telemetry import GlobalPosition, Home, LocalPosition, Origin
 
 SURVEY_LIMIT_S: Final = 20.0
 
@@ -166,55 +163,3 @@ def _recording(
         recorder.close()
         if recorder.failed is not None or recorder.dropped:
             log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
-
-
-def check_vehicle(name: str) -> Sequence[Row]:
-    """Connect, read what preflight needs, and judge it. Nothing is ordered and nothing is set.
-
-    Raises:
-        GuidanceError: For everything that the user can mend.
-    """
-    config = load_vehicle(find(name, "vehicles"))
-    plan = plan_of(config)
-    clock = MonotonicClock()
-    log = Log("console", "error")
-    try:
-        opened = open_all(config, clock, tapped=False)
-        try:
-            return _survey(config, plan, opened, clock, log)
-        finally:
-            opened.close()
-    finally:
-        log.close()
-
-
-def _survey(config: Config, plan: Plan, opened: Opened, clock: MonotonicClock, log: Log) -> Sequence[Row]:
-    daemon = Daemon(
-        config.name,
-        plan,
-        opened.link,
-        opened.target,
-        mailbox=Mailbox(),
-        log=log,
-        metrics=Metrics(config.name),
-        notifier=Notifier(None, None),
-    )
-    begun_s = due_s = clock.now_s()
-    while clock.now_s() - begun_s < SURVEY_LIMIT_S:
-        clock.sleep_until(due_s)
-        due_s = max(due_s + PERIOD_S, clock.now_s())
-        daemon.step(clock.now_s())
-        vehicle = daemon.flight.vehicle
-        everything = all(vehicle.last(kind) for kind in (Home, Origin, GlobalPosition, LocalPosition))
-        if not (everything and daemon.surveyed):
-            complete_s = clock.now_s()
-        elif clock.now_s() - complete_s > COUNTED_S + 1.0:
-            break
-    return (*daemon.rows, *_readiness(daemon, clock.now_s()))
-
-
-def _readiness(daemon: Daemon, now_s: float) -> Iterator[Row]:
-    """The flight's own checks, as rows: they may still come true, so that none of them is refused here."""
-    for check in daemon.flight.checks(now_s):
-        verdict = Verdict.PASS if check.passed else Verdict.WARN
-        yield Row(f"ready: {check.name}", check.found, "before start", verdict)

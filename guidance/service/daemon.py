@@ -8,7 +8,7 @@ from typing import Any, Final
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Outputs
 from guidance.links.port import TargetSource, VehicleLink
-from guidance.preflight import Row, Survey, Wants, parameter_names, refusals, rows
+from guidance.preflight import Facts, Row, Survey, Wants, parameter_names, refusals, rows
 from guidance.service.broadcast import Records
 from guidance.service.cycle import Cycle
 from guidance.service.leaving import ON_GROUND, Leaving
@@ -91,6 +91,10 @@ class Daemon:
     def rows(self) -> tuple[Row, ...]:
         """Preflight's rows as last judged."""
         return self._rows
+
+    def facts(self, now_s: float) -> Facts:
+        """What preflight knows of the vehicle."""
+        return self._survey.facts(self.flight.vehicle, now_s)
 
     @property
     def surveyed(self) -> bool:
@@ -247,8 +251,7 @@ class Daemon:
         if now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        facts = self._survey.facts(self.flight.vehicle, now_s)
-        self._rows = rows(facts, self._plan.flight.profile, self._plan.wants)
+        self._rows = rows(self.facts(now_s), self._plan.flight.profile, self._plan.wants)
         refused = refusals(self._rows)
         if refused != self._refused and self._survey.complete:
             self._refused = refused

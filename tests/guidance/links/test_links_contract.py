@@ -2,6 +2,7 @@
 
 import math
 import random
+import struct
 import time
 from collections import Counter
 
@@ -17,6 +18,7 @@ from guidance.telemetry import (
     LocalPosition,
     Parameter,
     ParameterRequest,
+    ParameterSet,
     Setpoint,
     StatusText,
     Timesync,
@@ -140,6 +142,17 @@ def test_parameters_come_back_as_numbers(rig):
         rig.link.request(ParameterRequest(name))
     assert rig.hear(lambda got: {message.name for message in rig.of(Parameter)} == set(rig.peer.parameters))
     assert {message.name: message.value for message in rig.of(Parameter)} == rig.peer.parameters
+
+
+def test_parameters_are_set_as_px4_reads_them(rig):
+    rig.link.request(ParameterSet("COM_OBL_RC_ACT", 5.0, 6))
+    rig.link.request(ParameterSet("GF_MAX_HOR_DIST", 205.5, 9))
+    wanted = {"COM_OBL_RC_ACT": b"\x05\0\0\0", "GF_MAX_HOR_DIST": struct.pack("<f", 205.5)}
+
+    def heard(_):
+        return {one.param_id: struct.pack("<f", one.param_value) for one in rig.peer.of("PARAM_SET")} == wanted
+
+    assert rig.hear(heard), rig.peer.of("PARAM_SET")
 
 
 def test_only_the_configured_system_and_component_is_heard(rig):

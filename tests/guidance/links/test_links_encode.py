@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.links import MemoryWire, encode
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, Setpoint
+from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Setpoint
 
 VELOCITY = (1.5, -2.25, 0.5)
 ACCELERATION = (0.125, 0.25, -0.5)
@@ -111,8 +111,24 @@ def test_a_command_int_carries_degrees_as_integers_and_nan_as_not_used():
         Command(192, (0, 0, 0, 0, 4739.0, 8.0, 0), frame=0),
         ParameterRequest(""),
         ParameterRequest("SEVENTEEN_LETTERS"),
+        ParameterSet("SEVENTEEN_LETTERS", 1.0, 9),
+        ParameterSet("MPC_XY_VEL_MAX", math.nan, 9),
+        ParameterSet("COM_FLTMODE1", -1.0, 6),
+        ParameterSet("COM_OBL_RC_ACT", 2.5, 6),
+        ParameterSet("COM_OBL_RC_ACT", 2.0**31, 6),
     ],
 )
 def test_a_request_that_cannot_be_sent_is_refused(request_):
-    with pytest.raises(ValueError, match=r"infinite|latitude|1 to 16"):
-        encode.request(request_, attempt=0, system_id=1, component_id=1)
+    with pytest.raises(ValueError, match=r"infinite|latitude|1 to 16|only finite|it is an integer"):
+        encode.request(request_, attempt=0, system_id=1, component_id=1, autopilot=12)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "param_type", "value", "carried"),
+    [(12, 6, 5.0, b"\x05\0\0\0"), (12, 9, 5.0, b"\0\0\xa0@"), (3, 6, 5.0, b"\0\0\xa0@"), (3, 2, 5.0, b"\0\0\xa0@")],
+)
+def test_an_integer_parameter_is_carried_as_its_autopilot_reads_it(autopilot, param_type, value, carried):
+    wanted = ParameterSet("COM_OBL_RC_ACT", value, param_type)
+    name, fields = encode.request(wanted, attempt=0, system_id=1, component_id=1, autopilot=autopilot)
+    assert (name, fields["param_id"], fields["param_type"]) == ("PARAM_SET", "COM_OBL_RC_ACT", param_type)
+    assert struct.pack("<f", fields["param_value"]) == carried

@@ -1,7 +1,7 @@
 import pytest
 
 from guidance.links.requests import RequestQueue
-from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest
+from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet
 
 ZEROS = (0.0,) * 7
 ARM = Command(400, (1.0, *ZEROS[1:]))
@@ -101,6 +101,14 @@ def test_parameters_wait_side_by_side_and_are_answered_by_name():
     queue.parameter_came("A")
     assert queue.awaits_parameter("B")
     assert [request.name for _, request, _ in sends(queue, 0.5)] == ["B"]
+
+
+def test_a_parameter_that_is_set_is_answered_by_its_value_and_set_again_until_then():
+    queue = RequestQueue()
+    queue.add(ParameterSet("A", 5.0, 6))
+    assert len(sends(queue, *ticks(1.2))) == 3
+    queue.parameter_came("A")
+    assert queue.waiting == {}
 
 
 def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
