@@ -125,12 +125,15 @@ class Timesync(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """PARAM_VALUE: name and value as a number, whatever the flavour's encoding; `param_type` is MAV_PARAM_TYPE."""
+    """PARAM_VALUE: name and value as a number, whatever the flavour's encoding.
+
+    `param_type` is MAV_PARAM_TYPE; a record of before it was kept has none.
+    """
 
     received_s: float
     name: str
     value: float
-    param_type: int = 9
+    param_type: int | None = None
 
 
 class FenceCount(NamedTuple):

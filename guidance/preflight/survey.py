@@ -37,7 +37,8 @@ class Survey:
             self._fence.observe(message)
             if isinstance(message, Parameter) and message.name in self._names:
                 self._parameters[message.name] = message.value
-                self._types[message.name] = message.param_type
+                if message.param_type is not None:
+                    self._types[message.name] = message.param_type
         for report in reports:
             self._target_amsl_m = report.altitude_amsl_m
 

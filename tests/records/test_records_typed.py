@@ -28,6 +28,7 @@ def of_kind(kind):
     return st.builds(kind, **{name: VALUES[hint] for name, hint in get_type_hints(kind).items()})
 
 
+VALUES[int | None] = st.none() | VALUES[int]
 VALUES[Datum] = st.sampled_from(Datum)
 VALUES[Timesync | None] = st.none() | of_kind(Timesync)
 VALUES[AltitudeSaid | None] = st.none() | of_kind(AltitudeSaid)
