@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from guidance.autopilots import Mode
+from guidance.autopilots import HEARTBEAT, Mode
 from guidance.flight.carrying import carried, difference
 from guidance.flight.detect import Scene, events
 from guidance.flight.echo import Echo
@@ -32,8 +32,12 @@ REPEAT_S = 1.5
 HEARTBEAT is up to a second old: repeated blindly, a request would take the vehicle back from a pilot who just took it.
 """
 
-STREAM_FIRST_S = 0.3
-"""How long a hover is streamed before the guided mode is asked for (PX4 refuses it without a stream)."""
+BEAT_EVERY_S = 0.1
+"""While the guided mode is being entered, a HEARTBEAT is asked for this often: it shows modes, and comes once a second."""
+
+UNHEARD_S = 0.3
+"""An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the same:
+the order is a person's, and what was last heard of the mode is at most a second old. A hover is streamed meanwhile."""
 
 INVITE_AFTER_S = 1.0
 """How long after standing by a neutral stream begins, where a pilot is to engage: the hold comes first."""
@@ -95,6 +99,7 @@ class Flight:
         self._last_s: float | None = None
         self._since_s = 0.0
         self._requested_s = float("-inf")
+        self._beat_asked_s = float("-inf")
         self._resets_seen = 0
         self._reboots_seen = 0
 
@@ -121,7 +126,7 @@ class Flight:
         self.tracking.observe(self.vehicle, inputs.reports)
         self._hear(inputs)
         happenings = tuple(self._follow(inputs, dt_s))
-        requests = self._requests(now_s, fresh_heartbeat=_beat(inputs))
+        requests = (*self._requests(now_s, fresh_heartbeat=_beat(inputs)), *self._beat_requests(now_s))
         setpoint = self._setpoint(now_s, dt_s)
         if setpoint is None or self.state is State.STANDING_BY:
             self._echo.silent()
@@ -212,16 +217,22 @@ class Flight:
         entering, repeated = self.state is State.ENTERING, self._requested_s >= self._since_s
         if self.state is State.STANDING_BY and repeated:
             return ()  # asked once: the pilot's next switch is an answer, not a fault
-        if (entering or repeated) and not fresh_heartbeat:
+        if (repeated or (entering and now_s - self._since_s < UNHEARD_S)) and not fresh_heartbeat:
             return ()
-        if entering and now_s - self._since_s < STREAM_FIRST_S:
-            return ()
+        if entering and now_s == self._since_s:
+            return ()  # PX4 wants a setpoint before it, and a HEARTBEAT of this very cycle may be from before the order
         self._requested_s = now_s
         place = None
         start_ned_m, frame = self._start_ned_m(), self.tracking.local_frame
         if start_ned_m is not None and frame is not None:
             place = frame.wgs84_from_ned(start_ned_m)
         return requests_in(self.state, self.settings, self.vehicle, self._mode(), place)
+
+    def _beat_requests(self, now_s: float) -> tuple[Request, ...]:
+        if self.state is not State.ENTERING or now_s - self._beat_asked_s < BEAT_EVERY_S:
+            return ()
+        self._beat_asked_s = now_s
+        return (self.settings.profile.request_message(HEARTBEAT),)
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
         leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED

@@ -63,10 +63,12 @@ class RequestQueue:
     refused: int = 0
 
     def add(self, request: Request) -> None:
-        """Take a request; it is due at once, unless it has to queue."""
+        """Take a request; it is due at once, unless it has to queue. One that waits already is not queued twice."""
         lane = self.waiting.setdefault(key_of(request), deque())
         if not isinstance(request, Command) or not only_asks(request):
             lane.clear()
+        elif any(waiting.request == request for waiting in lane):
+            return  # it is on its way already
         if len(lane) >= MOST_QUEUED:
             self.refused += 1
             return

@@ -1,5 +1,7 @@
 """The flight's step, fed by hand: what is asked and when, and what orders come to."""
 
+import math
+
 import pytest
 from flight_scenes import (
     BOTH,
@@ -8,9 +10,12 @@ from flight_scenes import (
 )
 from flown import ARM, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, TICK_S, Flown, commands
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, PX4, Mode
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
 from guidance.flight import ORDERS, Event, State
-from guidance.flight.machine import REPEAT_S, STREAM_FIRST_S
+from guidance.flight.machine import BEAT_EVERY_S, REPEAT_S, UNHEARD_S
+
+
+BEAT = PX4.request_message(HEARTBEAT)
 
 
 def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin():
@@ -105,17 +110,41 @@ def test_orders_are_followed_one_after_the_other_and_have_one_happening_each():
     assert {h.now_s for h in outputs.happenings} == {flown.now_s}
 
 
-def test_the_guided_mode_is_asked_for_once_setpoints_flow_and_a_heartbeat_came():
+def test_the_guided_mode_is_asked_for_once_a_setpoint_went_out_and_a_heartbeat_came_which_is_asked_for_at_once():
     flown = Flown().standing_by()
     flown.target = (60.0, 0.0)
-    outputs = [flown.tick(Event.ENGAGE), *flown.ticks(STREAM_FIRST_S - 2 * TICK_S)]
-    assert flown.state is State.ENTERING
-    assert all(one.setpoint is not None for one in outputs)
-    assert commands([*outputs, flown.tick(beat=True)]) == []  # not for long enough yet
-    flown.beat_s = flown.now_s
-    assert commands(flown.ticks(0.2)) == []  # long enough, and no HEARTBEAT
-    assert commands([flown.tick(beat=True)]) == [SET_MODE]
-    assert flown.outputs.requests[0] == PX4.set_mode(Mode.GUIDED)
+    ordered = flown.tick(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
+    assert (ordered.state, ordered.setpoint is None) == (State.ENTERING, False)
+    assert ordered.requests == (BEAT,)
+    assert commands([flown.tick()]) == []
+    assert flown.tick(beat=True).requests == (PX4.set_mode(Mode.GUIDED),)
+    flown.mode = Mode.GUIDED
+    asked = flown.ticks(BEAT_EVERY_S)
+    assert [request for one in asked for request in one.requests] == [BEAT]
+    assert flown.tick(beat=True).state is State.ENGAGED
+    assert commands(flown.ticks(1.0)) == []
+
+
+def test_an_autopilot_that_sends_no_heartbeat_when_it_is_asked_is_waited_for_no_longer_than_this():
+    flown = Flown().standing_by()
+    flown.target = (60.0, 0.0)
+    outputs = [flown.tick(Event.ENGAGE), *flown.ticks(UNHEARD_S - 2 * TICK_S)]
+    assert set(commands(outputs)) == {MESSAGE}
+    asked = flown.ticks(3 * TICK_S)
+    assert [request for one in asked for request in one.requests if request != BEAT] == [PX4.set_mode(Mode.GUIDED)]
+    assert all(one.setpoint is not None for one in (*outputs, *asked))
+
+
+def test_the_guided_mode_is_asked_for_again_only_of_an_autopilot_that_shows_another_one_of_ours():
+    flown = Flown().standing_by()
+    flown.tick(Event.ENGAGE)
+    flown.tick(beat=True)
+    flown.beat_s = math.inf  # no HEARTBEAT but those of the test
+    quiet = flown.ticks(REPEAT_S + 0.5)
+    assert set(commands(quiet)) == {MESSAGE}
+    assert PX4.set_mode(Mode.GUIDED) in flown.tick(beat=True).requests
+    flown.mode = Mode.OTHER
+    assert (flown.tick(beat=True).state, flown.outputs.requests) == (State.YIELDED, ())
 
 
 def test_an_order_without_effect_gives_a_phase_no_more_time():
