@@ -35,7 +35,11 @@ HEARTBEAT is up to a second old: repeated blindly, a request would take the vehi
 BEAT_EVERY_S = 0.1
 """While the guided mode is being entered, a HEARTBEAT is asked for this often: it shows modes, and comes once a second."""
 
-UNHEARD_S = 0.3
+STREAM_FIRST_S = 0.2
+"""How long a hover is streamed before the guided mode is asked for, where the autopilot wants a stream (PX4): one
+setpoint would do, if it were sure to arrive."""
+
+UNHEARD_S = 0.4
 """An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the same:
 the order is a person's, and what was last heard of the mode is at most a second old. A hover is streamed meanwhile."""
 
@@ -219,8 +223,9 @@ class Flight:
             return ()  # asked once: the pilot's next switch is an answer, not a fault
         if (repeated or (entering and now_s - self._since_s < UNHEARD_S)) and not fresh_heartbeat:
             return ()
-        if entering and now_s == self._since_s:
-            return ()  # PX4 wants a setpoint before it, and a HEARTBEAT of this very cycle may be from before the order
+        streamed_s = STREAM_FIRST_S if self.settings.profile.stream_before_guided else 0.0
+        if entering and now_s - self._since_s <= streamed_s:
+            return ()  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
         self._requested_s = now_s
         place = None
         start_ned_m, frame = self._start_ned_m(), self.tracking.local_frame

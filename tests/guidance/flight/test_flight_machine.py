@@ -12,7 +12,7 @@ from flown import ARM, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, TICK_S, Flown, comm
 
 from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
 from guidance.flight import ORDERS, Event, State
-from guidance.flight.machine import BEAT_EVERY_S, REPEAT_S, UNHEARD_S
+from guidance.flight.machine import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 
 
 BEAT = PX4.request_message(HEARTBEAT)
@@ -116,9 +116,11 @@ def test_the_guided_mode_is_asked_for_once_a_setpoint_went_out_and_a_heartbeat_c
     ordered = flown.tick(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
     assert (ordered.state, ordered.setpoint is None) == (State.ENTERING, False)
     assert ordered.requests == (BEAT,)
-    assert commands([flown.tick()]) == []
-    assert flown.tick(beat=True).requests == (PX4.set_mode(Mode.GUIDED),)
-    flown.mode = Mode.GUIDED
+    streamed = flown.ticks(STREAM_FIRST_S - TICK_S, beat=True)
+    assert all(one.setpoint is not None for one in streamed)
+    assert set(commands(streamed)) == {MESSAGE}
+    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.ticks(0.06, beat=True) for request in one.requests]
+    flown.mode, flown.beat_s = Mode.GUIDED, math.inf  # no HEARTBEAT but those of the test
     asked = flown.ticks(BEAT_EVERY_S)
     assert [request for one in asked for request in one.requests] == [BEAT]
     assert flown.tick(beat=True).state is State.ENGAGED
@@ -138,7 +140,7 @@ def test_an_autopilot_that_sends_no_heartbeat_when_it_is_asked_is_waited_for_no_
 def test_the_guided_mode_is_asked_for_again_only_of_an_autopilot_that_shows_another_one_of_ours():
     flown = Flown().standing_by()
     flown.tick(Event.ENGAGE)
-    flown.tick(beat=True)
+    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.ticks(0.3, beat=True) for request in one.requests]
     flown.beat_s = math.inf  # no HEARTBEAT but those of the test
     quiet = flown.ticks(REPEAT_S + 0.5)
     assert set(commands(quiet)) == {MESSAGE}
