@@ -33,15 +33,15 @@ HEARTBEAT is up to a second old: repeated blindly, a request would take the vehi
 """
 
 BEAT_EVERY_S = 0.1
-"""While the guided mode is being entered, a HEARTBEAT is asked for this often: it shows modes, and comes once a second."""
+"""How often a HEARTBEAT is asked for while the guided mode is entered: it shows modes, and comes once a second."""
 
 STREAM_FIRST_S = 0.2
 """How long a hover is streamed before the guided mode is asked for, where the autopilot wants a stream (PX4): one
 setpoint would do, if it were sure to arrive."""
 
 UNHEARD_S = 0.4
-"""An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the same:
-the order is a person's, and what was last heard of the mode is at most a second old. A hover is streamed meanwhile."""
+"""An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the
+same: the order is a person's, and what was last heard of the mode is about a second old."""
 
 INVITE_AFTER_S = 1.0
 """How long after standing by a neutral stream begins, where a pilot is to engage: the hold comes first."""

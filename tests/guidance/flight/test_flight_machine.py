@@ -14,7 +14,6 @@ from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.machine import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 
-
 BEAT = PX4.request_message(HEARTBEAT)
 
 
