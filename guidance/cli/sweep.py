@@ -33,13 +33,16 @@ def run(
         str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights), in place of the file's.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine; 1 needs no Dask. Default: one a processor.")
+        int | None, typer.Option(min=1, help="Processes on this machine. Default: one a processor.")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask cluster in place of them: tcp://HOST:PORT.")
+        str | None, typer.Option(help="Address of a Dask cluster in place of them: tcp://HOST:PORT (extra `cluster`).")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the rows; default sweeps/FILE-WAY.")] = None,
-    chunk: Annotated[int | None, typer.Option(min=1, help="Rows computed and written at a time.")] = None,
+    chunk: Annotated[
+        int | None,
+        typer.Option(min=1, help="Rows written at a time. Default: about 10 s of work."),
+    ] = None,
 ) -> None:
     """Play every row of a sweep and write the rows as Parquet, chunk by chunk.
 
@@ -72,8 +75,8 @@ def run(
     signal.signal(signal.SIGTERM, _terminated)
     try:
         path = run_sweep(file, way=checked_way(way), workers=workers, scheduler=scheduler, out=out, chunk=chunk)
-    except KeyboardInterrupt:
-        typer.echo("interrupted: what was written is kept, and the same command goes on from there", err=True)
+    except KeyboardInterrupt as interruption:
+        typer.echo(str(interruption) or "interrupted before anything was computed", err=True)
         raise typer.Exit(128 + signal.SIGINT) from None
     typer.echo(str(path))
 

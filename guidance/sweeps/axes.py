@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 
 from guidance.errors import ConfigError
+from guidance.sweeps.distributions import DISTRIBUTIONS, Annulus, Distribution, distribution_of
 from guidance.sweeps.keys import Key, key_of
-from guidance.sweeps.laws import LAWS, Annulus, Law, law_of
 
 _RANGE = {"from", "to", "count"}
 
@@ -24,12 +24,12 @@ class Axis:
     Attributes:
         key: Of the scenario.
         values: On a grid; empty if drawn at random.
-        law: How it is drawn at random; None on a grid.
+        distribution: What it is drawn from at random; None on a grid.
     """
 
     key: Key
     values: tuple[Any, ...] = ()
-    law: Law | None = None
+    distribution: Distribution | None = None
 
     @property
     def stream(self) -> int:
@@ -38,11 +38,11 @@ class Axis:
 
     def extremes(self) -> list[Any]:
         """Values to check before anything runs: all of a grid's, a distribution's bounds."""
-        return list(self.values) if self.law is None else self.law.extremes()
+        return list(self.values) if self.distribution is None else self.distribution.extremes()
 
     def settings(self, value: Any) -> Iterator[tuple[Key, Any]]:  # noqa: ANN401 - any value of a scenario's key
         """What a value sets: a place at random sets x and y and leaves the height."""
-        if isinstance(self.law, Annulus):
+        if isinstance(self.distribution, Annulus):
             yield self.key.at(0), value[0]
             yield self.key.at(1), value[1]
         else:
@@ -91,23 +91,23 @@ def grid_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401 - from a file
 
 
 def random_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401
-    """Read an axis drawn at random; see `law_of`.
+    """Read an axis drawn at random; see `distribution_of`.
 
     Raises:
         ConfigError: If it is none, or the key is none that is swept.
     """
     key = key_of(text)
-    law = law_of(text, spec if isinstance(spec, Mapping) else {str(spec): None})
-    if isinstance(law, Annulus) and not str(key.path[-1]).endswith("position_m"):
+    distribution = distribution_of(text, spec if isinstance(spec, Mapping) else {str(spec): None})
+    if isinstance(distribution, Annulus) and not str(key.path[-1]).endswith("position_m"):
         raise ConfigError(f"random.{text}: disc and annulus are places, for a position_m as a whole")
-    return Axis(key, law=law)
+    return Axis(key, distribution=distribution)
 
 
 def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Bring `pursuer.speed_m_s = …`, which TOML takes for tables in tables, back to whole keys."""
     found: dict[str, Any] = {}
     for name, value in table.items():
-        if isinstance(value, Mapping) and not set(value) & {*_RANGE, *LAWS} and value:
+        if isinstance(value, Mapping) and not set(value) & {*_RANGE, *DISTRIBUTIONS} and value:
             found |= flat(value, f"{prefix}{name}.")
         else:
             found[prefix + name] = value

@@ -8,11 +8,10 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.laws import Choice, Normal
+from guidance.sweeps.distributions import Choice, Number
 
 _BINS = 10
 _MOST_VALUES = 25
-_WIDE = 2.5
 
 
 class Bins(NamedTuple):
@@ -44,10 +43,9 @@ def bins_of(axis: Axis) -> list[Bins]:
     """Return bins for each column of an axis."""
     columns = list(axis.columns())
     extremes = axis.extremes()
-    if isinstance(axis.law, Normal):
-        half = _WIDE * axis.law.deviation
-        extremes = [axis.law.mean - half, axis.law.mean + half]
-    if axis.law is not None and not isinstance(axis.law, Choice):
+    if isinstance(axis.distribution, Number):
+        extremes = list(axis.distribution.shown)
+    if axis.distribution is not None and not isinstance(axis.distribution, Choice):
         across = [[value[place] for value in extremes] for place in range(axis.width)] or [extremes]
         return [_even(column, values) for column, values in zip(columns, across, strict=True)]
     found = []

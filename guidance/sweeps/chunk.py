@@ -2,7 +2,8 @@
 
 import gc
 import math
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from typing import Any
@@ -18,9 +19,15 @@ from guidance.scenarios.outcome import SCHEMA, Outcome, invalid
 from guidance.sweeps.plan import Cases, Plan
 from guidance.sweeps.rows import Scenarios
 
-FEWEST_GAMES, MOST_GAMES, FLIGHTS = 4096, 16384, 8
-"""Rows of a chunk. Games played side by side share the cost of a step, up to some thousands of each kind; flights share
-nothing, and a chunk of them is some seconds' work."""
+MOST_GAMES = 16384
+"""Games played side by side share the cost of a step, up to some thousands of each kind."""
+
+CHUNK_S = 10.0
+"""A chunk should take about so long: rows are kept, and progress is seen, that often."""
+
+CHUNKS_A_WORKER = 4
+_TRIED = (8, 64, 512)
+_TRIED_S = 1.0
 
 
 def rows_of(plan: Plan, chunk: int, size: int) -> range:
@@ -28,9 +35,30 @@ def rows_of(plan: Plan, chunk: int, size: int) -> range:
     return range(chunk * size, min(plan.rows, (chunk + 1) * size))
 
 
-def default_rows(plan: Plan) -> int:
-    """Return how many rows a chunk has where nothing else is asked for: a matter of the plan, not of the workers."""
-    return FLIGHTS if plan.way == "fast" else min(MOST_GAMES, max(FEWEST_GAMES, plan.rows // 16))
+def rows_for(plan: Plan, workers: int, clock: Callable[[], float] = time.perf_counter) -> int:
+    """Return how many rows a chunk should have, after playing a few: the rows are the same whatever it is.
+
+    Args:
+        plan: What is swept.
+        workers: How many will compute chunks; each should have several.
+        clock: Seconds.
+    """
+    if plan.way == "fast":
+        return 1  # a flight takes longer than a game by thousands
+    fair = max(1, math.ceil(plan.rows / (CHUNKS_A_WORKER * workers)))
+    rows = 1
+    for tried in _TRIED:
+        if tried >= fair:
+            return fair
+        spread = np.unique(np.linspace(0, plan.rows - 1, tried).round().astype(np.int64))
+        began_s = clock()
+        _outcomes(plan, plan.cases(spread))
+        took_s = clock() - began_s
+        # More of them take less time each, so that this errs on the side of small chunks.
+        rows = max(1, int(len(spread) * CHUNK_S / max(took_s, 1e-6)))
+        if took_s > _TRIED_S:
+            break
+    return min(rows, fair, MOST_GAMES)
 
 
 def chunks_of(plan: Plan, size: int) -> int:
@@ -65,14 +93,17 @@ def _all_kept() -> Iterator[None]:
 def table_of(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
+    return as_table(plan, cases, _outcomes(plan, cases))
+
+
+def _outcomes(plan: Plan, cases: Cases) -> list[Outcome]:
     found = list(Scenarios(plan).of(cases))
     games = [scenario for scenario in found if isinstance(scenario, Scenario)]
     played = iter(play(games) if plan.way == "maths" else [_flown(scenario) for scenario in games])
-    outcomes = [
+    return [
         next(played) if isinstance(scenario, Scenario) else _no_game(plan, cases, place, scenario)
         for place, scenario in enumerate(found)
     ]
-    return as_table(plan, cases, outcomes)
 
 
 def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Outcome]) -> pa.Table:

@@ -6,11 +6,11 @@ from pathlib import Path
 from rich.console import Console
 
 from guidance.errors import ConfigError
-from guidance.sweeps.crew import gathered, workers_by_default
+from guidance.sweeps.executors import Executor, executor, workers_by_default
 from guidance.sweeps.folder import alone
 from guidance.sweeps.model import Way
 from guidance.sweeps.progress import shown
-from guidance.sweeps.running import begun, finish, planned
+from guidance.sweeps.running import Told, Work, begun, finish, planned
 
 UNITS: dict[Way, str] = {"maths": "games", "fast": "flights"}
 
@@ -27,21 +27,52 @@ def run_sweep(
     plan = planned(name, way)
     path = out if out is not None else Path("sweeps") / f"{Path(name).stem}-{plan.way}"
     unit = UNITS[plan.way]
-    crew_size = workers if workers is not None else workers_by_default()
+    size = workers if workers is not None else workers_by_default()
     with alone(path):
-        work = begun(plan, path, chunk)
+        console.print(f"[bold]{plan.sweep.title or Path(name).stem}[/bold]: {plan.rows} {unit}", highlight=False)
+        work = begun(plan, path, chunk, size)
         count = len(work.missing)
-        there = f", {work.rows_there} of them there already" if work.rows_there else ""
-        console.print(f"[bold]{plan.sweep.title or Path(name).stem}[/bold]: {plan.rows} {unit}{there}", highlight=False)
+        if work.rows_there:
+            console.print(f"{work.rows_there} of them there already", highlight=False)
         if count:
-            crew_size = min(crew_size, count)
+            size = min(size, count)
+            console.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}", highlight=False)
             begun_s = time.monotonic()
-            with gathered(crew_size, scheduler) as crew, shown(console, plan.rows, work.rows_there, unit=unit) as told:
-                finish(work, crew, told)
+            with executor(size, scheduler) as working, shown(console, plan.rows, work.rows_there, unit=unit) as told:
+                _finish(work, working, told)
             took_s = time.monotonic() - begun_s
             rows = plan.rows - work.rows_there
             console.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} a second", highlight=False)
     return path
+
+
+def _finish(work: Work, working: Executor, told: Told) -> None:
+    """As `finish`; who interrupts it learns what there is."""
+    kept = work.rows_there
+
+    def count(rows: int) -> None:
+        nonlocal kept
+        kept += rows
+        told(rows)
+
+    try:
+        finish(work, working, count)
+    except KeyboardInterrupt:
+        raise Interrupted(kept, work.folder.plan.rows) from None
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C; its text says what was kept."""
+
+    def __init__(self, kept: int, rows: int) -> None:
+        said = f"{kept} of {rows} rows are kept" if kept else "no row had been written yet"
+        super().__init__(f"interrupted: {said}; the same command goes on from there")
+
+
+def _by(size: int, scheduler: str | None) -> str:
+    if scheduler is not None:
+        return f"by the cluster at {scheduler}"
+    return "by this process" if size == 1 else f"by {size} processes"
 
 
 def checked_way(text: str | None) -> Way | None:

@@ -110,14 +110,14 @@ class Folder:
         return [self.part(chunk) for chunk in range(self.chunks) if self.part(chunk).is_file()]
 
 
-def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: int) -> Folder:
+def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callable[[], int]) -> Folder:
     """Begin a sweep in a folder, or go on with the one that is there.
 
     Args:
         path: The folder.
         plan: What is swept.
         chunk_rows: Rows of a chunk as asked for, None if not.
-        default_rows: Rows of a chunk where nothing was asked for.
+        default_rows: Tells the rows of a chunk where nothing was asked for and nothing is there.
 
     Raises:
         ConfigError: If the folder holds another sweep, or something else.
@@ -130,7 +130,7 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: int) ->
         if any(child for child in path.iterdir() if not child.name.startswith(".") and child.name != ROWS):
             raise ConfigError(f"--out {path}: holds files and no sweep ({MANIFEST}); give a new folder")
         (path / ROWS).mkdir(exist_ok=True)
-        rows = chunk_rows or default_rows
+        rows = chunk_rows or default_rows()
         manifest = {
             "format": _FORMAT,
             "digest": plan.digest,

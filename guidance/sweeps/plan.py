@@ -72,7 +72,7 @@ class Plan:
     @cached_property
     def points(self) -> int:
         """How many points the grid has."""
-        return math.prod(len(axis.values) for axis in self.axes if axis.law is None)
+        return math.prod(len(axis.values) for axis in self.axes if axis.distribution is None)
 
     @property
     def seeds(self) -> int:
@@ -99,8 +99,8 @@ class Plan:
         values: list[list[Any]] = []
         size = self.points
         for axis in self.axes:
-            if axis.law is not None:
-                values.append(axis.law.draw(seed, axis.stream))
+            if axis.distribution is not None:
+                values.append(axis.distribution.draw(seed, axis.stream))
             else:
                 size //= len(axis.values)
                 values.append([axis.values[place] for place in (point // size % len(axis.values)).tolist()])

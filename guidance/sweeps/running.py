@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.sweeps.chunk import default_rows
-from guidance.sweeps.crew import Crew
+from guidance.sweeps.chunk import rows_for
+from guidance.sweeps.executors import Executor
 from guidance.sweeps.folder import Folder, opened
 from guidance.sweeps.model import Way, load_sweep
 from guidance.sweeps.plan import Plan, laid_out
@@ -42,15 +42,21 @@ def planned(name: str, way: Way | None = None) -> Plan:
     return plan
 
 
-def begun(plan: Plan, out: Path, chunk_rows: int | None) -> Work:
+def begun(plan: Plan, out: Path, chunk_rows: int | None, workers: int = 1) -> Work:
     """Begin a sweep's folder, or find what is missing in it.
+
+    Args:
+        plan: What is swept.
+        out: The folder.
+        chunk_rows: Rows of a chunk; None chooses so that a chunk takes some seconds and every worker has several.
+        workers: How many will compute them.
 
     Raises:
         ConfigError: If the folder is another's, or its rows allow no game.
         OutputError: If it cannot be written.
     """
     refuse_without_games(plan)
-    folder = opened(out, plan, chunk_rows, default_rows(plan))
+    folder = opened(out, plan, chunk_rows, lambda: rows_for(plan, workers))
     missing = [chunk for chunk in range(folder.chunks) if not folder.has(chunk)]
     return Work(folder, missing, plan.rows - sum(len(folder.rows(chunk)) for chunk in missing))
 
@@ -69,7 +75,7 @@ def refuse_without_games(plan: Plan) -> None:
         raise ConfigError(f"no row allows a game, of {len(found)} looked at; {count} of them because of\n  {reason}")
 
 
-def finish(work: Work, crew: Crew, told: Told) -> None:
+def finish(work: Work, executor: Executor, told: Told) -> None:
     """Compute and write what is missing.
 
     Raises:
@@ -77,6 +83,6 @@ def finish(work: Work, crew: Crew, told: Told) -> None:
         GuidanceError: If one cannot be computed.
     """
     folder = work.folder
-    for done in crew.work(folder.plan, ((chunk, folder.rows(chunk)) for chunk in work.missing)):
+    for done in executor.work(folder.plan, ((chunk, folder.rows(chunk)) for chunk in work.missing)):
         folder.keep(done.chunk, done.content)
         told(len(folder.rows(done.chunk)))

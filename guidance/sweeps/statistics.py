@@ -2,17 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 Array = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
-_Z: Final = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2.0)
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
 
 
 class Interval(NamedTuple):
@@ -65,12 +63,8 @@ def share(successes: int, of: int) -> Interval:
     """Return a probability with Wilson's score interval (Wilson, 1927)."""
     if of == 0:
         return UNKNOWN
-    p = successes / of
-    scale = 1.0 / (1.0 + _Z**2 / of)
-    centre = scale * (p + _Z**2 / (2.0 * of))
-    half = scale * _Z * math.sqrt(p * (1.0 - p) / of + _Z**2 / (4.0 * of**2))
-    # At a share of 0 or 1 rounding must not put an end beside it.
-    return Interval(p, max(0.0, min(p, centre - half)), min(1.0, max(p, centre + half)))
+    found = stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(successes / of, float(found.low), float(found.high))
 
 
 def mean(moments: Moments) -> Interval:
@@ -79,7 +73,7 @@ def mean(moments: Moments) -> Interval:
         return UNKNOWN
     if moments.count == 1:
         return Interval(moments.mean, math.nan, math.nan)
-    half = t_quantile(moments.count - 1) * math.sqrt(moments.variance / moments.count)
+    half = _student(moments.count - 1) * math.sqrt(moments.variance / moments.count)
     return Interval(moments.mean, moments.mean - half, moments.mean + half)
 
 
@@ -92,7 +86,7 @@ def difference_of_means(a: Moments, b: Moments) -> Interval:
     if error == 0.0:
         return Interval(apart, apart, apart)
     freedom = sum(parts) ** 2 / (parts[0] ** 2 / (a.count - 1) + parts[1] ** 2 / (b.count - 1))
-    half = t_quantile(freedom) * error
+    half = _student(freedom) * error
     return Interval(apart, apart - half, apart + half)
 
 
@@ -104,21 +98,6 @@ def difference_of_shares(a: Interval, b: Interval) -> Interval:
     return Interval(apart, apart - low, apart + high)
 
 
-def t_quantile(freedom: float, probability: float = 0.5 + CONFIDENCE / 2.0) -> float:
-    """Return the quantile above the median of Student's t distribution, by quadrature of its density and bisection."""
-    low, high = 0.0, 1.0
-    while _t_below(high, freedom) < probability:
-        low, high = high, 2.0 * high
-    while high - low > 1e-12 * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _t_below(middle, freedom) < probability else (low, middle)
-    return 0.5 * (low + high)
-
-
-def _t_below(t: float, freedom: float) -> float:
-    """Return the probability below t; with t = √ν tan θ the density is ∝ cos^(ν−1) θ, smooth also in heavy tails."""
-    scale = math.lgamma(0.5 * (freedom + 1.0)) - math.lgamma(0.5 * freedom) - 0.5 * math.log(math.pi)
-    end = math.atan(t / math.sqrt(freedom))
-    angle = 0.5 * end * (_NODES + 1.0)
-    density = np.exp(scale + (freedom - 1.0) * np.log(np.cos(angle)))
-    return 0.5 + 0.5 * end * float(np.sum(_WEIGHTS * density))
+def _student(freedom: float) -> float:
+    """Half the width of the interval, in standard errors (Student, 1908)."""
+    return float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, freedom))

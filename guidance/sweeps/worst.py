@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import tomli_w
 
 from guidance.scenarios.model import Scenario
 from guidance.sweeps.folder import Folder, write_whole
 from guidance.sweeps.plan import Plan
 from guidance.sweeps.rows import Scenarios
 from guidance.sweeps.tally import Tally
-from guidance.sweeps.toml import toml_of
 
 
 class Worst(NamedTuple):
@@ -45,5 +45,12 @@ def write_worst(folder: Folder, tallies: Sequence[Tally], out: Path) -> Iterator
             f"Row {bad.row} of the sweep {folder.plan.digest[:12]}, {pair.pursuer} against {pair.evader}: {bad.end}."
         )
         document = {**scenario.model_dump(mode="json", exclude={"expect"}), "description": about}
-        write_whole(path, toml_of(document).encode())
+        write_whole(path, tomli_w.dumps(without_unset(document)).encode())
         yield Worst(path, bad.row, tallies[whose], bad.end, bad.regret)
+
+
+def without_unset(document: Any) -> Any:  # noqa: ANN401 - any part of a document
+    """Leave out what is None: TOML has no such value."""
+    if isinstance(document, dict):
+        return {name: without_unset(value) for name, value in document.items() if value is not None}
+    return [without_unset(value) for value in document] if isinstance(document, list) else document

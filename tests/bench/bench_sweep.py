@@ -1,8 +1,9 @@
 """Speed of sweeps, as numbers side by side of one run: `python tests/bench/bench_sweep.py [--quick] [--million]`.
 
 Printed: games a second of a maths sweep on one core, and what of that is building and checking the scenarios; flights a
-second on one core and with two workers; Dask against a plain process pool for the same chunks; and with --million one
-million games end to end: wall time, peak memory of this process and of its largest worker, size on disk, report.
+second on one core and with two workers; our executor against a bare pool of processes for the same chunks; and with
+--million one million games end to end: wall time, peak memory of this process and of its largest worker, size on disk,
+report.
 """
 
 import argparse
@@ -24,7 +25,7 @@ import psutil
 from guidance.scenarios.maths import play
 from guidance.sweeps.chunk import as_table, computed, rows_of, table_of
 from guidance.sweeps.command import run_sweep
-from guidance.sweeps.crew import gathered
+from guidance.sweeps.executors import executor
 from guidance.sweeps.report import write_report
 from guidance.sweeps.rows import Scenarios
 from guidance.sweeps.running import planned
@@ -98,11 +99,11 @@ def bench_flights(folder, flights):
     flown = sum(table["duration_s"].to_pylist())
     print(f"a fast sweep of {flights} flights of {flown / flights:.0f} s on average")
     print(f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time")
-    with gathered(2, None) as crew:
+    with executor(2, None) as working:
         chunks = [(chunk, rows_of(plan, chunk, 1)) for chunk in range(flights)]
-        list(crew.work(plan, chunks[:2]))  # the workers have imported what they need
+        list(working.work(plan, chunks[:2]))  # the workers have imported what they need
         began = time.perf_counter()
-        list(crew.work(plan, chunks[2:]))
+        list(working.work(plan, chunks[2:]))
         two = (time.perf_counter() - began) / (flights - 2)
     print(
         f"  {flights / wall:8.3f} flights/s of wall time alone, {1 / two:.3f} with two workers: "
@@ -110,28 +111,28 @@ def bench_flights(folder, flights):
     )
 
 
-def bench_dask(folder, rows, size):
-    """The same chunks by Dask's workers and by a plain pool of processes, in turns; starting them is not counted."""
+def bench_executor(folder, rows, size):
+    """The same chunks by our executor and by a bare pool of processes, in turns; starting them is not counted."""
     plan, _ = planned_from(GAMES, folder, rows)
     chunks = [(chunk, rows_of(plan, chunk, size)) for chunk in range(-(-rows // size))]
     spawn = multiprocessing.get_context("spawn")
-    with gathered(2, None) as crew, ProcessPoolExecutor(2, mp_context=spawn) as pool:
-        list(crew.work(plan, chunks[:2]))
+    with executor(2, None) as working, ProcessPoolExecutor(2, mp_context=spawn) as pool:
+        list(working.work(plan, chunks[:2]))
         list(pool.map(computed, [plan] * 2, [numbers for _, numbers in chunks[:2]]))
-        took = {"Dask": [], "pool": []}
+        took = {"executor": [], "pool": []}
         for _ in range(5):
             began = clocks_s()
-            by_dask = {done.chunk: done.content for done in crew.work(plan, chunks)}
-            took["Dask"].append(clocks_s() - began)
+            by_executor = {done.chunk: done.content for done in working.work(plan, chunks)}
+            took["executor"].append(clocks_s() - began)
             began = clocks_s()
             by_pool = list(pool.map(computed, [plan] * len(chunks), [numbers for _, numbers in chunks]))
             took["pool"].append(clocks_s() - began)
-    same = [by_dask[chunk] for chunk, _ in chunks] == by_pool
-    dask, plain = (np.min(took[name], axis=0) for name in ("Dask", "pool"))
+    same = [by_executor[chunk] for chunk, _ in chunks] == by_pool
+    ours, plain = (np.min(took[name], axis=0) for name in ("executor", "pool"))
     print(f"{rows:,} games in {len(chunks)} chunks by two workers, the best of five; the same bytes: {same}")
-    for name, a, b in zip(("wall time", "processor time"), dask, plain, strict=True):
+    for name, a, b in zip(("wall time", "processor time"), ours, plain, strict=True):
         more = f"{a / b:.3f} ×, {(a - b) / len(chunks) * 1e3:+.1f} ms a chunk"
-        print(f"  {a:8.2f} s of {name} by Dask, {b:.2f} s by a pool of processes: {more}")
+        print(f"  {a:8.2f} s of {name} by our executor, {b:.2f} s by a bare pool: {more}")
 
 
 def clocks_s():
@@ -179,8 +180,8 @@ def main():
             bench_end_to_end(folder, 1_000_000 // share)
             return
         bench_maths(folder, 16384 // share)
-        bench_dask(folder, 65536 // share, 4096 // share)
-        bench_dask(folder, 2048 // share, 16)  # chunks too small for any use: what one costs to hand out
+        bench_executor(folder, 65536 // share, 4096 // share)
+        bench_executor(folder, 2048 // share, 16)  # chunks too small for any use: what one costs to hand out
         bench_flights(folder, max(4, 20 // share))
     finally:
         shutil.rmtree(folder)

@@ -4,7 +4,7 @@ import tomllib
 import pytest
 
 from guidance.config import parse
-from guidance.sweeps.crew import Alone
+from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder
 from guidance.sweeps.model import Sweep
 from guidance.sweeps.plan import laid_out
@@ -69,7 +69,7 @@ def mixed_once(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mixed")
     (folder / "short.toml").write_text(SCENARIO)
     plan = _planned(MIXED, folder)
-    finish(begun(plan, folder / "out", 64), Alone(), lambda _: None)
+    finish(begun(plan, folder / "out", 64), SerialExecutor(), lambda _: None)
     return folder / "out"
 
 

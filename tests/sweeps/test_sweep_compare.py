@@ -12,7 +12,7 @@ from guidance.errors import ConfigError
 from guidance.scenarios.maths import play
 from guidance.scenarios.running import outcome_json
 from guidance.sweeps.compare import compare_sweeps
-from guidance.sweeps.crew import Alone
+from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder
 from guidance.sweeps.pairing import pair_numbers, rows_pair
 from guidance.sweeps.running import begun, finish
@@ -33,7 +33,7 @@ policies = [{ pursuer = PURSUERS, evader = "random_turns" }]
 def swept(plan_from, tmp_path):
     def make(name, text=BASE, pursuers='"optimal"', chunk=7):
         plan = plan_from(text.replace("PURSUERS", pursuers))
-        finish(begun(plan, tmp_path / name, chunk), Alone(), lambda _: None)
+        finish(begun(plan, tmp_path / name, chunk), SerialExecutor(), lambda _: None)
         return read_folder(tmp_path / name)
 
     return make

@@ -5,6 +5,7 @@ import tomllib
 import numpy as np
 import pyarrow as pa
 import pytest
+import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 from pyarrow import parquet
@@ -18,7 +19,7 @@ from guidance.sweeps.bins import bins_of
 from guidance.sweeps.drawing import key_label
 from guidance.sweeps.report import write_report
 from guidance.sweeps.tally import QUANTILES, tallied
-from guidance.sweeps.toml import toml_of
+from guidance.sweeps.worst import without_unset
 
 
 def rows_of(folder):
@@ -115,7 +116,7 @@ def test_a_folder_without_rows_says_so(mixed, tmp_path):
 
 def test_bins_cover_all_that_is_drawn(mixed):
     for axis in mixed.plan.axes[2:]:
-        drawn = axis.law.draw(np.arange(500), axis.stream)
+        drawn = axis.distribution.draw(np.arange(500), axis.stream)
         for bins, cells in zip(bins_of(axis), axis.cells(drawn), strict=True):
             places = bins.places(pa.chunked_array([cells]))
             assert (places >= 0).all()
@@ -153,4 +154,4 @@ DOCUMENTS = st.dictionaries(
 
 @given(DOCUMENTS)
 def test_what_is_written_as_toml_is_read_back_the_same(document):
-    assert tomllib.loads(toml_of(document)) == document
+    assert tomllib.loads(tomli_w.dumps(without_unset(document))) == document

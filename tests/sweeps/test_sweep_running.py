@@ -12,17 +12,18 @@ from pyarrow import parquet
 from typer.testing import CliRunner
 
 from guidance.cli.sweep import sweep as app
-from guidance.errors import ConfigError, LinkError, OutputError
-from guidance.sweeps import crew as crews
-from guidance.sweeps.crew import Alone, gathered
+from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
+from guidance.sweeps import chunk, executors
+from guidance.sweeps.command import Interrupted
+from guidance.sweeps.executors import ProcessExecutor, SerialExecutor, executor
 from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
 from guidance.sweeps.running import begun, finish, planned
 
 COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]
 
 
-def run(plan, out, *, chunk=5, crew=None):
-    finish(begun(plan, out, chunk), crew or Alone(), lambda _: None)
+def run(plan, out, *, chunk=5, by=None):
+    finish(begun(plan, out, chunk), by or SerialExecutor(), lambda _: None)
     return out
 
 
@@ -42,11 +43,11 @@ def test_the_rows_are_the_same_in_any_chunks(plan_from, tmp_path):
     assert set(five["end"].to_pylist()) == {"captured"}
 
 
-def test_a_crew_that_stops_half_way_leaves_whole_chunks_and_the_rest_is_the_same(plan_from, tmp_path):
+def test_an_executor_that_stops_half_way_leaves_whole_chunks_and_the_rest_is_the_same(plan_from, tmp_path):
     class KilledError(Exception):
         pass
 
-    class Mortal(Alone):
+    class Mortal(SerialExecutor):
         def work(self, plan, chunks):
             for number, done in enumerate(super().work(plan, chunks)):
                 if number == 2:
@@ -55,7 +56,7 @@ def test_a_crew_that_stops_half_way_leaves_whole_chunks_and_the_rest_is_the_same
 
     plan = plan_from()
     with pytest.raises(KilledError):
-        run(plan, tmp_path / "out", crew=Mortal())
+        run(plan, tmp_path / "out", by=Mortal())
     assert len(files(tmp_path / "out")) == 2
     work = begun(plan, tmp_path / "out", None)
     assert (work.missing, work.rows_there) == ([2, 3, 4], 10)
@@ -75,7 +76,7 @@ def test_a_sweep_killed_without_warning_goes_on_where_it_was(short, tmp_path):
     there = files(tmp_path / "out")
     assert 2 <= len(there) < 15
     plan = planned(str(short / "sweep.toml"))
-    finish(begun(plan, tmp_path / "out", None), Alone(), lambda _: None)
+    finish(begun(plan, tmp_path / "out", None), SerialExecutor(), lambda _: None)
     complete = files(tmp_path / "out")
     assert complete.items() >= there.items()
     assert complete == files(run(plan, tmp_path / "whole", chunk=4))
@@ -116,7 +117,7 @@ def test_a_full_disk_is_named_and_what_was_written_is_kept(plan_from, tmp_path):
 
     full = work._replace(folder=Folder(work.folder.path, plan, 5, fill_up))
     with pytest.raises(OutputError, match=r"part-000002\.parquet: cannot be written \(the disk is full\)") as caught:
-        finish(full, Alone(), lambda _: None)
+        finish(full, SerialExecutor(), lambda _: None)
     assert caught.value.exit_code == 5
     assert begun(plan, tmp_path / "out", None).rows_there == 10
 
@@ -163,7 +164,7 @@ def test_a_folder_of_something_else_is_refused(plan_from, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "letters.txt").write_text("dear")
     with pytest.raises(ConfigError, match="holds files and no sweep"):
-        opened(tmp_path / "out", plan_from(), None, 5)
+        opened(tmp_path / "out", plan_from(), None, lambda: 5)
     with pytest.raises(ConfigError, match=r"is no sweep's folder; it has no sweep\.json"):
         read_folder(tmp_path / "out")
 
@@ -171,7 +172,7 @@ def test_a_folder_of_something_else_is_refused(plan_from, tmp_path):
 def test_a_folder_that_cannot_be_made_is_an_output_error(plan_from, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        opened(tmp_path / "file" / "out", plan_from(), None, 5)
+        opened(tmp_path / "file" / "out", plan_from(), None, lambda: 5)
 
 
 def test_only_one_process_writes_a_sweep(tmp_path):
@@ -188,14 +189,19 @@ def test_a_sweep_none_of_whose_rows_allows_a_game_is_refused_with_the_reason(pla
 
 
 def test_one_worker_is_this_process():
-    with gathered(1, None) as crew:
-        assert isinstance(crew, Alone)
+    with executor(1, None) as working:
+        assert isinstance(working, SerialExecutor)
 
 
 def test_a_scheduler_that_is_not_there_is_a_link_error(monkeypatch):
-    monkeypatch.setattr(crews, "CONNECT_S", 0.3)
-    with pytest.raises(LinkError, match="no Dask scheduler answers"), gathered(2, "tcp://127.0.0.1:9"):
+    monkeypatch.setattr(executors, "CONNECT_S", 0.3)
+    with pytest.raises(LinkError, match="no Dask scheduler answers"), executor(2, "tcp://127.0.0.1:9"):
         pass
+
+
+def workers_of(process):
+    """Its processes that compute; Python has another one that looks after what they share."""
+    return [one for one in process.children(recursive=True) if "spawn_main" in " ".join(one.cmdline())]
 
 
 @pytest.mark.slow
@@ -204,21 +210,67 @@ def test_two_workers_give_the_bytes_of_one_also_if_one_is_killed_amid_a_chunk(pl
     expected = files(run(plan, tmp_path / "alone", chunk=3))
     work = begun(plan, tmp_path / "both", 3)
     killed = []
-    with gathered(2, None) as crew:
-        workers = crew._client.run(os.getpid)
 
-        def kill_one(_):
-            if not killed:
-                killed.append(next(iter(workers.values())))
-                os.kill(killed[0], signal.SIGKILL)
+    def kill_one(_):
+        if not killed:
+            killed.append(workers_of(me)[0].pid)
+            os.kill(killed[0], signal.SIGKILL)
 
-        finish(work, crew, kill_one)
-        left = set(crew._client.run(os.getpid).values())
-        sockets = [one for process in [me, *me.children(recursive=True)] for one in process.net_connections("inet")]
-    assert len(workers) == 2
-    assert {one.laddr.ip for one in sockets if one.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
-    assert killed[0] not in left
+    with executor(2, None) as working:
+        assert isinstance(working, ProcessExecutor)
+        finish(work, working, kill_one)
+        living = workers_of(me)
+        sockets = [one for process in [me, *living] for one in process.net_connections("inet")]
+    assert killed
+    assert [one for one in sockets if one.status == psutil.CONN_LISTEN] == []
     assert files(tmp_path / "both") == expected
+    assert len(living) == 2
+    assert psutil.wait_procs(living, timeout=10)[1] == []
+
+
+def die(_plan, _rows):
+    os._exit(9)
+
+
+@pytest.mark.slow
+def test_a_chunk_that_ends_every_worker_is_given_up(plan_from, tmp_path, monkeypatch):
+    monkeypatch.setattr(executors, "computed", die)
+    with executor(2, None) as working, pytest.raises(GuidanceError, match="ended 5 workers"):
+        finish(begun(plan_from(), tmp_path / "out", 12), working, lambda _: None)
+
+
+LONG = """
+scenario = "short.toml"
+seeds = 240
+[grid]
+"evader.speed_m_s" = [1.0, 3.0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("slowness_s", "workers", "expected"), [(10.0, 1, 1), (0.5, 1, 20), (1e-9, 1, 120), (1e-9, 8, 15)]
+)
+def test_a_chunk_takes_some_seconds_and_every_worker_has_several(plan_from, slowness_s, workers, expected, monkeypatch):
+    """A stopwatch that says what we like, of a sweep of 480 rows."""
+    plan, now = plan_from(LONG), [0.0]
+    play = chunk._outcomes
+
+    def slowly(plan, cases):
+        now[0] += slowness_s * len(cases.row)
+        return play(plan, cases)
+
+    monkeypatch.setattr(chunk, "_outcomes", slowly)
+    assert plan.rows == 480
+    assert chunk.rows_for(plan, workers, lambda: now[0]) == expected
+
+
+def test_flights_are_written_one_by_one(plan_from):
+    assert chunk.rows_for(plan_from(way="fast"), 2) == 1
+
+
+def test_who_interrupts_is_told_what_is_kept():
+    assert str(Interrupted(0, 24)) == "interrupted: no row had been written yet; the same command goes on from there"
+    assert str(Interrupted(5, 24)) == "interrupted: 5 of 24 rows are kept; the same command goes on from there"
 
 
 def test_the_command_takes_a_file_first_and_says_where_the_rows_are(short, tmp_path):

@@ -12,7 +12,6 @@ from guidance.sweeps.statistics import (
     difference_of_shares,
     mean,
     share,
-    t_quantile,
 )
 
 
@@ -25,11 +24,6 @@ def test_the_interval_of_a_share_is_wilsons(counts):
     assert found.low == pytest.approx(max(0.0, expected.low), abs=1e-12)
     assert found.high == pytest.approx(min(1.0, expected.high), abs=1e-12)
     assert 0.0 <= found.low <= found.estimate <= found.high <= 1.0
-
-
-@pytest.mark.parametrize("freedom", [1, 1.7, 2, 5, 30, 999, 1e5])
-def test_the_quantile_is_students(freedom):
-    assert t_quantile(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-9)
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40), st.integers(1, 39))

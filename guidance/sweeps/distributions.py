@@ -10,15 +10,19 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from guidance.errors import ConfigError
-from guidance.strategies import normal, uniform
+from guidance.strategies import uniform
 
 Seeds = NDArray[np.int64]
 
+_WIDE: Final = 2.5
+"""So many standard deviations of a normal distribution are shown in bins."""
 
-class Law(Protocol):
-    """A distribution."""
+
+class Distribution(Protocol):
+    """What the values of a key are drawn from."""
 
     def draw(self, seed: Seeds, stream: int) -> list[Any]:
         """Draw one value for each seed."""
@@ -28,52 +32,31 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Uniform:
-    """Evenly from low to high."""
+class Number:
+    """A number by one of scipy's continuous distributions; what it draws beyond a key's range is an invalid row.
 
-    low: float
-    high: float
+    Attributes:
+        frozen: scipy's distribution with its parameters.
+    """
 
-    def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """See `Law`."""
-        return list((self.low + (self.high - self.low) * uniform(seed, stream, 0)).tolist())
-
-    def extremes(self) -> list[Any]:
-        """See `Law`."""
-        return [self.low, self.high]
-
-
-@dataclass(frozen=True, slots=True)
-class LogUniform:
-    """Evenly in the logarithm, from low to high."""
-
-    low: float
-    high: float
+    frozen: Any
 
     def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """See `Law`."""
-        low, high = math.log(self.low), math.log(self.high)
-        return list(np.clip(np.exp(low + (high - low) * uniform(seed, stream, 0)), self.low, self.high).tolist())
+        """See `Distribution`."""
+        # Rounding may put a draw beside the end of its range.
+        return list(np.clip(self.frozen.ppf(uniform(seed, stream, 0)), *self.frozen.support()).tolist())
 
     def extremes(self) -> list[Any]:
-        """See `Law`."""
-        return [self.low, self.high]
+        """See `Distribution`."""
+        ends = [float(end) for end in self.frozen.support()]
+        return ends if all(map(math.isfinite, ends)) else [float(self.frozen.median())]
 
-
-@dataclass(frozen=True, slots=True)
-class Normal:
-    """The normal distribution; what it draws beyond a key's range becomes an invalid row."""
-
-    mean: float
-    deviation: float
-
-    def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """See `Law`."""
-        return list((self.mean + self.deviation * normal(seed, stream, 0)).tolist())
-
-    def extremes(self) -> list[Any]:
-        """See `Law`."""
-        return [self.mean]
+    @property
+    def shown(self) -> tuple[float, float]:
+        """From where to where it is shown in bins."""
+        low, high = (float(end) for end in self.frozen.support())
+        mean, wide = float(self.frozen.mean()), _WIDE * float(self.frozen.std())
+        return max(low, mean - wide) if math.isinf(low) else low, min(high, mean + wide) if math.isinf(high) else high
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +66,12 @@ class Choice:
     values: tuple[Any, ...]
 
     def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """See `Law`."""
+        """See `Distribution`."""
         places = (uniform(seed, stream, 0) * len(self.values)).astype(int)
         return [self.values[place] for place in places.tolist()]
 
     def extremes(self) -> list[Any]:
-        """See `Law`."""
+        """See `Distribution`."""
         return list(self.values)
 
 
@@ -101,7 +84,7 @@ class Annulus:
     centre_m: tuple[float, float]
 
     def draw(self, seed: Seeds, stream: int) -> list[Any]:
-        """See `Law`."""
+        """See `Distribution`."""
         inner, outer = self.inner_m**2, self.outer_m**2
         radius = np.sqrt(inner + (outer - inner) * uniform(seed, stream, 0))
         angle = 2.0 * np.pi * uniform(seed, stream, 1)
@@ -109,12 +92,12 @@ class Annulus:
         return list(np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist())
 
     def extremes(self) -> list[Any]:
-        """See `Law`."""
+        """See `Distribution`."""
         (x, y), r = self.centre_m, self.outer_m
         return [[x + r, y], [x - r, y], [x, y + r], [x, y - r]]
 
 
-def law_of(name: str, table: Mapping[str, Any]) -> Law:
+def distribution_of(name: str, table: Mapping[str, Any]) -> Distribution:
     """Read the distribution of a key.
 
     Args:
@@ -124,14 +107,14 @@ def law_of(name: str, table: Mapping[str, Any]) -> Law:
     Raises:
         ConfigError: If it is none; the message says what is allowed.
     """
-    kinds = [kind for kind in table if kind in _LAWS]
+    kinds = [kind for kind in table if kind in _KINDS]
     if len(kinds) != 1 or set(table) - {kinds[0], "about_m"}:
         raise ConfigError(f"random.{name} = {dict(table)!r}: must be one of {_ALLOWED}")
     kind = kinds[0]
     if "about_m" in table and kind not in {"disc", "annulus"}:
         raise ConfigError(f"random.{name}.about_m: only with disc or annulus")
     try:
-        return _LAWS[kind](table)
+        return _KINDS[kind](table)
     except (TypeError, ValueError) as error:
         raise ConfigError(f"random.{name} = {dict(table)!r}: must be {_FORMS[kind]}") from error
 
@@ -150,21 +133,26 @@ def _rising(value: Any, *, above: float = -math.inf) -> tuple[float, float]:  # 
     return low, high
 
 
-def _normal(table: Mapping[str, Any]) -> Law:
+def _uniform(table: Mapping[str, Any]) -> Distribution:
+    low, high = _rising(table["uniform"])
+    return Number(stats.uniform(low, high - low))
+
+
+def _normal(table: Mapping[str, Any]) -> Distribution:
     mean, deviation = _pair(table["normal"])
     if deviation <= 0.0:
         raise ValueError
-    return Normal(mean, deviation)
+    return Number(stats.norm(mean, deviation))
 
 
-def _choice(table: Mapping[str, Any]) -> Law:
+def _choice(table: Mapping[str, Any]) -> Distribution:
     values = table["choice"]
     if not isinstance(values, list) or not values:
         raise ValueError
     return Choice(tuple(values))
 
 
-def _annulus(table: Mapping[str, Any]) -> Law:
+def _annulus(table: Mapping[str, Any]) -> Distribution:
     inner, outer = (0.0, table["disc"]) if "disc" in table else table["annulus"]
     inner, outer = _pair((inner, outer))
     if not 0.0 <= inner < outer:
@@ -172,10 +160,10 @@ def _annulus(table: Mapping[str, Any]) -> Law:
     return Annulus(inner, outer, _pair(table.get("about_m", (0.0, 0.0))))
 
 
-_LAWS: Mapping[str, Callable[[Mapping[str, Any]], Law]] = MappingProxyType(
+_KINDS: Mapping[str, Callable[[Mapping[str, Any]], Distribution]] = MappingProxyType(
     {
-        "uniform": lambda table: Uniform(*_rising(table["uniform"])),
-        "log_uniform": lambda table: LogUniform(*_rising(table["log_uniform"], above=0.0)),
+        "uniform": _uniform,
+        "log_uniform": lambda table: Number(stats.loguniform(*_rising(table["log_uniform"], above=0.0))),
         "normal": _normal,
         "choice": _choice,
         "disc": _annulus,
@@ -193,5 +181,5 @@ _FORMS: Final = MappingProxyType(
     }
 )
 _ALLOWED: Final = "; ".join(_FORMS.values())
-LAWS: Final = tuple(_LAWS)
+DISTRIBUTIONS: Final = tuple(_KINDS)
 """Names of the distributions."""
