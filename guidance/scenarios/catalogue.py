@@ -8,10 +8,12 @@ from rich.table import Table
 
 from guidance.config import config_folder
 from guidance.scenarios.expect import Expectations
-from guidance.scenarios.loading import FOLDER, load_scenario
+from guidance.scenarios.loading import FOLDER, load_any
 from guidance.scenarios.maths import opening
 from guidance.scenarios.model import Player, Scenario
 from guidance.scenarios.outcome import winner_name
+from guidance.scenarios.team_maths import opening_of
+from guidance.scenarios.teams import TeamScenario
 
 
 def names() -> list[str]:
@@ -29,8 +31,9 @@ def listing() -> Table:
     for heading in ("name", "title", "game", "expected"):
         table.add_column(heading, no_wrap=heading == "name")
     for name in names():
-        scenario = load_scenario(name)[1]
-        table.add_row(name, scenario.title, scenario.game, expected(scenario))
+        scenario = load_any(name)[1]
+        said = team_expected(scenario) if isinstance(scenario, TeamScenario) else expected(scenario)
+        table.add_row(name, scenario.title, scenario.game, said)
     return table
 
 
@@ -42,19 +45,23 @@ def show(name: str, console: Console, picture: Path | None) -> Path:
         OutputError: If the picture cannot be written.
     """
     from guidance.scenarios.preview import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.scenarios.team_picture import draw_teams  # noqa: PLC0415
 
-    path, scenario = load_scenario(name)
+    path, scenario = load_any(name)
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name})")
     console.print(" ".join(scenario.description.split()))
     console.print()
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column()
-    for row in facts(scenario):
+    for row in team_facts(scenario) if isinstance(scenario, TeamScenario) else facts(scenario):
         table.add_row(*row)
     console.print(table)
     drawn = picture if picture is not None else Path(f"{path.stem}.png")
-    draw_scenario(scenario, drawn)
+    if isinstance(scenario, TeamScenario):
+        draw_teams(scenario, drawn)
+    else:
+        draw_scenario(scenario, drawn)
     console.print(f"picture  {drawn}", soft_wrap=True, highlight=False)
     return drawn
 
@@ -82,6 +89,28 @@ def facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
         since = "engagement" if fault.after == "engaged" else "the start"
         yield "fault", f"{fault.kind} of the {fault.vehicle} {fault.at_s:g} s after {since}{keys}"
     yield "expected", expected(scenario) or "nothing"
+
+
+def team_facts(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
+    """Yield what is to be known of a scenario of teams, by name."""
+    yield "game", {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}[scenario.game] + ", of teams"
+    for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
+        for group in groups:
+            about = f", scattered over {group.scatter_m:g} m" if group.scatter_m else ""
+            place = _place(group.position_m)
+            yield player, f"{group.count} at {place} m{about}, {group.speed_m_s:g} m/s, plays {group.policy}"
+    if scenario.target is not None:
+        yield "target", f"at {_place(scenario.target.position_m)} m"
+    first = opening_of(scenario)
+    unit = "m from the target" if scenario.game == "tad" else "s until the captures"
+    yield "value", f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} {unit} in all"
+    yield "expected", team_expected(scenario) or "nothing"
+
+
+def team_expected(scenario: TeamScenario) -> str:
+    """Say in one line what a scenario of teams expects."""
+    wanted = ((column, getattr(scenario.expect, column)) for column in type(scenario.expect).model_fields)
+    return ", ".join(f"{column} {value}" for column, value in wanted if value is not None)
 
 
 def expected(scenario: Scenario) -> str:

@@ -1,25 +1,52 @@
 """From a file to a scenario: TOML, a recorded track beside it where it names one, and the published JSON Schema."""
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from guidance.config import find, parse
 from guidance.errors import ConfigError
 from guidance.scenarios.model import Scenario
+from guidance.scenarios.teams import TeamScenario
 from guidance.scenarios.tracks import read_track
 
 FOLDER = "scenarios"
+PLAYERS = ("pursuer", "evader")
 
 
 def load_scenario(name: str) -> tuple[Path, Scenario]:
     """Read a scenario by path or by the name of one that comes with the package.
 
     Raises:
+        ConfigError: If there is none, a key is wrong, or it is one of teams.
+    """
+    path, scenario = load_any(name)
+    if isinstance(scenario, TeamScenario):
+        raise ConfigError(
+            f"{path}: has teams, which only mathematics plays yet: guidance scenario run {path} --as maths"
+        )
+    return path, scenario
+
+
+def load_any(name: str) -> tuple[Path, Scenario | TeamScenario]:
+    """Read a scenario of two players, or one of teams, which has tables [[pursuer]] or [[evader]].
+
+    Raises:
         ConfigError: If there is none, or a key is wrong.
     """
     path = find(name, FOLDER)
-    return path, parse(Scenario, load_document(path), source=str(path))
+    document = load_document(path)
+    if has_teams(document):
+        return path, parse(TeamScenario, document, source=str(path))
+    return path, parse(Scenario, document, source=str(path))
+
+
+def has_teams(document: Mapping[str, Any]) -> bool:
+    """Say whether a scenario's document is one of teams."""
+    return any(isinstance(document.get(player), (list, tuple)) for player in PLAYERS)
 
 
 def load_document(path: Path) -> dict[str, Any]:
@@ -34,7 +61,7 @@ def load_document(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
-    for player in ("pursuer", "evader"):
+    for player in PLAYERS:
         section = document.get(player)
         if isinstance(section, dict) and isinstance(section.get("track"), str):
             section["track"] = read_track(path.parent / section["track"], player, key=f"{path}: {player}.track")
@@ -43,7 +70,7 @@ def load_document(path: Path) -> dict[str, Any]:
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of a scenario file, for editors that complete and check TOML by it."""
-    schema = Scenario.model_json_schema(mode="validation")
+    schema = TypeAdapter(Scenario | TeamScenario).json_schema(mode="validation")
     for section in ("Pursuer", "Evader"):
         track = schema["$defs"][section]["properties"]["track"]
         rows = {key: track.pop(key) for key in ("items", "type")}

@@ -10,10 +10,12 @@ from rich.table import Table
 
 from guidance.errors import ConfigError
 from guidance.scenarios.expect import Verdict
-from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.loading import load_any
 from guidance.scenarios.maths import play
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.outcome import Outcome
+from guidance.scenarios.team_maths import TeamOutcome, play_teams, summary_of
+from guidance.scenarios.teams import TeamScenario
 
 WAYS: Final = ("maths", "fast", "live", "vehicle")
 
@@ -46,10 +48,12 @@ def run_scenario(name: str, run: Run, console: Console) -> int:
         raise ConfigError(f"--as {run.way}: allowed are {', '.join(WAYS)}")
     if (run.config is None) == (run.way == "vehicle"):
         raise ConfigError("--config: needed with --as vehicle, which says whom to talk to, and with no other")
-    path, scenario = load_scenario(name)
+    path, scenario = load_any(name)
     if run.seed is not None:
         scenario = scenario.model_copy(update={"seed": run.seed})
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, as {run.way})")
+    if isinstance(scenario, TeamScenario):
+        return _run_teams(scenario, path, run, console)
     if run.way == "maths" and scenario.fault:
         console.print("faults are an autopilot's: mathematics plays without them")
     outcome = _run(scenario, path.stem, run, console)
@@ -58,11 +62,40 @@ def run_scenario(name: str, run: Run, console: Console) -> int:
     if verdicts:
         console.print(_expectation_table(verdicts))
     if run.json_file is not None:
-        _write(run.json_file, outcome)
+        _write(run.json_file, outcome_json(outcome))
     return 0 if all(verdict.held for verdict in verdicts) else 1
 
 
-def outcome_json(outcome: Outcome) -> dict[str, Any]:
+def _run_teams(scenario: TeamScenario, path: Path, run: Run, console: Console) -> int:
+    if run.way != "maths":
+        raise ConfigError(f"--as {run.way}: {path.name} has teams, which only mathematics plays yet; use --as maths")
+    rows = play_teams([scenario])[0]
+    console.print(_row_table(rows))
+    summary = summary_of(rows)
+    unit = "s" if scenario.game == "pe" else "m"
+    words = f"{summary['captured']} of {summary['evaders']} captured by {summary['pursuers']}"
+    console.print(f"{words}; {summary['guaranteed']} were guaranteed, with {summary['total']:.3f} {unit} in all")
+    verdicts = scenario.expect.verdicts(summary)
+    if verdicts:
+        console.print(_expectation_table(verdicts))
+    if run.json_file is not None:
+        _write(run.json_file, [outcome_json(row) for row in rows])
+    return 0 if all(verdict.held for verdict in verdicts) else 1
+
+
+def _row_table(rows: Sequence[TeamOutcome]) -> Table:
+    """Lay out the rows of a game of teams, an evader each."""
+    table = Table(box=None, pad_edge=False)
+    shown = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
+    for name in shown:
+        table.add_column(name, justify="left" if name == "end" else "right")
+    for row in rows:
+        values = row._asdict()
+        table.add_row(*("-" if values[name] == -1 else _said(values[name], "") for name in shown))
+    return table
+
+
+def outcome_json(outcome: Outcome | TeamOutcome) -> dict[str, Any]:
     """An outcome as JSON has it: null where there is no number."""
     return {name: None if value != value else value for name, value in outcome._asdict().items()}  # noqa: PLR0124 - NaN
 
@@ -115,8 +148,8 @@ def _expectation_table(verdicts: Sequence[Verdict]) -> Table:
     return table
 
 
-def _write(path: Path, outcome: Outcome) -> None:
+def _write(path: Path, content: Any) -> None:  # noqa: ANN401 - plain values
     try:
-        path.write_text(json.dumps(outcome_json(outcome), indent=2) + "\n", encoding="utf-8")
+        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"--json {path}: cannot be written ({error.strerror}); choose another file") from error

@@ -1,5 +1,8 @@
 """Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--only FILES] [--resume FILE] [--minutes M]`.
 
+A file of a package within is named as it is imported, `--only discs,team.several`; `--tests 'test_team_*.py'` runs
+fewer tests, for a quick look.
+
 One operator, comparison, constant, condition or choice is changed at a time, in memory: a forked child imports the
 changed package afresh, runs the tests that enter the changed function, the likeliest to fail first, and stops at the
 first failure. A test that takes five times its processor time (and five seconds more) has noticed the change; that of
@@ -67,7 +70,7 @@ def mutants(tree: ast.Module) -> Iterator[tuple[str, ast.Module]]:
 
 def changes(node: ast.AST):  # noqa: C901 - one case for each kind of node
     """Yield what can be changed at a node, and a function that does it."""
-    called = getattr(node.func, "id", "") if isinstance(node, ast.Call) else ""
+    called = getattr(node.func, "id", getattr(node.func, "attr", "")) if isinstance(node, ast.Call) else ""
     if isinstance(node, (ast.BinOp, ast.BoolOp, ast.UnaryOp, ast.AugAssign)) and type(node.op) in SWAPS:
         swapped = SWAPS[type(node.op)]
         yield f"{type(node.op).__name__} → {swapped.__name__}", lambda: setattr(node, "op", swapped())
@@ -88,8 +91,16 @@ def changes(node: ast.AST):  # noqa: C901 - one case for each kind of node
         yield "condition turned", lambda: setattr(node, "test", ast.UnaryOp(ast.Not(), node.test))
     if called in ("select", "select2", "_select3", "choose") and len(node.args) == 4:
         yield "choice turned", lambda: node.args.__setitem__(slice(2, 4), node.args[:1:-1])
+    if called == "where" and len(node.args) == 3:
+        yield "choice turned", lambda: node.args.__setitem__(slice(1, 3), node.args[:0:-1])
     if called in ("positive_part", "abs") and len(node.args) == 1:
         yield f"{called} dropped", lambda: setattr(node, "func", ast.parse("(lambda value: value)").body[0].value)
+
+
+def modules() -> dict[str, Path]:
+    """Return the files of the package by the names that they are imported by, without `guidance.game.`."""
+    paths = {".".join(path.relative_to(SOURCE).with_suffix("").parts): path for path in SOURCE.rglob("*.py")}
+    return {stem: path for stem, path in sorted(paths.items()) if path.stem != "__init__"}
 
 
 def strip(tree: ast.Module) -> ast.Module:
@@ -129,7 +140,7 @@ class Mutant:
 
 def drawn_from(stem: str) -> Iterator[Mutant]:
     """Yield every mutant of a file."""
-    tree = strip(ast.parse((SOURCE / f"{stem}.py").read_text()))
+    tree = strip(ast.parse((SOURCE / f"{stem.replace('.', '/')}.py").read_text()))
     functions, alike = functions_by_line(tree), Counter()
     for text, changed in mutants(tree):
         line, said = text.splitlines()[0].split(": ", 1)
@@ -180,7 +191,7 @@ class Survey:
         self.costs_s: dict[str, float] = {}
         self.entered: dict[str, list[str]] = {}
         self.names = {
-            str(path): (path.stem, functions_by_line(ast.parse(path.read_text()))) for path in SOURCE.glob("*.py")
+            str(path): (stem, functions_by_line(ast.parse(path.read_text()))) for stem, path in modules().items()
         }
 
     def pytest_runtest_logstart(self, nodeid, location) -> None:
@@ -224,12 +235,12 @@ def run_tests(plugin: object, files: list[str]) -> int:
     return int(pytest.main([*options, *files], plugins=[plugin]))
 
 
-def survey() -> tuple[dict[str, float], dict[str, list[str]]]:
+def survey(tests: str) -> tuple[dict[str, float], dict[str, list[str]]]:
     """Run all tests without a change, and import here what they import, so that no child has to."""
 
     def work(tell) -> int:
         plugin = Survey()
-        code = run_tests(plugin, [str(TESTS)])
+        code = run_tests(plugin, sorted(map(str, TESTS.glob(tests))))
         modules = [name for name in sys.modules if name.split(".")[0] not in OWN and "test_" not in name]
         tell(json.dumps([plugin.costs_s, plugin.entered, modules]))
         return code
@@ -275,13 +286,13 @@ def say(line: str) -> None:
     os.write(REPORT, f"{line}\n".encode())
 
 
-def judge_all(drawn: list[Mutant], kept: Path, ends: float) -> dict[str, str]:
+def judge_all(drawn: list[Mutant], kept: Path, ends: float, tests: str) -> dict[str, str]:
     """Return who noticed each mutant, by digest; what was killed before is not judged again."""
     verdicts = dict(map(json.loads, kept.read_text().splitlines())) if kept.exists() else {}
     waiting = [one for one in drawn if one.digest not in verdicts]
     if not waiting or time.monotonic() > ends:
         return verdicts
-    costs_s, entered = survey()
+    costs_s, entered = survey(tests)
     say(f"{len(costs_s)} tests, {sum(costs_s.values()):.0f} s of processor time; {len(waiting)} mutants to judge")
     kills = Counter(verdicts.values())
     with kept.open("a") as keep:
@@ -326,6 +337,7 @@ def main() -> int:
     """Judge mutants until all are, or the time is up."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="comma-separated modules")
+    parser.add_argument("--tests", default="test_*.py", help="pattern of the test files to run")
     parser.add_argument("--minutes", type=float, default=600.0)
     parser.add_argument("--listed", action="store_true", help="run what is listed, too")
     parser.add_argument("--resume", type=Path, default=Path(os.devnull), help="a file that keeps what was killed")
@@ -336,13 +348,15 @@ def main() -> int:
     settings.register_profile("mutants", phases=[Phase.explicit, Phase.generate], max_examples=20, **calm)
     settings.load_profile("mutants")
     os.environ["HYPOTHESIS_PROFILE"] = "mutants"  # which the tests load again
-    stems = sorted({path.stem for path in SOURCE.glob("*.py")} - {"__init__"})
+    stems = list(modules())
     chosen = given.only.split(",") if given.only else stems
     drawn = [mutant for stem in stems if stem in chosen for mutant in drawn_from(stem)]
     random.Random(0).shuffle(drawn)
     listed = tomllib.loads(LISTED.read_text())
     run = [one for one in drawn if given.listed or not one.reason(listed)]
-    return min(report(drawn, judge_all(run, given.resume, time.monotonic() + 60.0 * given.minutes), listed), 1)
+    return min(
+        report(drawn, judge_all(run, given.resume, time.monotonic() + 60.0 * given.minutes, given.tests), listed), 1
+    )
 
 
 if __name__ == "__main__":

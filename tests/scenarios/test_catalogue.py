@@ -6,10 +6,11 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.errors import OutputError
-from guidance.scenarios.catalogue import expected, facts, names
-from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.catalogue import expected, facts, names, team_expected
+from guidance.scenarios.loading import load_any, load_scenario
 from guidance.scenarios.maths import opening, play
 from guidance.scenarios.preview import draw_scenario, played
+from guidance.scenarios.teams import TeamScenario
 
 
 def guidance(*arguments):
@@ -20,11 +21,12 @@ def test_the_list_names_every_scenario_with_its_title_its_game_and_what_it_expec
     done = guidance("list")
     assert done.exit_code == 0, done.output
     for name in names():
-        scenario = load_scenario(name)[1]
+        scenario = load_any(name)[1]
         row = next(line for line in done.output.splitlines() if line.split()[0] == name)
         assert scenario.title in row
         assert re.search(rf" {scenario.game} ", row)
-        assert expected(scenario).split(";")[0] in row
+        said = team_expected if isinstance(scenario, TeamScenario) else expected
+        assert said(scenario).split(";")[0] in row
 
 
 def test_show_explains_a_scenario_and_writes_its_picture(tmp_path):

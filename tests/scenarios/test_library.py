@@ -11,11 +11,15 @@ from guidance.config import config_folder
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.flown import outcome_of_flight
 from guidance.scenarios.fly import fly
-from guidance.scenarios.loading import FOLDER, load_scenario
+from guidance.scenarios.loading import FOLDER, load_any, load_scenario
 from guidance.scenarios.maths import play
+from guidance.scenarios.team_maths import play_teams, summary_of
+from guidance.scenarios.teams import TeamScenario
 from guidance.service.clock import VirtualClock
 
-NAMES = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
+EVERY = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
+TEAMS = [name for name in EVERY if isinstance(load_any(name)[1], TeamScenario)]
+NAMES = [name for name in EVERY if name not in TEAMS]
 LONG = ("pe", "tad", "hover_chase")
 """Flown elsewhere as well, and longer than the others."""
 
@@ -33,11 +37,12 @@ def test_the_library_has_what_a_reader_looks_for():
         "fence", "estimator_jump", "barrier_pure_pursuit", "crossing_proportional_navigation",
     }  # fmt: skip
     assert wanted <= set(NAMES)
+    assert set(TEAMS) == {"teams_tad", "teams_breakthrough"}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EVERY)
 def test_every_scenario_explains_itself_and_expects_something(name):
-    path, scenario = load_scenario(name)
+    path, scenario = load_any(name)
     assert len(scenario.description.split()) > 20
     expected = tomllib.loads(path.read_text())["expect"]
     assert expected
@@ -47,6 +52,14 @@ def test_every_scenario_explains_itself_and_expects_something(name):
 def test_what_a_scenario_expects_holds_in_mathematics(name):
     scenario = load_scenario(name)[1]
     assert failed(scenario, play([scenario])[0]) == []
+
+
+@pytest.mark.parametrize("name", TEAMS)
+def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
+    scenario = load_any(name)[1]
+    verdicts = scenario.expect.verdicts(summary_of(play_teams([scenario])[0]))
+    assert len(verdicts) > 1
+    assert [verdict for verdict in verdicts if not verdict.held] == []
 
 
 @pytest.mark.parametrize("name", FLOWN)

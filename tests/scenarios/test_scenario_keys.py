@@ -171,6 +171,7 @@ def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
         "predicted",
         "achieved",
         "regret",
+        "hysteresis",
     }
     for section in [json_schema(), *json_schema()["$defs"].values()]:
         for key, value in section.get("properties", {}).items():
