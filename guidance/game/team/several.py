@@ -123,7 +123,7 @@ def solve_team(
     shape = fitting(axes | {name: one.shape[:-1] for name, one in rest.items()})
     P = np.broadcast_to(P, (*shape, *P.shape[-2:]))
     lone = {name: np.broadcast_to(one, (*shape, 3))[..., None, :] for name, one in rest.items()}
-    alone = solve(game, P, **lone)
+    alone = solve(game, P, lone["evader"], lone.get("target"), evader_velocity_m_s=lone.get("evader_velocity_m_s"))
     with np.errstate(all="ignore"):
         team = _taken_apart(game, P, lone["evader"])
         answer = _pursuit(team, alone) if target is None else _defence(team, alone, lone["target"])
