@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from guidance.frames import Amsl, LocalFrame, Projection
+from guidance.plausible import FARTHEST_M, is_plausible
 from guidance.telemetry import (
     Attitude,
     CommandAck,
@@ -90,9 +91,9 @@ class VehicleState:
 def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     """Fold messages, oldest first, into the state.
 
-    Local positions that are not finite, repeated or older than the one held are passed over. So is a home that comes
-    in flight: an autopilot may move it about (PX4, by up to 2 m every two seconds), and heights and fences are counted
-    from where it was when the vehicle armed.
+    What cannot be meant is passed over, and local positions that are repeated or older than the one held. So is a home
+    that comes in flight: an autopilot may move it about (PX4, by up to 2 m every two seconds), and heights and fences
+    are counted from where it was when the vehicle armed.
     """
     folding = _Folding(state)
     for message in messages:
@@ -112,22 +113,25 @@ class _Folding:
 
     def fold(self, message: Message) -> None:
         """Take in one message."""
+        if is_plausible(message) and self._is_kept(message):
+            self._latest[type(message)] = message
+
+    def _is_kept(self, message: Message) -> bool:
         match message:
             case CommandAck() | StatusText():
-                return
-            case LocalPosition() if not self._is_news(message):
-                return
-            case Home() if self._armed and self._home_taken:
-                return
+                return False
+            case LocalPosition():
+                return self._is_news(message)
             case Home():
-                self._home_taken = self._armed
+                settled, self._home_taken = self._home_taken, self._armed
+                return not (settled and self._armed)
             case Odometry():
                 held = self._latest.get(Odometry)
                 if isinstance(held, Odometry) and held.reset_counter != message.reset_counter:
                     self._reset(message)
             case Heartbeat():
                 self._home_taken = message.armed and (self._home_taken or self._home_is_here(message))
-        self._latest[type(message)] = message
+        return True
 
     def state(self) -> VehicleState:
         """Return what it came to."""
@@ -162,8 +166,6 @@ class _Folding:
 
     def _is_news(self, now: LocalPosition) -> bool:
         """Whether to keep a position; counts the jump or the reboot that it shows."""
-        if not _finite(now):
-            return False
         held = self._latest.get(LocalPosition)
         if not isinstance(held, LocalPosition):
             return True
@@ -189,24 +191,27 @@ def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vec
     return (north, east, down) if math.hypot(north, east, down) > allowed_m else None
 
 
-def _finite(message: LocalPosition) -> bool:
-    return all(map(math.isfinite, (*message.position_ned_m, *message.velocity_ned_m_s)))
-
-
 def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | None:
     """Return where the vehicle's local frame lies on Earth; None until HOME_POSITION was heard.
 
-    GPS_GLOBAL_ORIGIN is the estimator's word; without it the origin is reckoned from home, which need not be there.
+    GPS_GLOBAL_ORIGIN is the estimator's word; without it the origin is reckoned from home, which need not be there. An
+    origin on another continent than home (two vehicles with one system id, say) is nobody's word: None.
     """
     home, origin = state.last(Home), state.last(Origin)
     if home is None:
         return None
     home_amsl = Amsl(home.altitude_amsl_m)
     if origin is not None:
-        return LocalFrame(
+        frame = LocalFrame(
             origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), home_amsl, projection=projection
         )
+        away = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, home_amsl)
+        return frame if math.hypot(*away) <= FARTHEST_M else None
+    if not all(map(math.isfinite, home.position_ned_m)):
+        return None
     about_home = LocalFrame(home.latitude_deg, home.longitude_deg, home_amsl, projection=projection)
     north_m, east_m, down_m = home.position_ned_m
     latitude_deg, longitude_deg, altitude = about_home.wgs84_from_ned((-north_m, -east_m, -down_m))
+    if abs(latitude_deg) >= 90.0:
+        return None
     return LocalFrame(latitude_deg, longitude_deg, altitude, home_amsl, projection=projection)

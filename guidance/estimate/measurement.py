@@ -8,9 +8,11 @@ import numpy as np
 from guidance.estimate.motion import Array
 from guidance.estimate.settings import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.plausible import is_plausible
 from guidance.telemetry import TargetReport
 
 _LARGEST = 1e8
+_NOWHERE: Vector = (math.nan, math.nan, math.nan)
 _LEAST_SD, _LARGEST_SD = 0.01, 1e4
 
 
@@ -46,7 +48,7 @@ def measure(report: TargetReport, frame: LocalFrame, time_s: float, settings: Tr
     """Bring a report into the local frame.
 
     A velocity of which any part is NaN is not known, and none is invented. A spread that is not given, or not
-    positive, is the setting's; nobody is believed to a millimetre.
+    positive, is the setting's; nobody is believed to a millimetre. A place that is none on Earth is not usable.
 
     Args:
         report: As the source gave it.
@@ -55,6 +57,8 @@ def measure(report: TargetReport, frame: LocalFrame, time_s: float, settings: Tr
         settings: For spreads that are not given.
     """
     known = not any(math.isnan(part) for part in report.velocity_ned_m_s)
+    if not is_plausible(report):
+        return Measurement(time_s, report.received_s, _NOWHERE, None, math.nan, math.nan)
     return Measurement(
         time_s,
         report.received_s,

@@ -13,6 +13,7 @@ from guidance.flight.carrying import carried, difference
 from guidance.flight.detect import Scene, events
 from guidance.flight.echo import Echo
 from guidance.flight.fence import polygon_about_home
+from guidance.flight.parting import REPEAT_S, Parting
 from guidance.flight.readiness import Check, checks
 from guidance.flight.requests import requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
@@ -25,12 +26,6 @@ from guidance.monitor import Alarm, Guarantee, watch
 from guidance.telemetry import Heartbeat, LocalPosition, Message, Request, Setpoint, TargetReport, Vector
 from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
 from guidance.vehicle import VehicleState, observe
-
-REPEAT_S = 1.5
-"""A request whose effect is not seen is made again after this time, and only in a cycle in which a HEARTBEAT came.
-
-HEARTBEAT is up to a second old: repeated blindly, a request would take the vehicle back from a pilot who just took it.
-"""
 
 BEAT_EVERY_S = 0.1
 """How often a HEARTBEAT is asked for while the guided mode is entered: it shows modes, and comes once a second."""
@@ -72,7 +67,7 @@ class Happening(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What one cycle decided. No setpoint means silence."""
+    """What one cycle decided. No setpoint means silence; a fault is an error of our own, which ends the flight."""
 
     state: State
     setpoint: Setpoint | None
@@ -80,6 +75,7 @@ class Outputs(NamedTuple):
     happenings: tuple[Happening, ...]
     certificate: Certificate | None
     alarm: Alarm | None = None
+    fault: str | None = None
 
 
 class Flight:
@@ -106,6 +102,12 @@ class Flight:
         self._beat_asked_s = float("-inf")
         self._resets_seen = 0
         self._reboots_seen = 0
+        self._parting: Parting | None = None
+
+    @property
+    def fault(self) -> str | None:
+        """The error of our own that ended the flight, if one did."""
+        return None if self._parting is None else self._parting.fault
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Show the readiness rows as they stand."""
@@ -118,7 +120,42 @@ class Flight:
         return "unknown" if mode is None else str(mode)
 
     def step(self, inputs: Inputs) -> Outputs:
-        """Run one cycle."""
+        """Run one cycle. Whatever goes wrong in it hands the vehicle to the autopilot's hold, and is the last.
+
+        Raises:
+            ValueError: If an order is none.
+        """
+        for order in inputs.orders:
+            if order not in ORDERS:
+                raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
+        try:
+            return self._step(inputs) if self._parting is None else self._part(inputs, self._parting)
+        except Exception as error:  # whatever it was: nobody else flies this vehicle
+            return self.give_up(inputs, error)
+
+    def give_up(self, inputs: Inputs, error: Exception) -> Outputs:
+        """End the flight for an error of our own: hand a vehicle that flies by our setpoints to its hold, and yield.
+
+        Args:
+            inputs: Of the cycle that failed.
+            error: What went wrong.
+        """
+        before, self.state = self.state, next_state(self.state, Event.FAULT)
+        begun = self._parting is None
+        if self._parting is None:
+            ours = before in SETPOINT_STATES or (before is not self.state and self._mode() is Mode.GUIDED)
+            self._parting = Parting(self.settings.profile, error, flown=ours and self.state is State.YIELDED)
+        outputs = self._part(inputs, self._parting)
+        if not begun:
+            return outputs
+        failed = Happening(inputs.now_s, Event.FAULT, before, self.state)
+        return outputs._replace(happenings=(*outputs.happenings, failed), fault=self._parting.fault)
+
+    def _part(self, inputs: Inputs, parting: Parting) -> Outputs:
+        unheeded = tuple(Happening(inputs.now_s, order, self.state, self.state) for order in inputs.orders)
+        return Outputs(self.state, None, parting.requests(inputs.now_s, inputs.messages), unheeded, None)
+
+    def _step(self, inputs: Inputs) -> Outputs:
         now_s = inputs.now_s
         dt_s = 0.0 if self._last_s is None else now_s - self._last_s
         if self._last_s is None:
@@ -170,8 +207,6 @@ class Flight:
             return  # the gravest only: the state it leads to is judged by the next cycle
 
     def _order(self, order: Event) -> Event:
-        if order not in ORDERS:
-            raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
         # A vehicle that a pilot has brought up already is taken over in its hold, without arming or climbing.
         aloft = order is Event.START and self.vehicle.armed and not self.vehicle.on_ground
         return Event.ALOFT if aloft else order

@@ -71,6 +71,7 @@ class Event(StrEnum):
     REBOOTED = "autopilot rebooted"
     DISARMED = "disarmed"
     TIMED_OUT = "phase took too long"
+    FAULT = "guidance failed"
 
 
 _AIRBORNE = (State.CLIMBING, State.POSITIONING, State.STANDING_BY)
@@ -127,6 +128,8 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.TELEMETRY_LOST): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
+    **{(state, Event.FAULT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
+    **{(state, Event.FAULT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY)},
     **{(state, Event.TELEMETRY_LOST): State.CONNECTING for state in (State.CHECKING, State.READY)},
 }
 

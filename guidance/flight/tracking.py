@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from guidance.autopilots import AutopilotProfile
 from guidance.estimate import Observer, Outcome, TrackSettings, moved, observe, target_at
 from guidance.flight.zero import Zero
-from guidance.frames import GameFrame, LocalFrame, Vector
+from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.telemetry import Home, TargetReport
 from guidance.tick import TargetNow, TickSettings
 from guidance.vehicle import VehicleState
@@ -38,6 +38,9 @@ class Tracking:
         home = vehicle.last(Home)
         if home is not None and home != self._home:
             self._home, self.home_ned_m = home, home.position_ned_m
+            if not all(map(math.isfinite, home.position_ned_m)):
+                altitude = Amsl(home.altitude_amsl_m)
+                self.home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
         for report in reports:
             self._observer = observe(self._observer, report, frame, self._track)
 

@@ -37,7 +37,7 @@ class Zero:
         """Take in what was heard in one cycle; None until the vehicle has told where it is."""
         told = local_frame(vehicle, self._projection)
         if told is None:
-            return None
+            return self._frame
         told = replace(told, home=None)  # heights above home may change; the frame is the same
         self._note_jump(vehicle)
         if self._frame is None or _is_harmless(self._frame, told):

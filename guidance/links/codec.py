@@ -7,8 +7,9 @@ NaN (pymavlink) or None (MAVSDK's JSON `null`).
 import math
 import struct
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
+from guidance.plausible import is_plausible
 from guidance.telemetry import (
     Attitude,
     CommandAck,
@@ -30,6 +31,7 @@ from guidance.telemetry import (
 )
 
 Fields = Mapping[str, Any]
+Decoded = TypeVar("Decoded", bound=Message)
 
 MAV_AUTOPILOT_PX4: Final = 12
 MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
@@ -171,6 +173,17 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], Message]]] = {
 """Messages that mean something by themselves; STATUSTEXT, TIMESYNC and PARAM_VALUE need the conversation."""
 
 
+def meant(message: Decoded) -> Decoded:
+    """The message, if everything in it can be meant.
+
+    Raises:
+        ValueError: If it cannot.
+    """
+    if not is_plausible(message):
+        raise ValueError(f"{message}: cannot be meant")
+    return message
+
+
 def decode(name: str, fields: Fields, received_s: float) -> Message:
     """Turn one message's fields into a typed value.
 
@@ -178,7 +191,7 @@ def decode(name: str, fields: Fields, received_s: float) -> Message:
         KeyError: If the message is not in `DECODERS`, or lacks a field.
         ValueError: If its values cannot be meant.
     """
-    return DECODERS[name](fields, received_s)
+    return meant(DECODERS[name](fields, received_s))
 
 
 def parameter(fields: Fields, received_s: float, *, autopilot: int) -> Parameter:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from guidance.links import encode, status_text
-from guidance.links.codec import DECODERS, Fields, decode, parameter
+from guidance.links.codec import DECODERS, Fields, decode, meant, parameter
 from guidance.links.requests import RequestQueue
 from guidance.links.timesync import TimesyncPeer
 from guidance.telemetry import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
@@ -58,7 +58,7 @@ class Conversation:
         elif name == "PARAM_VALUE":
             value = parameter(fields, received_s, autopilot=self.autopilot)
             self._requests.parameter_came(value.name)
-            self._keep(value)
+            self._keep(meant(value))
         else:
             self._note(decode(name, fields, received_s))
 

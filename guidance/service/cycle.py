@@ -62,6 +62,8 @@ class Cycle:
         recorder.tick(inputs.now_s, row(inputs, outputs, timing))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"
+            if happening.event is Event.FAULT:
+                detail += f": {outputs.fault}"
             recorder.event(happening.now_s, str(happening.event), detail)
         if outputs.alarm is not None:
             recorder.event(inputs.now_s, str(outputs.alarm.broken), f"{outputs.alarm.amount:.2f}")

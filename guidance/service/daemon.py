@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from guidance.errors import ConfigError
-from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Outputs
+from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Inputs, Outputs
 from guidance.links.port import TargetSource, VehicleLink
 from guidance.preflight import Facts, Row, Survey, Wants, parameter_names, refusals, rows
 from guidance.service.broadcast import Records
@@ -30,7 +30,7 @@ WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS)
 
 _GRAVE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.TARGET_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
-    Event.BATTERY_LOW, Event.FENCE, Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT,
+    Event.BATTERY_LOW, Event.FENCE, Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
 
 
@@ -137,6 +137,24 @@ class Daemon:
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
 
+    def survive(self, error: Exception, now_s: float) -> None:
+        """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
+
+        Args:
+            error: What came out of `step`.
+            now_s: The present.
+        """
+        outputs = self.outputs = self.flight.give_up(Inputs(now_s), error)
+        for request in outputs.requests:
+            self._link.request(request)
+        if outputs.fault is not None:
+            self._tell(outputs)
+            self._metrics.follow(outputs)
+            for one in (self._record, self._broadcast):
+                if one is not None:
+                    one.event(now_s, str(Event.FAULT), outputs.fault)
+        self._notifier.alive(now_s)
+
     def leave(self, order: Event, now_s: float) -> None:
         """Hand the vehicle to the autopilot and finish; asked a second time, finish at once."""
         if self._leaving is not None:
@@ -216,6 +234,8 @@ class Daemon:
     def _tell(self, outputs: Outputs) -> None:
         if outputs.alarm is not None:
             self._log.say(logging.WARNING, str(outputs.alarm.broken), amount=round(outputs.alarm.amount, 2))
+        if outputs.fault is not None:
+            self._log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
         for happening in outputs.happenings:
             grave = happening.event in _GRAVE and happening.after is not happening.before
             self._log.say(

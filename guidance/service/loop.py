@@ -87,7 +87,10 @@ def run(
             daemon.leave(on_terminate, now_s)
         if again:
             daemon.exchange(load, now_s)
-        daemon.step(now_s, late_s=now_s - due_s, worked_s=worked_s)
+        try:
+            daemon.step(now_s, late_s=now_s - due_s, worked_s=worked_s)
+        except Exception as error:  # the last catch: nobody else flies this vehicle
+            daemon.survive(error, now_s)
         watch(now_s)
         if record is not None:
             for passed in drain():

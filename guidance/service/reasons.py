@@ -30,6 +30,8 @@ def is_done(order: Event, state: State) -> bool:
 def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Row]) -> str:
     """Say why `order` changed nothing."""
     state = flight.state
+    if flight.fault is not None:
+        return f"guidance failed ({flight.fault}), and is silent since: order reset to begin another"
     if state in FINAL:
         ended = {
             State.YIELDED: "a pilot or the autopilot took over, and guidance is silent since",

@@ -38,7 +38,7 @@ class Flown:
     def state(self):
         return self.flight.state
 
-    def tick(self, *orders, beat=False, dt_s=TICK_S, more=(), refusals=(), silent=False):
+    def tick(self, *orders, beat=False, dt_s=TICK_S, more=(), reports=(), refusals=(), silent=False):
         self.now_s += dt_s
         said = [] if silent else [local(self.now_s, tuple(self.position), tuple(self.velocity))]
         if beat or (not silent and self.now_s - self.beat_s >= 1.0 - 1e-9):
@@ -50,8 +50,8 @@ class Flown:
                 status(self.now_s),
                 home(self.now_s),
             ]
-        reports = [] if self.target is None else [self.report()]
-        self.outputs = self.flight.step(Inputs(self.now_s, [*said, *more], reports, orders, refusals))
+        heard = [*([] if self.target is None else [self.report()]), *reports]
+        self.outputs = self.flight.step(Inputs(self.now_s, [*said, *more], heard, orders, refusals))
         return self.outputs
 
     def report(self):
