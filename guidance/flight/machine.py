@@ -129,7 +129,10 @@ class Flight:
             if order not in ORDERS:
                 raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
         try:
-            return self._step(inputs) if self._parting is None else self._part(inputs, self._parting)
+            if self._parting is None:
+                return self._step(inputs)
+            self.vehicle = observe(self.vehicle, inputs.messages)  # for people to see
+            return self._part(inputs, self._parting)
         except Exception as error:  # whatever it was: nobody else flies this vehicle
             return self.give_up(inputs, error)
 
