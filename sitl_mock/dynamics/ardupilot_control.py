@@ -6,7 +6,7 @@ Parameters carry ArduCopter's names and defaults. Speeds of GUIDED are not limit
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.shaping import (
     Reference,
@@ -15,7 +15,8 @@ from sitl_mock.dynamics.shaping import (
     approach_one,
     approach_pair,
     shape_one,
-    shape_pair,
+    shape_turn,
+    turning_first,
 )
 from sitl_mock.dynamics.travel import TravelLimits, travel
 from sitl_mock.dynamics.values import (
@@ -57,6 +58,17 @@ class ArduGains:
     look_ahead_m_s: float = 1.0  # the nose follows the direction of travel above this speed
 
 
+class Limited(NamedTuple):
+    """Where more was asked for than the lean allows: that acceleration, and the errors there were then; else zero."""
+
+    accel_ne_m_s2: tuple[float, float] = (0.0, 0.0)
+    position_error_ne_m: tuple[float, float] = (0.0, 0.0)
+    velocity_error_ne_m_s: tuple[float, float] = (0.0, 0.0)
+
+
+UNLIMITED: Final = Limited()
+
+
 class ArduMemory(NamedTuple):
     """What the control law carries from one step to the next."""
 
@@ -65,6 +77,7 @@ class ArduMemory(NamedTuple):
     integral_ned_m_s2: Ned = ZERO
     spooled_s: float = 0.0
     heading_rad: float = math.nan
+    limited: Limited = UNLIMITED
 
 
 @dataclass(frozen=True)
@@ -99,9 +112,11 @@ class ArduControl:
             reference = self._shaped(started, setpoint, dt_s)
         else:
             reference = travel(self.travel_limits, started, setpoint, dt_s)
+        if memory.limited is not UNLIMITED:
+            reference = _held(started, reference, memory.limited)
         heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
-        reference, integral, lean, thrust = self._track(reference, memory.integral_ned_m_s2, body, estimate, dt_s)
-        fresh = ArduMemory(setpoint.kind, reference, integral, spooled_s, heading_rad)
+        limited, integral, lean, thrust = self._track(reference, memory.integral_ned_m_s2, body, estimate, dt_s)
+        fresh = ArduMemory(setpoint.kind, reference, integral, spooled_s, heading_rad, limited)
         return fresh, Demand(*lean, thrust, yaw_rate_rad_s)
 
     def _shaped(self, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
@@ -122,7 +137,7 @@ class ArduControl:
             gain_1_s = approach_gain_1_s(accel_z, jerk_z, limits.settle_1_s)
             d += approach_one(to_d - p_d, limits.climb_m_s, limits.sink_m_s, accel_z, gain_1_s)
         accel, jerk = gains.accel_m_s2, gains.jerk_m_s3
-        pair = shape_pair((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), accel, jerk, jerk / accel, dt_s)
+        pair = shape_turn((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), accel, jerk, dt_s)
         down = shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, jerk_z / accel_z, dt_s)
         return advance(reference, (*pair, down), dt_s)
 
@@ -133,7 +148,7 @@ class ArduControl:
 
     def _track(
         self, reference: Reference, integral: Ned, body: Body, estimate: Estimate, dt_s: float
-    ) -> tuple[Reference, Ned, tuple[float, float], float]:
+    ) -> tuple[Limited, Ned, tuple[float, float], float]:
         """P on position, PID on velocity with the reference fed forward, lean limit with anti-windup."""
         gains = self.gains
         (r_n, r_e, r_d), (w_n, w_e, w_d), (f_n, f_e, f_d) = reference
@@ -145,16 +160,13 @@ class ArduControl:
         err_e = w_e + gains.xy_p_1_s * (r_e - p_e) - v_e
         a_n = gains.xy_vel_p_1_s * err_n + i_n + gains.xy_vel_d * (f_n - b_n) + f_n
         a_e = gains.xy_vel_p_1_s * err_e + i_e + gains.xy_vel_d * (f_e - b_e) + f_e
+        most = GRAVITY_M_S2 * math.tan(gains.lean_max_rad)
+        limited = UNLIMITED
+        if a_n * a_n + a_e * a_e > most * most:
+            limited = Limited((a_n, a_e), (r_n - p_n, r_e - p_e), (err_n, err_e))
+            a_n, a_e = turning_first((a_n, a_e), (w_n, w_e), most)
+        i_n, i_e = _integrated((i_n, i_e), (err_n, err_e), gains.xy_vel_i_1_s2 * dt_s, limited)
         lean_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
-        tan_max = math.tan(gains.lean_max_rad)
-        if lean_tan > tan_max:
-            shrink = tan_max / lean_tan
-            a_n, a_e, lean_tan = a_n * shrink, a_e * shrink, tan_max
-            # Neither the integral nor the place to be runs ahead of what the airframe can do.
-            reference = reference._replace(position_ned_m=(r_n - (r_n - p_n) * dt_s, r_e - (r_e - p_e) * dt_s, r_d))
-        else:
-            i_n += gains.xy_vel_i_1_s2 * err_n * dt_s
-            i_e += gains.xy_vel_i_1_s2 * err_e * dt_s
 
         a_d = f_d + gains.z_vel_p_1_s * (w_d + gains.z_p_1_s * (r_d - p_d) - v_d)
         lift = GRAVITY_M_S2 - gains.z_acc_p * (a_d - b_d) - i_d
@@ -166,7 +178,7 @@ class ArduControl:
         per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
         # Angle boost: the lift is kept by the lean the body really has.
         up = math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
-        return reference, (i_n, i_e, i_d), (a_n * per, a_e * per), lift / max(up, 0.3)
+        return limited, (i_n, i_e, i_d), (a_n * per, a_e * per), lift / max(up, 0.3)
 
     def _yaw(self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference) -> tuple[float, float]:
         """The heading wanted and the yaw rate asked for: nose to the direction of travel where yaw is ignored."""
@@ -184,3 +196,33 @@ class ArduControl:
                 heading_rad = math.atan2(e, n)
         rate = gains.yaw_p_1_s * wrap_rad(heading_rad - body.yaw_rad) + forward
         return heading_rad, min(max(rate, -gains.yaw_rate_max_rad_s), gains.yaw_rate_max_rad_s)
+
+
+def _held(before: Reference, after: Reference, limited: Limited) -> Reference:
+    """The reference, which does not run on towards where the lean has not been enough (`update_pos_vel_accel_xy`)."""
+    limit_n, limit_e = limited.accel_ne_m_s2
+    (p_n, p_e, _), (v_n, v_e, _), _ = before
+    (q_n, q_e, q_d), (w_n, w_e, w_d), acceleration = after
+
+    def further(step: tuple[float, float], error: tuple[float, float]) -> bool:
+        return step[0] * limit_n + step[1] * limit_e > 0.0 and error[0] * limit_n + error[1] * limit_e > 0.0
+
+    if further((q_n - p_n, q_e - p_e), limited.position_error_ne_m):
+        q_n, q_e = p_n, p_e
+    if further((w_n - v_n, w_e - v_e), limited.velocity_error_ne_m_s) and v_n * limit_n + v_e * limit_e >= 0.0:
+        w_n, w_e = v_n, v_e
+    return Reference((q_n, q_e, q_d), (w_n, w_e, w_d), acceleration)
+
+
+def _integrated(
+    integral: tuple[float, float], error: tuple[float, float], gain: float, limited: Limited
+) -> tuple[float, float]:
+    """The integral one step on; towards where the lean is not enough it does not grow (`AC_PID_2D::update_i`)."""
+    (i_n, i_e), (e_n, e_e) = integral, error
+    n, e = i_n + gain * e_n, i_e + gain * e_e
+    limit_n, limit_e = limited.accel_ne_m_s2
+    if e_n * limit_n + e_e * limit_e > 0.0:
+        size, most = math.hypot(n, e), math.hypot(i_n, i_e)
+        if size > most:
+            return n * most / size, e * most / size
+    return n, e

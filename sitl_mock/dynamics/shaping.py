@@ -5,9 +5,12 @@ speed to acceleration; the acceleration itself moves by no more than the jerk al
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.values import ZERO, Ned
+
+
+CORNER_SHARE: Final = math.sqrt(0.5)
 
 
 class Reference(NamedTuple):
@@ -55,6 +58,72 @@ def shape_pair(
         d_n *= most / change
         d_e *= most / change
     return acceleration[0] + d_n, acceleration[1] + d_e
+
+
+def shape_turn(
+    wanted: tuple[float, float],
+    velocity: tuple[float, float],
+    acceleration: tuple[float, float],
+    forward: tuple[float, float],
+    accel_max: float,
+    jerk_max: float,
+    dt_s: float,
+) -> tuple[float, float]:
+    """`shape_pair` as ArduPilot does it: of the correction, what lies across the wanted velocity is worked off first.
+
+    Across it at least 1/sqrt(2) of the acceleration is had, along it what is left of it (`shape_vel_accel_xy`).
+    """
+    settle_1_s = jerk_max / accel_max
+    err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
+    err = math.hypot(err_n, err_e)
+    if err > 1e-12:
+        size = min(root_law(err, settle_1_s, jerk_max), err / dt_s)
+        a_n, a_e = _cornered((err_n * size / err, err_e * size / err), wanted, accel_max)
+    else:
+        a_n = a_e = 0.0
+    d_n, d_e = a_n + forward[0] - acceleration[0], a_e + forward[1] - acceleration[1]
+    change = math.hypot(d_n, d_e)
+    most = jerk_max * dt_s
+    if change > most:
+        d_n *= most / change
+        d_e *= most / change
+    return acceleration[0] + d_n, acceleration[1] + d_e
+
+
+def _cornered(accel: tuple[float, float], wanted: tuple[float, float], accel_max: float) -> tuple[float, float]:
+    """Limit an acceleration to `accel_max`, keeping what turns the velocity before what speeds it up."""
+    a_n, a_e = accel
+    size, speed = math.hypot(a_n, a_e), math.hypot(*wanted)
+    along = (a_n * wanted[0] + a_e * wanted[1]) / speed if speed > 0.0 else 0.0
+    across = math.sqrt(max(size * size - along * along, 0.0))
+    if speed == 0.0 or abs(along) <= across:
+        keep = min(1.0, accel_max / size)
+        return a_n * keep, a_e * keep
+    w_n, w_e = wanted[0] / speed, wanted[1] / speed
+    c_n, c_e = a_n - w_n * along, a_e - w_e * along
+    cross = min(across, CORNER_SHARE * accel_max)
+    if across > cross:
+        c_n, c_e = c_n * cross / across, c_e * cross / across
+    most = math.sqrt(accel_max * accel_max - cross * cross)
+    along = min(max(along, -most), most)
+    return c_n + w_n * along, c_e + w_e * along
+
+
+def turning_first(accel: tuple[float, float], velocity: tuple[float, float], most: float) -> tuple[float, float]:
+    """Limit an acceleration to `most`: what lies across the velocity first, then what lies along it."""
+    (a_n, a_e), speed = accel, math.hypot(*velocity)
+    if speed == 0.0:
+        keep = min(1.0, most / math.hypot(a_n, a_e))
+        return a_n * keep, a_e * keep
+    u_n, u_e = velocity[0] / speed, velocity[1] / speed
+    along = a_n * u_n + a_e * u_e
+    c_n, c_e = a_n - u_n * along, a_e - u_e * along
+    across = math.hypot(c_n, c_e)
+    if across > most:
+        return c_n * most / across, c_e * most / across
+    rest = math.sqrt(most * most - across * across)
+    along = min(max(along, -rest), rest)
+    return c_n + u_n * along, c_e + u_e * along
 
 
 def shape_one(
