@@ -12,8 +12,8 @@ _FAR_BELOW_M = 1e6
 def replay(log: StepLog, vehicle: Vehicle) -> Samples:
     """Velocities the mock reports at the log's times under the log's commands, shape (rows, 3), m/s.
 
-    The mock starts in hover trim at the log's first position and velocity. The ground is put far below: the log's
-    origin says nothing about it.
+    The mock starts in hover trim at the log's first position and velocity, its nose to the north as the logs have it
+    (mask 2503, yaw 0). The ground is put far below: the log's origin says nothing about it.
     """
     north, east, down = log.position_ned_m[0].tolist()
     v_n, v_e, v_d = log.velocity_ned_m_s[0].tolist()
@@ -29,5 +29,5 @@ def replay(log: StepLog, vehicle: Vehicle) -> Samples:
         answers.append(vehicle.estimate(motion.body, around).velocity_ned_m_s)
         if setpoint.velocity_ned_m_s != tuple(command):
             n, e, d = command
-            setpoint = Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d))
+            setpoint = Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d), yaw_rad=0.0)
     return np.array(answers)

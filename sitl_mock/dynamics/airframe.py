@@ -18,7 +18,7 @@ class Airframe:
         thrust_max_m_s2: Specific thrust of all rotors at full throttle.
         rotor_lag_s: Time constant of the thrust.
         drag_1_s: Linear drag, horizontal and vertical (specific force per air speed).
-        drag_1_m: Quadratic drag (specific force per air speed squared).
+        drag_1_m: Quadratic drag along each axis of the body (specific force per air speed along it, squared).
     """
 
     attitude_gain_1_s: float
@@ -76,12 +76,10 @@ def _flying(
     side = thrust_m_s2 * (math.sin(lean) / lean if lean > 1e-9 else 1.0)
     w_n, w_e, w_d = around.wind_ned_m_s
     air_n, air_e, air_d = v_n - w_n, v_e - w_e, v_d - w_d
-    drag = airframe.drag_1_s + airframe.drag_1_m * math.sqrt(air_n * air_n + air_e * air_e + air_d * air_d)
     # Implicit in the drag: stable and free of bias at rest for any wind and step.
-    damp = 1.0 / (1.0 + drag * dt_s)
-    a_n = (side * lean_n - drag * air_n) * damp
-    a_e = (side * lean_e - drag * air_e) * damp
-    a_d = (GRAVITY_M_S2 - thrust_m_s2 * math.cos(lean) - drag * air_d) * damp
+    a_n, a_e = _against_air(airframe, (side * lean_n, side * lean_e), (air_n, air_e), yaw, dt_s)
+    drag = airframe.drag_1_s + airframe.drag_1_m * abs(air_d)
+    a_d = (GRAVITY_M_S2 - thrust_m_s2 * math.cos(lean) - drag * air_d) / (1.0 + drag * dt_s)
 
     half = 0.5 * dt_s
     p_d += (v_d + a_d * half) * dt_s
@@ -101,6 +99,22 @@ def _flying(
         thrust_m_s2,
         on_ground=False,
     )
+
+
+def _against_air(
+    airframe: Airframe, push: tuple[float, float], air: tuple[float, float], yaw_rad: float, dt_s: float
+) -> tuple[float, float]:
+    """Horizontal acceleration under a specific force and the drag of the air, along north and east."""
+    linear, quadratic = airframe.drag_1_s, airframe.drag_1_m
+    if not quadratic:
+        damp = 1.0 / (1.0 + linear * dt_s)
+        return (push[0] - linear * air[0]) * damp, (push[1] - linear * air[1]) * damp
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    ahead, right = air[0] * cosine + air[1] * sine, air[1] * cosine - air[0] * sine
+    drag_x, drag_y = linear + quadratic * abs(ahead), linear + quadratic * abs(right)
+    x = (push[0] * cosine + push[1] * sine - drag_x * ahead) / (1.0 + drag_x * dt_s)
+    y = (push[1] * cosine - push[0] * sine - drag_y * right) / (1.0 + drag_y * dt_s)
+    return x * cosine - y * sine, x * sine + y * cosine
 
 
 def body_touching(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:

@@ -2,10 +2,10 @@
 
 Where the values come from. Control gains, limits and take-off ramp: documented defaults of PX4 1.17 and ArduCopter 4.5.
 PX4's drag: its simulator's own (1 N per m/s on 1 kg), which also gives the 9.8 m/s measured at 45 degrees of tilt; its
-thrust: twice the weight. ArduCopter's drag: linear and quadratic part from the two top speeds measured (15.2 m/s at 45
-degrees, 10.3 m/s at 30). Attitude gains and ArduCopter's vertical velocity scale: least squares on the recorded steps,
-each half of the segments checked against the other (`tests/data/README.md`). Dead times: what the client's own link
-leaves of the measured time to 10 %.
+thrust: twice the weight. ArduCopter's drag: linear, and quadratic along each axis of the body, from the top speeds
+measured (15.2 m/s at 45 degrees, 10.3 m/s at 30, 11.4 m/s over the corner at 30). Attitude
+gains and ArduCopter's vertical velocity scale: least squares on the recorded steps, each half of the segments checked
+against the other (`tests/data/README.md`). Dead times: what the client's own link leaves of the measured time to 10 %.
 """
 
 from typing import Final, Protocol
@@ -63,8 +63,8 @@ ARDUCOPTER_AIRFRAME: Final = Airframe(
     yaw_rate_gain_1_s=5.0,
     thrust_max_m_s2=25.0,
     rotor_lag_s=0.05,
-    drag_1_s=0.348,
-    drag_1_m=0.0196,
+    drag_1_s=0.325,
+    drag_1_m=0.0212,
 )
 ARDUCOPTER_TRAVEL: Final = TravelLimits(
     speed_m_s=10.0,

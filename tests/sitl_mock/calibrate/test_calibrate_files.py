@@ -53,6 +53,13 @@ def test_velocity_is_well_inside_the_limit(flavour, margin_m_s, whole_vehicle):
     assert max(comparison.rms_ned_m_s) <= margin_m_s
 
 
+@each_way
+def test_large_steps_over_the_corner_that_nothing_was_fitted_on_are_followed(whole_vehicle):
+    log = read_step_log(DATA / "arducopter_diagonal_steps.csv")
+    answers = fly_log(log, Flavour.ARDUCOPTER) if whole_vehicle else replay(log, vehicle_of(Flavour.ARDUCOPTER))
+    assert max(compare(log, Flavour.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
+
+
 @each_file
 def test_a_whole_vehicle_flies_as_its_dynamics_alone(flavour):
     apart = answered(flavour, True) - answered(flavour, False)
