@@ -16,10 +16,10 @@ from sitl_mock.events import EVENTS
 from sitl_mock.flavour import Flavour
 from sitl_mock.mavlink import Message, Signing
 from sitl_mock.pilot import Sticks
-from sitl_mock.protocols import ParameterError, ParameterStore, Place, PlanStore, Reply, StatusTexts
+from sitl_mock.protocols import ParameterError, ParameterStore, Place, PlanItem, PlanStore, Reply, StatusTexts
 from sitl_mock.reception import take
 from sitl_mock.sensors import EXACT, Sensors
-from sitl_mock.telemetry import Report
+from sitl_mock.telemetry import BUILDERS, Report
 from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, Vector, wrap_pi
 
 if TYPE_CHECKING:
@@ -154,12 +154,17 @@ class Autopilot:
     def announcements(self) -> list[Reply]:
         """Return what is to be said on every link without having been asked for."""
         texts, reached = self.craft.texts, self.brain.mission.reached
-        if not texts and not reached:
+        if not texts and not reached and not self.craft.news:
             return []
         replies: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
         if self.texts:
             for severity, text in texts:
                 replies += self._status_texts.replies(severity, text)
+        for name in dict.fromkeys(self.craft.news):
+            fields = BUILDERS[name](self.report)
+            if fields is not None:
+                replies.append((name, *fields))
+        self.craft.news.clear()
         texts.clear()
         reached.clear()
         return replies
@@ -168,6 +173,15 @@ class Autopilot:
         """MISSION_SET_CURRENT: go on there; MISSION_CURRENT follows at its own rate."""
         self.brain.mission.set_current(seq)
         return []
+
+    def home_place(self) -> Place:
+        """Where home is; zeros while there is none."""
+        home_m = self.craft.home_m
+        return Place(0.0, 0.0, 0.0) if home_m is None else Place(*self.craft.frame.to_geodetic(*home_m))
+
+    def guide(self, now_s: float, item: PlanItem) -> bool:
+        """A mission item that is an order."""
+        return self.brain.guide(now_s, item)
 
     def set_origin(self, _now_s: float, place: Place) -> bool:
         """SET_GPS_GLOBAL_ORIGIN: disarmed, the local frame moves there; armed it stays."""
@@ -251,6 +265,7 @@ class Autopilot:
         conditions, pilot = self.conditions, self.craft.pilot
         if conditions.rc is False:
             return
+        pilot.radio_s = now_s
         if conditions.sticks is not None:
             pilot.hear(now_s, Sticks(*conditions.sticks))
         elif conditions.rc:

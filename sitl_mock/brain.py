@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 from sitl_mock.dynamics import Setpoint
 from sitl_mock.missions import MissionFlight
-from sitl_mock.protocols import Command, CommandAnswer
+from sitl_mock.protocols import Command, CommandAnswer, PlanItem
 
 
 class Brain(Protocol):
@@ -68,6 +68,10 @@ class Brain(Protocol):
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint."""
+        ...
+
+    def guide(self, now_s: float, /, item: PlanItem) -> bool:
+        """Take a mission item that is an order (current 2 or 3); whether it is obeyed. PX4 knows none."""
         ...
 
     def switch(self, now_s: float, /, mode: str) -> None:

@@ -56,6 +56,7 @@ class Craft:
         armed_s: When it was armed; minus infinity while disarmed.
         landed_s: Since when it has stood on the ground; plus infinity in the air.
         flew: It has left the ground since it was armed.
+        news: Names of messages to send once on every link, without being asked.
     """
 
     frame: LocalFrame
@@ -82,6 +83,7 @@ class Craft:
     peers: Peers = field(default_factory=Peers)
     battery: Battery = field(default_factory=Battery)
     texts: list[tuple[int, str]] = field(default_factory=list)
+    news: list[str] = field(default_factory=list)
 
     @property
     def on_ground(self) -> bool:

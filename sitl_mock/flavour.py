@@ -6,16 +6,24 @@ from dataclasses import dataclass
 from sitl_mock.brain import Brain
 from sitl_mock.craft import Craft
 from sitl_mock.dynamics import Vehicle, Wander
+from sitl_mock.files import FileTree
 from sitl_mock.modes import ModeTable
 from sitl_mock.protocols import (
+    Files,
     Identity,
     MissionRules,
     Parameter,
     ParameterRules,
+    ParameterStore,
     PlanStore,
     StreamRules,
 )
 from sitl_mock.sensors import EXACT, SensorNoise
+
+
+def no_files(_parameters: ParameterStore, _plans: PlanStore) -> Files:
+    """No files: an empty folder."""
+    return FileTree({})
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,8 @@ class Flavour:
         own_id_only: Protocols that ignore messages to system 0.
         broadcast: Commands that are obeyed when sent to system 0; None for all.
         ground_vehicle: It cannot start in the air.
+        fix_type: GPS_FIX_TYPE of a receiver that works.
+        files: What a vehicle with these parameters and plans offers over FTP.
     """
 
     name: str
@@ -65,3 +75,5 @@ class Flavour:
     broadcast: frozenset[int] | None = None
     sensors: SensorNoise = EXACT
     ground_vehicle: bool = False
+    fix_type: int = 3
+    files: Callable[[ParameterStore, PlanStore], Files] = no_files

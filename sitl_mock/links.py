@@ -10,8 +10,9 @@ from sitl_mock.protocols import (
     Command,
     CommandAnswer,
     CommandProtocol,
-    FtpRefusal,
+    FtpProtocol,
     HomeProtocol,
+    LogProtocol,
     MissionProtocol,
     ModeEntry,
     ParameterProtocol,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from sitl_mock.flavour import Flavour
 
 COMPONENT: Final = 1
+ARDUPILOT: Final = 3
 PROTOCOL_TICKS: Final = 2
 """Late answers are looked for every 20 ms."""
 OFFERED: Final = frozenset(BUILDERS)
@@ -65,11 +67,18 @@ class Link:
             own_id_only=flavour.own_id_only,
             command=CommandProtocol(system_id, COMPONENT, self._execute, broadcast=flavour.broadcast),
             parameters=ParameterProtocol(autopilot.parameters, flavour.parameter_rules),
-            missions=MissionProtocol(autopilot.plans, flavour.mission_rules, autopilot.set_mission_item),
+            missions=MissionProtocol(
+                autopilot.plans,
+                flavour.mission_rules,
+                autopilot.set_mission_item,
+                autopilot.home_place,
+                autopilot.guide if flavour.mission_rules.home_first else None,
+            ),
             streams=self.streams,
             time=TimeProtocol(),
             home=HomeProtocol(autopilot.set_origin, autopilot.set_home),
-            ftp=FtpRefusal(),
+            ftp=FtpProtocol(flavour.files(autopilot.parameters, autopilot.plans)),
+            logs=LogProtocol(),
             signing=SigningSetup(signing),
         )
 
@@ -154,7 +163,9 @@ class Link:
         fields = BUILDERS[spec.name](autopilot.report)
         return [] if fields is None else [(spec.name, *fields)]
 
-    def _capabilities(self, _now_s: float, _command: Command) -> Result:
+    def _capabilities(self, _now_s: float, command: Command) -> Result:
+        if command.params[0] != 1.0 and self.autopilot.flavour.autopilot == ARDUPILOT:
+            return Result.FAILED
         self._requested.append(self.autopilot.identity.autopilot_version())
         return Result.ACCEPTED
 

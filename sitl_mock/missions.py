@@ -72,6 +72,13 @@ class MissionFlight:
         """Items in the mission."""
         return len(self.plans.mission.items)
 
+    @property
+    def takes_off(self) -> bool:
+        """Whether the first item that moves the vehicle is a take-off."""
+        items = self.plans.mission.items[1:] if self.skip_home else self.plans.mission.items
+        first = next((item.command for item in items if item.command in _PLACES or item.command == RETURN), None)
+        return first == TAKEOFF
+
     def set_current(self, seq: int) -> bool:
         """Go on at an item; False if there is none with that number."""
         if not 0 <= seq < self.count:

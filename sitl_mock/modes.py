@@ -16,6 +16,7 @@ class Need(StrEnum):
     HOME = "home"
     MISSION = "mission"
     STREAM = "setpoint stream"
+    DISARMED = "to be disarmed"
 
 
 class Mode(NamedTuple):

@@ -17,6 +17,9 @@ COMPONENT: Final = 1
 STICK_SOURCE: Final = "COM_RC_IN_MODE"
 RADIO_ONLY, BOTH, NO_STICKS = 0, 3, 4
 _PWM_LEAST, _PWM_MOST = 800, 2200
+_RELEASED, _UNCHANGED = 0, 0xFFFF
+_STICKS_AT_REST: Final = {1: 1500, 2: 1500, 3: 1000, 4: 1500}
+"""What ArduPilot's simulator has on the channels that nobody overrides; PX4 needs all four from the client."""
 
 
 def take(autopilot: Autopilot, now_s: float, message: Message) -> None:
@@ -53,13 +56,21 @@ def _manual_control(autopilot: Autopilot, now_s: float, message: Message) -> Non
 
 
 def _override(autopilot: Autopilot, now_s: float, message: Message) -> None:
-    """RC_CHANNELS_OVERRIDE: roll, pitch, throttle, yaw as pulse widths."""
-    raw = (message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw)
-    if autopilot.parameters.get(STICK_SOURCE, BOTH) == NO_STICKS:
+    """RC_CHANNELS_OVERRIDE: pulse widths of channels 1 to 8; 0 releases a channel, 65535 leaves it as it is."""
+    source = autopilot.parameters.get(STICK_SOURCE)
+    if source == NO_STICKS or autopilot.conditions.rc is False:
         return
-    if autopilot.conditions.rc is False or not all(_PWM_LEAST <= value <= _PWM_MOST for value in raw):
+    raw = {number: getattr(message, f"chan{number}_raw") for number in range(1, 9)}
+    if any(value not in {_RELEASED, _UNCHANGED} and not _PWM_LEAST <= value <= _PWM_MOST for value in raw.values()):
         return
-    roll, pitch, throttle, yaw = (min(max((value - 1500) / 500.0, -1.0), 1.0) for value in raw)
+    channels = autopilot.craft.pilot.channels
+    channels.update((number, value) for number, value in raw.items() if value != _UNCHANGED)
+    for number in [number for number, value in channels.items() if value == _RELEASED]:
+        del channels[number]
+    if source is not None and not channels.keys() >= _STICKS_AT_REST.keys():
+        return
+    pulses = (channels.get(number, rest) for number, rest in _STICKS_AT_REST.items())
+    roll, pitch, throttle, yaw = (min(max((value - 1500) / 500.0, -1.0), 1.0) for value in pulses)
     autopilot.craft.pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
 
 

@@ -3,25 +3,37 @@
 There is no intention beside the mode: whatever changes it, a client, the pilot or a failsafe, changes it for good.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.ardupilot import commands, guided, safety
-from sitl_mock.ardupilot.rig import Rig
-from sitl_mock.craft import Craft, Landed
+from sitl_mock.ardupilot.attitude import read_attitude
+from sitl_mock.ardupilot.speeds import Speeds
+from sitl_mock.craft import Craft, Landed, Severity
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
-from sitl_mock.protocols import Command, CommandAnswer, PlanStore
+from sitl_mock.pilot import OVERRIDE_S, Sticks
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sitl_mock.ardupilot.circle import Circle
+    from sitl_mock.ardupilot.rig import Rig
+    from sitl_mock.ardupilot.yaw import Turn
+    from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
     from sitl_mock.world import Vector
 
 CHECK_S: Final = 0.1
+DECIDE_S: Final = 0.02
+AT_REST: Final = Sticks(throttle=-1.0)
+GUIDED_MODES: Final = frozenset({"GUIDED", "GUIDED_NOGPS"})
 _STOPPED: Final = Setpoint(Kind.STOPPED)
 _IDLING: Final = Setpoint(Kind.IDLING)
-_LANDED_S: Final = 1.0
+_FLY_THERE: Final = 2
+_LANDED_S: Final = 1.1
 
 
 class ArduPilot:
@@ -31,6 +43,9 @@ class ArduPilot:
         mode: Name of the mode that is flown.
         guided: Last setpoint in GUIDED, None while there is none.
         takeoff_m: Down coordinate of the take-off in GUIDED, NaN when it is over.
+        paused: DO_PAUSE_CONTINUE has stopped the flight.
+        turn: Where CONDITION_YAW turns the nose, None where the flight decides.
+        speeds: What DO_CHANGE_SPEED asked for, until the kind of guided flight changes.
         entered_m: Where the mode began.
         stage: Part of RTL.
         handled: Failsafe triggers that have acted; they act again after they have gone.
@@ -48,11 +63,15 @@ class ArduPilot:
         self.guided: Setpoint | None = None
         self.stream_s = -math.inf
         self.takeoff_m = math.nan
+        self.paused = False
+        self.turn: Turn | None = None
+        self.speeds = Speeds()
+        self.switched: int | None = None
         self.entered_m: Vector = craft.position_m
         self.entered_yaw_rad = craft.yaw_rad
         self.stage = ""
         self.stage_s = 0.0
-        self.speed_m_s = math.nan
+        self.circle: Circle | None = None
         self.there: frozenset[Need] = frozenset()
         self.handled: set[str] = set()
         self.in_failsafe = False
@@ -77,12 +96,12 @@ class ArduPilot:
 
     @property
     def system_status(self) -> int:
-        """HEARTBEAT.system_status: boot, standby, active, critical."""
+        """HEARTBEAT.system_status: standby on the ground (a rover: disarmed), active, critical."""
         if self.in_failsafe:
             return 5
-        if not self.craft.estimator.altitude_valid:
-            return 1
-        return 4 if self.craft.armed else 3
+        if not self.rig.flies:
+            return 4 if self.craft.armed else 3
+        return 3 if self.craft.on_ground else 4
 
     @property
     def landed_state(self) -> int:
@@ -112,28 +131,65 @@ class ArduPilot:
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint, in GUIDED only; it ends a take-off."""
-        if self.mode != "GUIDED" or self.craft.conditions.offboard_refused:
+        if self.craft.conditions.offboard_refused:
             return
-        setpoint = guided.read(self.craft, message)
+        setpoint = None
+        if message.get_type() == "SET_ATTITUDE_TARGET":
+            if self.rig.flies and self.mode in GUIDED_MODES:
+                setpoint = read_attitude(self.craft.parameters, message)
+        elif self.mode == "GUIDED":
+            setpoint = guided.read(self.craft, message)
         if setpoint is not None:
-            self.guided = setpoint
+            self.follow(setpoint)
             self.stream_s = now_s
-            self.takeoff_m = math.nan
+
+    def follow(self, setpoint: Setpoint) -> None:
+        """Fly a guided setpoint; another kind of one forgets the speeds that were asked for (`pva_control_start`)."""
+        if self.guided is None or self.guided.kind is not setpoint.kind:
+            self.speeds = Speeds()
+        self.guided = setpoint
+        self.turn = None
+        self.takeoff_m = math.nan
+
+    def guide(self, _now_s: float, item: PlanItem) -> bool:
+        """Take a mission item with current 2, older clients' way to fly somewhere; 3 has no effect."""
+        if item.current != _FLY_THERE:
+            return True
+        setpoint = guided.item_setpoint(self.craft, item) if self.mode == "GUIDED" else None
+        if setpoint is None:
+            return False
+        self.follow(setpoint)
+        return True
 
     def switch(self, _now_s: float, mode: str) -> None:
         """Take the pilot's mode switch."""
         self.request(mode)
 
     def request(self, mode: str) -> bool:
-        """Ask for a mode; a refusal leaves the old one."""
+        """Ask for a mode; a refusal leaves the old one. A disarmed copter takes any."""
+        if mode == self.mode:
+            return True
         self._look()
-        missing = self.by_name[mode].needs - self.there
-        refused = mode == "GUIDED" and self.craft.conditions.offboard_refused
-        if refused or (missing and (self.craft.armed or not self.rig.flies or Need.MISSION in missing)):
-            self.craft.say(safety.WARNING, f"Mode change to {mode} failed: requires position")
+        why = self._against(mode)
+        if why:
+            self.craft.say(Severity.WARNING, f"Mode change to {mode} failed: {why}")
             return False
         self.enter(mode)
         return True
+
+    def _against(self, mode: str) -> str:
+        """Why a mode cannot be entered, empty if it can."""
+        missing = self.by_name[mode].needs - self.there
+        if mode == "GUIDED" and self.craft.conditions.offboard_refused:
+            return "init failed"
+        if not self.craft.armed and self.rig.flies:
+            return ""
+        if missing:
+            return "requires position" if missing & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION} else "init failed"
+        if mode == "AUTO" and self.rig.flies and self.craft.on_ground and not self.mission.takes_off:
+            self.craft.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
+            return "init failed"
+        return ""
 
     def enter(self, mode: str) -> None:
         """Begin a mode, asked for or not."""
@@ -142,8 +198,11 @@ class ArduPilot:
         self.mode = mode
         self.guided = None
         self.takeoff_m = math.nan
+        self.paused = False
+        self.turn = None
+        self.circle = None
+        self.speeds = Speeds()
         self.stage = ""
-        self.speed_m_s = math.nan
         self.entered_m = self.craft.position_m
         self.entered_yaw_rad = self.craft.yaw_rad
         if mode == "AUTO":
@@ -158,17 +217,29 @@ class ArduPilot:
             self._check()
         if not self.craft.armed:
             return _STOPPED
-        return self.rig.flights[self.mode](self)
+        setpoint = self.rig.flights[self.mode](self)
+        if self.turn is None:
+            return setpoint
+        return setpoint._replace(yaw_rad=self.turn.advance(DECIDE_S), yaw_rate_rad_s=math.nan)
+
+    @property
+    def sticks(self) -> Sticks:
+        """The pilot's sticks; those of the simulator's radio, throttle down, where nobody moves any."""
+        pilot = self.craft.pilot
+        return pilot.sticks if pilot.fresh(self.craft.now_s, OVERRIDE_S) else AT_REST
 
     def guided_setpoint(self) -> Setpoint:
         """GUIDED: the last setpoint, or a stop when it is older than the timeout."""
         rig, craft = self.rig, self.craft
         if self.guided is None:
             return Setpoint(Kind.BRAKE)
-        timeout_s = float(craft.parameters[rig.guided_timeout]) if rig.guided_timeout else rig.guided_timeout_s
-        follows_place = self.guided.kind is Kind.TRAVEL
-        if not follows_place and craft.now_s - self.stream_s > timeout_s:
+        if self.paused:
             return guided.STOP
+        if self.guided.kind is Kind.TRAVEL:
+            return self.speeds.applied(self.guided)
+        timeout_s = float(craft.parameters[rig.guided_timeout]) if rig.guided_timeout else rig.guided_timeout_s
+        if craft.now_s - self.stream_s > timeout_s:
+            return guided.STOP if self.guided.kind is Kind.STREAM else guided.LEVEL
         return self.guided
 
     def mission_over(self) -> None:
@@ -177,6 +248,11 @@ class ArduPilot:
             self.enter(self.after["AUTO", "mission asks to return"])
         elif self.mission.over == "finished" and (not self.rig.flies or not self.craft.on_ground):
             self.enter(self.after["AUTO", "mission finished in the air"])
+
+    def set_home(self, place_m: Vector, *, given: bool = False) -> None:
+        """Put home somewhere, and tell it and the origin to everybody."""
+        self.craft.set_home(place_m, given=given)
+        self.craft.news += ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
 
     def disarm(self) -> None:
         """Motors off."""
@@ -191,8 +267,11 @@ class ArduPilot:
     def _check(self) -> None:
         craft = self.craft
         if craft.home_m is None and craft.estimator.global_valid:
-            craft.set_home(craft.position_m)
+            self.set_home(craft.position_m)
+            craft.say(Severity.INFO, "EKF3 IMU0 is using GPS")
         self._look()
+        if self.rig.flies:
+            self._hear_switch()
         if craft.armed:
             safety.act(self)
             self._disarm_by_itself()
@@ -209,6 +288,17 @@ class ArduPilot:
         idle_s = craft.now_s - max(craft.armed_s, craft.landed_s)
         if delay_s > 0.0 and idle_s > delay_s and not math.isfinite(self.takeoff_m):
             self.disarm()
+
+    def _hear_switch(self) -> None:
+        """The mode switch of the transmitter: a new position of its channel asks for that position's mode."""
+        channel = int(self.craft.parameters["FLTMODE_CH"])
+        slot = self.craft.pilot.switch_position(channel)
+        if slot is None or slot == self.switched:
+            return
+        self.switched = slot
+        mode = self.by_number.get(int(self.craft.parameters[f"FLTMODE{slot}"]))
+        if mode is not None:
+            self.request(mode.name)
 
     @property
     def idling(self) -> Setpoint:

@@ -8,9 +8,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot import safety
+from sitl_mock.ardupilot.answers import ANSWERED
+from sitl_mock.ardupilot.calibration import CALIBRATIONS, calibrate
+from sitl_mock.ardupilot.yaw import turn_from
 from sitl_mock.craft import Severity
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.missions import flyable
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 
 if TYPE_CHECKING:
@@ -24,16 +26,25 @@ ACCEPTED: Final = (CommandAnswer(Result.ACCEPTED),)
 FAILED: Final = (CommandAnswer(Result.FAILED),)
 DENIED: Final = (CommandAnswer(Result.DENIED),)
 UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
+GUIDED_MODES: Final = frozenset({"GUIDED"})
+_SPEED_MODES: Final = frozenset({"GUIDED", "AUTO", "RTL"})
+_COPTER_ONLY: Final = frozenset({22, 84, 85, 115, 193})
 HIGHEST_M: Final = 100_000.0
 _RELATIVE: Final = frozenset({3, 6})
 
 
 def execute(brain: ArduPilot, now_s: float, command: Command) -> Answers:
-    """Obey or refuse a command."""
-    handler = _HANDLERS.get(command.number)
-    if handler is None or (command.number == 22 and not brain.rig.flies):
+    """Obey or refuse a command; what has no effect here is answered as the real one does."""
+    number = command.number
+    if not brain.rig.flies and number in _COPTER_ONLY:
         return UNSUPPORTED
-    return handler(brain, now_s, command)
+    handler = _HANDLERS.get(number)
+    if handler is not None:
+        return handler(brain, now_s, command)
+    if number in CALIBRATIONS:
+        return calibrate(brain, command)
+    result = ANSWERED.get(number) if brain.rig.flies else None
+    return UNSUPPORTED if result is None else (CommandAnswer(result),)
 
 
 def _done(done: bool) -> Answers:
@@ -53,17 +64,7 @@ def _arm(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     craft = brain.craft
     want, force = command.params[:2]
     if want == 1.0:
-        if craft.armed:
-            return ACCEPTED
-        reasons = [] if force in FORCE_ARM else safety.refusals(brain)
-        for reason in reasons:
-            craft.say(Severity.CRITICAL, f"Arm: {reason}")
-        if reasons:
-            return FAILED
-        craft.arm()
-        craft.set_home(craft.position_m)
-        craft.say(Severity.INFO, "Arming motors")
-        return ACCEPTED
+        return _arm_now(brain, forced=force in FORCE_ARM)
     if want != 0.0:
         return UNSUPPORTED
     if craft.armed and brain.rig.flies and not craft.on_ground and force != FORCE_DISARM:
@@ -74,13 +75,29 @@ def _arm(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
+def _arm_now(brain: ArduPilot, *, forced: bool) -> Answers:
+    craft = brain.craft
+    if craft.armed:
+        return ACCEPTED
+    reasons = [] if forced else safety.refusals(brain)
+    for reason in reasons:
+        craft.say(Severity.CRITICAL, f"Arm: {reason}")
+    if reasons:
+        return FAILED
+    craft.arm()
+    if not craft.home_given:
+        brain.set_home(craft.position_m)
+    craft.say(Severity.INFO, "Arming motors")
+    return ACCEPTED
+
+
 def _takeoff(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     """NAV_TAKEOFF: height above home, armed, in GUIDED, on the ground."""
     craft = brain.craft
     if command.is_int and command.frame not in _RELATIVE:
         return DENIED
     height_m = command.params[6]
-    ready = craft.armed and craft.on_ground and brain.mode == "GUIDED"
+    ready = craft.armed and craft.on_ground and brain.mode in GUIDED_MODES
     if not (ready and 0.0 < height_m < HIGHEST_M):
         return FAILED
     home = craft.home_m or craft.position_m
@@ -99,21 +116,20 @@ def _to(mode: str) -> Callable[[ArduPilot, float, Command], Answers]:
     return handler
 
 
-def _start_mission(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
-    if not flyable(brain.plans.mission.items):
-        return FAILED
-    return _done(brain.request("AUTO"))
-
-
 def _set_mission_item(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+    """DO_SET_MISSION_CURRENT: DENIED where there is no such item; home is none to fly to."""
     seq = command.params[0]
-    return _done(math.isfinite(seq) and brain.mission.set_current(int(seq)))
+    if not math.isfinite(seq) or brain.mission.count < 2 or not brain.mission.set_current(int(seq)):
+        return DENIED
+    return ACCEPTED
 
 
 def _reposition(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_REPOSITION: in GUIDED, or changing to it with param2 bit 0."""
-    speed, flags, _, _, lat, lon, alt = command.params
-    if not command.is_int or not on_earth(Place(lat, lon, alt)):
+    """DO_REPOSITION: in GUIDED, or changing to it with param2 bit 0; the speed in param1 is not looked at."""
+    _, flags, _, _, lat, lon, alt = command.params
+    if not command.is_int:
+        return UNSUPPORTED
+    if not on_earth(Place(lat, lon, alt)):
         return DENIED
     change = math.isfinite(flags) and int(flags) & 1
     if brain.mode != "GUIDED" and not (change and brain.request("GUIDED")):
@@ -122,41 +138,71 @@ def _reposition(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     north, east, down = craft.frame.to_local(lat, lon, alt)
     if command.frame in _RELATIVE:
         down = (craft.home_m or (0.0, 0.0, 0.0))[2] - alt
-    brain.guided = Setpoint(Kind.TRAVEL, (north, east, down), speed_m_s=speed if speed > 0.0 else brain.speed_m_s)
+    brain.follow(Setpoint(Kind.TRAVEL, (north, east, down)))
     return ACCEPTED
 
 
 def _change_speed(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
-    if not command.params[1] > 0.0:
+    """DO_CHANGE_SPEED: obeyed in the modes that fly by themselves (`set_speed_xy`)."""
+    kind, speed_m_s = command.params[:2]
+    if not speed_m_s > 0.0 or brain.mode not in _SPEED_MODES:
         return FAILED
-    brain.speed_m_s = brain.mission.speed_m_s = command.params[1]
+    brain.speeds.change(kind, speed_m_s)
+    if kind <= 1.9:
+        brain.mission.speed_m_s = speed_m_s
+    return ACCEPTED
+
+
+def _yaw(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+    """CONDITION_YAW."""
+    angle, rate, direction, relative = command.params[:4]
+    if not 0.0 <= angle <= 360.0 or relative not in {0.0, 1.0}:
+        return FAILED
+    slew = float(brain.craft.parameters.get("ATC_SLEW_YAW", 6000.0)) * 0.01
+    yaw_rad = brain.craft.yaw_rad if brain.turn is None else brain.turn.heading_rad
+    brain.turn = turn_from(yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew)
+    return ACCEPTED
+
+
+def _pause(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+    """DO_PAUSE_CONTINUE: 0 stops, 1 goes on, in GUIDED and on the way to a waypoint in AUTO."""
+    if command.params[0] not in {0.0, 1.0}:
+        return DENIED
+    pause = command.params[0] == 0.0
+    under_way = brain.mode == "GUIDED" or (brain.mode == "AUTO" and not brain.craft.on_ground)
+    if not under_way:
+        brain.craft.say(Severity.INFO, f"Failed to {'pause' if pause else 'resume'}")
+        return FAILED
+    brain.paused = pause
     return ACCEPTED
 
 
 def _set_home(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     craft = brain.craft
     use_current, *_, lat, lon, alt = command.params
-    if use_current == 1.0:
-        craft.set_home(craft.position_m)
+    if use_current == 1.0 or (lat == 0.0 and lon == 0.0 and alt == 0.0):
+        if not craft.estimator.position_valid:
+            return FAILED
+        brain.set_home(craft.position_m, given=use_current == 1.0)
         return ACCEPTED
     if not on_earth(Place(lat, lon, alt)):
         return DENIED
-    craft.set_home(craft.frame.to_local(lat, lon, alt), given=True)
+    brain.set_home(craft.frame.to_local(lat, lon, alt), given=True)
     return ACCEPTED
 
 
 def _terminate(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
-    if command.params[0] > 0.5:
-        brain.disarm()
-        brain.craft.say(Severity.CRITICAL, "Terminating due to GCS request")
+    if not command.params[0] > 0.5:
+        return FAILED
+    brain.disarm()
+    brain.craft.say(Severity.CRITICAL, "Terminating due to GCS request")
     return ACCEPTED
 
 
 def _reboot(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
-    if brain.craft.armed:
+    if brain.craft.armed or command.params[0] not in {1.0, 3.0}:
         return FAILED
-    if command.params[0] in {1.0, 3.0}:
-        brain.craft.conditions.put("reboot", value=True)
+    brain.craft.conditions.put("reboot", value=True)
     return ACCEPTED
 
 
@@ -167,22 +213,75 @@ def _prearm(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
     return ACCEPTED
 
 
+def _tell_home(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+    """GET_HOME_POSITION."""
+    if brain.craft.home_m is None:
+        return FAILED
+    brain.craft.news += ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
+    return ACCEPTED
+
+
+def _land_start(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+    """DO_LAND_START: the mock's missions have no landing sequence to go to."""
+    brain.craft.say(Severity.WARNING, "Unable to start landing sequence")
+    brain.craft.say(Severity.WARNING, "Mode change to AUTO RTL failed: No landing sequence found")
+    return FAILED
+
+
+def _storage(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+    """PREFLIGHT_STORAGE: 2 resets all parameters at the next start; what is set is stored anyway."""
+    if command.params[0] != 2.0:
+        return DENIED
+    brain.craft.say(Severity.WARNING, "All parameters reset, reboot board")
+    return ACCEPTED
+
+
+def _arm_by_button(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+    """SOLO_BTN_FLY_HOLD: arms in LOITER on the ground, lands in the air."""
+    if brain.craft.armed:
+        return _done(brain.request("LAND"))
+    return _arm_now(brain, forced=False) if brain.request("LOITER") else FAILED
+
+
+def _disarm_by_button(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+    """SOLO_BTN_PAUSE_CLICK and _FLY_CLICK: disarm on the ground."""
+    if brain.craft.armed and brain.craft.on_ground:
+        brain.craft.say(Severity.INFO, "Disarming motors")
+        brain.disarm()
+    return ACCEPTED
+
+
+def _banner(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+    """DO_SEND_BANNER."""
+    brain.craft.say(Severity.INFO, "ArduCopter V4.5.7 (8125b5f9)" if brain.rig.flies else "ArduRover V4.5.7")
+    return ACCEPTED
+
+
 _HANDLERS: Mapping[int, Callable[[ArduPilot, float, Command], Answers]] = MappingProxyType(
     {
         17: _to("LOITER"),
         20: _to("RTL"),
         21: _to("LAND"),
         22: _takeoff,
+        84: _takeoff,
+        85: _to("LAND"),
         176: _set_mode,
+        115: _yaw,
         178: _change_speed,
         179: _set_home,
         185: _terminate,
         192: _reposition,
+        193: _pause,
         224: _set_mission_item,
         246: _reboot,
-        300: _start_mission,
+        300: _to("AUTO"),
         400: _arm,
         401: _prearm,
+        410: _tell_home,
+        189: _land_start,
+        245: _storage,
+        42002: _arm_by_button,
+        42003: _disarm_by_button,
+        42428: _banner,
     }
 )
-COMMANDS: Final = frozenset(_HANDLERS)

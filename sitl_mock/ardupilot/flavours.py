@@ -7,6 +7,7 @@ from typing import Final
 
 from sitl_mock.ardupilot.brain import ArduPilot
 from sitl_mock.ardupilot.copter import COPTER
+from sitl_mock.ardupilot.files import files_of
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
 from sitl_mock.craft import Craft
@@ -93,6 +94,8 @@ ARDUCOPTER: Final = Flavour(
     wander=ARDUPILOT_WANDER,
     ready_s=39.0,
     texts=True,
+    fix_type=6,
+    files=files_of,
 )
 
 ROVER_FLAVOUR: Final = Flavour(
@@ -112,5 +115,7 @@ ROVER_FLAVOUR: Final = Flavour(
     wander=ARDUPILOT_WANDER,
     ready_s=20.0,
     texts=True,
+    fix_type=6,
+    files=files_of,
     ground_vehicle=True,
 )

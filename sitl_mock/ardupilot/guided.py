@@ -8,11 +8,13 @@ from typing import Any, Final
 
 from sitl_mock.craft import Craft
 from sitl_mock.dynamics import IGNORED, ZERO, Kind, Setpoint
+from sitl_mock.protocols import PlanItem
 from sitl_mock.setpoints import (
     BODY_NED,
     BODY_OFFSET_NED,
     FORCE,
     GLOBAL_FRAMES,
+    GLOBAL_RELATIVE,
     IGNORE_ACCELERATION,
     IGNORE_POSITION,
     IGNORE_VELOCITY,
@@ -27,7 +29,9 @@ from sitl_mock.setpoints import (
 from sitl_mock.world import Vector
 
 STOP: Final = Setpoint(Kind.STREAM, velocity_ned_m_s=ZERO)
+LEVEL: Final = Setpoint(Kind.ATTITUDE)
 _FASTEST_M_S: Final = 1000.0
+_WAYPOINT: Final = 16
 _BODY: Final = frozenset({BODY_NED, BODY_OFFSET_NED})
 _FROM_HERE: Final = frozenset({LOCAL_OFFSET_NED, BODY_NED, BODY_OFFSET_NED})
 _LOCAL: Final = frozenset({LOCAL_NED}) | _FROM_HERE
@@ -45,10 +49,10 @@ def read(craft: Craft, message: Any) -> Setpoint | None:  # noqa: ANN401 - pymav
     return None
 
 
-def _read(craft: Craft, target: Target) -> Setpoint:
+def _read(craft: Craft, target: Target) -> Setpoint | None:
     mask = target.type_mask
-    if mask & FORCE:
-        return STOP
+    if mask & FORCE and not mask & IGNORE_ACCELERATION:
+        return None
     position = IGNORED if mask & IGNORE_POSITION else _placed(craft, target)
     velocity = _axes(craft, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
     acceleration = _axes(craft, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
@@ -66,16 +70,30 @@ def _read(craft: Craft, target: Target) -> Setpoint:
         return STOP
     if not mask & IGNORE_VELOCITY and math.hypot(*velocity) > _FASTEST_M_S:
         return STOP
+    yaw_rad = _finite(target.yaw_rad) + (craft.yaw_rad if target.frame in _BODY else 0.0)
     if mask & IGNORE_VELOCITY and not mask & IGNORE_POSITION:
-        return Setpoint(Kind.TRAVEL, position, yaw_rad=_finite(target.yaw_rad))
+        if not mask & IGNORE_ACCELERATION:
+            return STOP
+        return Setpoint(Kind.TRAVEL, position, yaw_rad=yaw_rad, yaw_rate_rad_s=_finite(target.yaw_rate_rad_s))
     return Setpoint(
         Kind.STREAM,
         position,
         velocity,
         acceleration,
-        yaw_rad=_finite(target.yaw_rad),
+        yaw_rad=yaw_rad,
         yaw_rate_rad_s=_finite(target.yaw_rate_rad_s),
     )
+
+
+def item_setpoint(craft: Craft, item: PlanItem) -> Setpoint | None:
+    """Return where a mission item with current 2 leads, None where it is no waypoint."""
+    if item.command != _WAYPOINT:
+        return None
+    altitude = item.z
+    if item.frame in GLOBAL_RELATIVE:
+        altitude += craft.frame.origin.alt_amsl_m - (craft.home_m[2] if craft.home_m is not None else 0.0)
+    place = craft.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
+    return Setpoint(Kind.TRAVEL, place) if all(map(math.isfinite, place)) else None
 
 
 def _finite(value: float) -> float:

@@ -19,17 +19,23 @@ COPTER_MODES: Final = ModeTable(
         Mode(
             "GUIDED",
             4,
-            _NONE,
+            _POSITION,
             True,
             _GUIDED,
-            "follows SET_POSITION_TARGET; stops when the stream does, and stays GUIDED",
+            "follows SET_POSITION_TARGET and SET_ATTITUDE_TARGET; stops when the stream does, and stays GUIDED",
         ),
         Mode("LOITER", 5, _POSITION, True, _GUIDED, "sticks are velocities"),
         Mode("RTL", 6, _HOME, False, _GUIDED, "climbs, returns home, lands"),
+        Mode("CIRCLE", 7, _POSITION, False, _GUIDED, "circles about a point ahead; throttle is climb rate"),
         Mode("LAND", 9, _NONE, False, _MANUAL, "lands here"),
+        Mode("DRIFT", 11, _POSITION, True, _MANUAL, "sticks as in an aeroplane; flown as STABILIZE here"),
         Mode("POSHOLD", 16, _POSITION, True, _GUIDED, "sticks are tilt, holds when free"),
         Mode("BRAKE", 17, _POSITION, False, _GUIDED, "stops and stays"),
+        Mode("THROW", 18, _POSITION | {Need.DISARMED}, True, _MANUAL, "waits to be thrown; here it stands, or stops"),
+        Mode("AVOID_ADSB", 19, _POSITION, False, _GUIDED, "stops and stays"),
+        Mode("GUIDED_NOGPS", 20, _NONE, True, _MANUAL, "follows SET_ATTITUDE_TARGET alone"),
         Mode("SMART_RTL", 21, _HOME, False, _GUIDED, "returns; flown as RTL here"),
+        Mode("ZIGZAG", 24, _POSITION, True, _MANUAL, "sticks are velocities"),
     ),
     transitions=(
         Transition("AUTO", "mission finished in the air", "LOITER"),
@@ -55,8 +61,9 @@ COPTER_MODES: Final = ModeTable(
     ),
     rules=(
         "One honest answer to DO_SET_MODE: ACCEPTED or FAILED; a mode that does not exist is FAILED.",
-        "GUIDED is accepted at any time, without a stream. A velocity does not take off; NAV_TAKEOFF does, armed and "
-        "in GUIDED.",
+        "A disarmed copter takes any mode, an armed one those whose needs are met; AUTO on the ground needs a mission "
+        "that begins with a take-off. GUIDED needs no stream; a velocity does not take off, NAV_TAKEOFF does, armed "
+        "and in GUIDED, and so does an attitude target that climbs.",
         "After GUID_TIMEOUT without a setpoint the velocity is zero; the mode stays GUIDED, and nothing is said.",
         "A failsafe changes the mode for good: nothing goes back by itself.",
     ),

@@ -29,7 +29,7 @@ def _manual(brain: ArduPilot) -> Setpoint:
 
 
 def _speed(brain: ArduPilot) -> float:
-    set_m_s = brain.speed_m_s
+    set_m_s = brain.speeds.level_m_s
     return (
         set_m_s
         if set_m_s > 0.0

@@ -31,6 +31,7 @@ def available(craft: Craft, plans: PlanStore) -> frozenset[Need]:
         Need.GLOBAL_POSITION: estimator.global_valid,
         Need.HOME: craft.home_m is not None,
         Need.MISSION: flyable(plans.mission.items),
+        Need.DISARMED: not craft.armed,
     }
     return frozenset(need for need, met in there.items() if met)
 
@@ -39,7 +40,7 @@ def refusals(brain: ArduPilot) -> list[str]:
     """Return why ArduPilot would not arm, in its own words; empty if it would."""
     reasons = failing(brain)
     if not brain.by_name[brain.mode].may_arm:
-        reasons.append("Mode not armable")
+        reasons.append(f"{brain.mode} mode not armable")
     return reasons
 
 
@@ -60,7 +61,7 @@ def _wrong(brain: ArduPilot) -> Iterator[tuple[str, str]]:
     """Yield the triggers that are present, each with the parameter that chooses the action."""
     craft = brain.craft
     parameters, conditions, now_s = craft.parameters, craft.conditions, craft.now_s
-    if craft.pilot.known and not craft.pilot.fresh(now_s, 0.5):
+    if craft.pilot.radio_lost(now_s) or craft.pilot.throttle_below(now_s, parameters["FS_THR_VALUE"]):
         yield "radio lost", "FS_THR_ENABLE"
     ground_age_s = now_s - craft.peers.ground_s
     if conditions.gcs_lost or (math.isfinite(ground_age_s) and ground_age_s > parameters["FS_GCS_TIMEOUT"]):

@@ -110,6 +110,8 @@ class ArduControl:
             started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, started.acceleration_ned_m_s2)
         if setpoint.kind is Kind.STREAM:
             reference = self._shaped(started, setpoint, dt_s)
+        elif setpoint.kind is Kind.ATTITUDE:
+            return self._leaning(memory, body, estimate, setpoint, dt_s)
         else:
             reference = travel(self.travel_limits, started, setpoint, dt_s)
         if memory.limited is not UNLIMITED:
@@ -124,8 +126,11 @@ class ArduControl:
         gains = self.gains
         (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
         to_n, to_e, to_d = setpoint.position_ned_m
+        wanted = setpoint.acceleration_ned_m_s2
+        if math.isnan(setpoint.velocity_ned_m_s[0]) and math.isnan(to_n) and not math.isnan(wanted[0]):
+            return self._accelerated(reference, wanted, dt_s)
         n, e, d = zero_where_ignored(setpoint.velocity_ned_m_s)
-        f_n, f_e, f_d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
+        f_n, f_e, f_d = zero_where_ignored(wanted)
         limits = self.travel_limits
         if not math.isnan(to_n + to_e):
             gain_1_s = approach_gain_1_s(gains.accel_m_s2, gains.jerk_m_s3, limits.settle_1_s)
@@ -140,6 +145,41 @@ class ArduControl:
         pair = shape_turn((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), accel, jerk, dt_s)
         down = shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, jerk_z / accel_z, dt_s)
         return advance(reference, (*pair, down), dt_s)
+
+    def _accelerated(self, reference: Reference, wanted: Ned, dt_s: float) -> Reference:
+        """Accelerations alone: the speed is what they make of it (`input_accel_xy`)."""
+        a_n, a_e, a_d = reference.acceleration_ned_m_s2
+        d_n, d_e, d_d = wanted[0] - a_n, wanted[1] - a_e, wanted[2] - a_d
+        change, most = math.hypot(d_n, d_e), self.gains.jerk_m_s3 * dt_s
+        keep = most / change if change > most else 1.0
+        most_z = self.gains.jerk_z_m_s3 * dt_s
+        down = a_d + min(max(d_d, -most_z), most_z)
+        return advance(reference, (a_n + d_n * keep, a_e + d_e * keep, down), dt_s)
+
+    def _leaning(
+        self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
+    ) -> tuple[ArduMemory, Demand]:
+        """ATTITUDE: the lean as it is asked for, within ANGLE_MAX; over the ground it goes where that leads."""
+        gains = self.gains
+        place, velocity, (_, _, a_d) = memory.reference
+        (p_n, p_e, p_d), (v_n, v_e, v_d) = estimate
+        if memory.kind > Kind.IDLING:
+            p_d, v_d = place[2], velocity[2]
+        climb = zero_where_ignored(setpoint.velocity_ned_m_s)[2]
+        settle_1_s = gains.jerk_z_m_s3 / gains.accel_z_m_s2
+        down = shape_one(climb, v_d, a_d, 0.0, gains.accel_z_m_s2, gains.jerk_z_m_s3, settle_1_s, dt_s)
+        reference = advance(Reference((p_n, p_e, p_d), (v_n, v_e, v_d)), (0.0, 0.0, down), dt_s)
+        heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
+        i_d = memory.integral_ned_m_s2[2]
+        _, integral, _, thrust = self._track(reference, (0.0, 0.0, i_d), body, estimate, dt_s)
+        if not math.isnan(setpoint.thrust):
+            thrust = setpoint.thrust * self.thrust_max_m_s2
+            reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s)
+        spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
+        carried = ArduMemory(Kind.ATTITUDE, reference, (0.0, 0.0, integral[2]), spooled_s, heading_rad)
+        n, e = setpoint.lean_ne_rad
+        keep = min(1.0, gains.lean_max_rad / max(math.hypot(n, e), 1e-9))
+        return carried, Demand(n * keep, e * keep, thrust, yaw_rate_rad_s)
 
     def _overspeed(self, down_m_s: float) -> float:
         limits = self.travel_limits

@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.values import ZERO, Ned
 
-
 CORNER_SHARE: Final = math.sqrt(0.5)
 
 

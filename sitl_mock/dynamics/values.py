@@ -27,6 +27,8 @@ class Kind(IntEnum):
     """The autopilot's own smooth motion (take-off, mission, return, land): see `Setpoint`."""
     BRAKE = 4
     """Stop as fast as the flavour does and hold the place where it stopped (PX4 Hold, ArduCopter BRAKE)."""
+    ATTITUDE = 6
+    """Lean as asked; the height by a thrust, or by the down velocity where no thrust is given (ArduPilot)."""
 
 
 class Setpoint(NamedTuple):
@@ -46,6 +48,10 @@ class Setpoint(NamedTuple):
     speed_m_s: float = math.nan
     climb_m_s: float = math.nan
     sink_m_s: float = math.nan
+    lean_ne_rad: tuple[float, float] = (0.0, 0.0)
+    """`ATTITUDE`: tilt of the thrust axis towards north and east, as `Body` has it."""
+    thrust: float = math.nan
+    """`ATTITUDE`: share of full throttle in [0, 1], NaN for none."""
 
 
 class Surroundings(NamedTuple):

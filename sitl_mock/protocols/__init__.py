@@ -9,7 +9,7 @@ from sitl_mock.protocols.command import (
     coordinate,
     read_command,
 )
-from sitl_mock.protocols.ftp import FtpError, FtpRefusal
+from sitl_mock.protocols.ftp import Entry, Files, FtpError, FtpProtocol
 from sitl_mock.protocols.home import HomeProtocol, Place, gps_global_origin, home_position, on_earth
 from sitl_mock.protocols.identity import (
     ARDUPILOT_CAPABILITIES,
@@ -19,6 +19,7 @@ from sitl_mock.protocols.identity import (
     ardupilot_identity,
     px4_identity,
 )
+from sitl_mock.protocols.logs import LogProtocol
 from sitl_mock.protocols.mission import MissionProtocol
 from sitl_mock.protocols.mission_rules import ARDUPILOT_MISSION_RULES, PX4_MISSION_RULES, MissionRules
 from sitl_mock.protocols.parameter import Parameter, ParameterError, ParameterStore, ParamKind
@@ -69,10 +70,13 @@ __all__ = [
     "Command",
     "CommandAnswer",
     "CommandProtocol",
+    "Entry",
+    "Files",
     "FtpError",
-    "FtpRefusal",
+    "FtpProtocol",
     "HomeProtocol",
     "Identity",
+    "LogProtocol",
     "MissionProtocol",
     "MissionResult",
     "MissionRules",

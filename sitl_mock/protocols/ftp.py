@@ -1,64 +1,207 @@
-"""FTP refused properly: every request gets a NAK at once, so that no client waits for a timeout.
+"""FTP on one link: lists folders and reads files of the vehicle; whatever would change one is refused.
 
-Source: https://mavlink.io/en/services/ftp.html. ``ResetSessions`` and ``TerminateSession`` succeed: there is nothing
-that could be open.
+Source: https://mavlink.io/en/services/ftp.html. Every request is answered at once, so that no client waits for a
+timeout. One file is open at a time; a list and a read name their place themselves, so what is repeated is answered
+again.
 """
 
 from __future__ import annotations
 
+import binascii
 import struct
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from sitl_mock.protocols.reply import Reply, source_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from sitl_mock.mavlink import Message
 
 PAYLOAD: Final = 251
 _HEAD: Final = struct.Struct("<HBBBBBBI")
-_BY_NAME: Final = frozenset({3, 4, 6, 7, 8, 9, 10, 11, 13, 14})  # operations that name a file or a folder
+DATA: Final = PAYLOAD - _HEAD.size
+BURST: Final = 20
+"""Pieces of a burst; a client asks for the next burst where this one ended."""
 
 
 class Opcode(IntEnum):
-    """The operations that matter here."""
+    """The operations that are served, and the two answers."""
 
     TERMINATE_SESSION = 1
     RESET_SESSIONS = 2
+    LIST_DIRECTORY = 3
+    OPEN_FILE_RO = 4
+    READ_FILE = 5
+    CALC_FILE_CRC32 = 14
+    BURST_READ_FILE = 15
     ACK = 128
     NAK = 129
+
+
+_WRITING: Final = frozenset({6, 7, 8, 9, 10, 11, 12, 13})
 
 
 class FtpError(IntEnum):
     """First data byte of a NAK."""
 
+    FAIL_ERRNO = 2
     INVALID_SESSION = 4
+    END_OF_FILE = 6
     UNKNOWN_COMMAND = 7
     FILE_NOT_FOUND = 10
 
 
-class FtpRefusal:
-    """FTP on one link."""
+_READ_ONLY: Final = 30  # EROFS
+
+
+class Entry(NamedTuple):
+    """One line of a folder: a file and its size, or (None) a folder."""
+
+    name: str
+    size: int | None = None
+
+    def encoded(self) -> bytes:
+        """As the wire has it."""
+        text = f"D{self.name}" if self.size is None else f"F{self.name}\t{self.size}"
+        return text.encode() + b"\0"
+
+
+class Files(Protocol):
+    """What a vehicle has of files."""
+
+    def entries(self, path: str) -> Sequence[Entry] | None:
+        """What a folder holds, None where there is no such folder."""
+        ...
+
+    def content(self, path: str) -> bytes | None:
+        """A file's bytes, None where there is no such file."""
+        ...
+
+
+class _Request(NamedTuple):
+    sequence: int
+    session: int
+    opcode: int
+    size: int
+    offset: int
+    data: bytes
+
+    @property
+    def path(self) -> str:
+        return self.data.rstrip(b"\0").decode(errors="replace")
+
+
+class _Nak(Exception):  # noqa: N818 - an answer
+    def __init__(self, error: FtpError, *more: int) -> None:
+        super().__init__(error)
+        self.data = bytes((error, *more))
+
+
+class FtpProtocol:
+    """FTP on one link, over the vehicle's files."""
+
+    def __init__(self, files: Files) -> None:
+        self._files = files
+        self._open: bytes | None = None
+        self._served: dict[int, Callable[[_Request], list[tuple[int, bytes]]]] = {
+            Opcode.TERMINATE_SESSION: self._close,
+            Opcode.RESET_SESSIONS: self._close,
+            Opcode.LIST_DIRECTORY: self._list,
+            Opcode.OPEN_FILE_RO: self._open_file,
+            Opcode.READ_FILE: self._read,
+            Opcode.CALC_FILE_CRC32: self._crc,
+            Opcode.BURST_READ_FILE: self._burst,
+        }
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
         """Take FILE_TRANSFER_PROTOCOL."""
         if message.get_type() != "FILE_TRANSFER_PROTOCOL":
             return []
-        sequence, session, opcode, *_ = _HEAD.unpack(bytes(message.payload[: _HEAD.size]))
+        raw = bytes(message.payload)
+        sequence, session, opcode, size, _, _, _, offset = _HEAD.unpack_from(raw)
         if opcode in {Opcode.ACK, Opcode.NAK}:
             return []
-        if opcode in {Opcode.TERMINATE_SESSION, Opcode.RESET_SESSIONS}:
-            return [_reply(message, sequence, session, Opcode.ACK, opcode, b"")]
-        error = FtpError.FILE_NOT_FOUND if opcode in _BY_NAME else FtpError.INVALID_SESSION
-        if not 0 < opcode <= 15:
-            error = FtpError.UNKNOWN_COMMAND
-        return [_reply(message, sequence, session, Opcode.NAK, opcode, bytes((error,)))]
+        request = _Request(sequence, session, opcode, size, offset, raw[_HEAD.size :][: min(size, DATA)])
+        try:
+            pieces = self._serve(request)
+        except _Nak as nak:
+            return [_reply(message, request, Opcode.NAK, offset, nak.data)]
+        last = len(pieces) - 1
+        return [
+            _reply(message, request, Opcode.ACK, at, data, after=number, complete=number == last)
+            for number, (at, data) in enumerate(pieces)
+        ]
 
     def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
         """Return nothing."""
         return []
 
+    def _serve(self, request: _Request) -> list[tuple[int, bytes]]:
+        """Return what an ACK carries: offset and data of each frame."""
+        served = self._served.get(request.opcode)
+        if served is not None:
+            return served(request)
+        if request.opcode in _WRITING:
+            raise _Nak(FtpError.FAIL_ERRNO, _READ_ONLY)
+        raise _Nak(FtpError.UNKNOWN_COMMAND)
 
-def _reply(message: Message, sequence: int, session: int, opcode: Opcode, asked: int, data: bytes) -> Reply:
-    head = _HEAD.pack((sequence + 1) & 0xFFFF, session, opcode, len(data), asked, 0, 0, 0)
+    def _close(self, _request: _Request) -> list[tuple[int, bytes]]:
+        self._open = None
+        return [(0, b"")]
+
+    def _list(self, request: _Request) -> list[tuple[int, bytes]]:
+        entries = self._files.entries(request.path)
+        if entries is None:
+            raise _Nak(FtpError.FILE_NOT_FOUND)
+        if request.offset >= len(entries):
+            raise _Nak(FtpError.END_OF_FILE)
+        listed = b""
+        for entry in entries[request.offset :]:
+            line = entry.encoded()
+            if len(listed) + len(line) > DATA:
+                break
+            listed += line
+        return [(request.offset, listed)]
+
+    def _content(self, request: _Request) -> bytes:
+        content = self._files.content(request.path)
+        if content is None:
+            raise _Nak(FtpError.FILE_NOT_FOUND)
+        return content
+
+    def _open_file(self, request: _Request) -> list[tuple[int, bytes]]:
+        self._open = content = self._content(request)
+        return [(0, struct.pack("<I", len(content)))]
+
+    def _crc(self, request: _Request) -> list[tuple[int, bytes]]:
+        return [(0, struct.pack("<I", binascii.crc32(self._content(request), 0xFFFFFFFF) ^ 0xFFFFFFFF))]
+
+    def _read(self, request: _Request, pieces: int = 1) -> list[tuple[int, bytes]]:
+        if self._open is None:
+            raise _Nak(FtpError.INVALID_SESSION)
+        if request.offset >= len(self._open):
+            raise _Nak(FtpError.END_OF_FILE)
+        size = min(request.size or DATA, DATA)
+        starts = range(request.offset, len(self._open), size)[:pieces]
+        return [(start, self._open[start : start + size]) for start in starts]
+
+    def _burst(self, request: _Request) -> list[tuple[int, bytes]]:
+        return self._read(request, BURST)
+
+
+def _reply(
+    message: Message,
+    request: _Request,
+    opcode: Opcode,
+    offset: int,
+    data: bytes,
+    *,
+    after: int = 0,
+    complete: bool = False,
+) -> Reply:
+    burst = int(complete and request.opcode == Opcode.BURST_READ_FILE)
+    sequence = (request.sequence + 1 + after) & 0xFFFF
+    head = _HEAD.pack(sequence, request.session, opcode, len(data), request.opcode, burst, 0, offset)
     return ("FILE_TRANSFER_PROTOCOL", 0, *source_of(message), (head + data).ljust(PAYLOAD, b"\0"))

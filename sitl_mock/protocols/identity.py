@@ -13,7 +13,7 @@ FIRMWARE_RELEASE: Final = 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
 
 
 class Capability(IntFlag):
-    """MAV_PROTOCOL_CAPABILITY; FTP is missing because it is refused."""
+    """MAV_PROTOCOL_CAPABILITY."""
 
     MISSION_FLOAT = 1
     PARAM_FLOAT = 2
@@ -42,6 +42,7 @@ _SHARED: Final = (
     | Capability.MAVLINK2
     | Capability.MISSION_FENCE
     | Capability.MISSION_RALLY
+    | Capability.FTP
 )
 PX4_CAPABILITIES: Final = _SHARED | Capability.PARAM_ENCODE_BYTEWISE
 ARDUPILOT_CAPABILITIES: Final = _SHARED | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_C_CAST

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.protocols.command import coordinate
-from sitl_mock.protocols.mission_upload import KINDS, MissionUpload, acknowledge
-from sitl_mock.protocols.plan import MissionResult, PlanKind, PlanStore
+from sitl_mock.protocols.command import MAV_FRAME_GLOBAL, coordinate
+from sitl_mock.protocols.home import Place
+from sitl_mock.protocols.mission_upload import KINDS, MissionUpload, acknowledge, read_item
+from sitl_mock.protocols.plan import NAV_WAYPOINT, MissionResult, PlanItem, PlanKind, PlanStore
 from sitl_mock.protocols.reply import Reply, source_of
 
 if TYPE_CHECKING:
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 
 ALL_KINDS: Final = 255
 
+ORDERS: Final = frozenset({2, 3})
+"""Values of MISSION_ITEM.current that are orders: fly there, change the height."""
+
+Guide = Callable[[float, PlanItem], bool]
 SetCurrent = Callable[[float, int], list[Reply]]
 
 
@@ -30,16 +35,29 @@ class MissionProtocol:
         plans: The vehicle's plans.
         rules: The flavour's rules.
         set_current: ``set_current(now_s, seq)`` for MISSION_SET_CURRENT; its replies are sent.
+        home: Where home is, for rules that have it as item 0.
+        guide: ``guide(now_s, item)`` says whether an item with current 2 or 3, an order of older clients, is obeyed;
+            None where there is no such order.
     """
 
-    def __init__(self, plans: PlanStore, rules: MissionRules, set_current: SetCurrent) -> None:
+    def __init__(
+        self,
+        plans: PlanStore,
+        rules: MissionRules,
+        set_current: SetCurrent,
+        home: Callable[[], Place] = lambda: Place(0.0, 0.0, 0.0),
+        guide: Guide | None = None,
+    ) -> None:
         self._plans = plans
+        self._rules = rules
+        self._home = home
+        self._guide = guide
         self._upload = upload = MissionUpload(plans, rules)
         self._handlers: dict[str, Callable[[float, Message], list[Reply]]] = {
             "MISSION_COUNT": upload.start,
             "MISSION_WRITE_PARTIAL_LIST": upload.start_partial,
-            "MISSION_ITEM_INT": upload.take,
-            "MISSION_ITEM": upload.take,
+            "MISSION_ITEM_INT": self._take,
+            "MISSION_ITEM": self._take,
             "MISSION_ACK": lambda _, message: self._cancel(message),
             "MISSION_REQUEST_LIST": lambda _, message: self._count(message),
             "MISSION_REQUEST_INT": lambda _, message: self._item(message),
@@ -62,6 +80,13 @@ class MissionProtocol:
         """Ask again for a missing item, or give the upload up."""
         return self._upload.advance(now_s)
 
+    def _take(self, now_s: float, message: Message) -> list[Reply]:
+        if self._guide is None or message.current not in ORDERS or message.mission_type != PlanKind.MISSION:
+            return self._upload.take(now_s, message)
+        obeyed = self._guide(now_s, read_item(message))
+        result = MissionResult.ACCEPTED if obeyed else MissionResult.ERROR
+        return [acknowledge(source_of(message), result, PlanKind.MISSION)]
+
     def _cancel(self, message: Message) -> list[Reply]:
         self._upload.cancel(message)
         return []
@@ -77,6 +102,8 @@ class MissionProtocol:
         if kind not in KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         items = self._plans.plans[PlanKind(kind)].items
+        if seq == 0 and kind == PlanKind.MISSION and self._rules.home_first:
+            items = (_home_item(self._home()), *items[1:])
         if seq >= len(items):
             return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, kind)]
         current = int(kind == PlanKind.MISSION and seq == self._plans.current)
@@ -95,3 +122,8 @@ class MissionProtocol:
         for each in PlanKind if kind == ALL_KINDS else (PlanKind(kind),):
             self._plans.set_plan(each, ())
         return [acknowledge(partner, MissionResult.ACCEPTED, kind)]
+
+
+def _home_item(home: Place) -> PlanItem:
+    latitude, longitude = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)
+    return PlanItem(0, MAV_FRAME_GLOBAL, NAV_WAYPOINT, 0, 1, 0.0, 0.0, 0.0, 0.0, latitude, longitude, home.altitude_m)

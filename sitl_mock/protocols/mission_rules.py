@@ -27,6 +27,8 @@ class MissionRules:
         cancel_on_timeout: An upload given up for silence is answered with OPERATION_CANCELLED.
         resend_s: A missing item is asked for again after this time.
         timeout_s: An upload without any item for this long is given up.
+        asks_with: Message that asks for an item.
+        home_first: Item 0 of a mission is home, also where there is no mission.
     """
 
     capacity: Mapping[PlanKind, int]
@@ -35,6 +37,8 @@ class MissionRules:
     cancel_on_timeout: bool
     resend_s: float = 0.05
     timeout_s: float = 5.0
+    asks_with: str = "MISSION_REQUEST_INT"
+    home_first: bool = False
 
 
 PX4_MISSION_RULES: Final = MissionRules(
@@ -51,4 +55,6 @@ ARDUPILOT_MISSION_RULES: Final = MissionRules(
     partial=True,
     cancel_on_timeout=True,
     timeout_s=8.0,
+    asks_with="MISSION_REQUEST",
+    home_first=True,
 )

@@ -144,7 +144,7 @@ class MissionUpload:
 
     def _ask(self, now_s: float, transfer: _Transfer) -> list[Reply]:
         transfer.asked_s = now_s
-        return [("MISSION_REQUEST_INT", *transfer.partner, transfer.wanted, int(transfer.kind))]
+        return [(self._rules.asks_with, *transfer.partner, transfer.wanted, int(transfer.kind))]
 
     def _finish(self, transfer: _Transfer) -> list[Reply]:
         whole = (*transfer.head, *transfer.items, *transfer.tail)

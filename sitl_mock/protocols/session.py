@@ -28,6 +28,7 @@ MESSAGES: dict[str, tuple[str, ...]] = {
     "time": ("TIMESYNC", "PING"),
     "home": ("SET_GPS_GLOBAL_ORIGIN", "SET_HOME_POSITION"),
     "ftp": ("FILE_TRANSFER_PROTOCOL",),
+    "logs": ("LOG_REQUEST_LIST",),
     "signing": ("SETUP_SIGNING",),
 }
 """Which messages each protocol takes."""

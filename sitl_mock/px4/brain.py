@@ -13,7 +13,7 @@ from sitl_mock.craft import Craft, Landed, Severity
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
-from sitl_mock.protocols import Command, CommandAnswer, PlanStore
+from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
 from sitl_mock.px4 import checks, commands, flying, offboard
 from sitl_mock.px4.failsafe import MODE_OF, Action, Failsafes
 from sitl_mock.px4.home import HomeKeeper
@@ -110,6 +110,10 @@ class Px4:
             return
         self.stream_s = now_s
         self.setpoint = setpoint
+
+    def guide(self, _now_s: float, _item: PlanItem) -> bool:
+        """PX4 takes no mission item as an order."""
+        return False
 
     def switch(self, now_s: float, mode: str) -> None:
         """Take the pilot's mode switch."""

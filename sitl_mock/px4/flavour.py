@@ -19,6 +19,7 @@ from sitl_mock.protocols import (
     px4_identity,
 )
 from sitl_mock.px4.brain import Px4
+from sitl_mock.px4.files import files_of
 from sitl_mock.px4.modes import MODES
 from sitl_mock.sensors import PX4_SENSORS
 
@@ -76,6 +77,7 @@ PX4: Final = Flavour(
     wander=PX4_WANDER,
     ready_s=5.0,
     texts=False,
+    files=files_of,
     own_id_only=PX4_OWN_ID_ONLY,
     broadcast=PX4_BROADCAST,
     sensors=PX4_SENSORS,

@@ -124,7 +124,7 @@ def gps_raw_int(report: Report) -> Fields:
     worse = min(craft.estimator.eph_m / EPH_M, 500.0)
     return (
         max(0, report.boot_us - int((craft.now_s - fix.at_s) * 1e6)),
-        3,
+        report.flavour.fix_type,
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),

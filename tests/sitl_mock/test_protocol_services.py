@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
+from sitl_mock.files import FileTree
 from sitl_mock.protocols import (
     ARDUPILOT_CAPABILITIES,
     MESSAGES,
@@ -17,7 +18,7 @@ from sitl_mock.protocols import (
     CommandAnswer,
     CommandProtocol,
     FtpError,
-    FtpRefusal,
+    FtpProtocol,
     HomeProtocol,
     ModeEntry,
     Place,
@@ -92,7 +93,7 @@ def test_the_version_message_tells_version_and_number_of_the_vehicle(wire, ident
 
 def test_capabilities_are_what_the_protocols_do():
     for capabilities in (PX4_CAPABILITIES, ARDUPILOT_CAPABILITIES):
-        assert Capability.FTP not in capabilities
+        assert Capability.FTP in capabilities
         wanted = Capability.MISSION_INT | Capability.COMMAND_INT | Capability.MAVLINK2 | Capability.MISSION_FENCE
         assert wanted in capabilities
     assert Capability.PARAM_ENCODE_BYTEWISE in PX4_CAPABILITIES
@@ -193,10 +194,11 @@ def ftp(client, opcode, sequence=7, session=0, data=b""):
         (15, FtpError.INVALID_SESSION),
         (0, FtpError.UNKNOWN_COMMAND),
         (16, FtpError.UNKNOWN_COMMAND),
+        (200, FtpError.UNKNOWN_COMMAND),
     ],
 )
 def test_a_request_for_a_file_is_refused_at_once_with_the_next_sequence(wire, opcode, error):
-    client = wire(FtpRefusal(), client=(42, 191))
+    client = wire(FtpProtocol(FileTree({})), client=(42, 191))
     (answer,) = ftp(client, opcode, sequence=0xFFFF, data=b"@PARAM/param.pck")
     assert (answer.target_network, answer.target_system, answer.target_component) == (0, 42, 191)
     head = struct.pack("<HBBBBBBI", 0, 0, 129, 1, opcode, 0, 0, 0)
@@ -205,12 +207,12 @@ def test_a_request_for_a_file_is_refused_at_once_with_the_next_sequence(wire, op
 
 @pytest.mark.parametrize("opcode", [1, 2])
 def test_closing_what_was_never_open_succeeds(wire, opcode):
-    (answer,) = ftp(wire(FtpRefusal()), opcode)
+    (answer,) = ftp(wire(FtpProtocol(FileTree({}))), opcode)
     assert (answer.payload[3], answer.payload[4], answer.payload[5]) == (128, 0, opcode)
 
 
 def test_answers_are_not_answered(wire):
-    client = wire(FtpRefusal())
+    client = wire(FtpProtocol(FileTree({})))
     assert ftp(client, 128) == ftp(client, 129) == client.send("PING", 1, 1, 0, 0) == client.wait(1.0) == []
 
 
@@ -260,7 +262,7 @@ def session(executed, **options):
     command = CommandProtocol(
         1, 1, lambda now_s, c: executed.append(c) or [CommandAnswer(0), CommandAnswer(0, delay_s=1)]
     )
-    return Session(1, 1, command=command, time=TimeProtocol(), ftp=FtpRefusal(), **options)
+    return Session(1, 1, command=command, time=TimeProtocol(), ftp=FtpProtocol(FileTree({})), **options)
 
 
 def test_a_session_gives_each_message_to_its_protocol_and_the_rest_back(wire):
@@ -295,7 +297,7 @@ def test_px4_ignores_parameters_missions_and_ftp_to_system_zero(wire):
 
 def test_a_protocol_with_an_unknown_name_is_refused():
     with pytest.raises(KeyError, match="telepathy"):
-        Session(1, 1, telepathy=FtpRefusal())
+        Session(1, 1, telepathy=FtpProtocol(FileTree({})))
 
 
 def test_no_message_belongs_to_two_protocols():

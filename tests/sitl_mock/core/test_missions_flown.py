@@ -15,7 +15,7 @@ def upload(flight, items, kind=MISSION):
     for _ in range(20 * len(items) + 50):
         for _, message in flight.heard[before:]:
             before += 1
-            if message.get_type() == "MISSION_REQUEST_INT":
+            if message.get_type() in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}:
                 flight.send("MISSION_ITEM_INT", 1, 1, message.seq, *items[message.seq], kind)
                 break
             if message.get_type() == "MISSION_ACK":

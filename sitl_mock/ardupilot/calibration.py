@@ -1,0 +1,74 @@
+"""Calibrations of ArduCopter 4.5.7, answered with its results and texts; on a simulator nothing is really turned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.craft import Severity
+from sitl_mock.protocols import Command, CommandAnswer, Result
+
+if TYPE_CHECKING:
+    from sitl_mock.ardupilot.brain import ArduPilot
+
+Answers = Sequence[CommandAnswer]
+
+PREFLIGHT, MAG_YAW, MAG_START, MAG_ACCEPT, MAG_CANCEL, ACCEL_POSITION = 241, 42006, 42424, 42425, 42426, 42429
+CALIBRATIONS: Final = frozenset({PREFLIGHT, MAG_YAW, MAG_START, MAG_ACCEPT, MAG_CANCEL, ACCEL_POSITION})
+_ACCEL, _LEVEL, _SIMPLE = 1, 2, 4
+_ANSWERED: Mapping[int, Result] = MappingProxyType(
+    {
+        MAG_YAW: Result.ACCEPTED,
+        MAG_START: Result.ACCEPTED,
+        MAG_ACCEPT: Result.FAILED,
+        MAG_CANCEL: Result.ACCEPTED,
+        ACCEL_POSITION: Result.FAILED,
+    }
+)
+"""Without a calibration that has come to its end there is nothing to accept."""
+
+
+def calibrate(brain: ArduPilot, command: Command) -> Answers:
+    """Answer a calibration command; refused while armed."""
+    if brain.craft.armed:
+        compass = command.number != PREFLIGHT
+        brain.craft.say(Severity.NOTICE, f"Disarm to allow {'compass ' if compass else ''}calibration")
+        return (CommandAnswer(Result.FAILED),)
+    if command.number != PREFLIGHT:
+        return (CommandAnswer(_ANSWERED[command.number]),)
+    gyro, _, baro, _, accel, motors, _ = (int(value) if abs(value) < 1e6 else 0 for value in command.params)
+    for chosen, answer in ((gyro == 1, _gyro), (baro == 1, _baro), (accel, _accel), (motors == 1, _motors)):
+        if chosen:
+            return answer(brain, accel)
+    return (CommandAnswer(Result.UNSUPPORTED),)
+
+
+def _say(brain: ArduPilot, *texts: str) -> None:
+    for text in texts:
+        brain.craft.say(Severity.INFO, text)
+
+
+def _gyro(brain: ArduPilot, _accel: int) -> Answers:
+    _say(brain, "Initialising ArduPilot")
+    return (CommandAnswer(Result.ACCEPTED),)
+
+
+def _baro(brain: ArduPilot, _accel: int) -> Answers:
+    _say(brain, "Updating barometer calibration", "Barometer calibration complete")
+    return (CommandAnswer(Result.IN_PROGRESS), CommandAnswer(Result.ACCEPTED, delay_s=1.0))
+
+
+def _accel(brain: ArduPilot, accel: int) -> Answers:
+    if accel == _SIMPLE:
+        return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
+    if accel not in {_ACCEL, _LEVEL}:
+        return (CommandAnswer(Result.UNSUPPORTED),)
+    last = "Place vehicle level and press any key." if accel == _ACCEL else "Trim OK: roll=0.01 pitch=-0.00 yaw=0.00"
+    _say(brain, "Initialising ArduPilot", last)
+    return (CommandAnswer(Result.ACCEPTED),)
+
+
+def _motors(brain: ArduPilot, _accel: int) -> Answers:
+    _say(brain, "Starting calibration", "Current")
+    return (CommandAnswer(Result.ACCEPTED),)

@@ -1,0 +1,163 @@
+"""Row 14: logs, FTP and calibrations are answered. Files are read by an independent reader; lists as the real ones'."""
+
+import json
+import lzma
+import struct
+
+import pytest
+from pymavlink import mavutil  # noqa: F401 - its import sets the dialect that mavftp needs
+
+from sitl_mock import MockVehicle
+from sitl_mock.mavlink import Decoder, Encoder
+
+HEAD = struct.Struct("<HBBBBBBI")
+ACK, NAK = 128, 129
+
+
+class Client:
+    """A client of one vehicle's files, time by hand."""
+
+    def __init__(self, flavour):
+        self.vehicle = MockVehicle(flavour, ready_after_s=0.0)
+        self.encoder, self.decoder = Encoder(255, 190), Decoder()
+        self.now_s, self.sequence = 0.0, 0
+        self.vehicle.step(0.0)
+
+    def send(self, *message):
+        self.now_s += 0.02
+        frames = self.vehicle.step(self.now_s, [self.encoder.pack(*message)])
+        return [m for frame in frames for m in self.decoder.feed(frame, whole=True)]
+
+    def ask(self, opcode, data=b"", *, size=None, offset=0):
+        """One request; (sequence, opcode, offset, complete, data) of each answer."""
+        self.sequence += 1
+        head = HEAD.pack(self.sequence, 0, opcode, len(data) if size is None else size, 0, 0, 0, offset)
+        came = self.send("FILE_TRANSFER_PROTOCOL", 0, 1, 1, (head + data).ljust(251, b"\0"))
+        answers = []
+        for message in came:
+            if message.get_type() == "FILE_TRANSFER_PROTOCOL":
+                raw = bytes(message.payload)
+                sequence, _, code, length, asked, complete, _, at = HEAD.unpack_from(raw)
+                assert asked == opcode
+                answers.append((sequence - self.sequence, code, at, complete, raw[12 : 12 + length]))
+        return answers
+
+    def read(self, path):
+        """A whole file, piece by piece."""
+        ((_, code, _, _, size),) = self.ask(4, path)
+        assert code == ACK
+        content = b""
+        while True:
+            ((_, code, _, _, data),) = self.ask(5, size=200, offset=len(content))
+            if code == NAK:
+                assert data == b"\x06"
+                assert len(content) == struct.unpack("<I", size)[0]
+                return content
+            content += data
+
+    def entries(self, path):
+        found = b""
+        while True:
+            ((_, code, _, _, data),) = self.ask(3, path, offset=found.count(b"\0"))
+            if code == NAK:
+                return [line.decode() for line in found.split(b"\0")[:-1]]
+            found += data
+
+
+@pytest.fixture(params=["px4", "arducopter"])
+def client(request):
+    return Client(request.param)
+
+
+def test_row_14_without_a_log_the_list_is_empty_and_says_so(client):
+    came = [m for m in client.send("LOG_REQUEST_LIST", 1, 1, 0, 0xFFFF) if m.get_type() == "LOG_ENTRY"]
+    assert [(m.id, m.num_logs, m.last_log_num, m.time_utc, m.size) for m in came] == [(0, 0, 0, 0, 0)]
+
+
+def test_row_14_folders_are_listed_and_what_is_not_there_is_not_found(client):
+    root = client.entries(b"/")
+    assert root == client.entries(b".")
+    assert ("Dlog" if client.vehicle.flavour == "px4" else "Dlogs") in root
+    ((_, code, _, _, data),) = client.ask(3, b"nosuch")
+    assert (code, data) == (NAK, b"\x0a")
+    ((_, code, _, _, data),) = client.ask(4, b"nosuch")
+    assert (code, data) == (NAK, b"\x0a")
+
+
+@pytest.mark.parametrize("opcode", [6, 7, 8, 9, 10, 11, 12, 13])
+def test_row_14_nothing_is_written(client, opcode):
+    ((_, code, _, _, data),) = client.ask(opcode, b"/x")
+    assert (code, data) == (NAK, bytes((2, 30)))
+
+
+def test_row_14_arducopters_packed_parameters_are_those_of_the_parameter_protocol():
+    client = Client("arducopter")
+    packed = client.read(b"@PARAM/param.pck")
+    values, name, at = {}, "", 6
+    assert struct.unpack_from("<HHH", packed) == (0x671B, 1390, 1390)
+    while at < len(packed):
+        form = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}[packed[at] & 15]
+        common, rest = packed[at + 1] & 15, (packed[at + 1] >> 4) + 1
+        name = name[:common] + packed[at + 2 : at + 2 + rest].decode()
+        (values[name],) = struct.unpack_from(form, packed, at + 2 + rest)
+        at += 2 + rest + struct.calcsize(form)
+    assert values == dict(client.vehicle.autopilot.parameters)
+    assert client.read(b"@PARAM/param.pck?withdefaults=1") == packed
+
+
+def test_row_14_pymavlinks_own_reader_understands_the_packed_parameters():
+    from pymavlink import mavftp
+    from pymavlink.mavftp import ParamData  # noqa: F401 - the reader is there
+
+    client = Client("arducopter")
+    read = mavftp.MAVFTP.ftp_param_decode(client.read(b"@PARAM/param.pck"))
+    named = {name.decode(): value for name, value, _ in read.params}
+    assert len(named) == 1390
+    assert named["GUID_TIMEOUT"] == 3.0
+
+
+def test_row_14_a_plan_is_read_as_mission_items():
+    client = Client("arducopter")
+    client.send("MISSION_COUNT", 1, 1, 1, 1)
+    client.send("MISSION_ITEM_INT", 1, 1, 0, 0, 5003, 0, 1, 30.0, 0, 0, 0, 470000000, 80000000, 0.0, 1)
+    plan = client.read(b"@MISSION/fence.dat")
+    assert struct.unpack_from("<HHHHH", plan) == (0x763D, 1, 0, 0, 1)
+    assert len(plan) == 10 + 38
+    assert struct.unpack_from("<f", plan, 10) == (30.0,)
+
+
+def test_row_14_px4s_parameter_metadata_is_read():
+    client = Client("px4")
+    described = json.loads(lzma.decompress(client.read(b"/etc/extras/parameters.json.xz")))
+    by_name = {item["name"]: item for item in described["parameters"]}
+    assert len(by_name) == 887
+    assert by_name["COM_OF_LOSS_T"]["max"] == 60.0
+
+
+def test_a_burst_brings_the_file_in_order_and_ends():
+    client = Client("arducopter")
+    whole = client.read(b"@PARAM/param.pck")
+    client.ask(4, b"@PARAM/param.pck")
+    content = b""
+    while True:
+        answers = client.ask(15, size=239, offset=len(content))
+        if answers[0][1] == NAK:
+            break
+        assert [sequence for sequence, *_ in answers] == list(range(1, len(answers) + 1))
+        assert [complete for *_, complete, _ in answers] == [0] * (len(answers) - 1) + [1]
+        for _, _, at, _, data in answers:
+            assert at == len(content)
+            content += data
+    assert content == whole
+
+
+def test_a_crc_is_that_of_the_file(client):
+    path = b"/etc/extras/parameters.json.xz" if client.vehicle.flavour == "px4" else b"@MISSION/mission.dat"
+    content = client.read(path)
+    crc = 0
+    for byte in content:  # reflected CRC-32 without inversions
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xEDB88320 if crc & 1 else 0)
+    ((_, code, _, _, data),) = client.ask(14, path)
+    assert (code, struct.unpack("<I", data)) == (ACK, (crc,))
