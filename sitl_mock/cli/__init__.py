@@ -5,6 +5,7 @@ import sys
 import typer
 
 from sitl_mock.cli.calibrate import calibrate
+from sitl_mock.cli.compare import compare
 from sitl_mock.cli.list import list_
 from sitl_mock.cli.modes import modes
 from sitl_mock.cli.run import run
@@ -19,6 +20,7 @@ app.command()(run)
 app.command("list")(list_)
 app.command()(modes)
 app.command()(calibrate)
+app.command()(compare)
 
 
 @app.callback()

@@ -236,7 +236,8 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
         waiting = []
         for frame in out:
             message = mavlink.MAVLink(None).decode(bytearray(frame))
-            if message.get_type() == "MISSION_REQUEST_INT" and message.target_system == 255:
+            asked = message.get_type() in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}
+            if asked and message.target_system == 255:
                 latitude, longitude = corners[message.seq]
                 place = round(latitude * 1e7), round(longitude * 1e7)
                 answer = mavlink.MAVLink_mission_item_int_message(

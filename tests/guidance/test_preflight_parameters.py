@@ -165,7 +165,7 @@ def test_no_value_whatever_breaks_the_report_and_advice_that_is_followed_passes(
 
 @pytest.mark.parametrize(
     ("autopilot", "refused"),
-    [("px4", ["GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"]), ("arducopter", ["GUID_TIMEOUT", "FENCE_ENABLE"])],
+    [("px4", ["GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"]), ("arducopter", ["GUID_TIMEOUT", "FENCE_ENABLE", "FENCE_RADIUS"])],
 )
 def test_the_autopilots_defaults_are_refused_for_these_reasons_only(autopilot, refused):
     mock = MockVehicle(autopilot, noise=False)

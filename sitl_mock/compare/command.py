@@ -1,0 +1,91 @@
+"""What `sitl-mock compare` does, from a file's path to the exit code."""
+
+import json
+from pathlib import Path
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from sitl_mock.compare.behaviour import Behaviour, behaviour_of
+from sitl_mock.compare.difference import Difference, differences, span
+from sitl_mock.compare.flight import fly_recording
+from sitl_mock.compare.tlog import Recording, read_tlog
+
+
+def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
+    """Compare a recording with the mock, print the result, and give the exit code: 0 alike, 1 different.
+
+    Raises:
+        ConfigError: The file is no tlog of a vehicle that the mock knows.
+    """
+    recording = read_tlog(file)
+    recorded, mock = behaviour_of(recording.said), behaviour_of(fly_recording(recording))
+    found = differences(recorded, mock)
+    if as_json:
+        typer.echo(json.dumps(_plain(recording, recorded, mock, found), indent=1))
+    else:
+        console = Console()
+        console.print(_streams(recording, recorded, mock))
+        if ranges:
+            console.print(_ranges(recorded, mock))
+        console.print(_differences(found) if found else "No difference.")
+    return 1 if found else 0
+
+
+def _streams(recording: Recording, recorded: Behaviour, mock: Behaviour) -> Table:
+    table = Table(title=f"{recording.flavour}, {recording.end_s:.0f} s: messages")
+    for column in ("message", "recorded", "Hz", "mock", "Hz"):
+        table.add_column(column, justify="left" if column == "message" else "right")
+    for name in sorted({*recorded, *mock}):
+        cells = []
+        for stream in (recorded.get(name), mock.get(name)):
+            cells += ["-", "-"] if stream is None else [str(stream.count), f"{stream.rate_hz:.2f}"]
+        table.add_row(name, *cells)
+    return table
+
+
+def _ranges(recorded: Behaviour, mock: Behaviour) -> Table:
+    table = Table(title="values")
+    for column in ("message", "field", "phase", "recorded", "mock"):
+        table.add_column(column)
+    for name in sorted(recorded.keys() & mock.keys()):
+        for phase, fields in recorded[name].fields.items():
+            for label, values in fields.items():
+                other = mock[name].fields.get(phase, {}).get(label)
+                table.add_row(name, label, phase, span(values), "-" if other is None else span(other))
+    return table
+
+
+def _differences(found: list[Difference]) -> Table:
+    table = Table(title=f"{len(found)} differences")
+    for column in ("what", "message", "field", "recorded", "mock"):
+        table.add_column(column)
+    for each in found:
+        table.add_row(*each)
+    return table
+
+
+def _plain(recording: Recording, recorded: Behaviour, mock: Behaviour, found: list[Difference]) -> dict[str, object]:
+    return {
+        "flavour": recording.flavour,
+        "duration_s": round(recording.end_s, 3),
+        "messages": {
+            name: {
+                side: {"count": stream.count, "rate_hz": round(stream.rate_hz, 3)}
+                for side, stream in (("recorded", recorded.get(name)), ("mock", mock.get(name)))
+                if stream is not None
+            }
+            for name in sorted({*recorded, *mock})
+        },
+        "fields": {
+            name: {
+                f"{label} ({phase})": [span(values), span(mock[name].fields[phase][label])]
+                for phase, fields in recorded[name].fields.items()
+                for label, values in fields.items()
+                if label in mock[name].fields.get(phase, {})
+            }
+            for name in sorted(recorded.keys() & mock.keys())
+        },
+        "differences": [each._asdict() for each in found],
+    }
