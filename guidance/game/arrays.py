@@ -135,6 +135,8 @@ def root(xp: Library, square: Array) -> Array:
     """Return a square root; at zero with a derivative that is finite, in the libraries that differentiate."""
     if xp is np or xp is FLOATS:
         return xp.sqrt(square)
+    if isinstance(square, float):
+        return math.sqrt(square)
     some = square > 0
     return select(xp, some, xp.sqrt(select(xp, some, square, 1.0)), square)
 

@@ -21,6 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from array_api_compat import array_namespace
+
 from guidance.game.arrays import (
     FLOATS,
     Array,
@@ -56,7 +58,7 @@ MORE_STEPS = 80
 DISC_STEPS = 5
 """Rounds that find the best point of the stand-off disc from anywhere."""
 
-TRACED_STEPS = 16
+TRACED_STEPS = 12
 """As many for the libraries that cannot ask a row how far it is."""
 
 FAN = tuple(index / 8.0 - 1.0 for index in range(17))
@@ -273,7 +275,7 @@ def _best_of_fan(xp: Library, game: Game, hunt: Hunt, start: Aim, old: bool | Ar
     best, least = start, None
     for s in FAN:
         aim = Aim(s + 0.0 * start.s, start.disc)
-        aim, way = _settled(xp, game, hunt, aim)
+        aim, way = _settled(xp, game, hunt, aim, DISC_STEPS)
         left = dot2(way.left, way.left)
         better = old if least is None else old & (left < least)
         least = left if least is None else select(xp, better, left, least)
@@ -283,10 +285,10 @@ def _best_of_fan(xp: Library, game: Game, hunt: Hunt, start: Aim, old: bool | Ar
 
 def _bracket(xp: Library, game: Game, hunt: Hunt, start: Aim, reach: Real, steps: int) -> Aim:
     """Find the heading by Newton's method within a bracket, which a step that would leave it halves instead."""
-    aim, before, done = start, 2.0, start.s != start.s
+    aim, before, done, ends = start, 2.0, start.s != start.s, xp is np or xp is FLOATS
     low, high = _bounded(xp, start.s - reach), _bounded(xp, start.s + reach)
     for _ in range(steps):
-        _, way = _settled(xp, game, hunt, aim)
+        _, way = _settled(xp, game, hunt, aim, DISC_STEPS if ends else 2)
         turn, slope, sound = _judge(hunt, way, game.target_velocity_m_s)
         done = done | (sound & (slope == 0))
         falls = slope < 0
@@ -298,14 +300,14 @@ def _bracket(xp: Library, game: Game, hunt: Hunt, start: Aim, reach: Real, steps
         before = abs(new - aim.s)
         aim = Aim(new, select2(xp, done, aim.disc, way.to))
         done = done | near
-        if (xp is FLOATS and done) or (xp is np and np.all(done)):
+        if ends and np.all(done):
             break
     return aim
 
 
-def _settled(xp: Library, game: Game, hunt: Hunt, aim: Aim) -> tuple[Aim, Way]:
+def _settled(xp: Library, game: Game, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
     """Follow a heading until the best point of the stand-off disc is found, too, and the slope is that of the edge."""
-    for _ in range(1 if is_zero(hunt.radius) else DISC_STEPS):
+    for _ in range(1 if is_zero(hunt.radius) else rounds):
         way = _follow(xp, game, hunt, aim, held=True)
         aim = _turned(way, aim.s)
     return aim, way
@@ -392,7 +394,7 @@ def _bounded(xp: Library, s: Array) -> Array:
 
 def _close(turn: Array) -> Real:
     """Return a step, rad, after which none is needed: the next would be its square."""
-    return float(np.finfo(getattr(turn, "dtype", np.float64)).eps) ** 0.5
+    return 1e-8 if isinstance(turn, float) else array_namespace(turn).finfo(turn.dtype).eps ** 0.5
 
 
 def _rows(value: Any, mask: Array) -> Any:  # noqa: ANN401 - a record of numbers and arrays

@@ -33,6 +33,7 @@ from guidance.game.game import (
     Winner,
     for_rows,
     guaranteed_age_s,
+    horizontal_speed,
     is_array,
     is_finite,
     is_zero,
@@ -114,6 +115,8 @@ def solve(
     varying = [value for value in parameters(game).values() if is_array(value)] if game.varies else []
     xp, given = vectors(given, varying)
     shape = leading_shape(game, given)
+    if out is not None and out.value.shape != shape:
+        raise ConfigError(f"out: its leading shape is {tuple(out.value.shape)}; must be that of the states, {shape}")
     if not is_numpy(xp):
         return _solve(xp, game, shape, given, None)
     if shape == ():
@@ -212,13 +215,15 @@ def _play(xp: Library, game: Game, given: dict[str, Array]) -> Play:
 
 def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Array:
     """Return 0, or the reason why a row can have no answer."""
-    answered = (play.value, play.time, *play.meeting, *play.pursuer, *play.evader)
-    total: Real = sum(answered) if "target" not in given else sum(answered, start=play.margin)
-    fault = select(xp, total - total == 0, int(Reason.SOLVED), int(Reason.OVERFLOW))
-    total = 0.0
-    for array in given.values():
-        total = total + 0.0 * (component(array, 0) + 0.0 * component(array, 1) + 0.0 * component(array, 2))
-    fault = select(xp, total == 0, fault, int(Reason.NOT_FINITE))
+    answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
+    if "target" in given:
+        answered = answered + play.margin
+    total = answered + _largest_square(game, given)
+    sound = total - total == 0
+    fault = int(Reason.SOLVED)
+    if not (xp is np or xp is FLOATS) or not _all(sound):
+        nought = sum(0.0 * component(array, index) for array in given.values() for index in range(3))
+        fault = select(xp, sound, fault, select(xp, nought == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     if not game.varies:
         return fault
     fault = select(xp, speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
@@ -226,6 +231,23 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Arra
         allowed = (value >= 0 if name in ZERO_ALLOWED else value > 0) & (value - value == 0)
         fault = select(xp, allowed, fault, int(Reason.OUT_OF_RANGE))
     return fault
+
+
+def _largest_square(game: Game, given: dict[str, Array]) -> Real:
+    """Return more than any square that the kernels take: where it is infinite, theirs may have been."""
+    sizes: Real = 0.0
+    for array in given.values():
+        for index in range(3):
+            part = component(array, index)
+            sizes = sizes + part * part
+    standoff, u = game.standoff, horizontal_speed(game.pursuer)
+    length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
+    square = u * u
+    return (sizes + length * length) * square * square
+
+
+def _all(sound: Array) -> bool:
+    return sound if isinstance(sound, bool) else bool(sound.all())
 
 
 def _refuse(fault: int, given: dict[str, Array]) -> None:
@@ -255,8 +277,6 @@ def _put_together(
             codes(xp, shape, like, reason),
         )
     out = out or _empty(shape, like)
-    if out.value.shape != shape:
-        raise ConfigError(f"out: its leading shape is {out.value.shape}; must be that of the states, {shape}")
     parts = (winner, play.value, play.margin, play.meeting, play.time, play.pursuer, play.evader, reason)
     for field, part in zip(out, parts, strict=True):
         if isinstance(part, tuple):

@@ -238,6 +238,30 @@ def test_a_cylinder_holds_what_it_has_met_to_a_nanometre_and_no_more():
         np.testing.assert_allclose(above.pursuer_velocity_m_s, (-2.0, 0, -0.5 * fraction), atol=1e-12)
 
 
+@pytest.mark.parametrize("age", [0.0, 0.5])
+def test_a_cylinder_over_its_disc_holds_in_tad_as_in_pe(age):
+    """A tick at a time, the evader weaving: what is met is kept, without a command that jumps to full speed and back."""
+    game = Game(Cylinder(12.0, 3.0, 1.5), 3.0, standoff=StandOff(4.0, 5.0), capture_radius_m=0.2, information_age_s=age)
+    step, run = 0.02, at(3.0, 0, 0)
+    for target in (None, at(300, 100, 0)):
+        P, E = at(1.0, 0.5, 50.0), ORIGIN
+        for tick in range(1200):
+            solution = solve(game, P, E, target, evader_velocity_m_s=run)
+            assert np.hypot(*solution.pursuer_velocity_m_s[:2]) <= 3.0 + 1e-9
+            assert solution.winner == Winner.PURSUER
+            angle = 0.5 * math.sin(0.01 * tick)
+            run = at(3.0 * math.cos(angle), 3.0 * math.sin(angle), 0)
+            P, E = P + step * solution.pursuer_velocity_m_s, E + step * run
+
+
+def test_a_pursuer_over_a_guarded_target_waits_there_whatever_it_sees():
+    for speeds in (Ball(2.0), Cylinder(2.0, 0.7, 0.5)):
+        game = Game(speeds, 1.0, standoff=StandOff(3.0, 5.0))
+        waits = solve(game, at(0, 0, 40), at(6, 0, 0), ORIGIN, evader_velocity_m_s=at(-1, 0, 0))
+        assert waits.winner == Winner.EVADER
+        np.testing.assert_array_equal(waits.pursuer_velocity_m_s[:2], 0.0)
+
+
 def test_all_three_on_one_line_in_space_no_velocity_is_beyond_its_bound():
     """P is where E can be by now, or a rounding error beside it: what that leaves of a direction is noise."""
     rng = np.random.default_rng(6)

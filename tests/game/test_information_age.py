@@ -1,0 +1,124 @@
+"""Old information: how old it may be for the value to be guaranteed, and what becomes of the promise beyond.
+
+The evader is seen as it was; both play from there in small steps, and the value is held against what happens.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, guaranteed_age_s, solve
+
+STEP_S = 0.02
+DISC = StandOff(3.0, 2.0)
+
+
+def played(game, P, E, T, run, limit_s, touch_m=0.1):
+    """Play `solve` on what was seen against a run, a velocity of (t, P, E); return when and where E is captured."""
+    delay = round(game.information_age_s / STEP_S)
+    path, t = [np.array(E)] * (delay + 1), 0.0
+    lengths = game.standoff.radius_m, game.standoff.height_m, game.capture_radius_m
+    while t < limit_s:
+        beside = max(np.hypot(*(P - E)[:2]) - lengths[0], 0.0)
+        above = abs(P[2] - lengths[1])
+        out = np.hypot(beside, above) if isinstance(game.pursuer, Ball) else max(beside, above)
+        if out <= lengths[2] + touch_m:
+            return t, E
+        if T is not None and np.linalg.norm(E - T) <= game.evader_speed_m_s * STEP_S:
+            return np.inf, E
+        solution = solve(game, P, path[-delay - 1], T)
+        P, E = P + STEP_S * solution.pursuer_velocity_m_s, E + STEP_S * np.array(run(t, P, E))
+        path.append(E)
+        t += STEP_S
+    return np.inf, E
+
+
+@pytest.mark.parametrize(
+    ("game", "age"),
+    [
+        (Game(Ball(2.0), 1.5, 1.0, DISC), 3.0 / 1.5 + 1.0 / 2.0),
+        (Game(Ball(2.0), 1.5), 0.0),
+        (Game(Cylinder(2.0, 9.0, 9.0), 1.5, 1.0, DISC), 4.0 / 1.5),
+        (Game(Ball(2.0), 1.5, 1.0, evader_space="space"), 1.0 / 1.5),
+        (Game(Ball(2.0), 1.5, 1.0, DISC, wind_m_s=(0.1, 0.2), target_velocity_m_s=(0.3, 0.0)), 2.5),
+    ],
+)
+def test_the_guaranteed_age_is_where_the_evaders_spread_has_just_filled_the_reach(game, age):
+    assert guaranteed_age_s(game) == pytest.approx(age, rel=1e-15)
+    P, E, T = np.array([-15.0, 1.0, 9.0]), np.zeros(3), np.array([20.0, 3.0, 0.0])
+    for share, reason in ((0.0, Reason.SOLVED), (1.0, Reason.SOLVED), (1.0 + 1e-12, Reason.TOO_OLD)):
+        old = Game(
+            game.pursuer,
+            game.evader_speed_m_s,
+            game.capture_radius_m,
+            game.standoff,
+            share * guaranteed_age_s(game) if age else (share > 1.0) * 1e-9,
+            game.wind_m_s,
+            game.target_velocity_m_s,
+            game.evader_space,
+        )
+        for target in (None, T):
+            assert solve(old, P, E, target).reason == reason
+
+
+def test_rows_too_old_say_so_and_facts_of_the_moment_stay():
+    age = np.array([0.0, 1.0, 1.5, 3.0])
+    game = Game(Ball(2.0), 2.0 - 1e-9, standoff=StandOff(3.0, 0.0), information_age_s=age)
+    rows = np.tile([9.0, 0.0, 0.0], (4, 1)), np.zeros((4, 3))
+    assert solve(game, *rows).reason.tolist() == [Reason.SOLVED] * 3 + [Reason.TOO_OLD]
+    lens = Game(Ball(2.0), 1.0, 1.0, StandOff(1.0, 0.0), 1.8)
+    assert guaranteed_age_s(lens) < 1.8
+    for target in (None, np.array([9.0, 0.0, 0.0])):
+        assert solve(lens, np.zeros(3), np.zeros(3), target).reason == Reason.CAPTURED
+    assert solve(lens, np.array([9.0, 9.0, 0.0]), np.zeros(3), np.zeros(3)).reason == Reason.ARRIVED
+    assert solve(lens, np.array([0.0, 0.0, 20.0]), np.zeros(3)).reason == Reason.TOO_OLD
+    old = Game(Ball(2.0), 1.0, information_age_s=1.0)
+    assert solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).margin_s == 0.0
+    assert solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).reason == Reason.TOO_OLD
+
+
+def test_right_above_the_evader_a_second_is_young_enough_for_a_metre_and_two_are_not():
+    """What two seconds promise, 11.90 s, an evader that just runs makes a chase without end of."""
+    P, E = np.array([1e-6, 0.0, 20.0]), np.zeros(3)
+    young, old = (Game(Ball(2.0), 1.0, standoff=StandOff(1.0, 0.0), information_age_s=age) for age in (1.0, 2.0))
+    value = float(solve(young, P, E).value)
+    for run in ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
+        time, _ = played(young, P, E, None, lambda t, P, E, run=run: run, 3.0 * value)
+        assert time <= value + 0.1
+    promise = solve(old, P, E)
+    assert (promise.reason, round(float(promise.value), 2)) == (Reason.TOO_OLD, 11.90)
+    time, _ = played(old, P, E, None, lambda t, P, E: (-1.0, 0.0, 0.0), 5.0 * float(promise.value))
+    assert time == np.inf
+
+
+def test_beyond_the_guarantee_an_evader_reaches_the_target_that_the_value_keeps_it_from():
+    """The value promises 55.80 m, and the evader runs straight at its target, through where the pursuer looks for it."""
+    P, E, T = np.array([12.0, 1e-6, 0.0]), np.zeros(3), np.array([60.0, 0.0, 0.0])
+    old = Game(Ball(2.0), 1.0, information_age_s=0.3)
+    promise = solve(old, P, E, T)
+    assert (promise.reason, promise.winner, round(float(promise.value), 2)) == (Reason.TOO_OLD, Winner.PURSUER, 55.80)
+    _, end = played(old, P, E, T, lambda t, P, E: (1.0, 0.0, 0.0), 70.0, touch_m=0.0)
+    assert np.linalg.norm(end - T) < 0.03
+
+
+@pytest.mark.parametrize("speeds", [Ball(2.0), Cylinder(2.0, 1.0, 1.0)])
+@settings(max_examples=1, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_at_the_guaranteed_age_no_evader_beats_the_value(speeds, seed):
+    rng = np.random.default_rng(seed)
+    game = Game(speeds, 1.0, standoff=DISC, information_age_s=3.0)
+    P, E, T = np.array([*rng.uniform(-6.0, 6.0, 2), 6.0]), np.zeros(3), np.array([*rng.uniform(-9.0, 9.0, 2), 0.0])
+    turns = rng.uniform(0.0, 6.3, 400)
+    runs = {
+        "straight": lambda t, P, E: (np.cos(turns[0]), np.sin(turns[0]), 0.0),
+        "turning": lambda t, P, E: (np.cos(turns[int(t)]), np.sin(turns[int(t)]), 0.0),
+        "away": lambda t, P, E: (E - P) * [1.0, 1.0, 0.0] / max(np.hypot(*(E - P)[:2]), 1e-9),
+    }
+    chase = float(solve(game, P, E).value)
+    race = solve(game, P, E, T)
+    for run in runs.values():
+        assert played(game, P, E, None, run, chase + 1.0)[0] <= chase + 0.2
+        if race.winner > 0:
+            _, end = played(game, P, E, T, run, 60.0)
+            assert np.linalg.norm(end - T) >= float(race.value) - 0.2
