@@ -29,7 +29,7 @@ def solve(
     capture_radius: Annotated[float, typer.Option(help="Distance from the disc that counts as capture, m.")] = 0.0,
     information_age: Annotated[float, typer.Option(help="Age of the evader's position, s.")] = 0.0,
     wind: Annotated[str, typer.Option(help="Velocity x,y of the air, m/s.")] = "0,0",
-    target_velocity: Annotated[str, typer.Option(help="Velocity x,y of the target, m/s (a heuristic).")] = "0,0",
+    target_velocity: Annotated[str, typer.Option(help="Velocity x,y of the target, m/s, which it keeps.")] = "0,0",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
     states: Annotated[Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")] = None,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the answers to --states.")] = None,
@@ -39,7 +39,7 @@ def solve(
 
     A file has the columns pursuer_x_m, pursuer_y_m, pursuer_z_m, evader_x_m and evader_y_m, for the TAD game target_x_m
     and target_y_m as well, and may have speed_ratio. The answers are appended as columns; a row without an answer has
-    NaN and its reason.
+    NaN and its reason, also where a cell should be a number and is not.
 
     Examples:
         guidance solve --pursuer 8,1.42,9.41 --evader 7.92,9.6 --speed-ratio 2

@@ -1,12 +1,17 @@
-"""The states of a CSV or Parquet file, solved and written chunk by chunk: memory holds one chunk, not the file."""
+"""The states of a CSV or Parquet file, solved and written chunk by chunk: memory holds one chunk, not the file.
+
+A cell that should be a number and is not costs its own row, whose reason says NOT_A_NUMBER, and is named at the end.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
 from pyarrow import csv, parquet
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
@@ -19,6 +24,17 @@ EVADER = ("evader_x_m", "evader_y_m")
 TARGET = ("target_x_m", "target_y_m")
 RATIO = "speed_ratio"
 KINDS = (".csv", ".parquet")
+NOT_A_NUMBER = "NOT_A_NUMBER"
+SHOWN = 5
+"""Cells without a number that are named."""
+
+
+class Cell(NamedTuple):
+    """A cell that should hold a number: its row, counted from 1, its column and what it holds."""
+
+    row: int
+    column: str
+    text: str
 
 
 def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_given: bool) -> None:
@@ -32,8 +48,8 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
         ratio_given: whether the game's own speed ratio was asked for, rather than left to the column.
 
     Raises:
-        ConfigError: a file is missing or neither CSV nor Parquet, a column is missing or holds something other than
-            numbers, or the speed ratio is given twice or not at all.
+        ConfigError: a file is missing or neither CSV nor Parquet, a column is missing, can hold no numbers or has the
+            name of an answer, or the speed ratio is given twice or not at all.
     """
     if out is None or out.suffix not in KINDS:
         raise ConfigError(f"--out = {out}: must name a file that ends in {' or '.join(KINDS)}, for the answers")
@@ -42,12 +58,17 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
     if states.resolve() == out.resolve():
         raise ConfigError(f"--out = {out}: must not be the file of the states")
     writer: Any = None
-    bar = Progress(BarColumn(), DownloadColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    strange: list[Cell] = []
+    done, console = 0, Console(stderr=True)
+    bar = Progress(BarColumn(), DownloadColumn(), TimeRemainingColumn(), console=console, transient=True)
     try:
         with states.open("rb") as source, bar:
             task = bar.add_task("solving", total=states.stat().st_size)
             for chunk in _chunks(source, states, rows):
-                answered = _answered(game, chunk, ratio_given=ratio_given)
+                numbers, cells = _with_numbers(chunk, first_row=done + 1)
+                strange += cells
+                answered = _answered(game, numbers, {cell.row - done - 1 for cell in cells}, ratio_given=ratio_given)
+                done += chunk.num_rows
                 writer = writer or _writer(out, answered.schema)
                 writer.write_table(answered)
                 bar.update(task, completed=source.tell())
@@ -56,13 +77,19 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
     finally:
         if writer is not None:
             writer.close()
+    if strange:
+        shown = "; ".join(f"row {cell.row}, {cell.column} = {cell.text!r}" for cell in strange[:SHOWN])
+        more = f"; and {len(strange) - SHOWN} more" if len(strange) > SHOWN else ""
+        rows_lost = len({cell.row for cell in strange})
+        console.print(f"{states}: {rows_lost} of {done} rows have no answer, for want of a number: {shown}{more}")
 
 
 def _chunks(source: Any, path: Path, rows: int) -> Iterator[pa.Table]:  # noqa: ANN401 - a binary file
     """Read a file piece by piece, no piece longer than `rows`; one without rows gives one empty piece."""
     if path.suffix == ".csv":
-        numbers = dict.fromkeys((*PURSUER, *EVADER, *TARGET, RATIO), pa.float64())
-        reader: Any = csv.open_csv(source, convert_options=csv.ConvertOptions(column_types=numbers))
+        words = dict.fromkeys((*PURSUER, *EVADER, *TARGET, RATIO), pa.string())
+        options = csv.ConvertOptions(column_types=words, strings_can_be_null=True)
+        reader: Any = csv.open_csv(source, convert_options=options)
         schema = reader.schema
     else:
         file = parquet.ParquetFile(source)
@@ -81,8 +108,39 @@ def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWrit
     return csv.CSVWriter(out, schema) if out.suffix == ".csv" else parquet.ParquetWriter(out, schema)
 
 
-def _answered(game: Game, chunk: pa.Table, *, ratio_given: bool) -> pa.Table:
-    """Append the answers to a chunk of states."""
+def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
+    """Make numbers of the words in the columns of a state; where that cannot be, the cell is empty and is returned."""
+    strange = []
+    for name in (*PURSUER, *EVADER, *TARGET, RATIO):
+        place = chunk.schema.get_field_index(name)
+        if place < 0 or not (
+            pa.types.is_string(chunk.column(place).type) or pa.types.is_null(chunk.column(place).type)
+        ):
+            continue
+        words = pc.utf8_trim_whitespace(chunk.column(place).cast(pa.string()))
+        try:
+            numbers = words.cast(pa.float64())
+        except pa.ArrowInvalid:
+            cells = [_number(word) for word in words.to_pylist()]
+            strange += [
+                Cell(first_row + index, name, word)
+                for index, (word, number) in enumerate(zip(words.to_pylist(), cells, strict=True))
+                if word is not None and number is None
+            ]
+            numbers = pa.array(cells, pa.float64())
+        chunk = chunk.set_column(place, name, numbers)
+    return chunk, sorted(strange)
+
+
+def _number(word: str | None) -> float | None:
+    try:
+        return None if word is None else float(word)
+    except ValueError:
+        return None
+
+
+def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool) -> pa.Table:
+    """Append the answers to a chunk of states; the rows of `lost` have a cell without a number."""
     names = set(chunk.column_names)
     if RATIO in names and (ratio_given or not isinstance(game.pursuer, Ball)):
         raise ConfigError(f"--speed-ratio, --cylinder: must not be given, since the file has the column {RATIO}")
@@ -94,14 +152,22 @@ def _answered(game: Game, chunk: pa.Table, *, ratio_given: bool) -> pa.Table:
     answer = solve(
         game, _places(chunk, PURSUER), _places(chunk, EVADER), _places(chunk, TARGET) if with_target else None
     )
-    for name, column in _columns(answer).items():
+    columns = _columns(answer)
+    taken = names & set(columns)
+    if taken and taken != set(columns):
+        raise ConfigError(
+            f"--states: the column {min(taken)} has the name of an answer, and would be lost: rename it (only a whole "
+            "earlier answer is replaced)"
+        )
+    columns["reason"] = [NOT_A_NUMBER if row in lost else said for row, said in enumerate(columns["reason"])]
+    for name, column in columns.items():
         if name in names:
             chunk = chunk.drop_columns([name])
         chunk = chunk.append_column(name, pa.array(column))
     return chunk
 
 
-def _places(chunk: pa.Table, names: tuple[str, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _places(chunk: pa.Table, names: tuple[str, ...]) -> NDArray[np.float64]:
     """Return positions (n, 3) from columns; z is 0 where there is no column for it."""
     places = np.zeros((chunk.num_rows, 3))
     for axis, name in enumerate(names):
@@ -109,14 +175,14 @@ def _places(chunk: pa.Table, names: tuple[str, ...]) -> np.ndarray[Any, np.dtype
     return places
 
 
-def _column(chunk: pa.Table, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _column(chunk: pa.Table, name: str) -> NDArray[np.float64]:
     """Return a column of numbers, NaN where a cell is empty."""
     if name not in chunk.column_names:
         raise ConfigError(f"--states: the column {name} is missing; it has {', '.join(chunk.column_names)}")
     column = chunk.column(name)
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
         raise ConfigError(f"--states: the column {name} holds {column.type}; it must hold numbers")
-    numbers: np.ndarray[Any, np.dtype[np.float64]] = column.cast(pa.float64()).to_numpy()
+    numbers: NDArray[np.float64] = column.cast(pa.float64()).to_numpy()
     return numbers
 
 

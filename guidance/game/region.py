@@ -20,7 +20,6 @@ lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E)), so |s
 from typing import Any, NamedTuple
 
 import numpy as np
-
 from array_api_compat import array_namespace
 
 from guidance.game.arrays import (

@@ -4,8 +4,8 @@ The evader is seen as it was some time ago, where it was and how it ran. Beyond 
 value of `solve`, so the laws are compared by what they lose: each plays, from many starts, every evader of a family
 (straight on any heading, weaving at several periods, turning away or back at whatever the pursuer does, straight to the
 target), and the worst of them counts. Printed, for ages in units of the guaranteed one: what that costs more than
-up-to-date play is worth, in seconds to the capture (PE; play ends after twice that and a quarter of a minute more) or in
-metres of the final distance to the target (TAD).
+up-to-date play is worth, in seconds to the capture (PE; play ends after twice that and a quarter of a minute more) or
+in metres of the final distance to the target (TAD).
 """
 
 import argparse

@@ -240,7 +240,7 @@ def test_a_cylinder_holds_what_it_has_met_to_a_nanometre_and_no_more():
 
 @pytest.mark.parametrize("age", [0.0, 0.5])
 def test_a_cylinder_over_its_disc_holds_in_tad_as_in_pe(age):
-    """A tick at a time, the evader weaving: what is met is kept, without a command that jumps to full speed and back."""
+    """A tick at a time, the evader weaving: what is met is kept; no command jumps to full speed and back."""
     game = Game(Cylinder(12.0, 3.0, 1.5), 3.0, standoff=StandOff(4.0, 5.0), capture_radius_m=0.2, information_age_s=age)
     step, run = 0.02, at(3.0, 0, 0)
     for target in (None, at(300, 100, 0)):

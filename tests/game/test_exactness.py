@@ -1,4 +1,4 @@
-"""To the last digits: against the definitions in sixty digits, where the closed forms lose theirs if written carelessly."""
+"""To the last digits: against the definitions in sixty digits, where formulas written carelessly lose theirs."""
 
 from decimal import Decimal, localcontext
 

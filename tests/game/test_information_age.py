@@ -93,7 +93,7 @@ def test_right_above_the_evader_a_second_is_young_enough_for_a_metre_and_two_are
 
 
 def test_beyond_the_guarantee_an_evader_reaches_the_target_that_the_value_keeps_it_from():
-    """The value promises 55.80 m, and the evader runs straight at its target, through where the pursuer looks for it."""
+    """The value promises 55.80 m, and the evader runs straight at its target, past where the pursuer looks for it."""
     P, E, T = np.array([12.0, 1e-6, 0.0]), np.zeros(3), np.array([60.0, 0.0, 0.0])
     old = Game(Ball(2.0), 1.0, information_age_s=0.3)
     promise = solve(old, P, E, T)

@@ -30,7 +30,7 @@ from guidance.strategies.navigation import lead_pursuit, proportional_navigation
 PAPER = Game(Ball(2.0), 1.0)
 WHOLE = ([3, 4, 10], [0, 0, 0], [30, 1, 0])
 KINDS = {
-    "int": lambda values: np.array(values),
+    "int": np.array,
     "int8": lambda values: np.array(values, dtype=np.int8),
     "unsigned": lambda values: np.array(values, dtype=np.uint64),
     "list": list,

@@ -110,6 +110,52 @@ def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
     assert value[4] == pytest.approx(float(single.value))
 
 
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+@pytest.mark.parametrize("chunk", [2, 65536])
+def test_a_cell_without_a_number_costs_its_own_row_and_is_named(tmp_path, kind, chunk):
+    states, out = tmp_path / f"states.{kind}", tmp_path / f"answers.{kind}"
+    rows = [
+        ["8", "1", "9", "7", "9", "a"],
+        ["8", "1", "nine", "7", "9", "b"],
+        ["8", " 1.0 ", "9e0", "7", "9", "c"],
+        ["8", "1", "9", None, "9", "d"],
+        ["x", "1", "9", "y", "9", "e"],
+        ["1e200", "1", "9", "7", "9", "f"],
+    ]
+    names = [*PLACES, "note"]
+    if kind == "csv":
+        lines = [",".join(names), *(",".join("" if cell is None else cell for cell in row) for row in rows)]
+        states.write_text("\n".join(lines) + "\n")
+    else:
+        columns = zip(*rows, strict=True)
+        parquet.write_table(pa.table({name: list(column) for name, column in zip(names, columns, strict=True)}), states)
+    result = CliRunner().invoke(
+        app, ["solve", "--states", str(states), "--out", str(out), "--speed-ratio", "2", "--chunk", str(chunk)]
+    )
+    assert result.exit_code == 0, result.output
+    said = " ".join(result.stderr.split())
+    assert "2 of 6 rows have no answer" in said
+    assert "row 2, pursuer_z_m = 'nine'; row 5, evader_x_m = 'y'; row 5, pursuer_x_m = 'x'" in said
+    answers = read(out)
+    assert answers.column("note").to_pylist() == list("abcdef")
+    assert answers.column("reason").to_pylist() == [
+        "SOLVED", "NOT_A_NUMBER", "SOLVED", "NOT_FINITE", "NOT_A_NUMBER", "OVERFLOW",
+    ]  # fmt: skip
+    value = answers.column("value").to_numpy()
+    assert np.isnan(value).tolist() == [False, True, False, True, True, True]
+    assert value[2] == value[0]
+    assert answers.column("pursuer_z_m").to_pylist()[:3] == [9.0, None, 9.0]
+
+
+def test_many_cells_without_a_number_are_counted(tmp_path):
+    states, out = tmp_path / "states.csv", tmp_path / "answers.csv"
+    states.write_text("\n".join([",".join(PLACES), *(f"1,2,3,4,word{index}" for index in range(9))]) + "\n")
+    result = CliRunner().invoke(app, ["solve", "--states", str(states), "--out", str(out), "--speed-ratio", "2"])
+    said = " ".join(result.stderr.split())
+    assert "9 of 9 rows have no answer" in said
+    assert "row 5, evader_y_m = 'word4'; and 4 more" in said
+
+
 def test_answers_solved_again_replace_the_old_ones(tmp_path):
     first, second, third = (tmp_path / f"{name}.parquet" for name in "abc")
     parquet.write_table(table(5, target=False), first)
@@ -157,10 +203,12 @@ def test_wrong_files_and_columns_are_named(tmp_path):
     parquet.write_table(table(3).append_column("speed_ratio", pa.array([2.0, 2.0, 2.0])), ratio)
     short = tmp_path / "short.csv"
     csv.write_csv(table(3).drop_columns(["target_y_m"]), short)
-    words = tmp_path / "words.csv"
-    words.write_text(",".join(PLACES) + "\n1,2,three,4,5\n")
-    texts = tmp_path / "texts.parquet"
-    parquet.write_table(pa.table({name: ["a"] for name in PLACES}), texts)
+    ragged = tmp_path / "ragged.csv"
+    ragged.write_text(",".join(PLACES) + "\n1,2,3,4,5\n1,2,3,4\n")
+    lists = tmp_path / "lists.parquet"
+    parquet.write_table(pa.table({name: [[1.0]] for name in PLACES}), lists)
+    own = tmp_path / "own.csv"
+    csv.write_csv(table(3).append_column("value", pa.array([1.0, 2.0, 3.0])), own)
     given = ["--speed-ratio", "2"]
     for arguments, said in (
         (["--states", tmp_path / "no.csv", "--out", out, *given], "must be an existing file"),
@@ -172,8 +220,12 @@ def test_wrong_files_and_columns_are_named(tmp_path):
         (["--states", ratio, "--out", out, *given], "has the column speed_ratio"),
         (["--states", ratio, "--out", out, "--cylinder", "3,1,1"], "has the column speed_ratio"),
         (["--states", short, "--out", out, *given], "the column target_y_m is missing"),
-        (["--states", words, "--out", out, *given], "cannot be read"),
-        (["--states", texts, "--out", out, *given], "pursuer_x_m holds string"),
+        (
+            ["--states", ragged, "--out", out, *given],
+            "cannot be read: CSV parse error: Expected 5 columns",
+        ),
+        (["--states", lists, "--out", out, *given], "pursuer_x_m holds list"),
+        (["--states", own, "--out", out, *given], "the column value has the name of an answer"),
     ):
         with pytest.raises(ConfigError) as error:
             run(*arguments)
