@@ -14,6 +14,7 @@ from guidance.game.arrays import (
     Real,
     component,
     dot2,
+    is_array,
     norm2,
     root,
     select,
@@ -21,7 +22,7 @@ from guidance.game.arrays import (
     unit2,
     vectors,
 )
-from guidance.game.game import is_array, is_finite
+from guidance.game.game import is_finite
 
 
 class Apollonius(NamedTuple):

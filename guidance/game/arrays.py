@@ -57,6 +57,7 @@ def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Li
     except TypeError:
         kinds = ", ".join(f"{name}: {type(value).__name__}" for name, value in given.items())
         raise ConfigError(f"arrays of different libraries cannot be mixed: {kinds}") from None
+    xp = np if is_numpy(xp) else xp
     taken = {name: _as_array(xp, name, value) for name, value in given.items()}
     wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
     return xp, {name: array if array.dtype == wide else xp.astype(array, wide) for name, array in taken.items()}
@@ -141,13 +142,24 @@ def root(xp: Library, square: Array) -> Array:
     return select(xp, some, xp.sqrt(select(xp, some, square, 1.0)), square)
 
 
+def is_array(value: Real) -> bool:
+    """Say whether a parameter holds one number for each row of a batch."""
+    return type(value) is not float and getattr(value, "shape", ()) != ()
+
+
+def pair_length(pair: Plane) -> Real:
+    """Return the length of a pair of parameters, to the same bits for a number and for rows of it."""
+    square = pair[0] * pair[0] + pair[1] * pair[1]
+    return array_namespace(square).sqrt(square) if is_array(square) else math.sqrt(square)
+
+
 def less_length(u: Real, v: Real, w: Plane) -> Real:
     """Return u − v − ‖w‖ to the last digits of the numbers given, however small it is beside them.
 
     (u − v)² − ‖w‖² over (u − v) + ‖w‖, with every square as a sum of two floats whose second is what the first lost.
     """
     difference = u - v
-    if w == (0.0, 0.0):
+    if not any(is_array(part) for part in w) and w == (0.0, 0.0):
         return difference
     back = u - difference
     lost = (u - (difference + back)) + (back - v)
@@ -155,7 +167,7 @@ def less_length(u: Real, v: Real, w: Plane) -> Real:
     both = b + c
     both_lost = b - (both - (both - b)) + (c - (both - b))
     rest = (a - both) + (a_lost - b_lost - c_lost - both_lost + 2.0 * difference * lost)
-    return rest / (difference + math.hypot(*w))
+    return rest / (difference + pair_length(w))
 
 
 def _square(value: Real) -> tuple[Real, Real]:

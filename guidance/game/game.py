@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Real, as_reals, less_length
+from guidance.game.arrays import Array, Plane, Real, as_reals, is_array, less_length, pair_length
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -67,8 +67,13 @@ def record_hash(record: "DataclassInstance") -> int:
 
 def record_key(record: "DataclassInstance") -> tuple[Any, ...]:
     """Return a record's numbers as something that can be compared and hashed."""
-    values = (getattr(record, part.name) for part in fields(record) if part.init)
-    return tuple((value.shape, (np.asarray(value) + 0.0).tobytes()) if is_array(value) else value for value in values)
+    return tuple(_key(getattr(record, part.name)) for part in fields(record) if part.init)
+
+
+def _key(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
+    if isinstance(value, tuple):
+        return tuple(map(_key, value))
+    return (value.shape, (np.asarray(value) + 0.0).tobytes()) if is_array(value) else value
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +149,7 @@ class Game:
         standoff: the disc (R, h) around the evader; point capture by default.
         information_age_s: age τ of the evader's position, in which it ran on unseen; the pursuer's own is up to date.
             Up to `guaranteed_age_s` the value is guaranteed; beyond, it is open-loop, and `Reason.TOO_OLD` says so.
-        wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader.
+        wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader; of arrays, too.
         target_velocity_m_s: velocity (x, y) of the evader's target. Zero is the paper's game. A constant one is a
             change of frame, in which the target rests and both players drift, so the answer is as exact as without;
             of a target that manoeuvres it is not.
@@ -160,7 +165,7 @@ class Game:
     capture_radius_m: Real = 0.0
     standoff: StandOff = field(default_factory=StandOff)
     information_age_s: Real = 0.0
-    wind_m_s: tuple[float, float] = STILL
+    wind_m_s: Plane = STILL
     target_velocity_m_s: tuple[float, float] = STILL
     evader_space: Literal["plane", "space"] = "plane"
     varies: bool = field(init=False, repr=False)
@@ -172,7 +177,7 @@ class Game:
         _take(self, "evader_speed_m_s")
         _take(self, "capture_radius_m", zero_allowed=True)
         _take(self, "information_age_s", zero_allowed=True)
-        _take_pair(self, "wind_m_s")
+        _take_pair(self, "wind_m_s", rows_allowed=True)
         _take_pair(self, "target_velocity_m_s")
         object.__setattr__(self, "varies", any(is_array(value) for value in parameters(self).values()))
         self._require_speeds()
@@ -234,7 +239,12 @@ def guaranteed_age_s(game: Game) -> Real:
 
 def is_calm(game: Game) -> bool:
     """Say whether there is no wind."""
-    return game.wind_m_s == STILL
+    return is_zero(game.wind_m_s[0]) and is_zero(game.wind_m_s[1])
+
+
+def wind_speed(game: Game) -> Real:
+    """Return the strength of the wind, m/s."""
+    return pair_length(game.wind_m_s)
 
 
 def parameters(game: Game) -> dict[str, Real]:
@@ -245,6 +255,8 @@ def parameters(game: Game) -> dict[str, Real]:
         "information_age_s": game.information_age_s,
         "radius_m": game.standoff.radius_m,
         "height_m": game.standoff.height_m,
+        "wind_x_m_s": game.wind_m_s[0],
+        "wind_y_m_s": game.wind_m_s[1],
     }
     pursuer = game.pursuer
     if isinstance(pursuer, Ball):
@@ -262,7 +274,8 @@ def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
         return game
     pursuer = replace(game.pursuer, **_taken(game.pursuer, rows))
     standoff = replace(game.standoff, **_taken(game.standoff, rows))
-    return replace(game, pursuer=pursuer, standoff=standoff, **_taken(game, rows))
+    wind = tuple(rows(part) if is_array(part) else part for part in game.wind_m_s)
+    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=wind, **_taken(game, rows))
 
 
 def _taken(record: "DataclassInstance", rows: Callable[[Array], Array]) -> dict[str, Real]:
@@ -285,12 +298,14 @@ def _take(record: "DataclassInstance", name: str, *, zero_allowed: bool = False)
         require(name, value, zero_allowed=zero_allowed)
 
 
-def _take_pair(record: "DataclassInstance", name: str) -> None:
-    """Check a velocity in the plane and keep it as two floats."""
+def _take_pair(record: "DataclassInstance", name: str, *, rows_allowed: bool = False) -> None:
+    """Check a velocity in the plane and keep it as two floats, or as rows of them."""
     pair = getattr(record, name)
-    if not isinstance(pair, tuple) or len(pair) != 2 or not all(is_finite(part) for part in pair):
+    rows = rows_allowed and isinstance(pair, tuple) and any(is_array(part) for part in pair)
+    allowed = [(rows and is_array(part)) or is_finite(part) for part in pair] if isinstance(pair, tuple) else []
+    if allowed != [True, True]:
         raise ConfigError(f"{name} = {pair!r}: must be a tuple of two finite numbers (x, y), m/s")
-    object.__setattr__(record, name, (float(pair[0]), float(pair[1])))
+    object.__setattr__(record, name, tuple(as_reals(part) if is_array(part) else float(part) for part in pair))
 
 
 def _float(value: Real) -> Real:
@@ -310,11 +325,6 @@ def is_finite(value: Real) -> bool:
         return math.isfinite(value)
     except (TypeError, OverflowError):
         return False
-
-
-def is_array(value: Real) -> bool:
-    """Say whether a parameter holds one number for each row of a batch."""
-    return type(value) is not float and getattr(value, "shape", ()) != ()
 
 
 def is_zero(value: Real) -> bool:

@@ -22,7 +22,7 @@ from guidance.game.game import (
     is_calm,
     speed_in_hand,
 )
-from guidance.game.reach import NEWTON_STEPS, Play, State, cover_time, head_wind, steer
+from guidance.game.reach import NEWTON_STEPS, Play, State, cover_time, head_wind, is_settled, steer
 
 
 def pursuit(xp: Library, game: Game, state: State) -> Play:
@@ -61,9 +61,13 @@ def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
     if is_calm(game):
         t = cover_time(xp, game, distance + lead, horizontal_speed(game.pursuer) - v, state.z)
     else:
+        least, before = speed_in_hand(game), None
         for _ in range(NEWTON_STEPS):
-            spare = speed_in_hand(game) + head_wind(game, direction)
+            spare = least + head_wind(wind, direction)
             t = cover_time(xp, game, dot2(direction, state.to_evader) + lead, spare, state.z)
+            if is_settled(xp, t, before):
+                break
+            before = t
             away = (state.to_evader[0] - wind[0] * t, state.to_evader[1] - wind[1] * t)
             distance = norm2(xp, away)
             direction = unit2(xp, away, distance)

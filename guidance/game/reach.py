@@ -18,10 +18,12 @@ Fixing the direction at the last estimate bounds it from below, so that the step
 and never pass it: Newton's method on a concave function, quadratic at the end.
 """
 
-import math
 from typing import NamedTuple
 
+import numpy as np
+
 from guidance.game.arrays import (
+    FLOATS,
     Array,
     Library,
     Plane,
@@ -32,13 +34,14 @@ from guidance.game.arrays import (
     dot2,
     larger,
     norm2,
+    pair_length,
     positive_part,
     root,
     select,
     select2,
     unit2,
 )
-from guidance.game.game import Ball, Cylinder, Game, horizontal_speed, is_calm, is_zero, speed_in_hand
+from guidance.game.game import Ball, Cylinder, Game, horizontal_speed, is_calm, is_zero, speed_in_hand, wind_speed
 
 TOUCH_M = 1e-9
 """What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""
@@ -137,13 +140,14 @@ def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Array:
     return select(xp, z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
 
 
-def head_wind(game: Game, n: Plane) -> Real:
-    """Return by how much the wind is kinder to the pursuer, m/s, than if it blew against heading n: ‖w‖ + n·w.
+def head_wind(wind: Plane, n: Plane) -> Real:
+    """Return by how much a wind is kinder to the pursuer, m/s, than if it blew against heading n: ‖w‖ + n·w.
 
     As ‖w‖ ‖n + w/‖w‖‖²/2, which does not cancel where it does.
     """
-    strength = math.hypot(*game.wind_m_s)
-    x, y = n[0] + game.wind_m_s[0] / strength, n[1] + game.wind_m_s[1] / strength
+    strength = pair_length(wind)
+    inverse = 1.0 / (strength + (strength == 0))
+    x, y = n[0] + wind[0] * inverse, n[1] + wind[1] * inverse
     return 0.5 * strength * (x * x + y * y)
 
 
@@ -153,7 +157,7 @@ def least_square_in_hand(game: Game) -> Real:
     Against one that runs along n, u² − ‖v n − w‖², it is 2 v (‖w‖ + n·w) more, see `head_wind`.
     """
     u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
-    return speed_in_hand(game) * (u + v + math.hypot(*game.wind_m_s))
+    return speed_in_hand(game) * (u + v + wind_speed(game))
 
 
 def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Array:
@@ -165,12 +169,20 @@ def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Array:
     u = pursuer.speed_m_s
     if is_zero(radius):
         return catch_in_ball(xp, u, capture, y, m, z)
-    direction = unit2(xp, y, norm2(xp, y))
+    direction, before = unit2(xp, y, norm2(xp, y)), None
     for _ in range(NEWTON_STEPS):
         t = cover_time(xp, game, dot2(direction, y) - radius, u - dot2(direction, m), z)
+        if is_settled(xp, t, before):
+            break
+        before = t
         then = (y[0] + m[0] * t, y[1] + m[1] * t)
         direction = unit2(xp, then, norm2(xp, then))
     return t
+
+
+def is_settled(xp: Library, t: Array, before: Array | None) -> bool:
+    """Say whether another step would change no bit of any row; a library that may be tracing is not asked."""
+    return before is not None and (xp is np or xp is FLOATS) and bool(np.all(t == before))
 
 
 def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Real) -> Array:

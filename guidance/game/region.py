@@ -29,6 +29,7 @@ from guidance.game.arrays import (
     Plane,
     Real,
     dot2,
+    is_array,
     norm2,
     positive_part,
     root,
@@ -42,7 +43,6 @@ from guidance.game.game import (
     Game,
     guaranteed_age_s,
     horizontal_speed,
-    is_array,
     is_calm,
     is_zero,
 )
@@ -87,6 +87,7 @@ class Hunt(NamedTuple):
     """Square of the height above the disc."""
     to_evader: Plane
     to_target: Plane
+    wind: Plane
     ahead: Plane
     """The direction that headings are counted from."""
     met_s: Real
@@ -184,6 +185,7 @@ def _hunt(xp: Library, game: Game, state: State, to_target: Plane, goal: Plane) 
         z2=z2,
         to_evader=state.to_evader,
         to_target=to_target,
+        wind=game.wind_m_s,
         ahead=unit2(xp, goal, norm2(xp, goal)),
         met_s=met_s,
         met_m=met_m,
@@ -198,8 +200,8 @@ def _closest(xp: Library, game: Game, hunt: Hunt, old: bool | Array) -> Edge:
     straight = unit2(xp, met, far)
     rho = hunt.v * hunt.met_s + hunt.lag
     y = (
-        hunt.to_evader[0] + rho * straight[0] - game.wind_m_s[0] * hunt.met_s,
-        hunt.to_evader[1] + rho * straight[1] - game.wind_m_s[1] * hunt.met_s,
+        hunt.to_evader[0] + rho * straight[0] - hunt.wind[0] * hunt.met_s,
+        hunt.to_evader[1] + rho * straight[1] - hunt.wind[1] * hunt.met_s,
     )
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
     aim = _search(xp, game, hunt, old, within)
@@ -246,7 +248,7 @@ def _touch(xp: Library, game: Game, hunt: Hunt) -> Aim:
     way_on = (hunt.to_evader[0] + hunt.to_target[0], hunt.to_evader[1] + hunt.to_target[1])
     disc = unit2(xp, way_on, norm2(xp, way_on))
     way = _follow(xp, game, hunt, Aim(0.0 * way_on[0], disc))
-    u, v, wind, drift = hunt.u, hunt.v, game.wind_m_s, game.target_velocity_m_s
+    u, v, wind, drift = hunt.u, hunt.v, hunt.wind, game.target_velocity_m_s
     near = norm2(xp, way.flown)
     distance = root(xp, near * near + hunt.z2)
     share = hunt.capture / select(xp, distance > 0, distance, 1.0)
@@ -314,14 +316,14 @@ def _settled(xp: Library, game: Game, hunt: Hunt, aim: Aim, rounds: int) -> tupl
 
 def _follow(xp: Library, game: Game, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     """Follow a heading to the capture; with `held` also where the pursuer's height alone decides when that is."""
-    v, wind, drift, s = hunt.v, game.wind_m_s, game.target_velocity_m_s, aim.s
+    v, wind, drift, s = hunt.v, hunt.wind, game.target_velocity_m_s, aim.s
     scale = 1.0 / (1.0 + s * s)
     cosine, sine = (1.0 - s * s) * scale, (s + s) * scale
     n = (cosine * hunt.ahead[0] - sine * hunt.ahead[1], cosine * hunt.ahead[1] + sine * hunt.ahead[0])
     whole = (dot2(hunt.to_evader, n) + hunt.lag, _across(hunt.to_evader, n))
     air, hand = (v, 0.0), hunt.hand
     if not is_calm(game):
-        air, hand = (v - dot2(wind, n), -_across(wind, n)), hand + 2.0 * v * head_wind(game, n)
+        air, hand = (v - dot2(wind, n), -_across(wind, n)), hand + 2.0 * v * head_wind(wind, n)
     flat = is_zero(hunt.radius)
     disc = (0.0, 0.0) if flat else (dot2(aim.disc, n), _across(aim.disc, n))
     y = whole if flat else (whole[0] - hunt.radius * disc[0], whole[1] - hunt.radius * disc[1])

@@ -21,6 +21,7 @@ from guidance.game.arrays import (
     codes,
     component,
     fill,
+    is_array,
     is_numpy,
     pack,
     select,
@@ -34,7 +35,6 @@ from guidance.game.game import (
     for_rows,
     guaranteed_age_s,
     horizontal_speed,
-    is_array,
     is_finite,
     is_zero,
     parameters,
@@ -46,6 +46,7 @@ from guidance.game.space import play_in_space
 from guidance.game.tad import defence
 
 NAN = float("nan")
+SIGNED = ("wind_x_m_s", "wind_y_m_s")
 ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
 
 ROWS = 8192
@@ -228,7 +229,9 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Arra
         return fault
     fault = select(xp, speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
     for name, value in parameters(game).items():
-        allowed = (value >= 0 if name in ZERO_ALLOWED else value > 0) & (value - value == 0)
+        allowed = value - value == 0
+        if name not in SIGNED:
+            allowed = allowed & (value >= 0 if name in ZERO_ALLOWED else value > 0)
         fault = select(xp, allowed, fault, int(Reason.OUT_OF_RANGE))
     return fault
 

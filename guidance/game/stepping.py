@@ -29,7 +29,7 @@ from guidance.game.arrays import (
     root,
     select,
 )
-from guidance.game.game import Ball, Game, horizontal_speed, require
+from guidance.game.game import Ball, Game, horizontal_speed, require, wind_speed
 from guidance.game.reach import TOUCH_M, take_apart, vertical_speed
 
 SHARE = {1: 1.0, 4: 0.5}
@@ -197,7 +197,7 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
     A Cylinder's parts are met a little outside of where its pursuer holds, for it to come there.
     """
     state = take_apart(xp, game, pursuer, evader, None)
-    closing = horizontal_speed(game.pursuer) + game.evader_speed_m_s + math.hypot(*game.wind_m_s)
+    closing = horizontal_speed(game.pursuer) + game.evader_speed_m_s + wind_speed(game)
     capture, turn = game.capture_radius_m, math.inf
     beside = state.distance - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):

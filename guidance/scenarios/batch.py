@@ -36,6 +36,7 @@ class Batch(NamedTuple):
         fence_m: Radius about home, (n,).
         home_m: Where the pursuer takes off, (n, 2).
         limit_s: When a game is over at the latest, (n,).
+        wind_m_s: Of the air, east and north, (n,) each.
         noise: The sensor's.
         pursuer: Strategy, its course (n, …).
         evader: Strategy, its course (n, …).
@@ -53,6 +54,7 @@ class Batch(NamedTuple):
     fence_m: Real
     home_m: Array
     limit_s: Real
+    wind_m_s: tuple[Real, Real]
     noise: Noise
     pursuer: Strategy
     evader: Strategy
@@ -69,7 +71,7 @@ def kind_of(scenario: Scenario) -> Hashable:
     return (
         scenario.game,
         pursuer.speed_set,
-        scenario.wind.velocity_m_s,
+        any(scenario.wind.velocity_m_s),
         scenario.time_limit_s if "random_turns" in (pursuer.policy, evader.policy) else None,
         scenario.evader.believed_speed_m_s == scenario.evader.speed_m_s,
         sensor != PERFECT,
@@ -136,6 +138,7 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
         fence_m=column(lambda each: each.limits.fence_radius_m),
         home_m=np.array([each.home_m for each in scenarios]),
         limit_s=column(lambda each: each.time_limit_s),
+        wind_m_s=(column(lambda each: each.wind.velocity_m_s[0]), column(lambda each: each.wind.velocity_m_s[1])),
         noise=Noise(
             seed,
             column(lambda each: each.sensor.position_noise_m),
@@ -151,8 +154,9 @@ def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - whatever
     """Return some rows of a batch, or of any part of it."""
     if isinstance(value, np.ndarray):
         return value[rows]
-    if isinstance(value, tuple):  # a NamedTuple
-        return type(value)(*(keep(part, rows) for part in value))
+    if isinstance(value, tuple):
+        kept = tuple(keep(part, rows) for part in value)
+        return type(value)(*kept) if hasattr(value, "_fields") else kept
     if is_dataclass(value) and not isinstance(value, type):
         parts = {part.name: keep(getattr(value, part.name), rows) for part in fields(value) if part.init}
         return replace(value, **parts)

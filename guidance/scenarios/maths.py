@@ -193,7 +193,7 @@ def game_of(batch: Batch, evader_speed_m_s: Real, age_s: Real = 0.0) -> Game:
         capture_radius_m=batch.tolerance_m,
         standoff=batch.standoff,
         information_age_s=age_s,
-        wind_m_s=batch.kind.wind.velocity_m_s,
+        wind_m_s=batch.wind_m_s,
     )
 
 

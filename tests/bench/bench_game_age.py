@@ -81,15 +81,20 @@ def caught(game, P, E):
     )
 
 
-def play(game, law, age_s, P, E, T, evader, limit_s):
-    """Play to the capture, the arrival or the limit; return the time, and the distance left (0 where it arrived)."""
-    delay, v = round(age_s / DT_S), game.evader_speed_m_s
-    taken_s = min(age_s, law.most * guaranteed_age_s(game))
-    known = Game(game.pursuer, v, standoff=game.standoff, information_age_s=taken_s)
-    P, E = P.copy(), E.copy()
-    path, runs = [E.copy()] * (delay + 1), [np.zeros_like(E)] * (delay + 1)
-    time, left = np.full(len(P), limit_s), np.zeros(len(P))
-    live = np.ones(len(P), dtype=bool)
+def play(game, law, age_s, P, E, T, family, limit_s):
+    """Play every start against every evader to the capture, the arrival or the limit.
+
+    Returns when each was captured, and what distance was left then (0 where it arrived), (evaders, starts) each.
+    """
+    delay, v, kinds = round(age_s / DT_S), game.evader_speed_m_s, len(family)
+    known = Game(
+        game.pursuer, v, standoff=game.standoff, information_age_s=min(age_s, law.most * guaranteed_age_s(game))
+    )
+    count = len(P)
+    P, E = (np.tile(array, (kinds, 1)) for array in (P, E))
+    T = None if T is None else np.tile(T, (kinds, 1))
+    path, runs = [E] * (delay + 1), [np.zeros_like(E)] * (delay + 1)
+    time, left, live = np.full(len(P), limit_s), np.zeros(len(P)), np.ones(len(P), dtype=bool)
     for step in range(int(limit_s / DT_S)):
         now = caught(game, P, E) & live
         time[now], live = step * DT_S, live & ~now
@@ -98,25 +103,23 @@ def play(game, law, age_s, P, E, T, evader, limit_s):
             live &= np.linalg.norm(E - T, axis=1) > v * DT_S
         if not live.any():
             break
-        heading = evader(step * DT_S, P, E)
+        blocks = [slice(k * count, (k + 1) * count) for k in range(kinds)]
+        heading = np.concatenate([run(step * DT_S, P[b], E[b]) for run, b in zip(family, blocks, strict=True)])
         run = v * np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=1)
         seen = path[-delay - 1] + (age_s * runs[-delay - 1] if law.predicted else 0.0)
-        flown = solve(known, P, seen, T, evader_velocity_m_s=runs[-delay - 1]).pursuer_velocity_m_s
-        P = P + DT_S * flown
+        P = P + DT_S * solve(known, P, seen, T, evader_velocity_m_s=runs[-delay - 1]).pursuer_velocity_m_s
         E = E + DT_S * run
         path.append(E)
         runs.append(run)
-    return time, left
+    return time.reshape(kinds, count), left.reshape(kinds, count)
 
 
 def loss(game, law, age_s, P, E, T):
     """Return what the worst evader costs, row by row."""
     value = solve(Game(game.pursuer, game.evader_speed_m_s, standoff=game.standoff), P, E, T).value
-    limit_s = float(2.0 * value.max() + 15.0) if T is None else 60.0
-    ends = [play(game, law, age_s, P, E, T, evader, limit_s) for evader in evaders(game, T)]
-    if T is None:
-        return np.max([time for time, _ in ends], axis=0) - value
-    return value - np.min([left for _, left in ends], axis=0)
+    limit_s = float(2.0 * value.max() + 15.0) if T is None else 40.0
+    time, left = play(game, law, age_s, P, E, T, list(evaders(game, T)), limit_s)
+    return time.max(axis=0) - value if T is None else value - left.min(axis=0)
 
 
 def main() -> None:
