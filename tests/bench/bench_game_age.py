@@ -84,7 +84,8 @@ def caught(game, P, E):
 def play(game, law, age_s, P, E, T, family, limit_s):
     """Play every start against every evader to the capture, the arrival or the limit.
 
-    Returns when each was captured, and what distance was left then (0 where it arrived), (evaders, starts) each.
+    Returns when each was captured, and what distance was left then, (evaders, starts) each: zero where it arrived,
+    infinite where it did neither.
     """
     delay, v, kinds = round(age_s / DT_S), game.evader_speed_m_s, len(family)
     known = Game(
@@ -94,13 +95,14 @@ def play(game, law, age_s, P, E, T, family, limit_s):
     P, E = (np.tile(array, (kinds, 1)) for array in (P, E))
     T = None if T is None else np.tile(T, (kinds, 1))
     path, runs = [E] * (delay + 1), [np.zeros_like(E)] * (delay + 1)
-    time, left, live = np.full(len(P), limit_s), np.zeros(len(P)), np.ones(len(P), dtype=bool)
+    time, left, live = np.full(len(P), limit_s), np.full(len(P), np.inf), np.ones(len(P), dtype=bool)
     for step in range(int(limit_s / DT_S)):
         now = caught(game, P, E) & live
         time[now], live = step * DT_S, live & ~now
         if T is not None:
             left[now] = np.linalg.norm((E - T)[now], axis=1)
-            live &= np.linalg.norm(E - T, axis=1) > v * DT_S
+            there = live & (np.linalg.norm(E - T, axis=1) <= v * DT_S)
+            left[there], live = 0.0, live & ~there
         if not live.any():
             break
         blocks = [slice(k * count, (k + 1) * count) for k in range(kinds)]
