@@ -75,7 +75,7 @@ class Link:
                 autopilot.guide if flavour.mission_rules.home_first else None,
             ),
             streams=self.streams,
-            time=TimeProtocol(),
+            time=TimeProtocol(autopilot.since_boot_s),
             home=HomeProtocol(autopilot.set_origin, autopilot.set_home),
             ftp=FtpProtocol(flavour.files(autopilot.parameters, autopilot.plans)),
             logs=LogProtocol(),

@@ -1,6 +1,8 @@
 """`python -m tests`: everything that must hold before a change lands. Stops at the first step that fails.
 
 `python -m tests coverage` measures what the quick tests reach, by line and branch, in three times the time.
+`python -m tests acceptance --px4 URL --arducopter URL` flies on SITLs that run (docs/acceptance.md);
+without a URL, as here, each kind of flight is flown on a mock over UDP.
 """
 
 import subprocess
@@ -21,6 +23,7 @@ STEPS = {
     "tests": [*PYTEST, "-n", "2", "-m", "not slow"],
     # Real clients in real time wait more than they work.
     "real time": [*PYTEST, "-n", "3", "-m", "slow"],
+    "acceptance": [sys.executable, "-m", "tests.acceptance"],
 }
 
 ASKED_FOR = {"coverage": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-report=term"]}
@@ -28,6 +31,8 @@ ASKED_FOR = {"coverage": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-
 
 
 def main() -> int:
+    if sys.argv[1:2] == ["acceptance"]:
+        return subprocess.run([*STEPS["acceptance"], *sys.argv[2:]], cwd=ROOT, check=False).returncode
     chosen = sys.argv[1:] or list(STEPS)
     steps = STEPS | ASKED_FOR
     unknown = set(chosen) - set(steps)

@@ -26,6 +26,9 @@ def fly(
     yes: Annotated[
         bool, typer.Option("--yes", help="Do not ask before a vehicle is armed that is not on loopback.")
     ] = False,
+    end: Annotated[
+        str, typer.Option(help="When the game is over (with --vehicle): return home and land, or land where it is.")
+    ] = "return",
     fast: Annotated[
         bool, typer.Option("--fast", help="Fly in virtual time, in one process, as fast as the processor goes.")
     ] = False,
@@ -43,7 +46,8 @@ def fly(
 
     Starts the mock (a PX4-flavoured copter and a ground rover) as a child process on a loopback Zenoh session, connects
     as to a real vehicle, arms, takes off, flies to the scenario's start, plays the game at 50 Hz over MAVLink until the
-    stand-off disc around the evader is reached, holds, lands and disarms. Writes the record (MCAP) and a picture (PNG).
+    stand-off disc around the evader is reached, holds, lands and disarms. Writes the record (MCAP), a picture (PNG) and
+    the outcome row (JSON).
 
     With `--vehicle URL` nothing is started: the autopilot there, PX4 or ArduCopter, is **armed**, climbs, flies to the
     start, plays, returns and lands. The scenario is laid about its home, and its evader is simulated here and reports
@@ -73,7 +77,7 @@ def fly(
             else:
                 from guidance.scenarios.reached import Asked, fly_url  # noqa: PLC0415
 
-                code = fly_url(scenario, Asked(vehicle, autopilot, link), out=out, seed=seed, on_record=watch)
+                code = fly_url(scenario, Asked(vehicle, autopilot, link, end), out=out, seed=seed, on_record=watch)
         except KeyboardInterrupt:
             ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"
             typer.echo(f"interrupted: {ended}", err=True)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import pyarrow as pa
 
@@ -157,3 +157,14 @@ SCHEMA = pa.schema(
 def rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
     """Outcomes as dictionaries, one a row."""
     return [outcome._asdict() for outcome in outcomes]
+
+
+class Row(Protocol):
+    """A named tuple of columns."""
+
+    def _asdict(self) -> dict[str, Any]: ...
+
+
+def outcome_json(outcome: Row) -> dict[str, Any]:
+    """An outcome as JSON has it: null where there is no number."""
+    return {name: None if value != value else value for name, value in outcome._asdict().items()}  # noqa: PLR0124 - NaN

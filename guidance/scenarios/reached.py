@@ -36,6 +36,8 @@ from guidance.service.opening import Opened, open_all
 FOUND_WITHIN_S: Final = 15.0
 _CONNECTED_WITHIN_S: Final = 5.0
 INTERRUPTED: Final = 130
+ENDS: Final = ("return", "land")
+"""What the vehicle does when the game is over: fly home and land, or land where it is."""
 
 
 class Asked(NamedTuple):
@@ -44,6 +46,7 @@ class Asked(NamedTuple):
     url: str
     autopilot: str | None = None
     link: str = "mavsdk"
+    end: str = "return"
 
 
 def fly_url(
@@ -76,7 +79,11 @@ def fly_url(
             evader = EvaderHere(laid, clock, radio)
             on_record(folder / RECORD)
             conduct = Conduct(
-                engage=True, on_terminate=ORDER_OF[own.flight.on_terminate], evader=evader, alone=True, show=show
+                engage=True,
+                on_terminate=ORDER_OF[own.flight.on_terminate],
+                evader=evader,
+                end_with=ORDER_OF[asked.end],
+                show=show,
             )
             signals = Signals()
             signals.install()
@@ -105,6 +112,8 @@ def reached(scenario: Scenario, asked: Asked) -> Iterator[tuple[Config, Opened, 
     """
     if asked.link not in KINDS:
         raise ConfigError(f"--link {asked.link}: allowed are {', '.join(KINDS)}")
+    if asked.end not in ENDS:
+        raise ConfigError(f"--end {asked.end}: allowed are {', '.join(ENDS)}")
     parse(asked.url)
     clock = MonotonicClock()
     with contextlib.ExitStack() as closing:

@@ -12,6 +12,7 @@ from guidance.service.record import Recorder
 
 RECORD: Final = "record.mcap"
 PICTURE: Final = "flight.png"
+OUTCOME: Final = "outcome.json"
 
 
 def next_folder(parent: Path, stem: str) -> Path:

@@ -13,7 +13,7 @@ from guidance.scenarios.expect import Verdict
 from guidance.scenarios.loading import load_any
 from guidance.scenarios.maths import play
 from guidance.scenarios.model import Scenario
-from guidance.scenarios.outcome import Outcome
+from guidance.scenarios.outcome import Outcome, outcome_json
 from guidance.scenarios.team_maths import TeamOutcome, play_teams, summary_of
 from guidance.scenarios.teams import TeamScenario
 
@@ -93,11 +93,6 @@ def _row_table(rows: Sequence[TeamOutcome]) -> Table:
         values = row._asdict()
         table.add_row(*("-" if values[name] == -1 else _said(values[name], "") for name in shown))
     return table
-
-
-def outcome_json(outcome: Outcome | TeamOutcome) -> dict[str, Any]:
-    """An outcome as JSON has it: null where there is no number."""
-    return {name: None if value != value else value for name, value in outcome._asdict().items()}  # noqa: PLR0124 - NaN
 
 
 def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:

@@ -1,6 +1,7 @@
 """What a flight shows: one live line while it lasts, and in the end a table and a picture."""
 
 import contextlib
+import json
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -14,8 +15,8 @@ from rich.text import Text
 
 from guidance.scenarios.flown import ending_words
 from guidance.scenarios.fly import FlightResult, Progress
-from guidance.scenarios.outcome import Outcome
-from guidance.scenarios.recording import PICTURE, RECORD
+from guidance.scenarios.outcome import Outcome, outcome_json
+from guidance.scenarios.recording import OUTCOME, PICTURE, RECORD
 from guidance.service.cycle import Stopped
 
 REDRAW_S: Final = 0.1
@@ -88,6 +89,8 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
             f"{result.duration_s:.1f} s of flight in {result.wall_s:.2f} s: {speed:.0f} times faster than real time"
         )
     console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
+    with contextlib.suppress(OSError):  # a full disk is told of the picture
+        (folder / OUTCOME).write_text(json.dumps(outcome_json(outcome), indent=2) + "\n", encoding="utf-8")
     try:
         draw(result, outcome, folder / PICTURE)
     except OSError as error:

@@ -50,8 +50,8 @@ class Supervisor:
             `guidance ctl start` and `guidance ctl engage`.
         on_terminate: The order that hands the vehicle over in the end.
         evader: Played by the run itself, where it is not somebody else's.
-        alone: The run has the vehicle for itself: one that is armed already is refused, and in the end it flies home
-            and is watched until it is disarmed.
+        end_with: The order that ends the game, where the run has the vehicle for itself: one that is armed already is
+            refused then, and in the end it is watched until it is disarmed. None leaves it to `on_terminate`.
         show: Is told of every cycle.
         ready_within_s: Longest wait for a vehicle that is fit to fly.
     """
@@ -66,7 +66,7 @@ class Supervisor:
         engage: bool,
         on_terminate: Event,
         evader: Evader | None = None,
-        alone: bool = False,
+        end_with: Event | None = None,
         show: Callable[[Progress], None] = lambda _: None,
         ready_within_s: float = READY_WITHIN_S,
     ) -> None:
@@ -77,14 +77,16 @@ class Supervisor:
         self._engage = engage
         self._on_terminate = on_terminate
         self._evader = evader
-        self._alone = alone
+        self._alone = end_with is not None
         self._show = show
         self._ready_within_s = ready_within_s
         # Who waits for a person has all the time there is.
         patience_s = PATIENCE_S if engage else {}
-        end_with = Event.RETURN if alone else Event.LAND
         self._director = Director(
-            hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s, patience_s=patience_s, end_with=end_with
+            hold_s=scenario.hold_s,
+            time_limit_s=scenario.time_limit_s,
+            patience_s=patience_s,
+            end_with=end_with or Event.LAND,
         )
         self._unit = "s" if scenario.target is None else "m"
         self._begun_s: float | None = None

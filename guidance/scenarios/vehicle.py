@@ -52,7 +52,7 @@ class Conduct(NamedTuple):
     engage: bool
     on_terminate: Event
     evader: Evader | None = None
-    alone: bool = False
+    end_with: Event | None = None
     show: Callable[[Progress], None] = lambda _: None
 
 

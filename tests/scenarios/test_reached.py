@@ -145,7 +145,7 @@ class Sortie:
             engage=True,
             on_terminate=Event.LAND,
             evader=self.evader,
-            alone=True,
+            end_with=Event.RETURN,
             show=self.shown.append,
             ready_within_s=ready_within_s,
         )
@@ -398,6 +398,7 @@ def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path):
         (("--vehicle", "udpin://127.0.0.1:14540", "--fast"), "not with --fast"),
         (("--vehicle", "udpin://127.0.0.1:14540", "--port", "7000"), "not with --port"),
         (("--vehicle", "px4"), "url = 'px4'"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--end", "hover"), "--end hover: allowed are return, land"),
         (("--vehicle", "udpin://127.0.0.1:14540", "--link", "ros"), "--link ros: allowed are mavsdk, pymavlink"),
     ],
 )

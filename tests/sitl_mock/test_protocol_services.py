@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
+from sitl_mock import MockVehicle
 from sitl_mock.files import FileTree
 from sitl_mock.protocols import (
     ARDUPILOT_CAPABILITIES,
@@ -307,3 +308,18 @@ def test_no_message_belongs_to_two_protocols():
 
 def test_a_message_without_a_target_is_for_everybody():
     assert addressed(_heartbeat(), 1, 1)
+
+
+def test_timesync_counts_by_the_clock_of_the_vehicles_own_telemetry_however_late_it_was_switched_on():
+    vehicle = MockVehicle("rover")
+    vehicle.step(1000.0)
+    sender = dialect.MAVLink(None, 255, 190)
+    question = dialect.MAVLink_timesync_message(0, 7).pack(sender)
+    interval = dialect.MAVLink_command_long_message(2, 1, 511, 0, 33, 20_000, 0, 0, 0, 0, 0)
+    interval.target_system = vehicle.system_id
+    frames = vehicle.step(1003.0, [bytes(interval.pack(sender)), bytes(question)]) + vehicle.step(1003.1)
+    heard = [dialect.MAVLink(None).decode(bytearray(frame)) for frame in frames]
+    answer = next(one for one in heard if one.get_type() == "TIMESYNC" and one.ts1 == 7)
+    position = next(one for one in reversed(heard) if one.get_type() == "GLOBAL_POSITION_INT")
+    assert answer.tc1 / 1e9 == pytest.approx(3.0)
+    assert position.time_boot_ms / 1e3 == pytest.approx(3.1, abs=0.03)

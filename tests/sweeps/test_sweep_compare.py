@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.scenarios.maths import play
-from guidance.scenarios.running import outcome_json
+from guidance.scenarios.outcome import outcome_json
 from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder

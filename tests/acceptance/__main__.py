@@ -1,0 +1,211 @@
+"""`python -m tests acceptance`: flights that show what the service does, on any SITL that runs or on the mock by UDP.
+
+With `--px4 URL` or `--arducopter URL` all flights are flown there, one after another, in real time; both autopilots at
+the same time. Without a URL each kind of flight is flown by a mock of its own over UDP, several at a time (`--all`
+flies all of them).
+"""
+
+import argparse
+import html
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from guidance.errors import GuidanceError
+from guidance.scenarios.mock_process import free_udp_port
+from sitl_mock.child import running
+from tests.acceptance.cases import Case, cases, toml
+from tests.acceptance.flying import GUIDANCE, Line, fly
+from tests.acceptance.relay import Relay, wait
+
+AUTOPILOTS = ("px4", "arducopter")
+READY_WITHIN_S = 120.0
+DOWN_WITHIN_S = 240.0
+AT_A_TIME = 4
+SIM_HEIGHT_M, STAND_IN_HEIGHT_M = 20.0, 8.0
+SET_UP = {
+    "px4": {"GF_MAX_HOR_DIST": 305.0, "GF_MAX_VER_DIST": 125.0, "RTL_RETURN_ALT": 10.0, "RTL_DESCEND_ALT": 8.0},
+    "arducopter": {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 305.0,
+                   "FENCE_ALT_MAX": 125.0},
+}  # fmt: skip
+"""What `guidance check --apply` sets, for mocks that fly one flight each."""
+
+Tell = Callable[[Line], None]
+
+
+def on_a_url(autopilot: str, url: str, folder: Path, tell: Tell, only: str) -> None:
+    """Set a vehicle up, then fly everything on it."""
+    with_relay = _Relays(url)
+    try:
+        relay = with_relay.fresh()
+        if relay.profile.name != autopilot:
+            tell(Line(autopilot, "set up", "", autopilot, f"{relay.profile.name} is there", held=False))
+            return
+        if not _set_up(relay, folder / "set-up", tell):
+            return
+        for number, case in enumerate(_chosen(autopilot, SIM_HEIGHT_M, only), start=1):
+            relay = with_relay.fresh()
+            for line in fly(case, relay, folder / f"{number:02d}-{_slug(case)}", end="return"):
+                tell(line)
+            if not relay.bring_down(within_s=DOWN_WITHIN_S):
+                tell(Line(autopilot, case.name, case.link, "down again", "still armed", held=False))
+                return
+    except GuidanceError as error:
+        tell(Line(autopilot, "the vehicle", "", "reached", str(error), held=False))
+    finally:
+        with_relay.close()
+
+
+class _Relays:
+    """One after the other on one URL."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._relay: Relay | None = None
+
+    def fresh(self) -> Relay:
+        self.close()
+        self._relay = Relay(self._url, free_udp_port({"uav1": "px4"}))
+        return self._relay
+
+    def close(self) -> None:
+        if self._relay is not None:
+            self._relay.close()
+
+
+def _set_up(relay: Relay, folder: Path, tell: Tell) -> bool:
+    """Let `guidance check --apply` set the parameters; a vehicle that has just been started gets its time."""
+    name = relay.profile.name
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scenario.toml").write_text(toml(cases(name, height_m=SIM_HEIGHT_M)[2].scenario), encoding="utf-8")
+    command = [GUIDANCE, "check", folder / "scenario.toml", "--vehicle", relay.client_url, "--apply", "--yes"]
+    said = subprocess.CompletedProcess[str]([], 4, "", "")
+
+    def passes() -> bool:
+        nonlocal said
+        said = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=90, check=False)
+        return said.returncode == 0
+
+    held = wait(passes, READY_WITHIN_S)
+    words = "nothing is refused" if held else (said.stdout + said.stderr).strip().splitlines()[-1][-160:]
+    tell(Line(name, "set up", "mavsdk", "check --apply refuses nothing", words, held))
+    return held
+
+
+def on_the_mock(autopilot: str, case: Case, folder: Path, tell: Tell) -> None:
+    """Fly one case on a mock of its own."""
+    vehicle = {"name": "uav1", "flavour": autopilot, "ready_after_s": 0.5, "parameters": SET_UP[autopilot]}
+    with running([vehicle], over=["udp"]) as fleet:
+        relay = Relay(fleet["uav1"].udp, free_udp_port({"uav1": "px4"}))
+        try:
+            for line in fly(case, relay, folder, end="land"):
+                tell(line)
+        finally:
+            relay.close()
+
+
+def _chosen(autopilot: str, height_m: float, only: str) -> list[Case]:
+    return [case for case in cases(autopilot, height_m=height_m) if only in case.name]
+
+
+def _slug(case: Case) -> str:
+    return "".join(letter if letter.isalnum() else "-" for letter in f"{case.name} {case.link}").strip("-")
+
+
+def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
+    """Fly on mocks, several at a time: the longest first."""
+    flights = [
+        (autopilot, case)
+        for autopilot in AUTOPILOTS
+        for case in _chosen(autopilot, STAND_IN_HEIGHT_M, only)
+        if everything or autopilot in case.autopilots
+    ]
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        done = [
+            pool.submit(on_the_mock, autopilot, case, folder / f"{autopilot}-{_slug(case)}", tell)
+            for autopilot, case in flights
+        ]
+        for (autopilot, case), one in zip(flights, done, strict=True):
+            if error := one.exception():
+                tell(Line(autopilot, case.name, case.link, "a flight", f"{type(error).__name__}: {error}", held=False))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Fly, show the table; return 0 if everything held."""
+    parser = argparse.ArgumentParser(prog="python -m tests acceptance", description=__doc__)
+    for autopilot in AUTOPILOTS:
+        parser.add_argument(f"--{autopilot}", metavar="URL", help="IT IS ARMED AND FLOWN; see docs/acceptance.md")
+    parser.add_argument("--report", type=Path, help="folder for records, pictures and the table")
+    parser.add_argument("--only", default="", help="flights with these words in their name")
+    parser.add_argument("--all", action="store_true", help="without a URL: every flight on both mocks")
+    given = parser.parse_args(arguments)
+    console, lock = Console(), threading.Lock()
+    lines: list[Line] = []
+    began_s = time.monotonic()
+
+    def tell(line: Line) -> None:
+        with lock:
+            lines.append(line)
+            mark = "[green]ok[/green]" if line.held else "[bold red]NO[/bold red]"
+            words = f"{line.autopilot}, {line.flight} ({line.link}): wanted {line.wanted}, got {line.got}"
+            console.print(f"{time.monotonic() - began_s:6.0f} s ", mark, words, highlight=False, soft_wrap=True)
+
+    with tempfile.TemporaryDirectory(prefix="acceptance-") as scratch:
+        folder = given.report if given.report is not None else Path(scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        urls = {autopilot: getattr(given, autopilot) for autopilot in AUTOPILOTS if getattr(given, autopilot)}
+        if urls:
+            threads = [
+                threading.Thread(target=on_a_url, args=(name, url, folder / name, tell, given.only))
+                for name, url in urls.items()
+            ]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+        else:
+            stand_ins(folder, tell, given.only, everything=given.all)
+        lines.sort(key=lambda line: (line.autopilot, line.flight, line.link))
+        (folder / "acceptance.html").write_text(_page(lines, folder), encoding="utf-8")
+    Console(width=max(console.width, 170)).print(_table(lines))
+    failed = sum(not line.held for line in lines)
+    console.print(f"{len(lines) - failed} of {len(lines)} as wanted, in {time.monotonic() - began_s:.0f} s")
+    return 0 if lines and not failed else 1
+
+
+def _table(lines: Sequence[Line]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for heading in (*Line._fields[:-1], ""):
+        table.add_column(heading, overflow="fold")
+    for line in lines:
+        table.add_row(*line[:-1], "ok" if line.held else "NO", style="" if line.held else "bold red")
+    return table
+
+
+def _page(lines: Sequence[Line], folder: Path) -> str:
+    """The same table as a page, with every flight's picture."""
+    rows = "".join(
+        f"<tr style='color:{'inherit' if line.held else '#b00'}'>"
+        + "".join(f"<td>{html.escape(cell)}</td>" for cell in (*line[:-1], "ok" if line.held else "NO"))
+        + "</tr>"
+        for line in lines
+    )
+    pictures = "".join(
+        f"<figure><img src='{path.relative_to(folder)}' style='max-width:60em'><figcaption>"
+        f"{html.escape(path.parent.name)}</figcaption></figure>"
+        for path in sorted(folder.rglob("flight.png"))
+    )
+    heads = "".join(f"<th>{name}</th>" for name in (*Line._fields[:-1], ""))
+    return f"<!doctype html><meta charset='utf-8'><title>acceptance</title><table>{heads}{rows}</table>{pictures}"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

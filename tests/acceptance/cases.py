@@ -1,0 +1,178 @@
+"""The flights: what is flown over which link, what is done to it, and what has to come of it."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+Row = Mapping[str, Any]
+
+
+class Wanted(NamedTuple):
+    """One condition on a flight's outcome row: its words, how to read what came, and whether that will do."""
+
+    words: str
+    got: Callable[[Row], Any]
+    held: Callable[[Any], bool]
+
+
+def column(name: str) -> Callable[[Row], Any]:
+    return lambda row: row.get(name)
+
+
+def ends(word: str) -> Wanted:
+    return Wanted(f"end: {word}", column("end"), lambda got: got == word)
+
+
+def ratio(most: float) -> Wanted:
+    return Wanted(f"flown/value ≤ {most:g}", column("ratio"), lambda got: got is not None and got <= most)
+
+
+KEEPS_OFF = Wanted("≥ 1.8 m from the evader", column("min_standoff_m"), lambda got: got is not None and got >= 1.8)
+"""The limit is 2 m, a metre inside the disc; positions are known to 0.2 m."""
+
+EARLIER = Wanted("before the value", column("regret"), lambda got: got is not None and got < 0.0)
+LOST_AND_FOUND = Wanted(
+    "paused, then played on",
+    lambda row: [event for event in row.get("events", ()) if event in {"target lost", "all inputs back"}],
+    lambda got: got == ["target lost", "all inputs back"],
+)
+LOST_AS_SOLVED = Wanted("predicted: evader", column("predicted_winner"), lambda got: got == "evader")
+WON_AS_SOLVED = Wanted("predicted: pursuer", column("predicted_winner"), lambda got: got == "pursuer")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One flight.
+
+    `meddling` is what is done to it in flight: "pilot", "kill" or "refuse". `fence_m` is what the vehicle's distance
+    from its home never exceeds. `autopilots` are those that fly it in the stand-in without a URL.
+    """
+
+    name: str
+    link: str
+    scenario: Mapping[str, Any]
+    wanted: tuple[Wanted, ...] = ()
+    meddling: str = ""
+    fence_m: float | None = None
+    autopilots: tuple[str, ...] = ("px4", "arducopter")
+
+
+def scenario(
+    title: str, *, height_m: float, u: float = 6.0, v: float = 3.0, away_m: float = 60.0, **sections: Mapping[str, Any]
+) -> dict[str, Any]:
+    """A hover `height_m` high, and an evader `away_m` to the north; R 3 m, h 5 m."""
+    document: dict[str, Any] = {
+        "title": title,
+        "game": "pe",
+        "hold_s": 1.0,
+        "time_limit_s": 60.0,
+        "pursuer": {
+            "position_m": [0.0, 0.0, height_m],
+            "speed_m_s": u,
+            "speed_set": "cylinder",
+            "takeoff_height_m": height_m,
+        },
+        "evader": {"position_m": [0.0, away_m], "speed_m_s": v},
+        "standoff": {"radius_m": 3.0, "height_m": 5.0},
+    }
+    for name, value in sections.items():
+        document[name] = {**document[name], **value} if isinstance(document.get(name), dict) else value
+    return document
+
+
+LOW_M = 7.0
+"""Where it is not the figure that counts the hover is low: take-off and landing take the longest."""
+
+
+def cases(autopilot: str, *, height_m: float) -> list[Case]:
+    """All flights of one autopilot; the chases begin in a hover of this height."""
+    px4 = autopilot == "px4"
+    slow, fast = (1.06, 1.16) if px4 else (1.07, 1.19)
+
+    def made(title: str, **more: Any) -> dict[str, Any]:
+        return scenario(title, **{"height_m": LOW_M, **more})
+
+    near = {"away_m": 25.0}
+    steady = "a chase, u 6 v 3"
+    both = [
+        Case(
+            steady, link, made(steady, height_m=height_m), (ends("captured"), ratio(slow), KEEPS_OFF), autopilots=flown
+        )
+        for link, flown in (("mavsdk", ("px4",)), ("pymavlink", ("arducopter",)))
+    ]
+    going = made("goes on", away_m=80.0)
+    return [
+        *both,
+        Case(
+            "a chase, u 8 v 4",
+            "mavsdk",
+            made("a chase, u 8 v 4", u=8.0, v=4.0, height_m=height_m),
+            (ends("captured"), ratio(fast), KEEPS_OFF),
+            autopilots=("arducopter",),
+        ),
+        Case(
+            "an evader that stops",
+            "pymavlink",
+            made("stops", evader={"policy": "waypoints", "waypoints_m": [[6.0, 25.0]]}, **near),
+            (ends("captured"), EARLIER, KEEPS_OFF),
+            autopilots=("px4",),
+        ),
+        Case(
+            "an evader that turns",
+            "mavsdk",
+            made("turns", evader={"policy": "random_turns", "turn_every_s": 2.0}, seed=3, **near),
+            (ends("captured"), KEEPS_OFF),
+            autopilots=("arducopter",),
+        ),
+        Case(
+            "an evader that comes closer",
+            "pymavlink",
+            made("comes closer", evader={"policy": "waypoints", "waypoints_m": [[0.0, -40.0]]}, away_m=40.0),
+            (ends("captured"), EARLIER, KEEPS_OFF),
+            autopilots=("px4",),
+        ),
+        Case(
+            "a target defended",
+            "pymavlink",
+            made("defended", game="tad", target={"position_m": [25.0, 0.0]}, away_m=30.0),
+            (ends("captured"), WON_AS_SOLVED, KEEPS_OFF),
+            autopilots=("arducopter",),
+        ),
+        Case(
+            "a target that is lost",
+            "mavsdk",
+            made("lost", game="tad", target={"position_m": [0.0, 48.0]}, away_m=38.0),
+            (ends("arrived"), LOST_AS_SOLVED),
+            autopilots=("px4",),
+        ),
+        Case(
+            "reports stop, and come back",
+            "mavsdk",
+            made("silence", sensor={"outages_s": [[2.0, 6.0]]}, v=2.0, **near),
+            (ends("captured"), LOST_AND_FOUND, KEEPS_OFF),
+            autopilots=("arducopter",),
+        ),
+        Case(
+            "a fence in the way",
+            "pymavlink",
+            made("fence", limits={"fence_radius_m": 45.0}, time_limit_s=14.0, away_m=30.0),
+            (ends("time_up"),),
+            fence_m=45.0,
+            autopilots=("px4",),
+        ),
+        Case("a pilot's mode switch", "pymavlink" if px4 else "mavsdk", going, (ends("yielded"),), meddling="pilot"),
+        Case("the service killed (-9)", "mavsdk" if px4 else "pymavlink", going, meddling="kill"),
+        Case("a failed preflight", "mavsdk", going, meddling="refuse"),
+    ]
+
+
+def toml(document: Mapping[str, Any]) -> str:
+    """A scenario as a file's text: scalars first, then the sections."""
+    plain = [f"{key} = {json.dumps(value)}" for key, value in document.items() if not isinstance(value, Mapping)]
+    sections = [
+        "\n".join([f"[{key}]", *(f"{name} = {json.dumps(part)}" for name, part in value.items())])
+        for key, value in document.items()
+        if isinstance(value, Mapping)
+    ]
+    return "\n\n".join(["\n".join(plain), *sections]) + "\n"

@@ -1,0 +1,200 @@
+"""One flight of the service as a person starts it, watched through the relay: what came, and what was wanted."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from guidance.autopilots import Mode
+from tests.acceptance.cases import Case, toml
+from tests.acceptance.relay import Relay, wait
+
+GUIDANCE = Path(sys.executable).parent / "guidance"
+ENGAGED_WITHIN_S = 150.0
+FLOWN_WITHIN_S = 420.0
+MEDDLED_AFTER_S = 3.0
+YIELDED_WITHIN_S = 2.5
+LEFT_WITHIN_S = 3.0
+STOPPED_WITHIN_S = 8.0
+_STILL_M_S = 0.6
+_UNSAFE = {"px4": ("GF_MAX_VER_DIST", 0.0), "arducopter": ("GUID_TIMEOUT", 5.0)}
+"""A parameter that preflight refuses, and a value that it refuses it for."""
+
+
+class Line(NamedTuple):
+    """One line of the table."""
+
+    autopilot: str
+    flight: str
+    link: str
+    wanted: str
+    got: str
+    held: bool
+
+
+@dataclass
+class Flown:
+    """A flight's process, its words with their times, and in the end its outcome row."""
+
+    process: subprocess.Popen[str]
+    folder: Path
+    said: list[tuple[float, str]] = field(default_factory=list)
+
+    def read(self) -> None:
+        """Keep what it says; on a thread of its own."""
+        if self.process.stdout is not None:
+            for line in self.process.stdout:
+                self.said.append((time.monotonic(), line.rstrip()))
+
+    def at_s(self, words: str) -> float | None:
+        """When a line first ended with these words."""
+        return next((at_s for at_s, line in self.said if line.endswith(words)), None)
+
+    def row(self) -> dict[str, object]:
+        """The outcome row, empty where there is none."""
+        path = self.folder / "outcome.json"
+        return json.loads(path.read_text()) if path.is_file() else {}
+
+    def last_words(self) -> str:
+        """What it said last."""
+        return " ".join(line.strip() for _, line in self.said[-2:])[-160:]
+
+
+@contextmanager
+def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flown]:
+    """Start `guidance fly` on a case; it is ended with the block."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scenario.toml").write_text(toml(case.scenario), encoding="utf-8")
+    command = [GUIDANCE, "fly", folder / "scenario.toml", "--vehicle", relay.client_url, "--link", case.link]
+    process = subprocess.Popen(
+        [*map(str, command), "--end", end, "--out", str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"},
+    )
+    flown = Flown(process, folder)
+    reader = threading.Thread(target=flown.read, daemon=True)
+    reader.start()
+    try:
+        yield flown
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.wait()
+        reader.join(5.0)
+        (folder / "said.txt").write_text("\n".join(line for _, line in flown.said) + "\n", encoding="utf-8")
+
+
+def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
+    """Fly one case; return its lines of the table."""
+
+    def line(wanted: str, got: object, *, held: bool) -> Line:
+        return Line(relay.profile.name, case.name, case.link, wanted, _words(got), held)
+
+    if case.meddling == "refuse":
+        return _refused(case, relay, folder, line)
+    with started(case, relay, folder, end=end) as flown:
+        if case.meddling:
+            engaged = wait(lambda: flown.at_s("engaged") is not None or _over(flown), ENGAGED_WITHIN_S)
+            if not engaged or flown.at_s("engaged") is None:
+                return [line("engaged", flown.last_words(), held=False)]
+            time.sleep(MEDDLED_AFTER_S)
+            return list({"pilot": _pilot, "kill": _killed}[case.meddling](case, relay, flown, line))
+        wait(lambda: _over(flown), FLOWN_WITHIN_S)
+    row = flown.row()
+    if not row:
+        return [line("a flight", flown.last_words(), held=False)]
+    lines = [line(one.words, one.got(row), held=one.held(one.got(row))) for one in case.wanted]
+    if case.fence_m is not None:
+        out_m = _farthest_m(relay, flown)
+        lines.append(line(f"within the fence of {case.fence_m:g} m", f"{out_m:.1f} m", held=out_m <= case.fence_m))
+    down = bool(relay.seen.beats) and not relay.armed
+    lines.append(line("disarmed at the end", "disarmed" if down else "armed", held=down))
+    return lines
+
+
+def _over(flown: Flown) -> bool:
+    return flown.process.poll() is not None
+
+
+def _pilot(case, relay, flown, line):
+    at_s = time.monotonic()
+    relay.switch(Mode.HOLD)
+    wait(lambda: flown.at_s("yielded") is not None or _over(flown), YIELDED_WITHIN_S + 2.0)
+    yielded_s = flown.at_s("yielded")
+    wait(lambda: _over(flown), 20.0)
+    row = flown.row()
+    took_s = math.inf if yielded_s is None else yielded_s - at_s
+    yield line(f"yielded within {YIELDED_WITHIN_S:g} s", f"{took_s:.1f} s", held=took_s <= YIELDED_WITHIN_S)
+    after = sum(one > (yielded_s or at_s) + 0.1 for one in relay.seen.setpoints_s)
+    yield line("silent from then on", f"{after} setpoints", held=after == 0)
+    mode = relay.mode()
+    yield line("the pilot's mode stays", str(mode), held=mode is Mode.HOLD)
+    for one in case.wanted:
+        yield line(one.words, one.got(row), held=one.held(one.got(row)))
+
+
+def _killed(case, relay, flown, line):
+    flown.process.send_signal(signal.SIGKILL)
+    at_s = time.monotonic()
+    if relay.profile.name == "px4":
+        wait(lambda: relay.mode() is not Mode.GUIDED, LEFT_WITHIN_S + 1.0)
+        took_s = time.monotonic() - at_s
+        left = relay.mode() is not Mode.GUIDED
+        got = f"{relay.mode()} after {took_s:.1f} s"
+        yield line(f"PX4 leaves OFFBOARD within {LEFT_WITHIN_S:g} s", got, held=left and took_s <= LEFT_WITHIN_S)
+    else:
+
+        def still() -> bool:
+            return relay.seen.positions[-1][2] < _STILL_M_S
+
+        fast_m_s = relay.seen.positions[-1][2]
+        stopped = wait(still, STOPPED_WITHIN_S)
+        took_s = time.monotonic() - at_s
+        got = f"from {fast_m_s:.1f} m/s to a stop in {took_s:.1f} s, in {relay.mode()}"
+        yield line(f"ArduCopter stops within {STOPPED_WITHIN_S:g} s", got, held=stopped)
+    last_s = max(relay.seen.setpoints_s, default=-math.inf)
+    late_s = last_s - at_s
+    yield line("no setpoint after", f"last {max(0.0, late_s):.2f} s after", held=late_s < 0.1)
+
+
+def _refused(case, relay, folder, line):
+    name, unsafe = _UNSAFE[relay.profile.name]
+    before = relay.set(name, unsafe)
+    if before is None:
+        return [line("a parameter can be set", f"{name} not answered", held=False)]
+    try:
+        with started(case, relay, folder, end="land") as flown:
+            wait(lambda: _over(flown), 60.0)
+            code, words = flown.process.poll(), " ".join(text for _, text in flown.said)
+    finally:
+        relay.set(name, before)
+    armed = any(armed for _, _, armed in relay.seen.beats)
+    return [
+        line("exit code 4", code, held=code == 4),
+        line(f"refused for {name}", "named" if name in words else flown.last_words(), held=name in words),
+        line("what to do is said", "guidance check" if "--apply" in words else "", held="--apply" in words),
+        line("nothing armed", "armed" if armed else "disarmed", held=not armed),
+        line("no setpoint", f"{len(relay.seen.setpoints_s)}", held=not relay.seen.setpoints_s),
+    ]
+
+
+def _farthest_m(relay: Relay, flown: Flown) -> float:
+    """How far the vehicle was from where it stood at first, horizontally, until the game was over."""
+    begin = relay.seen.positions[0][1]
+    over_s = next((at_s for at_s, text in flown.said if text.endswith(("returning", "landing"))), math.inf)
+    return max(math.dist(place[:2], begin[:2]) for at_s, place, _ in relay.seen.positions if at_s < over_s)
+
+
+def _words(got: object) -> str:
+    return f"{got:.3f}" if isinstance(got, float) else str(got)

@@ -1,0 +1,139 @@
+"""Between an autopilot and the client that flies it: passes every frame on, notes what matters, and can be the pilot.
+
+One vehicle and one URL are enough so: the service under test listens on a loopback port of the relay, and whoever
+watches sees both directions, also when the service is killed, and switches modes as a ground station does.
+"""
+
+import math
+import threading
+import time
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.autopilots import PROFILES, AutopilotProfile, Mode
+from guidance.links.dialect import CRC_EXTRA
+from guidance.links.finding import Found, find_autopilot
+from guidance.links.framing import Frame, Framer
+from guidance.links.opening import open_wire
+from guidance.links.udp_wire import UdpWire
+
+PILOT = (255, 190)
+HEARTBEAT, PARAM_VALUE, LOCAL_POSITION_NED, SET_POSITION_TARGET, HOME_POSITION = 0, 22, 32, 84, 242
+ARMED = 128
+
+
+@dataclass
+class Seen:
+    """What passed, by the relay's clock: modes as (time, custom_mode, armed), positions as (time, NED m, speed m/s)."""
+
+    beats: list[tuple[float, int, bool]] = field(default_factory=list)
+    setpoints_s: list[float] = field(default_factory=list)
+    positions: list[tuple[float, tuple[float, float, float], float]] = field(default_factory=list)
+    parameters: dict[str, tuple[float, float, int]] = field(default_factory=dict)
+
+
+class Relay:
+    """One vehicle, found at a URL, and a loopback port on which a client hears it.
+
+    Raises:
+        GuidanceError: If there is no vehicle, or none that is flown.
+    """
+
+    def __init__(self, url: str, client_port: int, *, timeout_s: float = 20.0) -> None:
+        self.client_url = f"udpin://127.0.0.1:{client_port}"
+        self.seen = Seen()
+        self._wire = open_wire(url, clock=time.monotonic)
+        self.found: Found = find_autopilot(
+            self._wire, clock=time.monotonic, timeout_s=timeout_s, sleep=time.sleep, who=url
+        )
+        self.profile: AutopilotProfile = next(
+            one for one in PROFILES.values() if one.autopilot_id == self.found.autopilot
+        )
+        self._client = UdpWire(time.monotonic, host="127.0.0.1", port=client_port, listen=False)
+        self._down, self._up = Framer(CRC_EXTRA), Framer(CRC_EXTRA)
+        self._pilot = mavlink.MAVLink(None, *PILOT)
+        self._reader = mavlink.MAVLink(None)
+        self._lock = threading.Lock()
+        self._wire.hand_to(self._from_vehicle)
+        self._client.hand_to(self._from_client)
+
+    def _from_vehicle(self, now_s: float, data: bytes) -> None:
+        for frame in self._down.feed(data, stream=self._wire.stream):
+            self._client.send(frame.data)
+            if (frame.system_id, frame.component_id) == self.found[:2]:
+                self._note(now_s, frame)
+        # What is not in the dialect is passed on too, as far as datagrams keep it whole.
+
+    def _from_client(self, now_s: float, data: bytes) -> None:
+        for frame in self._up.feed(data, stream=False):
+            with self._lock:
+                self._wire.send(frame.data)
+            if frame.message_id == SET_POSITION_TARGET:
+                self.seen.setpoints_s.append(now_s)
+
+    def _note(self, now_s: float, frame: Frame) -> None:
+        if frame.message_id not in {HEARTBEAT, LOCAL_POSITION_NED, PARAM_VALUE}:
+            return
+        message = self._reader.decode(bytearray(frame.data))
+        if frame.message_id == HEARTBEAT:
+            self.seen.beats.append((now_s, message.custom_mode, bool(message.base_mode & ARMED)))
+        elif frame.message_id == PARAM_VALUE:
+            self.seen.parameters[message.param_id] = (now_s, message.param_value, message.param_type)
+        else:
+            place = (message.x, message.y, message.z)
+            self.seen.positions.append((now_s, place, math.hypot(message.vx, message.vy, message.vz)))
+
+    @property
+    def armed(self) -> bool:
+        """As the last HEARTBEAT has it."""
+        return bool(self.seen.beats) and self.seen.beats[-1][2]
+
+    def mode(self) -> Mode | None:
+        """As the last HEARTBEAT has it."""
+        return self.profile.mode_of(self.seen.beats[-1][1]) if self.seen.beats else None
+
+    def say(self, message: mavlink.MAVLink_message) -> None:
+        """Send as a ground station."""
+        with self._lock:
+            self._wire.send(bytes(message.pack(self._pilot)))
+            self._pilot.seq = (self._pilot.seq + 1) % 256
+
+    def switch(self, mode: Mode) -> None:
+        """Switch the mode, as a pilot does."""
+        main, sub = self.profile.mode_parameters[mode]
+        self.say(
+            mavlink.MAVLink_command_long_message(*self.found[:2], 176, 0, 1.0, float(main), float(sub), 0, 0, 0, 0)
+        )
+
+    def set(self, name: str, value: float, *, within_s: float = 3.0) -> float | None:
+        """Set a parameter that is a float, or an integer of ArduPilot's; return what it was before."""
+        self.say(mavlink.MAVLink_param_request_read_message(*self.found[:2], name.encode(), -1))
+        if not wait(lambda: name in self.seen.parameters, within_s):
+            return None
+        asked_s, before, kind = self.seen.parameters[name]
+        self.say(mavlink.MAVLink_param_set_message(*self.found[:2], name.encode(), value, kind))
+        wait(lambda: self.seen.parameters[name][0] > asked_s, within_s)
+        return before
+
+    def bring_down(self, *, within_s: float) -> bool:
+        """Send whatever still flies home, and wait until it is disarmed."""
+        if wait(lambda: bool(self.seen.beats) and not self.armed, 2.0):
+            return True
+        self.switch(Mode.RETURN)
+        return wait(lambda: not self.armed, within_s)
+
+    def close(self) -> None:
+        """Let go of both sides."""
+        self._client.close()
+        self._wire.close()
+
+
+def wait(condition, within_s: float) -> bool:
+    """Look twenty times a second until it is so."""
+    until_s = time.monotonic() + within_s
+    while not condition():
+        if time.monotonic() > until_s:
+            return False
+        time.sleep(0.05)
+    return True
