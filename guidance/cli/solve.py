@@ -41,6 +41,10 @@ def solve(
     and target_y_m as well, and may have speed_ratio. The answers are appended as columns; a row without an answer has
     NaN and its reason, also where a cell should be a number and is not.
 
+    A file of teams has the columns pursuer_0_x_m, pursuer_0_y_m, pursuer_0_z_m, pursuer_1_x_m … and evader_0_x_m,
+    evader_0_y_m, evader_1_x_m …; who is not there in a row has empty cells. The answers say how many captures are
+    guaranteed, who captures whom, and every player's velocity.
+
     Examples:
         guidance solve --pursuer 8,1.42,9.41 --evader 7.92,9.6 --speed-ratio 2
 

@@ -16,6 +16,7 @@ from pyarrow import csv, parquet
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
+from guidance.cli.solve_teams import TEAM_COLUMNS, has_teams, team_answers
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, Reason, Solution, Winner, solve
 
@@ -23,6 +24,9 @@ PURSUER = ("pursuer_x_m", "pursuer_y_m", "pursuer_z_m")
 EVADER = ("evader_x_m", "evader_y_m")
 TARGET = ("target_x_m", "target_y_m")
 RATIO = "speed_ratio"
+NUMBERS = (*PURSUER, *EVADER, *TARGET, RATIO, *TEAM_COLUMNS)
+"""Columns that must hold numbers."""
+
 KINDS = (".csv", ".parquet")
 NOT_A_NUMBER = "NOT_A_NUMBER"
 SHOWN = 5
@@ -87,7 +91,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
 def _chunks(source: Any, path: Path, rows: int) -> Iterator[pa.Table]:  # noqa: ANN401 - a binary file
     """Read a file piece by piece, no piece longer than `rows`; one without rows gives one empty piece."""
     if path.suffix == ".csv":
-        words = dict.fromkeys((*PURSUER, *EVADER, *TARGET, RATIO), pa.string())
+        words = dict.fromkeys(NUMBERS, pa.string())
         options = csv.ConvertOptions(column_types=words, strings_can_be_null=True)
         reader: Any = csv.open_csv(source, convert_options=options)
         schema = reader.schema
@@ -111,7 +115,7 @@ def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWrit
 def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
     """Make numbers of the words in the columns of a state; where that cannot be, the cell is empty and is returned."""
     strange = []
-    for name in (*PURSUER, *EVADER, *TARGET, RATIO):
+    for name in NUMBERS:
         place = chunk.schema.get_field_index(name)
         if place < 0 or not (
             pa.types.is_string(chunk.column(place).type) or pa.types.is_null(chunk.column(place).type)
@@ -142,29 +146,35 @@ def _number(word: str | None) -> float | None:
 def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool) -> pa.Table:
     """Append the answers to a chunk of states; the rows of `lost` have a cell without a number."""
     names = set(chunk.column_names)
-    if RATIO in names and (ratio_given or not isinstance(game.pursuer, Ball)):
-        raise ConfigError(f"--speed-ratio, --cylinder: must not be given, since the file has the column {RATIO}")
-    if RATIO not in names and isinstance(game.pursuer, Ball) and not ratio_given:
-        raise ConfigError(f"--speed-ratio, --cylinder: one must be given, since the file has no column {RATIO}")
-    if RATIO in names:
-        game = replace(game, pursuer=Ball(_column(chunk, RATIO) * game.evader_speed_m_s))
-    with_target = bool(names & set(TARGET))
-    answer = solve(
-        game, _places(chunk, PURSUER), _places(chunk, EVADER), _places(chunk, TARGET) if with_target else None
-    )
-    columns = _columns(answer)
+    game = _with_ratios(game, chunk, ratio_given=ratio_given)
+    target = _places(chunk, TARGET) if names & set(TARGET) else None
+    if has_teams(names):
+        columns = team_answers(game, names, lambda name: _column(chunk, name), target, lost)
+    else:
+        columns = _columns(solve(game, _places(chunk, PURSUER), _places(chunk, EVADER), target))
     taken = names & set(columns)
     if taken and taken != set(columns):
         raise ConfigError(
             f"--states: the column {min(taken)} has the name of an answer, and would be lost: rename it (only a whole "
             "earlier answer is replaced)"
         )
-    columns["reason"] = [NOT_A_NUMBER if row in lost else said for row, said in enumerate(columns["reason"])]
+    for name in [name for name in columns if name.endswith("reason")]:
+        columns[name] = [NOT_A_NUMBER if row in lost else str(said) for row, said in enumerate(columns[name])]
     for name, column in columns.items():
         if name in names:
             chunk = chunk.drop_columns([name])
         chunk = chunk.append_column(name, pa.array(column))
     return chunk
+
+
+def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
+    """Return the game with the speed ratios of a file that has them."""
+    there = RATIO in chunk.column_names
+    if there and (ratio_given or not isinstance(game.pursuer, Ball)):
+        raise ConfigError(f"--speed-ratio, --cylinder: must not be given, since the file has the column {RATIO}")
+    if not there and isinstance(game.pursuer, Ball) and not ratio_given:
+        raise ConfigError(f"--speed-ratio, --cylinder: one must be given, since the file has no column {RATIO}")
+    return replace(game, pursuer=Ball(_column(chunk, RATIO) * game.evader_speed_m_s)) if there else game
 
 
 def _places(chunk: pa.Table, names: tuple[str, ...]) -> NDArray[np.float64]:
