@@ -119,6 +119,13 @@ def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: b
     )
 
 
+def invalid_teams(title: str, game: str, pursuers: str, evaders: str, seed: int, reason: str) -> TeamOutcome:
+    """Return the row of a scenario that allows no game."""
+    nan = math.nan
+    whole = (title, "maths", game, -1, pursuers, evaders, seed, 0, 0, 0, 0, "invalid", "none", "none", -1, -1, -1)
+    return TeamOutcome(*whole, nan, nan, nan, nan, nan, nan, nan, nan, reason)
+
+
 def opening_of(scenario: TeamScenario) -> Matching:
     """Match the teams of a scenario as they stand at the beginning."""
     teams = teams_of(scenario)

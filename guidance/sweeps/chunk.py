@@ -16,6 +16,8 @@ from guidance.errors import GuidanceError
 from guidance.scenarios.maths import play
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.outcome import SCHEMA, Outcome, invalid
+from guidance.scenarios.team_maths import TEAM_SCHEMA, TeamOutcome, invalid_teams, play_teams
+from guidance.scenarios.teams import TeamScenario
 from guidance.sweeps.plan import Cases, Plan
 from guidance.sweeps.rows import Scenarios
 
@@ -93,26 +95,46 @@ def _all_kept() -> Iterator[None]:
 def table_of(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
-    return as_table(plan, cases, _outcomes(plan, cases))
+    return as_table(plan, *_outcomes(plan, cases))
 
 
-def _outcomes(plan: Plan, cases: Cases) -> list[Outcome]:
+def _outcomes(plan: Plan, cases: Cases) -> tuple[Cases, list[Any]]:
+    """Return the outcomes, one a row, and the cases of the rows: each once, or of teams once for every evader."""
     found = list(Scenarios(plan).of(cases))
+    if plan.teams:
+        return _of_teams(plan, cases, found)
     games = [scenario for scenario in found if isinstance(scenario, Scenario)]
     played = iter(play(games) if plan.way == "maths" else [_flown(scenario) for scenario in games])
-    return [
-        next(played) if isinstance(scenario, Scenario) else _no_game(plan, cases, place, scenario)
+    return cases, [
+        _no_game(plan, cases, place, scenario) if isinstance(scenario, str) else next(played)
         for place, scenario in enumerate(found)
     ]
 
 
-def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Outcome]) -> pa.Table:
+def _of_teams(plan: Plan, cases: Cases, found: Sequence[object]) -> tuple[Cases, list[Any]]:
+    played = iter(play_teams([scenario for scenario in found if isinstance(scenario, TeamScenario)]))
+    outcomes: list[TeamOutcome] = []
+    places: list[int] = []
+    for place, scenario in enumerate(found):
+        pair = plan.pairs[cases.pair[place]]
+        title, game, seed = plan.scenario["title"], plan.scenario["game"], int(cases.seed[place])
+        none = invalid_teams(title, game, pair.pursuer or "", pair.evader or "", seed, str(scenario))
+        rows = [none] if isinstance(scenario, str) else next(played)
+        outcomes += rows
+        places += [place] * len(rows)
+    values = tuple([axis[place] for place in places] for axis in cases.values)
+    whose = np.array(places, dtype=np.intp)
+    return Cases(cases.row[whose], cases.pair[whose], cases.point[whose], cases.seed[whose], values), outcomes
+
+
+def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Any]) -> pa.Table:
     """Put rows into columns."""
     cells: list[Any] = [pa.array(cases.row)]
     for axis, values in zip(plan.axes, cases.values, strict=True):
         cells.extend(axis.cells(values))
-    columns = zip(*outcomes, strict=True) if outcomes else [[] for _ in Outcome._fields]
-    cells.extend(pa.array(column, field.type) for column, field in zip(columns, SCHEMA, strict=True))
+    schema = TEAM_SCHEMA if plan.teams else SCHEMA
+    columns = zip(*outcomes, strict=True) if outcomes else [[] for _ in schema]
+    cells.extend(pa.array(column, field.type) for column, field in zip(columns, schema, strict=True))
     return pa.Table.from_arrays(cells, schema=plan.schema)
 
 

@@ -94,6 +94,9 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
     """
     if column not in COLUMNS:
         raise ConfigError(f"--by {column}: allowed are {', '.join(COLUMNS)}")
+    for folder in (a, b):
+        if folder.plan.teams:
+            raise ConfigError(f"{folder.path}: has teams, whose rows are evaders; see each with guidance sweep report")
     pairing = rows_pair(a.plan, b.plan)
     matched = pair_numbers(a.plan, b.plan)
     names = [[f"{pair.pursuer} / {pair.evader}" for pair in folder.plan.pairs] for folder in (a, b)]

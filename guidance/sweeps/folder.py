@@ -81,11 +81,16 @@ class Folder:
         """Return the numbers of a chunk's rows."""
         return rows_of(self.plan, chunk, self.chunk_rows)
 
+    def _whole(self, count: int, chunk: int) -> bool:
+        """Say whether so many rows are a chunk's: one for each game, or in games of teams one for each evader."""
+        games = len(self.rows(chunk))
+        return count >= games if self.plan.teams else count == games
+
     def has(self, chunk: int) -> bool:
         """Whether a chunk is there with all of its rows."""
         part = self.part(chunk)
         try:
-            return part.is_file() and parquet.read_metadata(part).num_rows == len(self.rows(chunk))
+            return part.is_file() and self._whole(parquet.read_metadata(part).num_rows, chunk)
         except pa.ArrowInvalid:  # damaged by something else than a sweep
             return False
 

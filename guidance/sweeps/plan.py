@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.scenarios.loading import FOLDER as SCENARIOS
-from guidance.scenarios.loading import load_scenario
+from guidance.scenarios.loading import has_teams, load_any
 from guidance.scenarios.outcome import SCHEMA
+from guidance.scenarios.team_maths import TEAM_SCHEMA
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.model import Pair, Sweep, Way
 
@@ -59,6 +60,11 @@ class Plan:
     way: Way
 
     @cached_property
+    def teams(self) -> bool:
+        """Whether the scenario is one of teams: then a game has a row in the table for every evader."""
+        return has_teams(self.scenario)
+
+    @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """What is swept."""
         return self.sweep.axes
@@ -66,7 +72,7 @@ class Plan:
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
         """The pairs of policies, the scenario's own by their names."""
-        own = {player: self.scenario[player]["policy"] for player in ("pursuer", "evader")}
+        own = {player: policy_in(self.scenario[player]) for player in ("pursuer", "evader")}
         return tuple(Pair(pair.pursuer or own["pursuer"], pair.evader or own["evader"]) for pair in self.sweep.pairs)
 
     @cached_property
@@ -127,7 +133,7 @@ class Plan:
     @cached_property
     def schema(self) -> pa.Schema:
         """The columns of the sweep's table: the row's number, what is swept, and the outcome."""
-        return pa.schema([(ROW, pa.int64()), *self.swept.items(), *SCHEMA])
+        return pa.schema([(ROW, pa.int64()), *self.swept.items(), *(TEAM_SCHEMA if self.teams else SCHEMA)])
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -150,6 +156,12 @@ class Plan:
         return sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
 
 
+def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the tables of a team
+    """Return how a player plays, or a team; different policies in it are joined by "+"."""
+    groups = section if isinstance(section, (list, tuple)) else [section]
+    return "+".join(dict.fromkeys(str(group["policy"]) for group in groups))
+
+
 def plan_of(document: Mapping[str, Any]) -> Plan:
     """Lay out a sweep from the document of a plan."""
     return Plan(Sweep.model_validate(document["sweep"]), document["scenario"], document["as"])
@@ -167,8 +179,10 @@ def laid_out(sweep: Sweep, path: Path, way: Way | None = None) -> Plan:
         ConfigError: If the scenario is none, a key is swept twice, or the rows do not come out even.
     """
     beside = path.parent / sweep.scenario
-    _, scenario = load_scenario(str(beside) if beside.is_file() else str(find(sweep.scenario, SCENARIOS)))
+    found, scenario = load_any(str(beside) if beside.is_file() else str(find(sweep.scenario, SCENARIOS)))
     plan = Plan(sweep, scenario.model_dump(mode="json"), way or sweep.way)
+    if plan.teams and plan.way != "maths":
+        raise ConfigError(f'{path}: as = "{plan.way}": {found.name} has teams, which only mathematics plays yet')
     try:
         columns = [name for axis in plan.axes for name in axis.columns()]
     except ConfigError as error:

@@ -1,20 +1,30 @@
 """From rows of a plan to checked scenarios, or to the reason why a row allows no game."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
 from guidance.config import explain, parse
 from guidance.errors import ConfigError
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.scenarios.model import Scenario
+from guidance.scenarios.teams import TeamScenario
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.keys import placed
 from guidance.sweeps.model import Pair
-from guidance.sweeps.plan import Cases, Plan
+from guidance.sweeps.plan import Cases, Plan, policy_in
 
 _OF_A_COURSE = {"waypoints": "waypoints_m", "recorded": "track"}
+
+
+Model = type[Scenario] | type[TeamScenario]
+
+
+def model_of(plan: Plan) -> Model:
+    """Return what the rows of a plan are checked by."""
+    return TeamScenario if plan.teams else Scenario
 
 
 class Scenarios:
@@ -25,13 +35,14 @@ class Scenarios:
     """
 
     def __init__(self, plan: Plan) -> None:
+        self._model = model_of(plan)
         swept = {str(axis.key.path[0]) for axis in plan.axes}
         self._fixed: list[dict[str, Any]] = []
         self._varied: list[dict[str, Any]] = []
         for pair in plan.pairs:
             document = with_policies(plan.scenario, pair)
-            base = parse(Scenario, document, source=f"policies {pair.pursuer} and {pair.evader}")
-            self._fixed.append({name: getattr(base, name) for name in Scenario.model_fields if name not in swept})
+            base = parse(self._model, document, source=f"policies {pair.pursuer} and {pair.evader}")
+            self._fixed.append({name: getattr(base, name) for name in self._model.model_fields if name not in swept})
             # Any values: every row sets its own. What they are set in is there from now on, and no longer None.
             some = [axis.extremes()[0] for axis in plan.axes]
             self._varied.append(with_values({name: document[name] for name in swept}, plan.axes, some))
@@ -39,7 +50,7 @@ class Scenarios:
         inside = {path[:depth] for paths in self._paths for path in paths for depth in range(1, len(path))}
         self._copied = sorted(inside, key=len)
 
-    def of(self, cases: Cases) -> Iterator[Scenario | str]:
+    def of(self, cases: Cases) -> Iterator[Scenario | TeamScenario | str]:
         """Yield the scenario of every row, or why it is none."""
         fixed, varied = self._fixed, self._varied
         drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
@@ -52,9 +63,9 @@ class Scenarios:
                 for path, part in zip(paths, [value] if len(paths) == 1 else value, strict=True):
                     _at(document, path[:-1])[path[-1]] = part
             try:
-                yield Scenario.model_validate(document)
+                yield self._model.model_validate(document)
             except ValidationError as error:
-                yield "; ".join(explain(Scenario, dict(fault)) for fault in error.errors())
+                yield "; ".join(explain(self._model, dict(fault)) for fault in error.errors())
 
 
 def _at(node: Any, path: Sequence[str | int]) -> Any:  # noqa: ANN401 - any part of a document
@@ -67,6 +78,10 @@ def with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
     """Return a scenario's document with other policies; a course stays with the policy that follows it."""
     document = dict(scenario)
     for player, policy in pair._asdict().items():
+        if isinstance(document[player], list):
+            if policy != policy_in(document[player]):
+                document[player] = [{**group, "policy": policy} for group in document[player]]
+            continue
         section = {**document[player], "policy": policy}
         for of, key in _OF_A_COURSE.items():
             if policy != of:
@@ -92,28 +107,30 @@ def check(plan: Plan, source: str) -> None:
         ConfigError: One line a fault, each with the key, the value and what is allowed.
     """
     _check_names(plan, source)
-    base = with_policies(plan.scenario, plan.pairs[0])
-    faults = [fault for axis in plan.axes for value in axis.extremes() for fault in _faults(base, axis, value)]
+    base, model = with_policies(plan.scenario, plan.pairs[0]), model_of(plan)
+    faults = [fault for axis in plan.axes for value in axis.extremes() for fault in _faults(model, base, axis, value)]
     if faults:
         raise ConfigError(f"{source}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
     Scenarios(plan)
 
 
 def _check_names(plan: Plan, source: str) -> None:
-    known = {"pursuer": PURSUER_STRATEGIES, "evader": EVADER_STRATEGIES}
+    known: dict[str, Collection[str]] = {"pursuer": PURSUER_STRATEGIES, "evader": EVADER_STRATEGIES}
+    if plan.teams:
+        known = {"pursuer": PURSUER_POLICIES, "evader": EVADER_POLICIES}
     for pair in plan.pairs:
         for player, policy in pair._asdict().items():
-            if policy not in known[player]:
+            if policy not in known[player] and policy != policy_in(plan.scenario[player]):
                 raise ConfigError(f"{source}: policies.{player} = {policy!r}: allowed are {', '.join(known[player])}")
 
 
-def _faults(base: dict[str, Any], axis: Axis, value: Any) -> Iterator[str]:  # noqa: ANN401 - any value of a key
+def _faults(model: Model, base: dict[str, Any], axis: Axis, value: Any) -> Iterator[str]:  # noqa: ANN401 - any value of a key
     try:
         document = with_values(base, (axis,), (value,))
-        Scenario.model_validate(document)
+        model.model_validate(document)
     except LookupError as error:
         yield f"{axis.key.text}: the scenario has no element {error.args[0]} there"
     except ValidationError as error:
         for fault in error.errors():
             if fault["loc"][: len(axis.key.path)] == axis.key.path:
-                yield explain(Scenario, dict(fault))
+                yield explain(model, dict(fault))

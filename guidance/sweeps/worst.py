@@ -8,6 +8,7 @@ import numpy as np
 import tomli_w
 
 from guidance.scenarios.model import Scenario
+from guidance.scenarios.teams import TeamScenario
 from guidance.sweeps.folder import Folder, write_whole
 from guidance.sweeps.plan import Plan
 from guidance.sweeps.rows import Scenarios
@@ -24,7 +25,7 @@ class Worst(NamedTuple):
     regret: float
 
 
-def scenario_of(plan: Plan, row: int) -> Scenario | str:
+def scenario_of(plan: Plan, row: int) -> Scenario | TeamScenario | str:
     """Return what a row plays, or why it is no game."""
     return next(iter(Scenarios(plan).of(plan.cases(np.array([row], dtype=np.int64)))))
 

@@ -160,6 +160,24 @@ def test_two_pursuers_beside_each_other_are_worth_one(close):
         assert stretched(discs).distance == pytest.approx(far, abs=3.0 * close + 1e-12)
 
 
+@pytest.mark.parametrize("ratio", [1.02, 2.0])
+@pytest.mark.parametrize("close", [1e-10, 1e-13, 1e-15])
+def test_corners_that_are_made_of_rounding_are_not_taken(ratio, close):
+    """Rims that differ in their last digits cross anywhere: tens of metres from where the discs are nearest."""
+    rng = np.random.default_rng(7)
+    w, target = rng.uniform(-20.0, 20.0, (5000, 1, 3)), rng.uniform(-60.0, 60.0, (2, 5000, 1))
+    w = w + close * rng.uniform(-1.0, 1.0, (5000, 2, 3))
+    discs = Discs(np.full((5000, 2), (ratio - 1.0) * (ratio + 1.0)), *np.moveaxis(w, -1, 0))
+    out = [discs.curvature * goal + part for goal, part in zip(target, discs[1:3], strict=True)]
+    far = np.hypot(*out)
+    root = np.sqrt(discs.curvature * (w**2).sum(axis=-1) + discs.x**2 + discs.y**2)
+    distance = np.maximum(excess(discs, tuple(target)) / (far + root), 0.0)
+    nearest = tuple(goal - distance * part / far for goal, part in zip(target, out, strict=True))
+    with np.errstate(all="ignore"):
+        found = project(discs, tuple(target[..., 0]), nearest, distance)
+    np.testing.assert_allclose(found.distance, distance.max(axis=-1), rtol=0.0, atol=3.0 * close)
+
+
 def test_a_batch_is_its_singles():
     rng = np.random.default_rng(8)
     w, target = rng.uniform(-20.0, 20.0, (3, 40, 5)), rng.uniform(-60.0, 60.0, (40, 2))

@@ -135,6 +135,23 @@ def test_within_the_capture_distance_is_captured_and_the_nearest_is_the_captor()
     assert len(played.path) == 1
 
 
+@pytest.mark.parametrize(("x", "y", "z"), [(-9.0, 0.0, 1.0), (9.0, -3.0, 1.0), (0.0, -5.0, 1.0), (0.5, 0.0, 30.0)])
+def test_an_evader_with_a_policy_plays_it_against_the_nearest_pursuer(x, y, z):
+    P, E = np.array([[x, y, z], [4.0, 4.0, 8.0]]), np.zeros((1, 3))
+    near = P[np.argmin(np.linalg.norm(P, axis=1))]
+    played = rollout_teams(PAPER, P, E, pursuer_policy="hold", evader_policy="pure_evade", step_s=0.01, duration_s=0.01)
+    np.testing.assert_allclose(played.evaders_m[0, :2], -0.01 * near[:2] / np.linalg.norm(near[:2]), atol=1e-12)
+
+
+def test_pursuers_with_a_policy_play_it_against_those_they_are_matched_with():
+    P, E = np.array([[6.0, 9.0, 4.0], [6.0, -9.0, 4.0]]), np.array([[12.0, -6.0, 0.0], [12.0, 6.0, 0.0]])
+    played = rollout_teams(PAPER, P, E, T, pursuer_policy="pure_pursuit", step_s=0.01, duration_s=0.01)
+    assert played.first.first.tolist() == [1, 0]
+    towards = E[::-1] - P
+    expected = P + 0.02 * towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    np.testing.assert_allclose(played.pursuers_m, expected, atol=1e-9)
+
+
 def test_time_is_up_exactly_when_it_is():
     P, E = states(1, 1, 1)
     played = rollout_teams(PAPER, P, E, pursuer_policy="hold", evader_policy="hold", duration_s=1.03, keep_path=True)

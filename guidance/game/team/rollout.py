@@ -172,7 +172,7 @@ def _velocities(team: _Team, P: Array, E: Array, matching: Matching) -> tuple[Ar
     def chase(policy: Policy) -> Array:
         game = with_speeds(team.game, team.u, np.take_along_axis(team.v, chased, axis=-1))
         goal = None if team.target is None else _rows(team.target, chased)
-        return np.where((matching.evader_of < 0)[..., None], 0.0, policy(game, P, _rows(E, chased), goal))
+        return np.asarray(policy(game, P, _rows(E, chased), goal))
 
     def flee(policy: Policy) -> Array:
         game = with_speeds(team.game, np.take_along_axis(team.u, near, axis=-1), team.v)

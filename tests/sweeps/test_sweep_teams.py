@@ -1,0 +1,149 @@
+"""Sweeps over games of teams: over numbers of players, a row for each evader."""
+
+import json
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from guidance.errors import ConfigError
+from guidance.scenarios.loading import load_any
+from guidance.scenarios.team_maths import play_teams, summary_of
+from guidance.sweeps.compare import compare_sweeps
+from guidance.sweeps.executors import SerialExecutor
+from guidance.sweeps.folder import read_folder
+from guidance.sweeps.model import load_sweep
+from guidance.sweeps.plan import laid_out
+from guidance.sweeps.report import write_report
+from guidance.sweeps.rows import Scenarios, check
+from guidance.sweeps.running import begun, finish
+
+SCENARIO = """
+title = "Short"
+game = "tad"
+target = { position_m = [0.0, 0.0] }
+step_s = 0.5
+[[pursuer]]
+position_m = [5.0, 0.0, 4.0]
+scatter_m = 4.0
+speed_m_s = 2.0
+[[pursuer]]
+position_m = [2.0, 2.0, 3.0]
+speed_m_s = 2.5
+policy = "pure_pursuit"
+[[evader]]
+position_m = [12.0, 0.0]
+scatter_m = 5.0
+speed_m_s = 1.0
+"""
+
+SWEEP = """
+scenario = "short.toml"
+seeds = 2
+[grid]
+"pursuer[0].count" = [1, 2]
+"evader[0].count" = [1, 3]
+[random]
+"evader[0].speed_m_s" = { uniform = [0.9, 1.1] }
+"""
+
+
+@pytest.fixture
+def swept(tmp_path):
+    (tmp_path / "short.toml").write_text(SCENARIO)
+
+    def make(text=SWEEP, way=None):
+        path = tmp_path / "sweep.toml"
+        path.write_text(text)
+        plan = laid_out(load_sweep(str(path))[1], path, way)
+        check(plan, "sweep.toml")
+        return plan
+
+    return make
+
+
+def run(plan, out, rows=3):
+    work = begun(plan, out, rows, 1)
+    finish(work, SerialExecutor(), lambda _: None)
+    return work
+
+
+def test_numbers_of_players_are_swept_and_every_evader_has_a_row(swept, tmp_path):
+    plan = swept()
+    run(plan, tmp_path / "out")
+    table = parquet.read_table(tmp_path / "out" / "rows")
+    assert plan.rows == 8
+    assert table.num_rows == 2 * (1 + 3) * 2
+    assert table.schema.equals(plan.schema)
+    assert set(table["row"].to_pylist()) == set(range(8))
+    for row in table.to_pylist():
+        assert row["pursuers"] == row["pursuer[0].count"] + 1
+        assert row["evaders"] == row["evader[0].count"]
+        assert 0 <= row["evader"] < row["evaders"]
+        assert row["pursuer_policy"] == "optimal+pure_pursuit"
+        assert 0.9 <= row["evader[0].speed_m_s"] <= 1.1
+    scenario = next(iter(Scenarios(plan).of(plan.cases(table["row"].to_numpy()[-1:]))))
+    assert summary_of(play_teams([scenario])[0])["guaranteed"] == table["guaranteed"][-1].as_py()
+
+
+def test_what_is_there_is_not_computed_again(swept, tmp_path):
+    plan = swept()
+    first = run(plan, tmp_path / "out")
+    assert len(first.missing) == 3
+    assert begun(plan, tmp_path / "out", 3, 1).missing == []
+    (tmp_path / "out" / "rows" / "part-000001.parquet").unlink()
+    assert begun(plan, tmp_path / "out", 3, 1).missing == [1]
+
+
+def test_policies_are_those_of_the_whole_team(swept, tmp_path):
+    plan = swept(SWEEP + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\nevader = "task_oriented"\n')
+    run(plan, tmp_path / "out", rows=16)
+    rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
+    assert {row["pursuer_policy"] for row in rows} == {"optimal", "pure_pursuit"}
+    assert {row["evader_policy"] for row in rows} == {"task_oriented"}
+    with pytest.raises(ConfigError, match=r"policies\.pursuer = 'proportional_navigation': allowed are optimal"):
+        swept(SWEEP + '[[policies]]\npursuer = "proportional_navigation"\n')
+
+
+def test_a_row_that_allows_no_game_says_why(swept, tmp_path):
+    plan = swept(SWEEP.replace("uniform = [0.9, 1.1]", "choice = [1.0, 2.2]").replace("seeds = 2", "seeds = 6"))
+    run(plan, tmp_path / "out", rows=24)
+    rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
+    wrong = [row for row in rows if row["end"] == "invalid"]
+    assert 0 < len(wrong) < len(rows)
+    assert all("must be above 1" in row["reason"] for row in wrong)
+    assert all(row["evader"] == -1 for row in wrong)
+
+
+def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(swept, tmp_path):
+    plan = swept(SWEEP + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\n')
+    run(plan, tmp_path / "out", rows=16)
+    files = write_report(tmp_path / "out", tmp_path / "report", worst=1)
+    report = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert report["rows"] == 2 * report["rows_planned"] == 32
+    assert report["unit"] == "m"
+    worst = next(path for path in files if path.suffix == ".toml")
+    assert len(load_any(str(worst))[1].pursuer) == 2
+    folder = read_folder(tmp_path / "out")
+    with pytest.raises(ConfigError, match="has teams, whose rows are evaders"):
+        compare_sweeps(folder, folder, column="achieved", rows=3)
+
+
+def test_teams_do_not_fly_in_sweeps_either(swept):
+    with pytest.raises(ConfigError, match=r'as = "fast": short\.toml has teams, which only mathematics plays yet'):
+        swept(way="fast")
+
+
+def test_a_key_that_no_team_has_is_refused(swept):
+    with pytest.raises(ConfigError, match=r"pursuer\[2\].count: the scenario has no element 2"):
+        swept(SWEEP.replace('"pursuer[0].count"', '"pursuer[2].count"'))
+    with pytest.raises(ConfigError, match=r"count = 99"):
+        swept(SWEEP.replace('"evader[0].count" = [1, 3]', '"evader[0].count" = [1, 99]'))
+
+
+def test_the_sweep_that_comes_along_can_be_played():
+    path, sweep = load_sweep("teams")
+    plan = laid_out(sweep, path)
+    check(plan, str(path))
+    assert plan.rows == 120
+    assert all(not isinstance(one, str) for one in Scenarios(plan).of(plan.cases(np.arange(0, 120, 20))))
