@@ -107,7 +107,10 @@ def wide_console() -> Console:
 
 def _show(console: Console, folder: Folder, tallies: Sequence[Tally], unit: str) -> None:
     rows = sum(tally.rows for tally in tallies)
-    console.print(f"{rows} of {folder.plan.rows} rows, as {folder.plan.way}; regret in {unit}", highlight=False)
+    counted = (
+        f"{rows} evaders of {folder.plan.rows} games" if folder.plan.teams else f"{rows} of {folder.plan.rows} rows"
+    )
+    console.print(f"{counted}, as {folder.plan.way}; regret in {unit}", highlight=False)
     ends = _table("pursuer", "evader", "games", "captured", "95 %", "other rows")
     regrets = _table("pursuer", "evader", "mean regret", "95 %", *(_percent(one) for one in QUANTILES))
     for tally in tallies:
