@@ -21,7 +21,7 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from guidance.game import Winner
+from guidance.game import Reason, Winner
 from guidance.tick import Certificate
 
 SCATTER_M: Final = 1.0
@@ -88,6 +88,8 @@ def watch(
     age_s = certificate.target_age_s
     if age_s > max(STALE_S, STALER * memory.oldest_s):
         return memory._replace(oldest_s=age_s), Alarm(Broken.STALE, age_s)
+    if certificate.reason == Reason.TOO_OLD:  # no guarantee to watch: that begins anew with news
+        memory, certificate = Guarantee(oldest_s=memory.oldest_s), certificate._replace(meeting_time_s=0.0)
     if with_target and memory.winner not in {None, certificate.winner}:
         return _crossed(memory, now_s, certificate.winner)
     memory = memory._replace(winner=certificate.winner)

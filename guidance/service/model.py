@@ -109,6 +109,9 @@ class GameSection(Section):
     standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="above the target")
     tolerance_m: float = Field(1.0, gt=0.0, le=10.0)
     guarded: Place | None = Field(None, description="TAD: the place that the target wants to reach")
+    target_velocity_m_s: tuple[float, float] = Field(
+        (0.0, 0.0), description="TAD: velocity of that place, east and north, kept from the engagement on"
+    )
 
     @property
     def speeds(self) -> Speeds:
@@ -124,6 +127,12 @@ class GameSection(Section):
             )
         if self.kind == "tad" and self.guarded is None:
             raise ValueError('game.guarded: missing; kind = "tad" needs the latitude_deg and longitude_deg to guard')
+        moves = math.hypot(*self.target_velocity_m_s)
+        if not moves < self.evader_speed_m_s or (moves > 0.0 and self.kind == "pe"):
+            raise ValueError(
+                f"game.target_velocity_m_s = {list(self.target_velocity_m_s)}: must be slower than "
+                f'game.evader_speed_m_s = {self.evader_speed_m_s:g}, and only with kind = "tad"'
+            )
         if self.kind == "pe" and self.guarded is not None:
             raise ValueError('game.guarded: not allowed with kind = "pe"; use kind = "tad"')
         return self

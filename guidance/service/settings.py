@@ -51,6 +51,7 @@ def flight_settings(config: Config) -> FlightSettings:
             if guarded is None
             else (guarded.latitude_deg, guarded.longitude_deg, Amsl(guarded.altitude_amsl_m)),
             target_timeout_s=config.target.timeout_s,
+            target_velocity_m_s=game.target_velocity_m_s,
         ),
         takeoff_height_m=flight.takeoff_height_m,
         after_capture=AfterCapture(flight.after_capture),
