@@ -114,7 +114,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
         Case(
             "an evader that stops",
             "pymavlink",
-            made("stops", evader={"policy": "waypoints", "waypoints_m": [[6.0, 25.0]]}, **near),
+            made("stops", evader={"policy": "waypoints", "waypoints_m": [[6.0, 40.0]]}, away_m=40.0),
             (ends("captured"), EARLIER, KEEPS_OFF),
             autopilots=("px4",),
         ),
