@@ -23,18 +23,18 @@ STEPS = {
     "tests": [*PYTEST, "-n", "2", "-m", "not slow"],
     # Real clients in real time wait more than they work.
     "real time": [*PYTEST, "-n", "3", "-m", "slow"],
+    "acceptance": [sys.executable, "-m", "tests.acceptance"],
 }
 
 ASKED_FOR = {
     "coverage": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-report=term"],
-    "acceptance": [sys.executable, "-m", "tests.acceptance"],
 }
 """Steps that run by name only."""
 
 
 def main() -> int:
     if sys.argv[1:2] == ["acceptance"]:
-        return subprocess.run([*ASKED_FOR["acceptance"], *sys.argv[2:]], cwd=ROOT, check=False).returncode
+        return subprocess.run([*STEPS["acceptance"], *sys.argv[2:]], cwd=ROOT, check=False).returncode
     chosen = sys.argv[1:] or list(STEPS)
     steps = STEPS | ASKED_FOR
     unknown = set(chosen) - set(steps)

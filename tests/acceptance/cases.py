@@ -65,7 +65,7 @@ def scenario(
     document: dict[str, Any] = {
         "title": title,
         "game": "pe",
-        "hold_s": 1.0,
+        "hold_s": 0.5,
         "time_limit_s": 60.0,
         "pursuer": {
             "position_m": [0.0, 0.0, height_m],
@@ -161,9 +161,16 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             fence_m=45.0,
             autopilots=("px4",),
         ),
-        Case("a pilot's mode switch", "pymavlink" if px4 else "mavsdk", going, (ends("yielded"),), meddling="pilot"),
+        Case(
+            "a pilot's mode switch",
+            "pymavlink" if px4 else "mavsdk",
+            going,
+            (ends("yielded"),),
+            meddling="pilot",
+            autopilots=("px4",),
+        ),
         Case("the service killed (-9)", "mavsdk" if px4 else "pymavlink", going, meddling="kill"),
-        Case("a failed preflight", "mavsdk", going, meddling="refuse"),
+        Case("a failed preflight", "mavsdk", going, meddling="refuse", autopilots=("arducopter",)),
     ]
 
 
