@@ -83,7 +83,7 @@ class MissionFlight:
         """Go on at an item; False if there is none with that number."""
         if not 0 <= seq < self.count:
             return False
-        self.current = seq
+        self.current = max(seq, 1) if self.skip_home and self.count > 1 else seq
         self._revision = self.plans.mission.revision
         self.over = ""
         self._hold_until_s = math.inf

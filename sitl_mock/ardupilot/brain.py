@@ -43,6 +43,7 @@ class ArduPilot:
         mode: Name of the mode that is flown.
         guided: Last setpoint in GUIDED, None while there is none.
         takeoff_m: Down coordinate of the take-off in GUIDED, NaN when it is over.
+        just_taken_off: Nothing has been asked for since the take-off in GUIDED.
         paused: DO_PAUSE_CONTINUE has stopped the flight.
         turn: Where CONDITION_YAW turns the nose, None where the flight decides.
         speeds: What DO_CHANGE_SPEED asked for, until the kind of guided flight changes.
@@ -63,6 +64,7 @@ class ArduPilot:
         self.guided: Setpoint | None = None
         self.stream_s = -math.inf
         self.takeoff_m = math.nan
+        self.just_taken_off = False
         self.paused = False
         self.turn: Turn | None = None
         self.speeds = Speeds()
@@ -145,8 +147,9 @@ class ArduPilot:
 
     def follow(self, setpoint: Setpoint) -> None:
         """Fly a guided setpoint; another kind of one forgets the speeds that were asked for (`pva_control_start`)."""
-        if self.guided is None or self.guided.kind is not setpoint.kind:
+        if self.guided is None or self.guided.kind is not setpoint.kind or self.just_taken_off:
             self.speeds = Speeds()
+        self.just_taken_off = False
         self.guided = setpoint
         self.turn = None
         self.takeoff_m = math.nan
@@ -246,7 +249,7 @@ class ArduPilot:
         """AUTO has come to its end."""
         if self.mission.over == "return":
             self.enter(self.after["AUTO", "mission asks to return"])
-        elif self.mission.over == "finished" and (not self.rig.flies or not self.craft.on_ground):
+        elif self.mission.over == "finished" and not self.rig.flies:
             self.enter(self.after["AUTO", "mission finished in the air"])
 
     def set_home(self, place_m: Vector, *, given: bool = False) -> None:

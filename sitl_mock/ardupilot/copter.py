@@ -13,6 +13,8 @@ from sitl_mock.setpoints import turned
 
 _NAN = math.nan
 _REACHED_M: Final = 0.5
+_CLIMB_LEAST_S: Final = 2.0
+"""RTL sets out after so long also where there is nothing to climb (measured)."""
 _NOT_IN_RTL: Final = 2  # WP_YAW_BEHAVIOR: the nose follows the flight, but not in RTL
 _DEAD_BAND: Final = 0.2
 """THR_DZ of 100 µs about the middle of the throttle stick."""
@@ -27,6 +29,7 @@ def _guided(brain: ArduPilot) -> Setpoint:
         if craft.flew and abs(craft.position_m[2] - brain.takeoff_m) < _REACHED_M:
             brain.guided = Setpoint(Kind.TRAVEL, (north, east, brain.takeoff_m), yaw_rad=brain.entered_yaw_rad)
             brain.takeoff_m = _NAN
+            brain.just_taken_off = True
         else:
             return Setpoint(Kind.TRAVEL, (north, east, brain.takeoff_m), yaw_rad=brain.entered_yaw_rad)
     if not craft.on_ground:
@@ -94,8 +97,9 @@ def _return(brain: ArduPilot) -> Setpoint:
     north, east, down = craft.position_m
     height_m = min(home[2] - float(craft.parameters["RTL_ALT"]) * 0.01, brain.entered_m[2])
     if not brain.stage:
-        brain.stage = "climb"
-    if brain.stage == "climb" and down - height_m < _REACHED_M:
+        brain.stage, brain.stage_s = "climb", craft.now_s
+    climbed = down - height_m < _REACHED_M and craft.now_s - brain.stage_s > _CLIMB_LEAST_S
+    if brain.stage == "climb" and climbed:
         brain.stage = "return"
     if brain.stage == "return" and math.hypot(north - home[0], east - home[1]) < 1.0:
         brain.stage, brain.stage_s = "wait", craft.now_s

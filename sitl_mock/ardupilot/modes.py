@@ -38,7 +38,6 @@ COPTER_MODES: Final = ModeTable(
         Mode("ZIGZAG", 24, _POSITION, True, _MANUAL, "sticks are velocities"),
     ),
     transitions=(
-        Transition("AUTO", "mission finished in the air", "LOITER"),
         Transition("AUTO", "mission asks to return", "RTL"),
         Transition("any", "radio lost, FS_THR_ENABLE = 1", "RTL"),
         Transition("any", "radio lost, FS_THR_ENABLE = 2", "RTL"),
