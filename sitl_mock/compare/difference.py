@@ -10,6 +10,11 @@ RATE_SHARE = 0.2
 LEAST = 5
 """Messages that came less often on both sides are answers or news, and have no rate."""
 
+ANSWERS = frozenset(
+    {"COMMAND_ACK", "PARAM_VALUE", "STATUSTEXT", "MISSION_ACK", "MISSION_ITEM_INT", "MISSION_REQUEST_INT"}
+)
+"""They come when a client asks or something happens, and have no rate."""
+
 
 class Difference(NamedTuple):
     """One difference.
@@ -49,7 +54,11 @@ def _often(stream: Stream) -> str:
 
 def _of_stream(name: str, real: Stream, ours: Stream) -> Iterator[Difference]:
     counted = max(real.count, ours.count) >= LEAST
-    if counted and abs(real.rate_hz - ours.rate_hz) > RATE_SHARE * max(real.rate_hz, ours.rate_hz):
+    if (
+        counted
+        and name not in ANSWERS
+        and abs(real.rate_hz - ours.rate_hz) > RATE_SHARE * max(real.rate_hz, ours.rate_hz)
+    ):
         yield Difference("rate", name, "", _often(real), _often(ours))
     for phase in sorted(real.fields.keys() & ours.fields.keys()):
         for label, values in real.fields[phase].items():
