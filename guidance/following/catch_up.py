@@ -4,7 +4,8 @@ The game's pursuer is at full speed at once; a vehicle that starts from hover is
 game, and would be later by just that. So the way that it owes is kept account of, and worked off with what the speed
 limits leave above the game's speed; where they leave nothing, nothing is made good. Nothing is owed any more when the
 vehicle has flown as far as the game's pursuer would have: over any game its mean speed stays within the game's bound,
-and its value is never beaten in this way.
+and its value is never beaten in this way. A vehicle that flies faster than the limits, though no command says so, is
+told to fly slower: ArduCopter makes good by itself what it has lagged behind its setpoints, for seconds.
 """
 
 import math
@@ -12,6 +13,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from guidance.telemetry import Vector
+
+OVER = 0.02
+"""Share of the limit by which a vehicle may be faster before it is told to fly slower: what estimates scatter by."""
+EASE = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +48,7 @@ def catch_up(
     most: float,
     dt_s: float,
 ) -> CaughtUp:
-    """Add to a velocity what makes up for the way that is owed, along it.
+    """Add to a velocity what makes up for the way over ground that is owed, along it.
 
     Args:
         wanted_ned_m_s: What the game asks for.
@@ -53,11 +58,12 @@ def catch_up(
         most: The largest multiple of the velocity, which is what the speed limits are of the game's speeds; at least 1.
         dt_s: Seconds since the last call.
     """
-    speed = math.hypot(*wanted_ned_m_s)
+    speed = math.hypot(*wanted_ned_m_s[:2])
     if speed <= 0.0:
         return CaughtUp(wanted_ned_m_s, owed_m)
-    along = sum(w * f for w, f in zip(wanted_ned_m_s, flown_ned_m_s, strict=True)) / speed
+    along = sum(w * f for w, f in zip(wanted_ned_m_s[:2], flown_ned_m_s[:2], strict=True)) / speed
     owed_m = min(settings.limit_m, max(0.0, owed_m + (speed - along) * dt_s))
-    scale = min(most, 1.0 + settings.gain_per_s * owed_m / speed)
+    over = max(0.0, along / speed - (1.0 + OVER) * most)
+    scale = max(0.0, min(most, 1.0 + settings.gain_per_s * owed_m / speed) - EASE * over)
     north, east, down = wanted_ned_m_s
     return CaughtUp((scale * north, scale * east, scale * down), owed_m)

@@ -173,7 +173,9 @@ class Chased:
             within the space that is never to be entered.
         fastest_m_s: Largest speed over the ground.
         station_m: From two seconds after the capture on: every distance to the rim of the disc,
-        slip_m_s: and every speed over the ground relative to the evader.
+        slip_m_s: every speed over the ground relative to the evader,
+        reported_m: every distance to the rim, as the vehicle reports it,
+        height_m: and every height above the disc.
         commands: Every setpoint's velocity and acceleration, NED.
         needed_s: The time that this vehicle needs, as the first certificate has it.
         alarms: Every alarm and its time since engagement.
@@ -187,6 +189,8 @@ class Chased:
     fastest_m_s: float = 0.0
     station_m: list[float] = field(default_factory=list)
     slip_m_s: list[float] = field(default_factory=list)
+    reported_m: list[float] = field(default_factory=list)
+    height_m: list[float] = field(default_factory=list)
     commands: list[tuple[float, ...]] = field(default_factory=list)
     needed_s: float = math.nan
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
@@ -200,6 +204,21 @@ class Chased:
     def worst_station_m(self) -> float:
         """Farthest from the rim after the capture."""
         return max(map(abs, self.station_m), default=math.nan)
+
+    @property
+    def worst_height_m(self) -> float:
+        """Farthest from the disc's height after the capture, as the vehicle reports it."""
+        return max(map(abs, self.height_m), default=math.nan)
+
+    @property
+    def worst_reported_m(self) -> float:
+        """Farthest from the rim after the capture, as the vehicle reports it."""
+        return max(map(abs, self.reported_m), default=math.nan)
+
+    @property
+    def largest_command_m_s(self) -> float:
+        """Over the ground."""
+        return max(math.hypot(*command[:2]) for command in self.commands)
 
     @property
     def slip_rms_m_s(self) -> float:
@@ -218,6 +237,8 @@ class Chased:
         if since_s > self.flown_s + SETTLED_S:
             self.station_m.append(gap_m)
             self.slip_m_s.append(slip_m_s)
+            self.reported_m.append(certificate.gap_m)
+            self.height_m.append(certificate.height_gap_m)
 
 
 def chase(
