@@ -65,10 +65,10 @@ PX4 = Handling(
 ARDUCOPTER = Handling(
     following=Following(
         # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
-        # both. Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s². What
-        # it reports of place and velocity is hardly noise, so that the disc can be approached closely and late.
+        # both. Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s².
+        # Braking is planned with less than those 2.5 m/s²: a copter that takes no accelerations has to make it too.
         servo=ServoGains(acceleration_m_s2=5.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=6.5),
-        approach=Approach(braking_m_s2=3.0, vertical_braking_m_s2=0.9, lag_s=0.2, settle_s=0.2, margin_m=0.05),
+        approach=Approach(braking_m_s2=1.8, vertical_braking_m_s2=0.9),
         catch_up=CatchUp(),
     ),
     acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0),
