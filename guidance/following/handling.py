@@ -68,7 +68,7 @@ ARDUCOPTER = Handling(
         # both. Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s².
         # Braking is planned with less than those 2.5 m/s²: a copter that takes no accelerations has to make it too.
         servo=ServoGains(acceleration_m_s2=5.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=6.5),
-        approach=Approach(braking_m_s2=1.8, vertical_braking_m_s2=0.9),
+        approach=Approach(braking_m_s2=2.2, vertical_braking_m_s2=0.9),
         catch_up=CatchUp(),
     ),
     acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0),
