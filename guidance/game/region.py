@@ -60,7 +60,7 @@ DISC_STEPS = 5
 TRACED_STEPS = 12
 """As many for the libraries that cannot ask a row how far it is."""
 
-FAN = tuple(index / 8.0 - 1.0 for index in range(17))
+FAN = tuple(index / 4.0 - 1.0 for index in range(9))
 """Headings from −90° to 90°, exact in binary."""
 
 
