@@ -1,10 +1,10 @@
 """The autopilot of one vehicle: body, beliefs and brain, moved on a fixed grid; no I/O, time is an argument."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from random import Random
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.conditions import Conditions
 from sitl_mock.craft import Craft
@@ -16,7 +16,16 @@ from sitl_mock.events import EVENTS
 from sitl_mock.flavour import Flavour
 from sitl_mock.mavlink import Message, Signing
 from sitl_mock.pilot import Sticks
-from sitl_mock.protocols import ParameterError, ParameterStore, Place, PlanItem, PlanStore, Reply, StatusTexts
+from sitl_mock.protocols import (
+    EventLog,
+    ParameterError,
+    ParameterStore,
+    Place,
+    PlanItem,
+    PlanStore,
+    Reply,
+    StatusTexts,
+)
 from sitl_mock.reception import take
 from sitl_mock.sensors import EXACT, Sensors
 from sitl_mock.telemetry import BUILDERS, Report
@@ -50,6 +59,16 @@ class Settings:
     texts: bool | None = None
     origin: Home | None = None
     unix_us: int = _EPOCH_US
+
+
+class Announcements(NamedTuple):
+    """What a vehicle says by itself: on every link, and as texts on those that take texts."""
+
+    everywhere: Sequence[Reply] = ()
+    texts: Sequence[Reply] = ()
+
+
+_NOTHING: Final = Announcements()
 
 
 class Autopilot:
@@ -87,6 +106,7 @@ class Autopilot:
         self.motion: Motion = self.plant.initial(place, wrap_pi(math.radians(settings.yaw_deg)))
         self.texts = self.flavour.texts if settings.texts is None else settings.texts
         self._status_texts = StatusTexts()
+        self.events = EventLog()
         self._gust: Vector = ZERO
         self.time_jump_s = 0.0
         self.boots = 0
@@ -109,6 +129,7 @@ class Autopilot:
             estimator=Estimator(
                 self.flavour.wander if settings.noise else None,
                 self._random,
+                ground_wander=self.flavour.ground_wander if settings.noise else None,
                 ready_s=now_s + ready_after_s,
                 position_limit_m=float(self.parameters.get("COM_POS_FS_EPH", 5.0)),
                 dead_reckoning_s=float(self.parameters.get("EKF2_NOAID_TOUT", 5e6)) * 1e-6,
@@ -124,7 +145,7 @@ class Autopilot:
             now_s=now_s,
         )
         self.brain = self.flavour.brain(self.craft, self.plans)
-        self.report = Report(self.flavour, self.craft, self.brain, Setpoint(Kind.STOPPED))
+        self.report = Report(self.flavour, self.craft, self.brain, Setpoint(Kind.STOPPED), self.events)
         self._renew_times(now_s)
 
     def tick(self, now_s: float, count: int) -> None:
@@ -151,23 +172,26 @@ class Autopilot:
         """Take a message that belongs to no protocol."""
         take(self, now_s, message)
 
-    def announcements(self) -> list[Reply]:
-        """Return what is to be said on every link without having been asked for."""
+    def announcements(self) -> Announcements:
+        """Return what is to be said without having been asked for."""
         texts, reached = self.craft.texts, self.brain.mission.reached
         if not texts and not reached and not self.craft.news:
-            return []
-        replies: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
-        if self.texts:
-            for severity, text in texts:
-                replies += self._status_texts.replies(severity, text)
+            return _NOTHING
+        said: list[Reply] = []
+        everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
+        for severity, text in texts:
+            said += self._status_texts.replies(severity, text)
+            event = self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None
+            if event is not None:
+                everywhere.append(self.events.add(self.report.boot_ms, *event))
         for name in dict.fromkeys(self.craft.news):
             fields = BUILDERS[name](self.report)
             if fields is not None:
-                replies.append((name, *fields))
+                everywhere.append((name, *fields))
         self.craft.news.clear()
         texts.clear()
         reached.clear()
-        return replies
+        return Announcements(everywhere, said)
 
     def set_mission_item(self, _now_s: float, seq: int) -> list[Reply]:
         """MISSION_SET_CURRENT: go on there; MISSION_CURRENT follows at its own rate."""
@@ -230,6 +254,7 @@ class Autopilot:
         )
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
         body = self.motion.body
+        self.report.reference = self.plant.reference(self.motion)
         craft.body = body
         craft.sensors.advance(craft.now_s, body)
         craft.position_m, craft.velocity_m_s = self.plant.estimate(body, around)

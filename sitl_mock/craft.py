@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 from sitl_mock.battery import Battery
 from sitl_mock.conditions import Conditions
@@ -36,6 +37,14 @@ class Landed(IntEnum):
     LANDING = 4
 
 
+class Reported(NamedTuple):
+    """A FOLLOW_TARGET: when it came, where its sender is in the local frame, and how it moves."""
+
+    at_s: float
+    position_m: Vector
+    velocity_m_s: Vector
+
+
 @dataclass(slots=True)
 class Craft:
     """One vehicle.
@@ -57,6 +66,7 @@ class Craft:
         landed_s: Since when it has stood on the ground; plus infinity in the air.
         flew: It has left the ground since it was armed.
         news: Names of messages to send once on every link, without being asked.
+        target: The last FOLLOW_TARGET.
     """
 
     frame: LocalFrame
@@ -79,6 +89,7 @@ class Craft:
     landed_s: float = -math.inf
     flew: bool = False
     now_s: float = 0.0
+    target: Reported | None = None
     pilot: Pilot = field(default_factory=Pilot)
     peers: Peers = field(default_factory=Peers)
     battery: Battery = field(default_factory=Battery)

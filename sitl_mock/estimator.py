@@ -29,6 +29,7 @@ class Estimator:
 
     Attributes:
         wander: Size of the error, None for none.
+        ground_wander: The same on the ground; None: it rests there.
         random: Source of the noise, seeded.
         ready_s: When the estimate becomes valid.
         position_limit_m: Horizontal uncertainty beyond which the position is invalid (COM_POS_FS_EPH).
@@ -50,6 +51,7 @@ class Estimator:
     ready_s: float
     position_limit_m: float = 5.0
     dead_reckoning_s: float = 5.0
+    ground_wander: Wander | None = None
     errors: Errors = Errors()  # noqa: RUF009 - an immutable value
     position_error_m: Vector = (0.0, 0.0, 0.0)
     velocity_error_m_s: Vector = (0.0, 0.0, 0.0)
@@ -65,8 +67,9 @@ class Estimator:
 
     def advance(self, now_s: float, conditions: Conditions, *, flying: bool) -> None:
         """Move the error and the validity on to now_s; called every STEP_S."""
-        if self.wander is not None and flying:
-            self.errors = self.wander.after(self.errors, self.random, STEP_S)
+        wander = self.wander if flying else self.ground_wander
+        if wander is not None:
+            self.errors = wander.after(self.errors, self.random, STEP_S)
         elif not flying:
             self.errors = Errors(self.errors.position_ned_m)  # standing still is noticed
         self._judge(now_s, conditions)

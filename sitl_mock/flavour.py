@@ -45,9 +45,11 @@ class Flavour:
         plant: The dynamics under present parameters.
         brain: Makes the brain of a craft.
         wander: Size of the estimator's error.
-        sensors: Noise of its receiver and barometer.
+        sensors: Noise of its sensors.
+        ground_wander: Size of the estimator's error on the ground; None where it rests.
         ready_s: From boot until it can be armed.
-        texts: STATUSTEXT goes out on the links.
+        texts: STATUSTEXT goes out on the links; None: on those that a ground station's heartbeats come by.
+        event_of: The event that a text of a severity is sent as, where the flavour has events.
         own_id_only: Protocols that ignore messages to system 0.
         broadcast: Commands that are obeyed when sent to system 0; None for all.
         ground_vehicle: It cannot start in the air.
@@ -70,10 +72,12 @@ class Flavour:
     brain: Callable[[Craft, PlanStore], Brain]
     wander: Wander
     ready_s: float
-    texts: bool
+    texts: bool | None
     own_id_only: frozenset[str] = frozenset()
     broadcast: frozenset[int] | None = None
     sensors: SensorNoise = EXACT
+    ground_wander: Wander | None = None
+    event_of: Callable[[int, str], tuple[int, int, bytes] | None] | None = None
     ground_vehicle: bool = False
     fix_type: int = 3
     files: Callable[[ParameterStore, PlanStore], Files] = no_files

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.mavlink import SPEC_BY_ID, SPEC_BY_NAME, Decoder, EncodeError, Encoder
 from sitl_mock.protocols import (
     Command,
     CommandAnswer,
     CommandProtocol,
+    EventProtocol,
     FtpProtocol,
     HomeProtocol,
     LogProtocol,
@@ -24,20 +26,21 @@ from sitl_mock.protocols import (
     TimeProtocol,
     available_modes,
 )
-from sitl_mock.telemetry import BUILDERS
+from sitl_mock.telemetry import Report, builders_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sitl_mock.autopilot import Autopilot
     from sitl_mock.flavour import Flavour
+    from sitl_mock.mavlink import MessageSpec
 
 COMPONENT: Final = 1
 ARDUPILOT: Final = 3
+_GROUND_STATION: Final = 6  # MAV_TYPE_GCS
+_GROUND_HEARD_S: Final = 2.5
 PROTOCOL_TICKS: Final = 2
 """Late answers are looked for every 20 ms."""
-OFFERED: Final = frozenset(BUILDERS)
-PREPARED: Final = {name: (build, SPEC_BY_NAME[name]) for name, build in BUILDERS.items()}
 _ONCE: Final = frozenset({"PING", "TIMESYNC"})
 _SET_INTERVAL, _GET_INTERVAL, _REQUEST_MESSAGE, _CAPABILITIES = 511, 510, 512, 520
 _AVAILABLE_MODES, _AUTOPILOT_VERSION = 435, 148
@@ -58,9 +61,11 @@ class Link:
         system_id, signing = autopilot.system_id, autopilot.signing
         self.decoder = Decoder(signing=signing)
         self.encoder = Encoder(system_id, COMPONENT, signing=signing, link_id=link_id)
-        self.streams = Streams(OFFERED, flavour.rates_hz[kind], flavour.stream_rules)
+        self._prepared = prepared(flavour.name)
+        self.streams = Streams(frozenset(self._prepared), flavour.rates_hz[kind], flavour.stream_rules)
         self.unsendable = 0
         self._requested: list[Reply] = []
+        self._ground_s = -math.inf
         self.session = Session(
             system_id,
             COMPONENT,
@@ -80,12 +85,20 @@ class Link:
             ftp=FtpProtocol(flavour.files(autopilot.parameters, autopilot.plans)),
             logs=LogProtocol(),
             signing=SigningSetup(signing),
+            events=EventProtocol(autopilot.events),
         )
+
+    def takes_texts(self, now_s: float) -> bool:
+        """Whether STATUSTEXT goes out here."""
+        always = self.autopilot.texts
+        return now_s - self._ground_s <= _GROUND_HEARD_S if always is None else always
 
     def receive(self, now_s: float, data: bytes) -> list[bytes]:
         """Take a datagram or a sample; return the frames that answer it."""
         frames: list[bytes] = []
         for message in self.decoder.feed(data, whole=True):
+            if message.get_type() == "HEARTBEAT" and message.type == _GROUND_STATION:
+                self._ground_s = now_s
             replies = self.session.handle(now_s, message)
             if replies is None:
                 self.autopilot.take(now_s, message)
@@ -104,7 +117,7 @@ class Link:
         for name in self.streams.due(now_s):
             if only_heartbeat and name != "HEARTBEAT":
                 continue
-            build, spec = PREPARED[name]
+            build, spec = self._prepared[name]
             fields = build(report)
             if fields is not None:
                 try:
@@ -123,6 +136,9 @@ class Link:
         return [pack(*reply) for reply in replies]
 
     def _execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
+        asked = self.streams.rules.old_requests.get(command.number)
+        if asked is not None:
+            command = command._replace(number=_REQUEST_MESSAGE, params=(float(asked), *command.params[1:]))
         handler = _REQUESTS.get(command.number)
         if handler is None:
             return self.autopilot.brain.execute(now_s, command)
@@ -158,9 +174,9 @@ class Link:
         if message_id == _AVAILABLE_MODES:
             return available_modes(mode_entries(autopilot.flavour), argument)
         spec = SPEC_BY_ID.get(message_id)
-        if spec is None or spec.name not in BUILDERS or spec.name in _ONCE:
+        if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
             return []
-        fields = BUILDERS[spec.name](autopilot.report)
+        fields = self._prepared[spec.name][0](autopilot.report)
         return [] if fields is None else [(spec.name, *fields)]
 
     def _capabilities(self, _now_s: float, command: Command) -> Result:
@@ -168,6 +184,12 @@ class Link:
             return Result.FAILED
         self._requested.append(self.autopilot.identity.autopilot_version())
         return Result.ACCEPTED
+
+
+@lru_cache
+def prepared(flavour: str) -> dict[str, tuple[Callable[[Report], tuple[Any, ...] | None], MessageSpec]]:
+    """What a flavour can send: how each message is filled, and how it is packed."""
+    return {name: (build, SPEC_BY_NAME[name]) for name, build in builders_of(flavour).items()}
 
 
 def mode_entries(flavour: Flavour) -> list[ModeEntry]:

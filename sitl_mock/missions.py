@@ -20,6 +20,7 @@ DO_CHANGE_SPEED: Final = 178
 _PLACES: Final = frozenset({WAYPOINT, LOITER_UNLIMITED, 18, LOITER_TIME, LAND, TAKEOFF, 82})
 _RELATIVE_FRAMES: Final = frozenset({3, 6, 10, 11})
 _HEIGHT_REACHED_M: Final = 0.8
+_REACHED_M: Final = 2.0
 
 
 class Leg(NamedTuple):
@@ -44,6 +45,7 @@ class MissionFlight:
     Attributes:
         plans: Where the mission is.
         skip_home: The first item is home and is not flown to (ArduPilot).
+        climbs_first: A mission that begins below its first place climbs to that height where it is (PX4).
         speed_m_s: Set by DO_CHANGE_SPEED, NaN for the default.
         reached: Sequence numbers reached and not yet reported.
         over: "" while flying, else why the mission ended: finished, return, landed.
@@ -51,12 +53,15 @@ class MissionFlight:
 
     plans: PlanStore
     skip_home: bool = False
+    climbs_first: bool = False
     speed_m_s: float = math.nan
     over: str = ""
     reached: list[int] = field(default_factory=list)
     _revision: int = -1
     _hold_until_s: float = math.inf
     _jumps: dict[int, int] = field(default_factory=dict)
+    _climb_judged: bool = False
+    _climb: Leg | None = None
 
     @property
     def current(self) -> int:
@@ -98,12 +103,22 @@ class MissionFlight:
         self._revision = self.plans.mission.revision
         self.over = ""
         self._hold_until_s = math.inf
+        self._climb_judged = not self.climbs_first
+        self._climb = None
+
+    @property
+    def landing(self) -> bool:
+        """Whether the present item is a landing."""
+        item = self._item()
+        return item is not None and item.command == LAND
 
     def leg(self, craft: Craft, entered_m: Vector) -> Leg:
         """Return the leg to fly now, going on to the next item when one is reached."""
         stay = Leg(craft.position_m if craft.on_ground else entered_m)
         if self._revision != self.plans.mission.revision:
             self.start()
+        if self._climbing(craft) and self._climb is not None:
+            return self._climb
         for _ in range(self.count + 1):
             item = self._item()
             if item is None:
@@ -120,6 +135,20 @@ class MissionFlight:
             self._next(item)
         self.over = "finished"
         return stay
+
+    def _climbing(self, craft: Craft) -> bool:
+        """Whether the height of the first place has yet to be reached."""
+        if not self._climb_judged:
+            self._climb_judged = True
+            first = next((item for item in self.plans.mission.items[self.current :] if item.command in _PLACES), None)
+            down_m = self._leg_to(craft, first).position_m[2] if first is not None else math.inf
+            if down_m < craft.position_m[2] - _HEIGHT_REACHED_M:
+                north, east, _ = craft.position_m
+                self._climb = Leg((north, east, down_m), speed_m_s=self.speed_m_s, taking_off=craft.on_ground)
+        climb = self._climb
+        if climb is not None and craft.flew and craft.position_m[2] - climb.position_m[2] < _HEIGHT_REACHED_M:
+            self._climb = None
+        return self._climb is not None
 
     def _item(self) -> PlanItem | None:
         items = self.plans.mission.items
@@ -168,8 +197,9 @@ class MissionFlight:
                 return True
             return False
         north, east, down = (a - b for a, b in zip(leg.position_m, craft.position_m, strict=True))
-        radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else 2.0
-        level = item.command == TAKEOFF or math.hypot(north, east) < radius_m
+        default_m = float(craft.parameters.get("NAV_ACC_RAD", _REACHED_M))
+        radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else default_m
+        level = (item.command == TAKEOFF and not self.climbs_first) or math.hypot(north, east) < radius_m
         if not (craft.flew and level and abs(down) < max(_HEIGHT_REACHED_M, min(radius_m, 2.0))):
             return False
         hold_s = item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0

@@ -17,6 +17,7 @@ class Need(StrEnum):
     MISSION = "mission"
     STREAM = "setpoint stream"
     DISARMED = "to be disarmed"
+    REGISTRATION = "registration by a companion"
 
 
 class Mode(NamedTuple):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sitl_mock.craft import Reported
 from sitl_mock.pilot import Sticks
-from sitl_mock.protocols import addressed
+from sitl_mock.protocols import Place, addressed, on_earth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +21,7 @@ _PWM_LEAST, _PWM_MOST = 800, 2200
 _RELEASED, _UNCHANGED = 0, 0xFFFF
 _STICKS_AT_REST: Final = {1: 1500, 2: 1500, 3: 1000, 4: 1500}
 """What ArduPilot's simulator has on the channels that nobody overrides; PX4 needs all four from the client."""
+_FASTEST_M_S: Final = 1000.0
 
 
 def take(autopilot: Autopilot, now_s: float, message: Message) -> None:
@@ -74,12 +76,22 @@ def _override(autopilot: Autopilot, now_s: float, message: Message) -> None:
     autopilot.craft.pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
 
 
+def _follow_target(autopilot: Autopilot, now_s: float, message: Message) -> None:
+    """FOLLOW_TARGET: a place on Earth and a velocity, whatever est_capabilities says; nonsense is dropped."""
+    place = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
+    velocity = tuple(message.vel)
+    if on_earth(place) and all(abs(value) < _FASTEST_M_S for value in velocity):
+        craft = autopilot.craft
+        craft.target = Reported(now_s, craft.frame.to_local(*place), (velocity[0], velocity[1], velocity[2]))
+
+
 _HANDLERS: Final[dict[str, Callable[[Autopilot, float, Message], None]]] = {
     "HEARTBEAT": _heartbeat,
     "SET_POSITION_TARGET_LOCAL_NED": _setpoint,
     "SET_POSITION_TARGET_GLOBAL_INT": _setpoint,
     "SET_ATTITUDE_TARGET": _setpoint,
     "SET_MODE": _set_mode,
+    "FOLLOW_TARGET": _follow_target,
     "MANUAL_CONTROL": _manual_control,
     "RC_CHANNELS_OVERRIDE": _override,
 }

@@ -37,12 +37,20 @@ class SensorNoise:
         velocity_sd_m_s: Receiver's velocity, north, east, down.
         fix_s: Between two readings of the receiver.
         barometer_sd_m: Barometer's height.
+        attitude_sd_rad: Estimated roll and pitch on the ground; the heading's is three times as much.
+        gyro_sd_rad_s: Body rates.
+        accelerometer_sd_m_s2: Specific force.
+        magnetometer_sd_gauss: Field.
     """
 
     position_sd_m: Vector = _CALM_SD
     velocity_sd_m_s: Vector = _CALM_SD
     fix_s: float = 0.125
     barometer_sd_m: float = 0.0
+    attitude_sd_rad: float = 0.0
+    gyro_sd_rad_s: float = 0.0
+    accelerometer_sd_m_s2: float = 0.0
+    magnetometer_sd_gauss: float = 0.0
 
 
 @dataclass(slots=True)
@@ -84,5 +92,5 @@ class Sensors:
 
 EXACT: Final = SensorNoise()
 """Readings without noise."""
-PX4_SENSORS: Final = SensorNoise((0.2, 0.2, 0.5), (0.06, 0.077, 0.158), 0.125, 0.063)
+PX4_SENSORS: Final = SensorNoise((0.2, 0.2, 0.5), (0.06, 0.077, 0.158), 0.125, 0.063, 0.0003, 0.0066, 0.07, 0.015)
 """PX4 v1.17's simulated receiver and barometer; the recorded chase shows the same scatter (0.21 and 0.54 m at 8 Hz)."""

@@ -32,7 +32,8 @@ class MockVehicle:
         noise: Whether the estimate has the error that was measured on the real autopilot.
         parameters: Values that differ from the defaults.
         ready_after_s: From boot until it can be armed; None for what was measured (PX4 5 s, ArduCopter 39 s).
-        texts: Whether STATUSTEXT goes out; None for what was measured (PX4 no, ArduPilot yes).
+        texts: Whether STATUSTEXT goes out; None for what was measured (ArduPilot: yes; PX4: on links that a ground
+            station's heartbeats come by).
         origin: Origin of the local frame, if it is not where the vehicle starts.
         links: Name of each link to its kind, onboard or gcs, which gives its default rates.
         signing: MAVLink signing of all links.
@@ -170,6 +171,8 @@ class MockVehicle:
         for name, link in self.links.items():
             out[name] += link.send(now_s, self._ticks)
         announcements = autopilot.announcements()
-        if announcements:
+        if (announcements.everywhere or announcements.texts) and not autopilot.conditions.telemetry_frozen:
             for name, link in self.links.items():
-                out[name] += link.pack(announcements)
+                out[name] += link.pack(announcements.everywhere)
+                if link.takes_texts(now_s):
+                    out[name] += link.pack(announcements.texts)

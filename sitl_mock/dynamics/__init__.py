@@ -29,7 +29,7 @@ from sitl_mock.dynamics.values import (
     Surroundings,
     attitude_of,
 )
-from sitl_mock.dynamics.wander import PX4_WANDER, Errors, Wander
+from sitl_mock.dynamics.wander import PX4_GROUND_WANDER, PX4_WANDER, Errors, Wander
 from sitl_mock.dynamics.wind import Wind
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "CALM",
     "IGNORED",
     "PX4_AIRFRAME",
+    "PX4_GROUND_WANDER",
     "PX4_TRAVEL",
     "PX4_WANDER",
     "ZERO",

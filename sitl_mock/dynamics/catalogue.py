@@ -15,12 +15,17 @@ from sitl_mock.dynamics.ardupilot_control import ArduControl, ArduGains, ArduMem
 from sitl_mock.dynamics.multicopter import Multicopter
 from sitl_mock.dynamics.px4_control import Px4Control, Px4Gains, Px4Memory
 from sitl_mock.dynamics.rover import Rover
+from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.travel import TravelLimits
 from sitl_mock.dynamics.values import Body, Estimate, Motion, Ned, Setpoint, Surroundings
 
 
 class Vehicle(Protocol):
     """Anything the mock's core can move."""
+
+    def reference(self, motion: Motion) -> Reference | None:
+        """The motion that the control follows, where it makes one."""
+        ...
 
     def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
         """A vehicle at rest."""
@@ -55,6 +60,7 @@ PX4_TRAVEL: Final = TravelLimits(
     jerk_m_s3=4.0,
     jerk_z_m_s3=4.0,
     settle_1_s=4.0,
+    straight=True,
 )
 ARDUCOPTER_AIRFRAME: Final = Airframe(
     attitude_gain_1_s=6.0,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from sitl_mock.dynamics.airframe import Airframe, body_at, step_body
+from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import CALM, Body, Demand, Estimate, Kind, Motion, Ned, Setpoint, Surroundings
 
 MemoryT = TypeVar("MemoryT")
@@ -35,7 +36,7 @@ class Pending(NamedTuple):
 def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> Pending:
     """The setpoints one step on: a streamed one waits for `delay_s`, any other order is obeyed at once."""
     clock_s, obeyed, waiting = pending
-    if setpoint.kind is not Kind.STREAM:
+    if setpoint.kind is not Kind.STREAM and setpoint.kind is not Kind.DIRECT:
         return Pending(clock_s + dt_s, setpoint)
     if setpoint is not (waiting[-1][1] if waiting else obeyed):
         waiting = (*waiting, (clock_s + delay_s, setpoint))
@@ -96,6 +97,12 @@ class Multicopter(Generic[MemoryT]):
             if left > 1:
                 estimate = self.estimate(body, around)
         return Motion(body, (pending, memory))
+
+    def reference(self, motion: Motion) -> Reference | None:
+        """The motion that the control follows."""
+        carried = motion.memory
+        known = isinstance(carried, tuple) and isinstance(carried[1], self.memory_type)
+        return getattr(carried[1], "reference", None) if known and isinstance(carried, tuple) else None
 
     def _memory(self, motion: Motion, estimate: Estimate) -> tuple[Pending, MemoryT]:
         """The memory handed back, or a fresh one where it is another flavour's."""

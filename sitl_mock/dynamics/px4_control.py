@@ -6,7 +6,7 @@ Parameters carry PX4's names and defaults (mc_pos_control). What follows from th
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.travel import TravelLimits, travel
@@ -22,6 +22,9 @@ from sitl_mock.dynamics.values import (
     wrap_rad,
     zero_where_ignored,
 )
+
+_TILT_OPENS_RAD_S: Final = 0.2
+"""How fast the greatest tilt grows after a take-off."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ class Px4Gains:
     up_max_m_s: float = 3.0  # MPC_Z_VEL_MAX_UP
     down_max_m_s: float = 1.5  # MPC_Z_VEL_MAX_DN
     tilt_max_rad: float = math.radians(45.0)  # MPC_TILTMAX_AIR
+    tilt_ground_rad: float = math.radians(12.0)  # MPC_TILTMAX_LND, until the take-off's ramp is over
+    xy_error_max_m: float = 2.0  # MPC_XY_ERR_MAX: a trajectory waits for a vehicle that is as far behind
     thrust_min: float = 0.12  # MPC_THR_MIN, of full throttle
     spool_s: float = 1.0  # COM_SPOOLUP_TIME
     ramp_s: float = 3.0  # MPC_TKO_RAMP_T
@@ -58,6 +63,7 @@ class Px4Memory(NamedTuple):
     filtered_acceleration_ned_m_s2: Ned = ZERO
     spooled_s: float = 0.0
     ramped_s: float = 0.0
+    tilt_max_rad: float = math.pi
 
 
 @dataclass(frozen=True)
@@ -79,9 +85,16 @@ class Px4Control:
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
         """One step of the law: the new memory and what is asked of the airframe."""
-        gains = self.gains
         if setpoint.kind <= Kind.IDLING:
             return self._idle(memory, estimate, setpoint.kind, dt_s)
+        if setpoint.kind is Kind.DIRECT:
+            return self._direct(body, estimate, setpoint)
+        return self._controlled(memory, body, estimate, setpoint, dt_s)
+
+    def _controlled(
+        self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
+    ) -> tuple[Px4Memory, Demand]:
+        gains = self.gains
         spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
         if spooled_s < gains.spool_s and body.on_ground:
             idle = Px4Memory(setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, spooled_s)
@@ -91,10 +104,7 @@ class Px4Control:
             reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
             velocity, forward = self._stream_velocity(estimate, setpoint)
         else:
-            started = memory.reference
-            if memory.kind is not setpoint.kind:
-                started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
-            reference = travel(self.travel_limits, started, setpoint, dt_s)
+            reference = self._travelled(memory, body, estimate, setpoint, dt_s)
             velocity, forward = self._track(estimate, reference)
         up_max = gains.up_max_m_s if math.isnan(setpoint.climb_m_s) else setpoint.climb_m_s
         ramped_s = memory.ramped_s
@@ -104,18 +114,49 @@ class Px4Control:
             # From the speed that asks for no thrust at all up to the one wanted, so that the thrust itself ramps.
             none = -GRAVITY_M_S2 / gains.z_vel_p_1_s
             up_max = none + (up_max - none) * ramped_s / gains.ramp_s
+        tilt_max_rad = gains.tilt_ground_rad
+        if ramped_s >= gains.ramp_s:
+            tilt_max_rad = min(memory.tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, gains.tilt_max_rad)
         velocity = (velocity[0], velocity[1], max(velocity[2], -up_max))
 
         lag = math.exp(-dt_s / gains.derivative_lag_s)
         now, was = body.acceleration_ned_m_s2, memory.filtered_acceleration_ned_m_s2
         slow = (now[0] + (was[0] - now[0]) * lag, now[1] + (was[1] - now[1]) * lag, 0.0)
         integral, lean, thrust = self._velocity_loop(
-            velocity, forward, estimate.velocity_ned_m_s, slow, memory.integral_ned_m_s2, dt_s
+            velocity, forward, estimate.velocity_ned_m_s, slow, memory.integral_ned_m_s2, dt_s, tilt_max_rad
         )
         if body.on_ground:
             integral = ZERO
         demand = Demand(lean[0], lean[1], thrust, self._yaw_rate(body, setpoint))
-        return Px4Memory(setpoint.kind, reference, integral, slow, spooled_s, ramped_s), demand
+        return Px4Memory(setpoint.kind, reference, integral, slow, spooled_s, ramped_s, tilt_max_rad), demand
+
+    def _travelled(
+        self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
+    ) -> Reference:
+        """The reference one step on: slower in time where the vehicle lags behind it, and upright on the ground."""
+        started = memory.reference
+        if memory.kind is not setpoint.kind:
+            started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
+        elif body.on_ground:
+            (n, e, _), (_, _, r_d) = estimate.position_ned_m, started.position_ned_m
+            (_, _, v_d), (_, _, a_d) = started.velocity_ned_m_s, started.acceleration_ned_m_s2
+            started = Reference((n, e, r_d), (0.0, 0.0, v_d), (0.0, 0.0, a_d))
+        ahead_n = started.position_ned_m[0] - estimate.position_ned_m[0]
+        ahead_e = started.position_ned_m[1] - estimate.position_ned_m[1]
+        if ahead_n * started.velocity_ned_m_s[0] + ahead_e * started.velocity_ned_m_s[1] > 0.0:
+            dt_s *= 1.0 - min(math.hypot(ahead_n, ahead_e) / self.gains.xy_error_max_m, 0.99)
+        return travel(self.travel_limits, started, setpoint, dt_s)
+
+    def _direct(self, body: Body, estimate: Estimate, setpoint: Setpoint) -> tuple[Px4Memory, Demand]:
+        """Lean and thrust that make an acceleration in still air; nothing is controlled."""
+        gains = self.gains
+        n, e, d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
+        up, side = GRAVITY_M_S2 - d, math.hypot(n, e)
+        per = math.atan2(side, up) / side if side > 1e-9 else 0.0
+        memory = Px4Memory(
+            setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, gains.spool_s, gains.ramp_s
+        )
+        return memory, Demand(n * per, e * per, math.hypot(side, up), self._yaw_rate(body, setpoint))
 
     def _thrust_least(self) -> float:
         return self.gains.thrust_min * self.thrust_max_m_s2
@@ -168,7 +209,14 @@ class Px4Control:
         return self._truncated(n, e, d), acceleration
 
     def _velocity_loop(
-        self, wanted: Ned, forward: Ned, velocity: Ned, acceleration: Ned, integral: Ned, dt_s: float
+        self,
+        wanted: Ned,
+        forward: Ned,
+        velocity: Ned,
+        acceleration: Ned,
+        integral: Ned,
+        dt_s: float,
+        tilt_max_rad: float,
     ) -> tuple[Ned, tuple[float, float], float]:
         """PID on velocity, thrust and tilt limits with vertical first, anti-windup by what could be produced."""
         gains = self.gains
@@ -186,7 +234,7 @@ class Px4Control:
         lift = min(max(lift, least), most)
         # PX4 tilts by the horizontal acceleration against gravity alone (MPC_ACC_DECOUPLE 1).
         tilt_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
-        tan_max = min(math.tan(gains.tilt_max_rad), math.sqrt(most * most - lift * lift) / lift)
+        tan_max = min(math.tan(tilt_max_rad), math.sqrt(most * most - lift * lift) / lift)
         if tilt_tan > tan_max:
             shrink = tan_max / tilt_tan
             # Tracking anti-windup with gain 2/P on what could not be produced.

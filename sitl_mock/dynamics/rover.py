@@ -39,6 +39,9 @@ class Rover:
     place_gain_1_s: float = 0.7
     reached_m: float = 0.3
 
+    def reference(self, _motion: Motion) -> None:
+        """None: it drives at what it is asked for."""
+
     def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
         """A rover at rest at a place; `flying` has no meaning here and is refused."""
         if flying:

@@ -29,6 +29,8 @@ class Kind(IntEnum):
     """Stop as fast as the flavour does and hold the place where it stopped (PX4 Hold, ArduCopter BRAKE)."""
     ATTITUDE = 6
     """Lean as asked; the height by a thrust, or by the down velocity where no thrust is given (ArduPilot)."""
+    DIRECT = 5
+    """Attitude and thrust as the acceleration they make in still air, past the position control (PX4)."""
 
 
 class Setpoint(NamedTuple):
@@ -147,6 +149,30 @@ def attitude_of(body: Body) -> Euler:
         roll_rate_rad_s=body.lean_rate_e_rad_s * cos_yaw - body.lean_rate_n_rad_s * sin_yaw,
         pitch_rate_rad_s=-(body.lean_rate_n_rad_s * cos_yaw + body.lean_rate_e_rad_s * sin_yaw),
         yaw_rate_rad_s=body.yaw_rate_rad_s,
+    )
+
+
+def quaternion_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
+    """Attitude as a unit quaternion w, x, y, z (aerospace order)."""
+    c_r, s_r = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
+    c_p, s_p = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
+    c_y, s_y = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    return (
+        c_r * c_p * c_y + s_r * s_p * s_y,
+        s_r * c_p * c_y - c_r * s_p * s_y,
+        c_r * s_p * c_y + s_r * c_p * s_y,
+        c_r * c_p * s_y - s_r * s_p * c_y,
+    )
+
+
+def rotated(quaternion: tuple[float, float, float, float], vector: Ned) -> Ned:
+    """A vector of the body's axes (forward, right, down) in north, east, down, by its unit attitude quaternion."""
+    w, x, y, z = quaternion
+    f, r, d = vector
+    return (
+        (w * w + x * x - y * y - z * z) * f + 2.0 * (x * y - w * z) * r + 2.0 * (x * z + w * y) * d,
+        2.0 * (x * y + w * z) * f + (w * w - x * x + y * y - z * z) * r + 2.0 * (y * z - w * x) * d,
+        2.0 * (x * z - w * y) * f + 2.0 * (y * z + w * x) * r + (w * w - x * x - y * y + z * z) * d,
     )
 
 

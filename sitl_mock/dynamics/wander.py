@@ -60,3 +60,5 @@ class Wander:
 
 PX4_WANDER = Wander((0.17, 0.30, 0.16), (0.13, 0.21, 0.31))
 """PX4 1.17 against its simulator's truth."""
+PX4_GROUND_WANDER = Wander((0.03, 0.04, 0.008), (0.15, 0.15, 0.05), time_s=2.0)
+"""Before take-off: velocities of centimetres a second, places that creep by 0.3 m."""

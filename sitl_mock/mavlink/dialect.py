@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pymavlink.dialects.v20 import all as dialect
 
+from sitl_mock.mavlink.newer import NEWER
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -190,7 +192,7 @@ def _spec(message_class: type[Any]) -> MessageSpec:
 
 
 SPEC_BY_ID: Final[dict[int, MessageSpec]] = {
-    message_id: _spec(message_class) for message_id, message_class in dialect.mavlink_map.items()
+    message_id: _spec(message_class) for message_id, message_class in {**dialect.mavlink_map, **NEWER}.items()
 }
 SPEC_BY_NAME: Final[dict[str, MessageSpec]] = {spec.name: spec for spec in SPEC_BY_ID.values()}
 

@@ -9,6 +9,7 @@ from sitl_mock.protocols.command import (
     coordinate,
     read_command,
 )
+from sitl_mock.protocols.events import EventLog, EventProtocol
 from sitl_mock.protocols.ftp import Entry, Files, FtpError, FtpProtocol
 from sitl_mock.protocols.home import HomeProtocol, Place, gps_global_origin, home_position, on_earth
 from sitl_mock.protocols.identity import (
@@ -71,6 +72,8 @@ __all__ = [
     "CommandAnswer",
     "CommandProtocol",
     "Entry",
+    "EventLog",
+    "EventProtocol",
     "Files",
     "FtpError",
     "FtpProtocol",

@@ -37,15 +37,17 @@ _SHARED: Final = (
     | Capability.COMMAND_INT
     | Capability.SET_ATTITUDE_TARGET
     | Capability.SET_POSITION_TARGET_LOCAL_NED
-    | Capability.SET_POSITION_TARGET_GLOBAL_INT
     | Capability.FLIGHT_TERMINATION
     | Capability.MAVLINK2
     | Capability.MISSION_FENCE
     | Capability.MISSION_RALLY
     | Capability.FTP
 )
-PX4_CAPABILITIES: Final = _SHARED | Capability.PARAM_ENCODE_BYTEWISE
-ARDUPILOT_CAPABILITIES: Final = _SHARED | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_C_CAST
+PX4_CAPABILITIES: Final = _SHARED | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_BYTEWISE | Capability.FTP
+"""PX4 takes SET_POSITION_TARGET_GLOBAL_INT and does not say so."""
+ARDUPILOT_CAPABILITIES: Final = (
+    _SHARED | Capability.SET_POSITION_TARGET_GLOBAL_INT | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_C_CAST
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,8 @@ class Identity:
         os_version: (major, minor, patch) of its operating system.
         commit: Up to eight bytes of its commit.
         uid: Number of the vehicle, different for each of a fleet.
+        board: board_version.
+        uid2: Whether uid2 carries the number too.
     """
 
     capabilities: Capability
@@ -65,19 +69,21 @@ class Identity:
     os_version: tuple[int, int, int] = (0, 0, 0)
     commit: bytes = b""
     uid: int = 1
+    board: int = 0
+    uid2: bool = True
 
     def autopilot_version(self) -> Reply:
         """Return AUTOPILOT_VERSION."""
         flight = _packed(self.version)
         custom = self.commit[:8].ljust(8, b"\0")
-        uid2 = self.uid.to_bytes(18, "little")
+        uid2 = self.uid.to_bytes(18, "little") if self.uid2 else bytes(18)
         return (
             "AUTOPILOT_VERSION",
             int(self.capabilities),
             flight,
             flight,
             _packed(self.os_version),
-            0,
+            self.board,
             custom,
             custom,
             bytes(8),
@@ -93,9 +99,16 @@ def _packed(version: tuple[int, int, int]) -> int:
     return major << 24 | minor << 16 | patch << 8 | FIRMWARE_RELEASE
 
 
+_PX4_COMMIT: Final = bytes.fromhex("000000c4d12af1d6")
+"""The release's commit as it stands on the wire, last byte first."""
+_PX4_SIMULATED: Final = 5_283_920_058_631_409_231
+"""The number of every simulated PX4; those of a fleet count from it, so that they can be told apart."""
+
+
 def px4_identity(uid: int) -> Identity:
     """Return the identity of a PX4 v1.17.0."""
-    return Identity(PX4_CAPABILITIES, (1, 17, 0), uid=uid)
+    number = _PX4_SIMULATED + uid - 1
+    return Identity(PX4_CAPABILITIES, (1, 17, 0), (6, 8, 0), _PX4_COMMIT, number, board=1, uid2=False)
 
 
 def ardupilot_identity(uid: int) -> Identity:

@@ -30,6 +30,7 @@ MESSAGES: dict[str, tuple[str, ...]] = {
     "ftp": ("FILE_TRANSFER_PROTOCOL",),
     "logs": ("LOG_REQUEST_LIST",),
     "signing": ("SETUP_SIGNING",),
+    "events": ("REQUEST_EVENT",),
 }
 """Which messages each protocol takes."""
 

@@ -35,6 +35,7 @@ class StreamRules:
         shortest_s: Shortest interval.
         longest_s: Longest interval.
         groups: Messages of each MAV_DATA_STREAM; empty where REQUEST_DATA_STREAM is ignored.
+        old_requests: Commands from before REQUEST_MESSAGE, and the message that each asks for.
     """
 
     fixed: frozenset[str] = frozenset()
@@ -43,6 +44,7 @@ class StreamRules:
     shortest_s: float = 0.001
     longest_s: float = 2147.0  # MESSAGE_INTERVAL holds 2^31 µs
     groups: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    old_requests: Mapping[int, int] = field(default_factory=dict)
 
 
 class Streams:

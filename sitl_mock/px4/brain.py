@@ -14,38 +14,42 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
 from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
-from sitl_mock.px4 import checks, commands, flying, offboard
+from sitl_mock.px4 import checks, commands, flying, offboard, tasks
+from sitl_mock.px4.attitude import BodyRates, read_attitude
 from sitl_mock.px4.failsafe import MODE_OF, Action, Failsafes
+from sitl_mock.px4.follow import Follow
 from sitl_mock.px4.home import HomeKeeper
-from sitl_mock.px4.modes import AFTER, BY_NAME, BY_NUMBER
+from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES
+from sitl_mock.px4.requests import Unmeant, meant
 
 CHECK_S: Final = 0.1
-_MANUAL: Final = frozenset({"POSCTL", "ALTCTL", "STABILIZED", "MANUAL", "ACRO"})
-_PLACED: Final = ("HOLD", "TAKEOFF", "RTL", "LAND", "MISSION")
-_OFF_THE_GROUND_M: Final = 0.3
+LANDED_S: Final = 2.8
+"""From touching the ground until that counts as a landing (measured)."""
 _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMINATION": 6}
 _STOPPED: Final = Setpoint(Kind.STOPPED)
-_IDLING: Final = Setpoint(Kind.IDLING)
+_LANDING: Final = frozenset({"LAND", "DESCEND", "PRECLAND"})
 
 
 class Px4:
     """The flavour's decisions over one craft."""
 
     def __init__(self, craft: Craft, plans: PlanStore) -> None:
-        self.craft = craft
+        self.craft: Craft = craft
         self.plans = plans
-        self.mission = MissionFlight(plans)
+        self.mission = MissionFlight(plans, climbs_first=True)
         self.failsafes = Failsafes()
         self.home = HomeKeeper()
         self.intention = "HOLD"
         self.mode = "HOLD"
-        self.plan = flying.Plan(craft.position_m)
+        self.plan: flying.Plan = flying.Plan(craft.position_m)
         self.there: frozenset[Need] = frozenset()
         self.setpoint = Setpoint(Kind.BRAKE)
+        self.rates: BodyRates | None = None
         self.stream_s = -math.inf
         self.in_failsafe = False
         self.pilot_counts = False
         self._check_s = -math.inf
+        self._landing_told_s = math.nan
         self._takeoff_height_m = math.nan
 
     # What the others see
@@ -67,23 +71,21 @@ class Px4:
 
     @property
     def system_status(self) -> int:
-        """HEARTBEAT.system_status: boot, standby, active, critical, flight termination."""
+        """HEARTBEAT.system_status: not ready, standby, active, critical, flight termination."""
         if self.mode == "TERMINATION":
             return 8
-        if self.in_failsafe:
-            return 5
-        if not self.craft.estimator.altitude_valid:
-            return 1
-        return 4 if self.craft.armed else 3
+        if self.craft.armed:
+            return 5 if self.in_failsafe else 4
+        return 3 if self.ready_to_arm else 0
 
     @property
     def landed_state(self) -> int:
         """EXTENDED_SYS_STATE.landed_state."""
-        if self.craft.on_ground:
+        if self.craft.on_ground and not (self.craft.armed and self.craft.flew and self.craft.standing_s < LANDED_S):
             return Landed.ON_GROUND
         if self.mode == "TAKEOFF":
             return Landed.TAKEOFF
-        return Landed.LANDING if self.mode in {"LAND", "DESCEND"} else Landed.IN_AIR
+        return Landed.LANDING if self.mode in _LANDING else Landed.IN_AIR
 
     @property
     def ready_to_arm(self) -> bool:
@@ -98,18 +100,27 @@ class Px4:
 
     def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
-        mode = BY_NUMBER.get(custom_mode)
-        if base_mode & 1 and mode is not None:
-            self.request(now_s, mode.name)
+        self.ask_for(now_s, meant(base_mode, custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF))
+
+    def ask_for(self, now_s: float, mode: str | Unmeant) -> bool:
+        """Ask for the mode that a client means; False if it is refused."""
+        if isinstance(mode, Unmeant):
+            if mode is Unmeant.REFUSED:
+                self.craft.say(Severity.CRITICAL, "Unsupported auto mode")
+            return mode is Unmeant.NOTHING
+        return self.request(now_s, mode)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint: proof of life in every mode, followed in OFFBOARD only."""
-        setpoint = offboard.read(self.craft, message)
+        by_attitude = message.get_type() == "SET_ATTITUDE_TARGET"
+        setpoint = read_attitude(self.craft, message, self.rates) if by_attitude else offboard.read(self.craft, message)
         if isinstance(setpoint, str):
             self.craft.say(Severity.ERROR, setpoint)
             return
         self.stream_s = now_s
-        self.setpoint = setpoint
+        self.rates = setpoint if isinstance(setpoint, BodyRates) else None
+        if isinstance(setpoint, Setpoint):
+            self.setpoint = setpoint
 
     def guide(self, _now_s: float, _item: PlanItem) -> bool:
         """PX4 takes no mission item as an order."""
@@ -123,16 +134,15 @@ class Px4:
         """Ask for a mode: always granted while disarmed, else only if it can run."""
         if self.mode == "TERMINATION":
             return False
-        if mode != "OFFBOARD":  # the stream is seen by the periodic check only (measured: 0.06 to 0.12 s)
-            self.there = checks.available(self.craft, self.plans, self.stream_s)
-        if self.craft.armed and not self.can_run(mode):
+        self.there = checks.available(self.craft, self.plans, self.stream_s)
+        if self.craft.armed and mode != "LAND" and not self.can_run(mode):
             self.craft.say(Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available")
             return False
         self.intention = mode
         self.craft.pilot.settle()
         if self.craft.armed:
             self.failsafes.answer()
-        self._enter(mode)
+        self.enter(mode)
         self._check_s = now_s
         return True
 
@@ -150,7 +160,7 @@ class Px4:
             self._check(now_s)
         if not self.craft.armed or self.mode == "TERMINATION":
             return _STOPPED
-        return self._fly()
+        return tasks.fly(self)
 
     def _check(self, now_s: float) -> None:
         craft = self.craft
@@ -161,7 +171,7 @@ class Px4:
             self.in_failsafe = False
             self.pilot_counts = False
             if self.mode != "TERMINATION":
-                self._enter(self.intention)
+                self.enter(self.intention)
             return
         self.pilot_counts = self.pilot_counts or Need.PILOT in self.there
         self._pilot_takes_over(now_s)
@@ -196,9 +206,10 @@ class Px4:
         if failing and not self.in_failsafe:
             self.craft.say(Severity.CRITICAL, "Failsafe activated")
         self.in_failsafe = failing
-        self._enter(mode)
+        self.enter(mode)
 
-    def _enter(self, mode: str) -> None:
+    def enter(self, mode: str) -> None:
+        """Begin to fly a mode."""
         if mode == self.mode:
             return
         self.mode = mode
@@ -208,6 +219,11 @@ class Px4:
             self.plan.height_m = self._takeoff_down_m()
         if mode == "MISSION":
             self.mission.start()
+            if craft.armed:
+                craft.say(Severity.INFO, "Executing Mission")
+        if mode == "FOLLOW":
+            home = craft.home_m or craft.position_m
+            self.plan.follow = Follow(home[2])
         craft.pilot.settle()
 
     def _takeoff_down_m(self) -> float:
@@ -234,26 +250,33 @@ class Px4:
             return
         if self.intention in {"TAKEOFF", "LAND", "RTL", "DESCEND"}:
             self.intention = "HOLD"
-        self._enter(self.intention)
+        self.enter(self.intention)
 
     def _pilot_takes_over(self, now_s: float) -> None:
         parameters = self.craft.parameters
         mask = int(parameters["COM_RC_OVERRIDE"])
         covered = mask & 2 if self.mode == "OFFBOARD" else mask & 1
-        if self.mode in _MANUAL or not covered or Need.PILOT not in self.there or self.mode == "TERMINATION":
+        if self.mode in MANUAL_MODES or not covered or Need.PILOT not in self.there or self.mode == "TERMINATION":
             return
         if self.craft.pilot.moved * 100.0 > float(parameters["COM_RC_STICK_OV"]):
             self.craft.say(Severity.INFO, "Pilot took over using sticks")
             self.request(now_s, AFTER["any", "stick moved, COM_RC_OVERRIDE"])
+
+    def _notice_landing(self) -> None:
+        craft = self.craft
+        if self._landing_told_s != craft.landed_s and craft.standing_s >= LANDED_S:
+            self._landing_told_s = craft.landed_s
+            craft.say(Severity.INFO, "Landing detected")
 
     def _disarm_by_itself(self, now_s: float) -> None:
         craft = self.craft
         if not craft.on_ground:
             return
         if craft.flew:
+            self._notice_landing()
             landed_s = float(craft.parameters["COM_DISARM_LAND"])
-            coming_down = self.mode not in {"TAKEOFF"} and not self._climbing()
-            if landed_s > 0.0 and coming_down and craft.standing_s > 1.0 + landed_s:
+            coming_down = self.mode not in {"TAKEOFF"} and not tasks.wants_to_climb(self)
+            if landed_s > 0.0 and coming_down and craft.standing_s > LANDED_S + landed_s:
                 craft.say(Severity.INFO, "Disarmed by landing")
                 self.disarm()
             return
@@ -261,60 +284,3 @@ class Px4:
         if patience_s > 0.0 and now_s - craft.armed_s > patience_s:
             craft.say(Severity.INFO, "Disarmed by auto preflight disarming")
             self.disarm()
-
-    def _climbing(self) -> bool:
-        """Whether a stream asks to leave the ground: by height, by climb rate, or by thrust alone."""
-        if self.mode != "OFFBOARD":
-            return False
-        to, along, push = (
-            self.setpoint.position_ned_m[2],
-            self.setpoint.velocity_ned_m_s[2],
-            self.setpoint.acceleration_ned_m_s2[2],
-        )
-        by_thrust = math.isnan(to) and math.isnan(along) and push < 0.0
-        return along < 0.0 or to < self.craft.position_m[2] - _OFF_THE_GROUND_M or by_thrust
-
-    def _fly(self) -> Setpoint:
-        """The flown mode's setpoint; on the ground nothing but a climb leaves idling."""
-        mode, craft, plan = self.mode, self.craft, self.plan
-        if mode == "OFFBOARD":
-            return self.setpoint if not craft.on_ground or self._climbing() else _IDLING
-        if mode in _MANUAL:
-            climbing = craft.pilot.sticks.throttle > 0.1
-            return flying.by_stick(craft, plan) if climbing or not craft.on_ground else _IDLING
-        if mode == "TAKEOFF":
-            if flying.takeoff_done(craft, plan):
-                self._go_on("height reached")
-            return flying.takeoff(craft, plan)
-        if mode == "MISSION":
-            setpoint = self._fly_mission()
-            return _IDLING if craft.on_ground and craft.flew else setpoint
-        return _IDLING if craft.on_ground else self._fly_auto(mode)
-
-    def _fly_auto(self, mode: str) -> Setpoint:
-        craft, plan = self.craft, self.plan
-        if mode == "HOLD":
-            return flying.hold(craft, plan)
-        if mode == "RTL":
-            return flying.return_home(craft, plan)
-        if mode == "LAND":
-            return flying.land(craft, plan)
-        return flying.descend(craft, plan)
-
-    def _fly_mission(self) -> Setpoint:
-        setpoint = flying.mission(self.craft, self.mission, self.plan)
-        if self.mission.over == "return":
-            self.intention = "RTL"
-        elif self.mission.over:
-            self._go_on("mission finished")
-        return setpoint
-
-    def _go_on(self, event: str) -> None:
-        """A mode has done its work: the table says what comes next, and that is the intention now."""
-        after = AFTER[self.mode, event]
-        done = self.plan
-        if self.intention == self.mode:
-            self.intention = after
-        self._enter(after)
-        if event == "height reached":
-            self.plan.goal_m = (done.entered_m[0], done.entered_m[1], done.height_m)

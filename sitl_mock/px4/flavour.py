@@ -3,9 +3,9 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
-from sitl_mock.dynamics import PX4_TRAVEL, PX4_WANDER, Px4Gains, Vehicle, px4_quadrotor
+from sitl_mock.dynamics import PX4_GROUND_WANDER, PX4_TRAVEL, PX4_WANDER, Px4Gains, Vehicle, px4_quadrotor
 from sitl_mock.flavour import Flavour
 from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
@@ -19,6 +19,7 @@ from sitl_mock.protocols import (
     px4_identity,
 )
 from sitl_mock.px4.brain import Px4
+from sitl_mock.px4.events import event_of
 from sitl_mock.px4.files import files_of
 from sitl_mock.px4.modes import MODES
 from sitl_mock.sensors import PX4_SENSORS
@@ -37,6 +38,7 @@ _GAINS: Final = {
     "thrust_min": "MPC_THR_MIN",
     "spool_s": "COM_SPOOLUP_TIME",
     "ramp_s": "MPC_TKO_RAMP_T",
+    "xy_error_max_m": "MPC_XY_ERR_MAX",
 }
 _TRAVEL: Final = {
     "speed_m_s": "MPC_XY_CRUISE",
@@ -53,9 +55,13 @@ _TRAVEL: Final = {
 def plant(parameters: Mapping[str, float]) -> Vehicle:
     """The quadrotor under these parameters."""
     gains = {name: float(parameters[parameter]) for name, parameter in _GAINS.items()}
-    limits = {name: float(parameters[parameter]) for name, parameter in _TRAVEL.items()}
+    limits: dict[str, Any] = {name: float(parameters[parameter]) for name, parameter in _TRAVEL.items()}
     return px4_quadrotor(
-        Px4Gains(tilt_max_rad=math.radians(float(parameters["MPC_TILTMAX_AIR"])), **gains),
+        Px4Gains(
+            tilt_max_rad=math.radians(float(parameters["MPC_TILTMAX_AIR"])),
+            tilt_ground_rad=math.radians(float(parameters["MPC_TILTMAX_LND"])),
+            **gains,
+        ),
         replace(PX4_TRAVEL, **limits),
     )
 
@@ -76,9 +82,11 @@ PX4: Final = Flavour(
     brain=Px4,
     wander=PX4_WANDER,
     ready_s=5.0,
-    texts=False,
+    texts=None,
+    event_of=event_of,
     files=files_of,
     own_id_only=PX4_OWN_ID_ONLY,
     broadcast=PX4_BROADCAST,
     sensors=PX4_SENSORS,
+    ground_wander=PX4_GROUND_WANDER,
 )

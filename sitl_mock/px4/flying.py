@@ -8,6 +8,8 @@ from types import MappingProxyType
 from sitl_mock.craft import Craft
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
+from sitl_mock.px4.follow import Follow
+from sitl_mock.px4.orbit import Orbit
 from sitl_mock.setpoints import turned
 from sitl_mock.world import Vector
 
@@ -25,24 +27,43 @@ class Plan:
         height_m: Down coordinate to climb to (TAKEOFF, RTL).
         goal_m: Where to hold or return to; NaN for "where it stops".
         yaw_rad: Heading to keep.
-        stage: Part of RTL: climb, return, descend, land.
+        heading_kept: Keep it on the way too, instead of facing the goal.
+        stage: Part of RTL: climb, return, land.
         speed_m_s: Cruise speed set by DO_CHANGE_SPEED, NaN for the default.
+        orbit: The circle of DO_ORBIT.
+        follow: What following remembers.
     """
 
     entered_m: Vector
     height_m: float = _NAN
     goal_m: Vector = (_NAN, _NAN, _NAN)
     yaw_rad: float = _NAN
+    heading_kept: bool = False
     stage: str = ""
     speed_m_s: float = _NAN
+    orbit: Orbit | None = None
+    follow: Follow | None = None
 
 
 def hold(craft: Craft, plan: Plan) -> Setpoint:
     """Stop and stay, or go where DO_REPOSITION said."""
     if math.isnan(plan.goal_m[0]):
         return Setpoint(Kind.BRAKE, yaw_rad=plan.yaw_rad)
-    speed = plan.speed_m_s if plan.speed_m_s > 0.0 else float(craft.parameters["MPC_XY_CRUISE"])
-    return Setpoint(Kind.TRAVEL, plan.goal_m, yaw_rad=plan.yaw_rad, speed_m_s=speed)
+    if not plan.heading_kept:
+        plan.yaw_rad = facing(craft, plan.goal_m, plan.yaw_rad)
+    return Setpoint(Kind.TRAVEL, plan.goal_m, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(craft, plan.speed_m_s))
+
+
+def cruise_m_s(craft: Craft, asked_m_s: float) -> float:
+    """The speed asked for, else MPC_XY_CRUISE."""
+    return asked_m_s if asked_m_s > 0.0 else float(craft.parameters["MPC_XY_CRUISE"])
+
+
+def facing(craft: Craft, goal_m: Vector, kept_rad: float) -> float:
+    """The heading towards a goal (MPC_YAW_MODE 0), and the old one near it."""
+    north, east = goal_m[0] - craft.position_m[0], goal_m[1] - craft.position_m[1]
+    far = math.hypot(north, east) > float(craft.parameters["NAV_ACC_RAD"])
+    return math.atan2(east, north) if far and int(craft.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
 
 
 def takeoff(craft: Craft, plan: Plan) -> Setpoint:
@@ -79,41 +100,42 @@ def _descent_m_s(craft: Craft) -> float:
     height = craft.ground_m - craft.position_m[2]
     fast, slow = float(parameters["MPC_Z_V_AUTO_DN"]), float(parameters["MPC_LAND_SPEED"])
     upper, lower = float(parameters["MPC_LAND_ALT1"]), float(parameters["MPC_LAND_ALT2"])
+    if height <= float(parameters["MPC_LAND_ALT3"]):  # SIH has a range finder
+        return float(parameters["MPC_LAND_CRWL"])
     share = min(max((height - lower) / max(upper - lower, 1e-6), 0.0), 1.0)
     return slow + (fast - slow) * share
 
 
 def return_home(craft: Craft, plan: Plan) -> Setpoint:
     """Climb, fly home, descend, land; `plan.stage` remembers how far it has come."""
-    home = craft.home_m or plan.entered_m
     if not plan.stage:
+        home = craft.home_m or plan.entered_m
         plan.stage = "climb"
         plan.height_m = _return_height(craft, home, plan)
         plan.goal_m = home
+    home = plan.goal_m
     north, east, down = craft.position_m
     away_m = math.hypot(north - home[0], east - home[1])
-    low_m = home[2] - float(craft.parameters["RTL_DESCEND_ALT"])
     if plan.stage == "climb" and down - plan.height_m < _HEIGHT_REACHED_M:
         plan.stage = "return"
     if plan.stage == "return" and away_m < _PLACE_REACHED_M:
-        plan.stage = "descend"
-    if plan.stage == "descend" and down > low_m - _HEIGHT_REACHED_M:
-        plan.stage = "land"
+        plan.stage = "land"  # RTL_LAND_DELAY 0: without a stop at RTL_DESCEND_ALT
     return _RETURN[plan.stage](craft, plan)
 
 
 def _return_height(craft: Craft, home: Vector, plan: Plan) -> float:
-    """RTL_RETURN_ALT, lower near home by the cone (RTL_CONE_ANG), never below where it is."""
+    """RTL_RETURN_ALT; within RTL_MIN_DIST lower by the cone (RTL_CONE_ANG), at home lower still, never below itself."""
     parameters = craft.parameters
     north, east, down = plan.entered_m
     away_m = math.hypot(north - home[0], east - home[1])
-    high_m, low_m = float(parameters["RTL_RETURN_ALT"]), float(parameters["RTL_DESCEND_ALT"])
-    cone_deg = float(parameters["RTL_CONE_ANG"])
-    if away_m < float(parameters["RTL_MIN_DIST"]):
-        high_m = min(high_m, low_m)
-    elif 0.0 < cone_deg < 90.0:
-        high_m = min(high_m, max(low_m, away_m / math.tan(math.radians(cone_deg))))
-    return min(home[2] - high_m, down)
+    at_home_m = float(parameters["NAV_ACC_RAD"])
+    most_m = high_m = float(parameters["RTL_RETURN_ALT"])
+    if away_m <= at_home_m:
+        high_m = 2.0 * away_m
+    elif away_m <= float(parameters["RTL_MIN_DIST"]):
+        cone_rad = math.radians(min(max(float(parameters["RTL_CONE_ANG"]), 1.0), 89.0))
+        high_m = max(min(high_m, away_m / math.tan(cone_rad)), 2.0 * at_home_m)
+    return min(home[2] - min(high_m, most_m), down)
 
 
 def _climb(_craft: Craft, plan: Plan) -> Setpoint:
@@ -122,24 +144,22 @@ def _climb(_craft: Craft, plan: Plan) -> Setpoint:
 
 def _cross(craft: Craft, plan: Plan) -> Setpoint:
     goal = (plan.goal_m[0], plan.goal_m[1], plan.height_m)
-    return Setpoint(Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=float(craft.parameters["MPC_XY_CRUISE"]))
-
-
-def _sink(craft: Craft, plan: Plan) -> Setpoint:
-    low_m = plan.goal_m[2] - float(craft.parameters["RTL_DESCEND_ALT"])
-    return Setpoint(Kind.TRAVEL, (plan.goal_m[0], plan.goal_m[1], low_m), yaw_rad=plan.yaw_rad)
+    plan.yaw_rad = facing(craft, goal, plan.yaw_rad)
+    return Setpoint(Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(craft, plan.speed_m_s))
 
 
 _RETURN: Mapping[str, Callable[[Craft, Plan], Setpoint]] = MappingProxyType(
-    {"climb": _climb, "return": _cross, "descend": _sink, "land": land}
+    {"climb": _climb, "return": _cross, "land": land}
 )
 
 
-def by_stick(craft: Craft, _plan: Plan) -> Setpoint:
+def by_stick(craft: Craft, *, slow: bool = False) -> Setpoint:
     """POSCTL and the other manual modes: sticks are velocities, and without sticks it stops."""
     sticks, parameters = craft.pilot.sticks, craft.parameters
-    fast = float(parameters["MPC_VEL_MANUAL"])
+    fast = float(parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])
     up, down = float(parameters["MPC_Z_VEL_MAX_UP"]), float(parameters["MPC_Z_VEL_MAX_DN"])
+    if slow:
+        up = down = float(parameters["MC_SLOW_DEF_VVEL"])
     level = turned((sticks.pitch * fast, sticks.roll * fast, 0.0), craft.yaw_rad)
     vertical = -sticks.throttle * (up if sticks.throttle > 0.0 else down)
     turn = sticks.yaw * math.radians(float(parameters["MPC_MAN_Y_MAX"]))
@@ -154,6 +174,7 @@ def mission(craft: Craft, flight: MissionFlight, plan: Plan) -> Setpoint:
     if leg.landing:
         plan.goal_m = leg.position_m
         return land(craft, plan)
-    speed = leg.speed_m_s if leg.speed_m_s > 0.0 else float(craft.parameters["MPC_XY_CRUISE"])
     climb = float(craft.parameters["MPC_TKO_SPEED"]) if leg.taking_off else _NAN
-    return Setpoint(Kind.TRAVEL, leg.position_m, yaw_rad=leg.yaw_rad, speed_m_s=speed, climb_m_s=climb)
+    plan.yaw_rad = leg.yaw_rad if math.isfinite(leg.yaw_rad) else facing(craft, leg.position_m, plan.yaw_rad)
+    speed = cruise_m_s(craft, leg.speed_m_s)
+    return Setpoint(Kind.TRAVEL, leg.position_m, yaw_rad=plan.yaw_rad, speed_m_s=speed, climb_m_s=climb)

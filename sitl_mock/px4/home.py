@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from sitl_mock.craft import Craft
+from sitl_mock.craft import Craft, Severity
 
 CORRECTED_FOR_S: Final = 120.0
 _LEAST_CORRECTION_M: Final = 1.0
@@ -27,10 +27,8 @@ class HomeKeeper:
     Attributes:
         took_off_s: When it last left the ground.
         applied_m: Barometer minus receiver, as of the last correction.
-        wanders: Whether heights are corrected in flight.
     """
 
-    wanders: bool = False
     took_off_s: float = -math.inf
     applied_m: float = 0.0
     _climbed_to_m: float = math.nan
@@ -43,7 +41,7 @@ class HomeKeeper:
         self._see_take_off(craft, in_mission=in_mission)
         if craft.sensors.fix.at_s != self._fix_s:
             since_s, self._fix_s = craft.sensors.fix.at_s - self._fix_s, craft.sensors.fix.at_s
-            if self.wanders and craft.now_s < self.took_off_s + CORRECTED_FOR_S and craft.estimator.gps_ok:
+            if craft.now_s < self.took_off_s + CORRECTED_FOR_S and craft.estimator.gps_ok:
                 self._correct(craft, since_s)
             else:
                 self._climbed_to_m = math.nan
@@ -68,6 +66,7 @@ class HomeKeeper:
         stood, self._stood = self._stood, craft.on_ground
         if stood and not craft.on_ground and craft.armed:
             self.took_off_s = craft.now_s
+            craft.say(Severity.INFO, "Takeoff detected")
             self.arm(craft, in_mission=in_mission)
 
     def _correct(self, craft: Craft, since_s: float) -> None:

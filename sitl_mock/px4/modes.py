@@ -7,7 +7,12 @@ from sitl_mock.modes import Mode, ModeTable, Need, Transition
 _ANY = "any"
 _POSITION = frozenset({Need.ALTITUDE, Need.LOCAL_POSITION})
 _GLOBAL = _POSITION | {Need.GLOBAL_POSITION}
+_STICKS = frozenset({Need.PILOT})
+_EXTERNAL = frozenset({Need.REGISTRATION})
 _AUTO = 1 | 4 | 8 | 16  # MAV_MODE_FLAG: custom, auto, guided, stabilize
+_MANUAL = 1 | 16 | 64
+_RATES = 1 | 64
+_LEVELLED = 1 | 16
 
 
 def _number(main: int, sub: int = 0) -> int:
@@ -17,21 +22,35 @@ def _number(main: int, sub: int = 0) -> int:
 MODES: Final = ModeTable(
     title="PX4 (multicopter)",
     modes=(
-        Mode("MANUAL", _number(1), frozenset({Need.PILOT}), True, 81, "sticks are tilt and thrust"),
-        Mode("ALTCTL", _number(2), frozenset({Need.PILOT, Need.ALTITUDE}), True, 81, "height is held"),
-        Mode("POSCTL", _number(3), _POSITION | {Need.PILOT}, True, 89, "sticks are velocities"),
+        Mode("MANUAL", _number(1), _STICKS, True, _MANUAL, "sticks are tilt and thrust"),
+        Mode("ALTCTL", _number(2), _STICKS | {Need.ALTITUDE}, True, _MANUAL, "height is held"),
+        Mode("POSCTL", _number(3), _POSITION | _STICKS, True, _MANUAL, "sticks are velocities"),
+        Mode("ORBIT", _number(3, 1), _POSITION, False, _LEVELLED, "circles a place (DO_ORBIT)"),
+        Mode("POSITION_SLOW", _number(3, 2), _POSITION | _STICKS, True, _MANUAL, "sticks are slow velocities"),
         Mode("HOLD", _number(4, 3), _GLOBAL, True, _AUTO, "stops and stays"),
         Mode("TAKEOFF", _number(4, 2), _POSITION, True, _AUTO, "climbs to the height asked for"),
         Mode("MISSION", _number(4, 4), _GLOBAL | {Need.MISSION}, True, _AUTO, "flies the uploaded mission"),
         Mode("RTL", _number(4, 5), _GLOBAL | {Need.HOME}, False, _AUTO, "climbs, returns home, lands"),
         Mode("LAND", _number(4, 6), _POSITION, False, _AUTO, "lands here"),
         Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, _AUTO, "comes down without a position"),
-        Mode("ACRO", _number(5), frozenset({Need.PILOT}), True, 65, "sticks are body rates"),
-        Mode("OFFBOARD", _number(6), frozenset({Need.STREAM}), True, _AUTO, "follows SET_POSITION_TARGET and the like"),
-        Mode(
-            "STABILIZED", _number(7), frozenset({Need.PILOT}), True, 81, "sticks are tilt and thrust, level when free"
+        Mode("FOLLOW", _number(4, 8), _POSITION, False, _AUTO, "follows FOLLOW_TARGET"),
+        Mode("PRECLAND", _number(4, 9), _POSITION, False, _AUTO, "lands on a beacon; there is none, so it lands here"),
+        *(
+            Mode(f"EXTERNAL{index}", _number(4, 10 + index), _EXTERNAL, True, _AUTO, "a companion's own mode")
+            for index in range(1, 9)
         ),
-        Mode("TERMINATION", _number(10), frozenset(), False, 65, "motors off, for good"),
+        Mode("ACRO", _number(5), _STICKS, True, _RATES, "sticks are body rates"),
+        Mode(
+            "OFFBOARD",
+            _number(6),
+            frozenset({Need.STREAM}),
+            True,
+            _LEVELLED,
+            "follows SET_POSITION_TARGET and the like",
+        ),
+        Mode("STABILIZED", _number(7), _STICKS, True, _MANUAL, "sticks are tilt and thrust, level when free"),
+        Mode("TERMINATION", _number(10), frozenset(), False, 1, "motors off, for good"),
+        Mode("ALTITUDE_CRUISE", _number(11), _STICKS | {Need.ALTITUDE}, True, _MANUAL, "height is held, speed is kept"),
     ),
     transitions=(
         Transition("TAKEOFF", "height reached", "HOLD"),
@@ -50,6 +69,12 @@ MODES: Final = ModeTable(
         Transition("STABILIZED", "cannot run", "RTL"),
         Transition("MANUAL", "cannot run", "RTL"),
         Transition("ACRO", "cannot run", "RTL"),
+        Transition("POSITION_SLOW", "cannot run", "ALTCTL"),
+        Transition("ALTITUDE_CRUISE", "cannot run", "STABILIZED"),
+        *(
+            Transition(name, "cannot run", "RTL")
+            for name in ("ORBIT", "FOLLOW", "PRECLAND", *(f"EXTERNAL{index}" for index in range(1, 9)))
+        ),
         Transition("HOLD", "cannot run", "LAND"),
         Transition("TAKEOFF", "cannot run", "LAND"),
         Transition("MISSION", "cannot run", "RTL"),
@@ -62,6 +87,10 @@ MODES: Final = ModeTable(
         "Disarmed, every mode is accepted as the intention. Armed, a mode that cannot run is refused "
         "(TEMPORARILY_REJECTED) and the old one stays.",
         "DO_SET_MODE and SET_MODE are answered twice: ACCEPTED at once, then the real result. Believe HEARTBEAT.",
+        "A mode that does not exist, and TERMINATION, are ACCEPTED twice and change nothing; a sub-mode of AUTO that "
+        "does not exist is TEMPORARILY_REJECTED.",
+        "MISSION_START arms. A mission that begins below its first place climbs to that height first, then flies on.",
+        "On the ground and armed, whatever asks for a climb takes off: a stream, DO_REPOSITION, the throttle stick.",
         "The intention survives a failsafe: when what was lost comes back, PX4 returns to OFFBOARD by itself.",
         "A failsafe action that the pilot or a client answers with a mode change is over.",
         "TERMINATION is entered by DO_FLIGHTTERMINATION or a failsafe, and left by a reboot only.",
@@ -71,3 +100,5 @@ MODES: Final = ModeTable(
 BY_NAME: Final = MODES.by_name()
 BY_NUMBER: Final = MODES.by_number()
 AFTER: Final = MODES.after()
+MANUAL_MODES: Final = frozenset(mode.name for mode in MODES.modes if mode.base_mode & 64)
+"""The modes that a pilot's sticks fly."""

@@ -1,7 +1,8 @@
 """Which setpoints PX4 takes, as measured on v1.17 and read in `mavlink_receiver.cpp`.
 
 A message with at least one finite axis is proof of life, in every mode. It is followed only in OFFBOARD. An axis that
-nothing controls, or half of a horizontal pair, makes the controller stand still while OFFBOARD is kept.
+nothing controls, or half of a horizontal pair, makes the controller stand still while OFFBOARD is kept. The bit for a
+force (0x200) refuses a message only if it gives an acceleration: older clients set it beside velocities.
 """
 
 import math
@@ -9,11 +10,13 @@ from typing import Any, Final
 
 from sitl_mock.craft import Craft
 from sitl_mock.dynamics import IGNORED, Kind, Setpoint
-from sitl_mock.dynamics.values import GRAVITY_M_S2
+from sitl_mock.px4.attitude import in_ned
 from sitl_mock.setpoints import (
     BODY_NED,
     FORCE,
     GLOBAL_FRAMES,
+    IGNORE_ACCELERATION,
+    IGNORE_VELOCITY,
     LOCAL_NED,
     Target,
     any_finite,
@@ -28,8 +31,6 @@ STAND: Final = Setpoint(Kind.BRAKE)
 
 def read(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, or why it is none."""
-    if message.get_type() == "SET_ATTITUDE_TARGET":
-        return _attitude(message)
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         target = read_global(message, craft.frame, craft.home_m)
         return _judged(craft, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES)
@@ -40,15 +41,15 @@ def read(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavl
 def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpoint | str:
     if not frame_known:
         return f"{name} coordinate frame {target.frame} unsupported"
-    if target.type_mask & FORCE:
-        return f"{name} force not supported"
     position, velocity, acceleration = target.position_m, target.velocity_m_s, target.acceleration_m_s2
+    if target.type_mask & FORCE and any_finite(acceleration):
+        return f"{name} force not supported"
     if not (any_finite(velocity) or any_finite(position) or any_finite(acceleration)):
         return f"{name} invalid"
     if target.frame == BODY_NED:
         position = IGNORED
-        velocity = turned(velocity, craft.yaw_rad)
-        acceleration = turned(acceleration, craft.yaw_rad)
+        velocity = turned(velocity, craft.yaw_rad) if not target.type_mask & IGNORE_VELOCITY else IGNORED
+        acceleration = in_ned(acceleration, craft) if not target.type_mask & IGNORE_ACCELERATION else IGNORED
     if not _followable(position, velocity, acceleration):
         return STAND
     return Setpoint(
@@ -85,21 +86,3 @@ def _followable(position: Vector, velocity: Vector, acceleration: Vector) -> boo
 
 def _paired(vector: Vector) -> bool:
     return math.isfinite(vector[0]) == math.isfinite(vector[1])
-
-
-def _attitude(message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
-    """Attitude and thrust as the acceleration they make; thrust 0.5 hovers."""
-    if message.type_mask & 0xC0:
-        return "SET_ATTITUDE_TARGET body rates only are not supported by this mock"
-    w, x, y, z = message.q
-    norm_2 = w * w + x * x + y * y + z * z
-    if not (math.isfinite(norm_2 + message.thrust) and norm_2 > 1e-6):
-        return "SET_ATTITUDE_TARGET invalid"
-    lift = message.thrust / 0.5 * GRAVITY_M_S2 / norm_2
-    acceleration = (
-        -lift * 2.0 * (x * z + w * y),
-        -lift * 2.0 * (y * z - w * x),
-        GRAVITY_M_S2 - lift * (w * w - x * x - y * y + z * z),
-    )
-    yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return Setpoint(Kind.STREAM, IGNORED, IGNORED, acceleration, yaw_rad=yaw)

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from sitl_mock.dynamics import Kind
-from sitl_mock.dynamics.values import GRAVITY_M_S2
-from sitl_mock.telemetry.report import Report, heading_cdeg, int16, quaternion
+from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
+from sitl_mock.telemetry.report import Report, heading_cdeg, int16
 
 Fields = tuple[Any, ...]
 
@@ -27,7 +27,7 @@ def attitude(report: Report) -> Fields:
 def attitude_quaternion(report: Report) -> Fields:
     """ATTITUDE_QUATERNION."""
     roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.craft.attitude
-    return (report.boot_ms, *quaternion(roll, pitch, yaw), roll_rate, pitch_rate, yaw_rate, _EMPTY_Q)
+    return (report.boot_ms, *quaternion_of(roll, pitch, yaw), roll_rate, pitch_rate, yaw_rate, _EMPTY_Q)
 
 
 def local_position_ned(report: Report) -> Fields:
@@ -59,7 +59,7 @@ def odometry(report: Report) -> Fields:
     """ODOMETRY: position in the local frame, velocity in the body's."""
     craft = report.craft
     roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = craft.attitude
-    w, x, y, z = attitude_q = quaternion(roll, pitch, yaw)
+    w, x, y, z = attitude_q = quaternion_of(roll, pitch, yaw)
     v_n, v_e, v_d = craft.velocity_m_s
     forward = (w * w + x * x - y * y - z * z) * v_n + 2.0 * (x * y + w * z) * v_e + 2.0 * (x * z - w * y) * v_d
     right = 2.0 * (x * y - w * z) * v_n + (w * w - x * x + y * y - z * z) * v_e + 2.0 * (y * z + w * x) * v_d
@@ -113,7 +113,7 @@ def attitude_target(report: Report) -> Fields:
     return (
         report.boot_ms,
         0,
-        quaternion(roll, pitch, yaw),
+        quaternion_of(roll, pitch, yaw),
         roll_rate,
         pitch_rate,
         yaw_rate,
@@ -176,8 +176,12 @@ def highres_imu(report: Report) -> Fields:
 
 
 def _pressure_hpa(report: Report) -> float:
-    height = report.craft.frame.origin.alt_amsl_m - report.craft.position_m[2]
-    return float(1013.25 * max(0.0, 1.0 - 2.25577e-5 * height) ** 5.25588)
+    return pressure_hpa(report.craft.frame.origin.alt_amsl_m - report.craft.position_m[2])
+
+
+def pressure_hpa(height_m: float) -> float:
+    """Pressure of the standard atmosphere at a height above sea level."""
+    return float(1013.25 * max(0.0, 1.0 - 2.25577e-5 * height_m) ** 5.25588)
 
 
 def raw_imu(report: Report) -> Fields:

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
-from sitl_mock.dynamics.values import GRAVITY_M_S2
+from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.estimator import EPH_M
-from sitl_mock.telemetry.report import Report, heading_cdeg, quaternion
+from sitl_mock.telemetry.report import Report, heading_cdeg
 
 Fields = tuple[Any, ...]
 
@@ -96,7 +96,7 @@ def home_position(report: Report) -> Fields | None:
         round(lon * 1e7),
         round(alt * 1e3),
         *craft.home_m,
-        quaternion(*craft.home_attitude[:3]),
+        quaternion_of(*craft.home_attitude[:3]),
         0.0,
         0.0,
         0.0,
@@ -258,6 +258,23 @@ def vibration(report: Report) -> Fields:
     return (report.boot_us, level, level, level, 0, 0, 0)
 
 
+def protocol_version(_report: Report) -> Fields:
+    """PROTOCOL_VERSION: MAVLink 2, 1 understood."""
+    return (200, 100, 200, (0,) * 8, (0,) * 8)
+
+
+def flight_information(report: Report) -> Fields:
+    """FLIGHT_INFORMATION: since when it has been armed."""
+    craft = report.craft
+    armed_us = report.unix_us - int((craft.now_s - craft.armed_s) * 1e6) if craft.armed else 0
+    return (report.boot_ms, armed_us, armed_us if craft.flew and craft.armed else 0, 0, 0)
+
+
+def storage_information(report: Report) -> Fields:
+    """STORAGE_INFORMATION: there is no card."""
+    return (report.boot_ms, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, b"", 0)
+
+
 STATUS: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
     {
         "HEARTBEAT": heartbeat,
@@ -282,5 +299,8 @@ STATUS: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
         "POWER_STATUS": power_status,
         "NAV_CONTROLLER_OUTPUT": nav_controller_output,
         "VIBRATION": vibration,
+        "PROTOCOL_VERSION": protocol_version,
+        "FLIGHT_INFORMATION": flight_information,
+        "STORAGE_INFORMATION": storage_information,
     }
 )

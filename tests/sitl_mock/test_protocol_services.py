@@ -82,14 +82,18 @@ def test_a_broadcast_ping_is_answered_to_the_sender_and_an_answer_is_not_answere
 
 
 @pytest.mark.parametrize(
-    ("identity", "version"), [(px4_identity(0xABC), (1, 17, 0)), (ardupilot_identity(0xABC), (4, 5, 7))]
+    ("identity", "version", "number"),
+    [
+        (px4_identity(0xABC), (1, 17, 0), 5_283_920_058_631_409_231 + 0xABC - 1),
+        (ardupilot_identity(0xABC), (4, 5, 7), 0xABC),
+    ],
 )
-def test_the_version_message_tells_version_and_number_of_the_vehicle(wire, identity, version):
+def test_the_version_message_tells_version_and_number_of_the_vehicle(wire, identity, version, number):
     (message,) = wire(None).read([identity.autopilot_version()])
     packed = message.flight_sw_version
     assert ((packed >> 24), (packed >> 16) & 255, (packed >> 8) & 255, packed & 255) == (*version, 255)
-    assert message.uid == 0xABC
-    assert int.from_bytes(bytes(message.uid2), "little") == 0xABC
+    assert message.uid == number
+    assert int.from_bytes(bytes(message.uid2), "little") == (0xABC if identity.uid2 else 0)
 
 
 def test_capabilities_are_what_the_protocols_do():

@@ -137,13 +137,13 @@ def velocity(north, east, down, *, mask=2503, frame=1, target=(1, 1), yaw=0.0):
     return ("SET_POSITION_TARGET_LOCAL_NED", 0, *target, frame, mask, 0, 0, 0, north, east, down, 0, 0, 0, yaw, 0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def fly():
     """``fly("px4", ...)`` switches a vehicle on."""
     return Flight
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def ned_velocity():
     """A velocity setpoint."""
     return velocity

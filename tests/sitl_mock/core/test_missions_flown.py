@@ -52,7 +52,7 @@ def test_a_mission_of_25_items_is_flown_in_order_and_landed(fly, flavour):
     if flavour == "arducopter":
         flight.command(22, 0, 0, 0, 0, 0, 0, 3.0)
         flight.run(8.0)
-    assert flight.command(300) == [0]
+    assert flight.command(300, 0.0) == [0]
     flight.until(lambda: not flight.vehicle.armed, 400.0)
     assert reached(flight) == list(range(len(home), len(items)))
     assert math.hypot(*flight.position[:2]) < 1.5
@@ -60,13 +60,13 @@ def test_a_mission_of_25_items_is_flown_in_order_and_landed(fly, flavour):
 
 
 def test_mission_start_without_a_mission_is_denied(fly):
-    assert fly("px4").run(1.0).command(300) == [2]
+    assert fly("px4").run(1.0).command(300, 0.0) == [2]
 
 
 def test_a_mission_that_ends_in_the_air_holds_there(fly):
     flight = fly("px4").airborne(8.0)
     assert upload(flight, square(flight, 2)) == ACCEPTED
-    flight.command(300)
+    flight.command(300, 0.0)
     flight.until(lambda: flight.mode == "HOLD", 60.0)
     flight.run(4.0)
     assert math.dist(flight.position, (15.0, 15.0, -8.0)) < 2.0
@@ -76,7 +76,7 @@ def test_a_mission_that_ends_in_the_air_holds_there(fly):
 def test_an_interrupted_mission_goes_on_where_it_was(fly):
     flight = fly("px4").airborne(8.0)
     upload(flight, square(flight, 4))
-    flight.command(300)
+    flight.command(300, 0.0)
     flight.until(lambda: 0 in reached(flight), 40.0)
     flight.command(176, 1, 4, 3)
     flight.run(2.0)
@@ -89,7 +89,7 @@ def test_set_current_jumps(fly):
     flight = fly("px4").airborne(8.0)
     upload(flight, square(flight, 4))
     flight.send("MISSION_SET_CURRENT", 1, 1, 2)
-    flight.command(300)
+    flight.command(176, 1, 4, 4)
     flight.run(1.5)
     assert flight.last("MISSION_CURRENT").seq == 2
 
@@ -102,7 +102,7 @@ def test_a_wait_is_kept_and_a_speed_change_is_obeyed(fly):
         item(flight, 16, 16.0, 0.0, 8.0, 0.0, 1.0),
     ]
     assert upload(flight, items) == ACCEPTED
-    flight.command(300)
+    flight.command(300, 0.0)
     fastest = 0.0
     while not reached(flight):
         flight.run(0.1)

@@ -134,9 +134,9 @@ def test_companion_heartbeats_do_not_matter_while_setpoints_go_on(fly, ned_veloc
         {"north": 1.0, "east": 0.0, "down": 0.0, "mask": 0x0FFF},
         {"north": 1.0, "east": 0.0, "down": 0.0, "frame": 12},
         {"north": 1.0, "east": 0.0, "down": 0.0, "target": (7, 1)},
-        {"north": 1.0, "east": 0.0, "down": 0.0, "mask": 2503 | 0x200},
+        {"north": 1.0, "east": 0.0, "down": 0.0, "mask": (2503 | 0x200) & ~0x1C0},
     ],
-    ids=["nan", "all ignored", "frame 12", "another vehicle", "force"],
+    ids=["nan", "all ignored", "frame 12", "another vehicle", "force in place of an acceleration"],
 )
 def test_what_is_no_setpoint_keeps_nothing_alive(fly, ned_velocity, setpoint):
     good = ned_velocity(1.0, 0.0, 0.0)

@@ -75,8 +75,18 @@ def test_travel_ends_at_the_place_and_hardly_overruns_it(limits, to):
     assert fastest <= limits.speed_m_s + 0.05
 
 
+def test_px4_travels_along_the_straight_line_at_the_slower_pace_of_both_directions():
+    order = Setpoint(Kind.TRAVEL, position_ned_m=(30.0, 40.0, -10.0), speed_m_s=5.0, climb_m_s=0.5)
+    reference = Reference(ZERO, ZERO)
+    for _ in range(400):
+        reference = travel(PX4_TRAVEL, reference, order, DT_S)
+    n, e, d = reference.velocity_ned_m_s
+    assert d == pytest.approx(-0.5, abs=0.02)
+    assert (n, e) == pytest.approx((1.5, 2.0), abs=0.1)
+
+
 def test_travel_obeys_the_speeds_of_its_order():
-    order = Setpoint(Kind.TRAVEL, position_ned_m=(90.0, 0.0, -40.0), speed_m_s=2.0, climb_m_s=1.0)
+    order = Setpoint(Kind.TRAVEL, position_ned_m=(80.0, 0.0, -40.0), speed_m_s=2.0, climb_m_s=1.0)
     reference = Reference(ZERO, ZERO)
     for _ in range(500):
         reference = travel(PX4_TRAVEL, reference, order, DT_S)

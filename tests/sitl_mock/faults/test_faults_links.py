@@ -74,7 +74,8 @@ def test_corrupt_frames_are_refused_by_pymavlink_and_by_the_vehicle(rig, bits):
     assert flight.command(400, 1.0) == []
     assert not flight.vehicle.armed
     assert flight.vehicle.counters()["onboard"]["crc"] == 1
-    assert [m for _, m in flight.heard[heard:]] == []
+    known = [m for _, m in flight.heard[heard:] if not m.get_type().startswith("UNKNOWN")]
+    assert known == [], "pymavlink can only check the messages that it knows"
     assert flight.broken > 100
 
 

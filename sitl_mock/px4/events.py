@@ -1,0 +1,66 @@
+"""Events, PX4's way to say what it used to say in STATUSTEXT: the mock's texts, and the event that each is sent as.
+
+An event's id is the 24-bit FNV-1a hash of its name under component 1, as PX4 v1.17 makes it; ids and arguments were
+compared with recorded ones. A client turns them into words with the autopilot's own metadata.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+_AUTOPILOT: Final = 1 << 24
+_FNV_SEED, _FNV_PRIME = 0x811C9DC5, 0x01000193
+_LEVELS: Final = {0: 0x00, 1: 0x11, 2: 0x22, 3: 0x33, 4: 0x44, 5: 0x55, 6: 0x66}
+_ARGUMENTS: Final = 40
+_BY_COMMAND, _BY_MISSION, _BY_LANDING, _BY_PREFLIGHT = 4, 5, 6, 7
+
+
+class Event(NamedTuple):
+    """What EVENT carries besides its number and time: id, log levels and arguments."""
+
+    id: int
+    levels: int
+    arguments: bytes
+
+
+_NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
+    {
+        "Armed by external command": ("commander_armed_by", bytes((_BY_COMMAND,))),
+        "Armed by mission start": ("commander_armed_by", bytes((_BY_MISSION,))),
+        "Disarmed by external command": ("commander_disarmed_by", bytes((_BY_COMMAND,))),
+        "Disarmed by landing": ("commander_disarmed_by", bytes((_BY_LANDING,))),
+        "Disarmed by auto preflight disarming": ("commander_disarmed_by", bytes((_BY_PREFLIGHT,))),
+        "Takeoff detected": ("commander_takeoff_detected", b""),
+        "Landing detected": ("commander_landing_detected", b""),
+        "Returning to launch": ("commander_rtl", b""),
+        "Landing at current position": ("commander_landing_current_pos", b""),
+        "Precision landing": ("commander_landing_prec_land", b""),
+        "Arming denied: Resolve system health failures first": ("commander_arm_denied_resolve_failures", b""),
+        "Disarming denied! Not landed": ("commander_disarm_denied_not_landed", b""),
+        "Mission start denied! No valid mission": ("commander_mission_start_denied_no_mission", b""),
+        "Unsupported auto mode": ("commander_unsupported_auto_mode", b""),
+        "Failsafe activated": ("commander_failsafe_enter_generic", bytes((0, 0, 6, 0, 6))),
+        "Orbit radius limit exceeded": ("orbit_radius_exceeded", b""),
+        "Reposition is outside geofence": ("navigator_reposition_outside_geofence", b""),
+        "Executing Mission": ("mission_execute", b""),
+        "Mission finished, loitering": ("mission_finished_loiter", b""),
+        "Pilot took over using sticks": ("commander_rc_override", b""),
+    }
+)
+
+
+def event_of(severity: int, text: str) -> Event | None:
+    """Return the event that a text is sent as; None for texts that have none."""
+    known = _NAMES.get(text)
+    if known is None:
+        return None
+    name, arguments = known
+    return Event(event_id(name), _LEVELS.get(severity, 0x66), arguments.ljust(_ARGUMENTS, b"\0"))
+
+
+def event_id(name: str) -> int:
+    """Return the id of an event of the autopilot."""
+    value = _FNV_SEED
+    for byte in name.encode():
+        value = (value ^ byte) * _FNV_PRIME & 0xFFFFFFFF
+    return _AUTOPILOT | value & 0xFFFFFF

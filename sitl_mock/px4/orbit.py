@@ -1,0 +1,136 @@
+"""DO_ORBIT: to the nearest point of a circle, then round it, as PX4 v1.17's flight task does."""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from sitl_mock.craft import Craft
+from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.world import Vector
+
+LEAST_RADIUS_M: Final = 1.0
+_ACCELERATION_M_S2: Final = 2.0
+_ON_CIRCLE_M: Final = 2.0
+
+
+class Facing(IntEnum):
+    """ORBIT_YAW_BEHAVIOUR."""
+
+    CENTRE = 0
+    INITIAL = 1
+    UNCONTROLLED = 2
+    TANGENT = 3
+    PILOT = 4
+    UNCHANGED = 5
+
+
+@dataclass(slots=True)
+class Orbit:
+    """One circle and how far it has been entered.
+
+    Attributes:
+        centre_m: Its middle, and the height to fly at.
+        radius_m: Positive.
+        speed_m_s: Positive is clockwise, seen from above.
+        facing: Where the nose points.
+        initial_yaw_rad: Heading when the circle was asked for.
+    """
+
+    centre_m: Vector
+    initial_yaw_rad: float
+    radius_m: float = LEAST_RADIUS_M
+    speed_m_s: float = 1.0
+    facing: Facing = Facing.CENTRE
+    _approaching: bool = True
+    _around_m_s: float = 0.0
+
+    def change(
+        self, craft: Craft, radius_m: float, speed_m_s: float, facing: float, centre: tuple[float, float, float]
+    ) -> bool:
+        """Take DO_ORBIT; NaN keeps what is. False: the radius is beyond MC_ORBIT_RAD_MAX.
+
+        Args:
+            craft: Whose frame the centre is turned into.
+            radius_m: Negative is counter-clockwise.
+            speed_m_s: Along the circle.
+            facing: ORBIT_YAW_BEHAVIOUR.
+            centre: Latitude, longitude (degrees), height above sea level (metres).
+        """
+        clockwise, radius, speed = self.speed_m_s > 0.0, self.radius_m, abs(self.speed_m_s)
+        if math.isfinite(radius_m):
+            clockwise, radius = radius_m > 0.0, abs(radius_m)
+        if math.isfinite(speed_m_s):
+            speed = speed_m_s
+        if not LEAST_RADIUS_M <= radius <= float(craft.parameters["MC_ORBIT_RAD_MAX"]):
+            return False
+        speed = min(abs(speed), float(craft.parameters["MPC_XY_VEL_MAX"]), math.sqrt(_ACCELERATION_M_S2 * radius))
+        self.radius_m, self.speed_m_s = radius, speed if clockwise else -speed
+        if math.isfinite(facing) and 0 <= int(facing + 0.5) < Facing.UNCHANGED:
+            self.facing = Facing(int(facing + 0.5))
+        self.initial_yaw_rad = craft.yaw_rad
+        lat, lon, alt = centre
+        north, east, down = self.centre_m
+        if math.isfinite(lat + lon):
+            north, east, _ = craft.frame.to_local(lat, lon, 0.0)
+        if math.isfinite(alt):
+            down = craft.frame.origin.alt_amsl_m - alt
+        self.centre_m = (north, east, down)
+        self._approaching = self._approaching or not self._on_circle(craft)
+        return True
+
+    def fly(self, craft: Craft, dt_s: float) -> Setpoint:
+        """The setpoint now."""
+        if self._approaching and self._on_circle(craft):
+            self._approaching = False
+            self._around_m_s = 0.0
+        return self._approach(craft) if self._approaching else self._circle(craft, dt_s)
+
+    def _from_centre(self, craft: Craft) -> tuple[float, float, float]:
+        north, east = craft.position_m[0] - self.centre_m[0], craft.position_m[1] - self.centre_m[1]
+        return north, east, math.hypot(north, east)
+
+    def _on_circle(self, craft: Craft) -> bool:
+        off_m = abs(self._from_centre(craft)[2] - self.radius_m)
+        high_m = abs(craft.position_m[2] - self.centre_m[2])
+        return off_m < _ON_CIRCLE_M and high_m < float(craft.parameters["NAV_MC_ALT_RAD"])
+
+    def _approach(self, craft: Craft) -> Setpoint:
+        north, east, away_m = self._from_centre(craft)
+        unit = (north / away_m, east / away_m) if away_m > 1e-6 else (1.0, 0.0)
+        point = (
+            self.centre_m[0] + unit[0] * self.radius_m,
+            self.centre_m[1] + unit[1] * self.radius_m,
+            self.centre_m[2],
+        )
+        yaw = math.atan2(-unit[1], -unit[0])
+        return Setpoint(Kind.TRAVEL, point, yaw_rad=yaw, speed_m_s=float(craft.parameters["MPC_XY_CRUISE"]))
+
+    def _circle(self, craft: Craft, dt_s: float) -> Setpoint:
+        step = float(craft.parameters["MPC_ACC_HOR"]) * dt_s
+        self._around_m_s += min(max(self.speed_m_s - self._around_m_s, -step), step)
+        north, east, away_m = self._from_centre(craft)
+        n, e = (north / away_m, east / away_m) if away_m > 1e-6 else (1.0, 0.0)
+        outward = self.radius_m - away_m
+        inward_m_s2 = self._around_m_s**2 / self.radius_m
+        yaw, rate = self._heading(n, e)
+        return Setpoint(
+            Kind.STREAM,
+            (math.nan, math.nan, self.centre_m[2]),
+            (-e * self._around_m_s + n * outward, n * self._around_m_s + e * outward, math.nan),
+            (-n * inward_m_s2, -e * inward_m_s2, math.nan),
+            yaw_rad=yaw,
+            yaw_rate_rad_s=rate,
+        )
+
+    def _heading(self, n: float, e: float) -> tuple[float, float]:
+        """Heading and its rate at a place n, e (unit vector) from the centre."""
+        around_rad_s = self._around_m_s / self.radius_m
+        if self.facing is Facing.INITIAL:
+            return self.initial_yaw_rad, math.nan
+        if self.facing is Facing.TANGENT:
+            sign = math.copysign(1.0, self.speed_m_s)
+            return math.atan2(sign * n, -sign * e), around_rad_s
+        if self.facing is Facing.CENTRE:
+            return math.atan2(-e, -n), around_rad_s
+        return math.nan, 0.0
