@@ -69,6 +69,14 @@ class Sensors:
     fix: Fix = Fix()  # noqa: RUF009 - an immutable value
     barometer_down_m: float = 0.0
     _next_s: float = -math.inf
+    _scatters: tuple[tuple[float, ...], ...] = ()
+
+    def scatter(self) -> tuple[float, ...]:
+        """Nine normal deviates, out of some hundreds that were drawn at first: noise that costs next to nothing."""
+        if not self._scatters:
+            gauss = self.random.gauss
+            self._scatters = tuple(tuple(gauss(0.0, 1.0) for _ in range(9)) for _ in range(_SCATTERS))
+        return self._scatters[int(self.random.random() * _SCATTERS)]
 
     def advance(self, now_s: float, body: Body) -> None:
         """Take a reading when one is due."""
@@ -90,6 +98,7 @@ class Sensors:
         return (vector[0] + gauss(0.0, sd[0]), vector[1] + gauss(0.0, sd[1]), vector[2] + gauss(0.0, sd[2]))
 
 
+_SCATTERS: Final = 257
 EXACT: Final = SensorNoise()
 """Readings without noise."""
 PX4_SENSORS: Final = SensorNoise((0.2, 0.2, 0.5), (0.06, 0.077, 0.158), 0.125, 0.063, 0.0003, 0.0066, 0.07, 0.015)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -69,6 +70,7 @@ _RESETS_AT_START: Final = 9
 """The estimator has reset itself as often until it is ready."""
 
 
+@lru_cache(maxsize=8)
 def _diagonal(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> tuple[float, ...]:
     """The upper triangle of a covariance, row by row, of which only the diagonal is known."""
     row = [_NAN] * 21
@@ -136,22 +138,23 @@ def highres_imu(report: Report) -> Fields:
     """HIGHRES_IMU: specific force, rates, field and pressure with the sensors' noise."""
     craft = report.craft
     sensors = craft.sensors
-    gauss, noise = sensors.random.gauss, sensors.noise
+    noise = sensors.noise
+    scatter = sensors.scatter()
     push = -(GRAVITY_M_S2 if craft.on_ground else craft.body.thrust_m_s2)
     a_sd, w_sd, m_sd = noise.accelerometer_sd_m_s2, noise.gyro_sd_rad_s, noise.magnetometer_sd_gauss
     p, q, r = craft.attitude[3:]
     height = craft.frame.origin.alt_amsl_m - sensors.barometer_down_m
     return (
         report.boot_us,
-        gauss(0.0, a_sd),
-        gauss(0.0, a_sd),
-        push + gauss(0.0, a_sd),
-        p + gauss(0.0, w_sd),
-        q + gauss(0.0, w_sd),
-        r + gauss(0.0, w_sd),
-        _FIELD_GAUSS[0] + gauss(0.0, m_sd),
-        _FIELD_GAUSS[1] + gauss(0.0, m_sd),
-        _FIELD_GAUSS[2] + gauss(0.0, m_sd),
+        a_sd * scatter[0],
+        a_sd * scatter[1],
+        push + a_sd * scatter[2],
+        p + w_sd * scatter[3],
+        q + w_sd * scatter[4],
+        r + w_sd * scatter[5],
+        _FIELD_GAUSS[0] + m_sd * scatter[6],
+        _FIELD_GAUSS[1] + m_sd * scatter[7],
+        _FIELD_GAUSS[2] + m_sd * scatter[8],
         pressure_hpa(height),
         0.0,
         height,

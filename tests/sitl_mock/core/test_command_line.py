@@ -151,3 +151,11 @@ def test_list_names_every_flavour_and_condition():
 def test_modes_draws_the_table(flavour):
     drawn = CliRunner().invoke(app, ["modes", "--flavour", flavour]).output
     assert "| mode | custom_mode |" in drawn
+
+
+def test_the_mock_and_its_plugin_import_neither_guidance_nor_matplotlib_nor_dask():
+    modules = "sitl_mock, sitl_mock.cli, sitl_mock.cli.run, sitl_mock.serving, sitl_mock.pytest_plugin, sitl_mock.px4"
+    banned = '{"guidance", "matplotlib", "dask"}'
+    program = f"import sys, {modules}; print(sorted({banned} & {{name.split('.')[0] for name in sys.modules}}))"
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=True)
+    assert told.stdout.strip() == "[]"
