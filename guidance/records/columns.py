@@ -6,6 +6,7 @@ from typing import Any, Final, NamedTuple, get_type_hints
 import pyarrow as pa
 
 from guidance.records.rows import Row
+from guidance.service.schemas import inside
 from guidance.telemetry import (
     AltitudeSaid,
     Attitude,
@@ -60,11 +61,7 @@ def _columns(prefix: str, part: str, kind: Any, names: tuple[str, ...]) -> Itera
             for place, axis in enumerate(_AXES[frame]):
                 yield Column(f"{prefix}{field.replace(frame, f'_{axis}')}", part, field, place, _NUMBER)
         else:
-            yield Column(f"{prefix}{field}", part, field, None, _KINDS.get(hints[field], _kind_of_rest(hints[field])))
-
-
-def _kind_of_rest(hint: Any) -> pa.DataType:  # noqa: ANN401
-    return _NUMBER if "float" in str(hint) else _TEXT
+            yield Column(f"{prefix}{field}", part, field, None, _KINDS.get(inside(hints[field]), _TEXT))
 
 
 COLUMNS: Final = (

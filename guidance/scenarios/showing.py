@@ -13,6 +13,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from guidance.errors import OutputError
 from guidance.scenarios.flown import ending_words
 from guidance.scenarios.fly import FlightResult, Progress
 from guidance.scenarios.outcome import Outcome, outcome_json
@@ -93,10 +94,8 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
         (folder / OUTCOME).write_text(json.dumps(outcome_json(outcome), indent=2) + "\n", encoding="utf-8")
     try:
         draw(result, outcome, folder / PICTURE)
-    except OSError as error:
-        console.print(
-            f"[yellow]picture  {folder / PICTURE}: cannot be written ({error.strerror})[/yellow]", soft_wrap=True
-        )
+    except OutputError as error:
+        console.print(f"[yellow]picture  {error}[/yellow]", soft_wrap=True, highlight=False)
     else:
         console.print(f"picture  {folder / PICTURE}", soft_wrap=True, highlight=False)
 

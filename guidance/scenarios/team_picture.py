@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from guidance.errors import OutputError
+from guidance.drawing.figures import figure_of, literal, save
 from guidance.game import End
 from guidance.game.discs import Discs, rim
 from guidance.game.team import Matching, TeamRollout
@@ -37,8 +35,7 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     """
     teams, matching = teams_of(scenario), opening_of(scenario)
     played = played_teams(scenario, [teams], keep_path=True)
-    figure = Figure(figsize=(9.6, 8.4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = figure_of(9.6, 8.4)
     axes = figure.add_subplot()
     for j in range(len(teams.evaders_m)):
         _regions(axes, teams, matching, j)
@@ -49,13 +46,10 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(visible=True, linewidth=0.3)
     axes.set_axisbelow(True)
-    figure.suptitle(scenario.title, fontsize=13)
+    figure.suptitle(literal(scenario.title), fontsize=13)
     axes.set_title(_said(scenario, matching, played), fontsize=10, color="0.3")
     figure.legend(*_once(axes), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another file") from error
+    save(figure, path)
 
 
 def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) -> Array:
