@@ -11,6 +11,7 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.records.reading import Survey
 from guidance.records.rows import rows_of
 from guidance.telemetry import GlobalPosition, Home
+from guidance.vehicle import VehicleState, observe
 
 Place = tuple[float, float, float]
 """Longitude and latitude in degrees, altitude above mean sea level in metres."""
@@ -40,15 +41,16 @@ def features_of(path: Path, settings: FlightSettings | None, survey: Survey | No
     """
     tracks: dict[str, list[tuple[float, Place]]] = {"pursuer": []}
     changes: list[Feature] = []
-    home: Home | None = None
+    vehicle, home = VehicleState(), None
     state = ""
     for row in rows_of(path, survey):
         inputs = row.inputs
         for message in inputs.messages:
             if isinstance(message, GlobalPosition):
                 tracks["pursuer"].append((message.received_s, _place(message)))
-            elif isinstance(message, Home):
-                home = message
+        vehicle = observe(vehicle, inputs.messages)
+        if vehicle.armed or home is None:  # where it was in flight; on the ground it wanders
+            home = vehicle.last(Home)
         for report in inputs.reports:
             tracks.setdefault(f"target ({report.source})", []).append((report.received_s, _place(report)))
         if row.state != state and tracks["pursuer"]:
