@@ -38,6 +38,9 @@ UNHEARD_S = 0.4
 """An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the
 same: the order is a person's, and what was last heard of the mode is about a second old."""
 
+_SAME_S = 1e-6
+"""Cycles fall on such times exactly, but for rounding, which must not decide on which side of them."""
+
 INVITE_AFTER_S = 1.0
 """How long after standing by a neutral stream begins, where a pilot is to engage: the hold comes first."""
 
@@ -259,10 +262,10 @@ class Flight:
         entering, repeated = self.state is State.ENTERING, self._requested_s >= self._since_s
         if self.state is State.STANDING_BY and repeated:
             return ()  # asked once: the pilot's next switch is an answer, not a fault
-        if (repeated or (entering and now_s - self._since_s < UNHEARD_S)) and not fresh_heartbeat:
+        if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
             return ()
         streamed_s = STREAM_FIRST_S if self.settings.profile.stream_before_guided else 0.0
-        if entering and now_s - self._since_s <= streamed_s:
+        if entering and now_s - self._since_s <= streamed_s + _SAME_S:
             return ()  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
         self._requested_s = now_s
         place = None
@@ -272,7 +275,7 @@ class Flight:
         return requests_in(self.state, self.settings, self.vehicle, self._mode(), place)
 
     def _beat_requests(self, now_s: float) -> tuple[Request, ...]:
-        if self.state is not State.ENTERING or now_s - self._beat_asked_s < BEAT_EVERY_S:
+        if self.state is not State.ENTERING or now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
             return ()
         self._beat_asked_s = now_s
         return (self.settings.profile.request_message(HEARTBEAT),)
