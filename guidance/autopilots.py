@@ -53,6 +53,7 @@ class AutopilotProfile:
         stream_before_guided: Whether setpoints must flow before the guided mode is granted.
         loss_parameter: The parameter that says how long the autopilot waits for setpoints.
         setpoint_timeout_s: Its default.
+        prearm_always_told: SYS_STATUS has the arming checks' verdict in `health` even where `present` lacks the bit.
         streams_hz: Rate to ask of each message id.
     """
 
@@ -67,6 +68,7 @@ class AutopilotProfile:
     stream_before_guided: bool
     loss_parameter: str
     setpoint_timeout_s: float
+    prearm_always_told: bool
     streams_hz: Mapping[int, float] = field(default_factory=dict)
 
     def mode_of(self, custom_mode: int) -> Mode:
@@ -163,6 +165,7 @@ PX4 = AutopilotProfile(
     stream_before_guided=True,
     loss_parameter="COM_OF_LOSS_T",
     setpoint_timeout_s=1.0,
+    prearm_always_told=True,
     streams_hz={**_STREAMS_HZ, ODOMETRY: 30.0},
 )
 
@@ -178,6 +181,7 @@ ARDUCOPTER = AutopilotProfile(
     stream_before_guided=False,
     loss_parameter="GUID_TIMEOUT",
     setpoint_timeout_s=3.0,
+    prearm_always_told=False,
     streams_hz=_STREAMS_HZ,
 )
 
@@ -193,6 +197,7 @@ ROVER = AutopilotProfile(
     stream_before_guided=False,
     loss_parameter="FS_TIMEOUT",
     setpoint_timeout_s=3.0,
+    prearm_always_told=False,
     streams_hz={LOCAL_POSITION_NED: 20.0, GLOBAL_POSITION_INT: 20.0},
 )
 """The ground vehicle that plays the evader in mocked flights (ArduRover's numbers)."""

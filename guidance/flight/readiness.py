@@ -45,7 +45,7 @@ def checks(
         _fresh(vehicle, Attitude, now_s, TELEMETRY_LIMIT_S),
         _fresh(vehicle, LandedState, now_s, 2.0 * TELEMETRY_LIMIT_S),
         _fresh(vehicle, Home, now_s, math.inf),
-        *_status(vehicle, battery_minimum),
+        *_status(vehicle, profile, battery_minimum),
     )
 
 
@@ -60,11 +60,11 @@ def _fresh(
     return Check(kind.__name__, heard and age_s <= limit_s, f"{age_s:.1f} s old" if heard else "not heard")
 
 
-def _status(vehicle: VehicleState, battery_minimum: float) -> tuple[Check, Check]:
+def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: float) -> tuple[Check, Check]:
     status = vehicle.last(SystemStatus)
     if status is None:
         return Check("prearm", passed=False, found="not heard"), Check("battery", passed=False, found="not heard")
-    reported = bool(status.sensors_present & _PREARM_CHECK)
+    reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
     healthy = bool(status.sensors_health & _PREARM_CHECK)
     battery = status.battery_remaining
     return (

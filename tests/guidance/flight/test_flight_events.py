@@ -306,7 +306,8 @@ def row(name, vehicle, profile=PX4):
         ("Home", [heartbeat(armed=False), home(NOW_S - 1e4)], (True, "10000.0 s old")),
         ("prearm", [], (True, "healthy")),
         ("prearm", [status(healthy=PREARM - 1)], (False, "the autopilot's own checks fail")),
-        ("prearm", [status(present=0, healthy=0)], (True, "the autopilot's own checks fail")),
+        ("prearm", [status(present=0, healthy=PREARM)], (True, "healthy")),
+        ("prearm", [status(present=0, healthy=0)], (False, "the autopilot's own checks fail")),
         ("battery", [status(battery=0.25)], (True, "25% left")),
         ("battery", [status(battery=0.24)], (False, "24% left")),
         ("battery", [status(battery=math.nan)], (True, "unknown")),
@@ -314,6 +315,13 @@ def row(name, vehicle, profile=PX4):
 )
 def test_a_check_says_what_it_found(name, changes, expected):
     assert row(name, well(*changes)) == expected
+
+
+def test_px4_never_says_that_its_arming_checks_are_present_and_is_believed_of_them_all_the_same():
+    silent = well(status(present=0, healthy=0))
+    assert not row("prearm", silent, PX4)[0]
+    assert row("prearm", silent, ARDUCOPTER)[0]
+    assert not row("prearm", well(status(healthy=0)), ARDUCOPTER)[0]
 
 
 @pytest.mark.parametrize(("age_s", "passed"), [(1.0, True), (1.1, False)])
