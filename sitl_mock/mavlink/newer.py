@@ -29,10 +29,13 @@ def _message(message_id: int, name: str, *fields: _Field) -> type[Any]:
     for field in wire:
         described += f"{field.kind} {field.name} ".encode() + (bytes((field.length,)) if field.length else b"")
     seed = mcrf4xx(described)
+    order = [wire.index(field) for field in fields]
+    names = [field.name for field in fields]
     layout = "<" + "".join(f"{field.length or ''}{_LETTERS[field.kind]}" for field in wire)
 
     def __init__(self: Any, *values: Any) -> None:  # noqa: ANN401, N807 - as pymavlink's
         dialect.MAVLink_message.__init__(self, message_id, name)
+        self._fieldnames = names
         for field, value in zip(fields, values, strict=True):
             setattr(self, field.name, value)
 
@@ -43,9 +46,11 @@ def _message(message_id: int, name: str, *fields: _Field) -> type[Any]:
             "__init__": __init__,
             "id": message_id,
             "msgname": name,
-            "fieldnames": [field.name for field in fields],
+            "fieldnames": names,
             "ordered_fieldnames": [field.name for field in wire],
             "fieldtypes": [field.kind for field in fields],
+            "orders": order,
+            "lengths": [field.length or 1 for field in wire],
             "array_lengths": [field.length for field in wire],
             "crc_extra": (seed & 0xFF) ^ (seed >> 8),
             "unpacker": struct.Struct(layout),
