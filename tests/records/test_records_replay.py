@@ -67,13 +67,18 @@ def test_a_nanometre_in_one_input_is_found(flight, settings, tmp_path):
 
 
 def test_minus_zero_is_not_zero(flight, settings, tmp_path):
-    def negate(_, row):
-        if row.get("setpoint", {}).get("yaw_rad") == 0.0:
-            row["setpoint"]["yaw_rad"] = -0.0
+    negated = []
+
+    def negate(number, row):
+        for params in (request["params"] for request in row.get("requests", ()) if 0.0 in request["params"]):
+            params[params.index(0.0)] = -0.0
+            negated.append(number)
         return row
 
     comparison, _ = compare(rewritten(flight[1], tmp_path / "zero.mcap", negate), settings)
-    assert comparison.differing > 0
+    assert negated
+    assert comparison.differing == len(set(negated))
+    assert comparison.first.differing == ("requests",)
 
 
 def test_another_policy_wants_another_way_while_the_motion_stays_as_recorded(flight):
