@@ -2,12 +2,27 @@
 
 import difflib
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from guidance.errors import ConfigError
+
+RENAMED: Final[Mapping[str, str]] = {
+    "envelope": "limits",
+    "target": "evader",
+    "game.guarded": "game.target",
+    "preflight.target_height_limit_m": "preflight.evader_height_limit_m",
+}
+"""Keys of vehicle and scenario files that had another name in version 0.1: old -> new."""
+
+RENAMED_EVENTS: Final[Mapping[str, str]] = {
+    "target lost": "evader lost",
+    "target too fast for this vehicle": "evader too fast for this vehicle",
+}
+"""Events in scenario files, likewise."""
 
 
 class Section(BaseModel):
@@ -53,6 +68,8 @@ def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
     location = [str(part) for part in fault["loc"]]
     key = ".".join(location)
     if fault["type"] == "extra_forbidden":
+        if key in RENAMED:
+            return f"{key}: is named {RENAMED[key]} now"
         known = sorted(_section_at(model, location[:-1]))
         near = difflib.get_close_matches(location[-1], known, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"

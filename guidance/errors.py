@@ -14,7 +14,7 @@ class ConfigError(GuidanceError):
 
 
 class LinkError(GuidanceError):
-    """A vehicle or a target cannot be reached, or stopped answering."""
+    """A vehicle or an evader cannot be reached, or stopped answering."""
 
     exit_code = 3
 

@@ -132,7 +132,7 @@ class LocalFrame:
         return other.ned_from_wgs84(*self.wgs84_from_ned(position_ned_m))
 
     def _tangent_plane(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        # Both ends at the origin's altitude: horizontal metres, free of the target's height.
+        # Both ends at the origin's altitude: horizontal metres, free of the evader's height.
         height = self.altitude.metres
         north, east, _ = pymap3d.geodetic2ned(
             latitude_deg, longitude_deg, height, self.latitude_deg, self.longitude_deg, height

@@ -21,8 +21,8 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
+from guidance.cycle import Certificate
 from guidance.game import Reason, Winner
-from guidance.tick import Certificate
 
 SCATTER_M: Final = 1.0
 SCATTER_M_S: Final = 0.05
@@ -85,7 +85,7 @@ def watch(
     """
     if certificate.winner == Winner.UNDECIDED or math.isnan(certificate.value):
         return memory, None
-    age_s = certificate.target_age_s
+    age_s = certificate.evader_age_s
     if age_s > max(STALE_S, STALER * memory.oldest_s):
         return memory._replace(oldest_s=age_s), Alarm(Broken.STALE, age_s)
     if certificate.reason == Reason.TOO_OLD:  # no guarantee to watch: that begins anew with news

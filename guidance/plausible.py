@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from guidance.telemetry import (
     Attitude,
+    EvaderReport,
     FenceItem,
     GlobalPosition,
     Home,
@@ -19,7 +20,6 @@ from guidance.telemetry import (
     Parameter,
     PositionTarget,
     SystemStatus,
-    TargetReport,
 )
 
 FARTHEST_M: Final = 1e6
@@ -31,7 +31,7 @@ _TURNED_RAD: Final = 4.0 * math.pi
 _LATEST_S: Final = 2.0**32 / 1e3  # time_boot_ms has 32 bits
 
 
-def is_plausible(message: Message | TargetReport) -> bool:
+def is_plausible(message: Message | EvaderReport) -> bool:
     """Whether everything in a message can be meant. What may be unknown by its definition (NaN) may be here too."""
     judge = _JUDGES.get(type(message))
     return judge is None or judge(message)
@@ -41,7 +41,7 @@ def _within(limit: float, *numbers: float) -> bool:
     return all(abs(number) <= limit for number in numbers)
 
 
-def _on_earth(place: GlobalPosition | Home | Origin | TargetReport) -> bool:
+def _on_earth(place: GlobalPosition | Home | Origin | EvaderReport) -> bool:
     here = abs(place.latitude_deg) < 90.0 and abs(place.longitude_deg) <= 180.0  # at a pole north has no direction
     return here and abs(place.altitude_amsl_m) <= HIGHEST_M
 
@@ -65,8 +65,8 @@ def _status(status: SystemStatus) -> bool:
     return math.isnan(status.battery_remaining) or 0.0 <= status.battery_remaining <= 1.0
 
 
-def _echo(target: PositionTarget) -> bool:
-    return all(math.isnan(part) or abs(part) <= FASTEST_M_S for part in target.velocity_ned_m_s)
+def _echo(echo: PositionTarget) -> bool:
+    return all(math.isnan(part) or abs(part) <= FASTEST_M_S for part in echo.velocity_ned_m_s)
 
 
 _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
@@ -79,5 +79,5 @@ _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
     Parameter: lambda parameter: math.isfinite(parameter.value),
     PositionTarget: _echo,
     SystemStatus: _status,
-    TargetReport: _on_earth,
+    EvaderReport: _on_earth,
 }

@@ -201,8 +201,8 @@ class AltitudeSaid(NamedTuple):
     datum: Datum
 
 
-class TargetReport(NamedTuple):
-    """One report of the target, from whichever source. NaN velocity means unknown, never zero.
+class EvaderReport(NamedTuple):
+    """One report of the evader, from whichever source. NaN velocity means unknown, never zero.
 
     `sent_s` is the sender's clock (NaN where the source has none); `altitude_amsl_m` is above mean sea level, made so
     from `said`. `timesync` is the sender's own answer to our TIMESYNC, with the first report after it came: it tells

@@ -119,7 +119,7 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
         name, _, place = rest.partition("@")
         if not name:
             raise ConfigError(
-                f"--vehicles {spec}: allowed are a number, or flavour:name such as px4:uav1 or rover:target@30,0,0"
+                f"--vehicles {spec}: allowed are a number, or flavour:name such as px4:uav1 or rover:evader@30,0,0"
             )
         vehicle: dict[str, object] = {"name": name, "flavour": kind}
         if place:

@@ -10,7 +10,7 @@
         frames = vehicle.step(0.02, [my_frame])
 
     def test_two(mock_fleet):
-        fleet = mock_fleet({"uav1": "px4", "target": "rover"}, ready_after_s=1.0)
+        fleet = mock_fleet({"uav1": "px4", "evader": "rover"}, ready_after_s=1.0)
         connect(fleet["uav1"].udp)
 
 Ports are picked free and names are namespaces of a session of their own, so suites can run beside each other.
@@ -107,7 +107,7 @@ def mock_vehicle() -> Iterator[MockVehicles]:
 
 @pytest.fixture
 def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
-    """Make fleets: `mock_fleet({"uav1": "px4", "target": "rover"})`, or `mock_fleet(20)` PX4s uav1 to uav20.
+    """Make fleets: `mock_fleet({"uav1": "px4", "evader": "rover"})`, or `mock_fleet(20)` PX4s uav1 to uav20.
 
     Keyword arguments: over, faults and seed as for `mock_vehicle`; all others are keys of every vehicle. Where
     vehicles differ, give their tables: `mock_fleet([{"name": "uav1", "flavour": "px4", "start_ned_m": [9, 0, 0]}])`.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from guidance.telemetry import TargetReport
+    from guidance.telemetry import EvaderReport
 
 log = typer.Typer(no_args_is_help=True, help="Look into a flight record, and export it for other tools.")
 
@@ -29,7 +29,7 @@ def info(file: File) -> None:
         count, data = survey.messages[topic], survey.data_bytes[topic]
         typer.echo(f"{count:9d} messages {data / 1024:10.1f} KiB  {topic}")
     for words, count in reports.items():
-        typer.echo(f"{count:9d} reports of the target by {words}")
+        typer.echo(f"{count:9d} reports of the evader by {words}")
     for name, text in survey.metadata.items():
         typer.echo(f"{name:>12}  {text if len(text) < 100 else text[:97] + '...'}")
     if survey.missing:
@@ -37,7 +37,7 @@ def info(file: File) -> None:
     typer.echo("whole" if survey.torn is None else f"torn ({survey.torn}): all that can be read is counted here")
 
 
-def _words(report: "TargetReport") -> str:
+def _words(report: "EvaderReport") -> str:
     datum = "unknown" if report.said is None else str(report.said.datum)
     clock = "with" if math.isfinite(report.sent_s) else "without"
     return f"{report.source}, altitudes {datum}, {clock} the sender's clock"

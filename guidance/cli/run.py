@@ -12,7 +12,7 @@ def run(
 ) -> None:
     """Run the offboard guidance daemon of one vehicle, on its companion computer.
 
-    Connects to the autopilot and to the source of the target's reports, checks both, and waits for orders
+    Connects to the autopilot and to the source of the evader's reports, checks both, and waits for orders
     (`guidance ctl`): nothing arms and nothing engages by itself. SIGTERM hands the vehicle to the autopilot and ends;
     SIGHUP reads the file again, on the ground.
 

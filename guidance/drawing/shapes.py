@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from guidance.cycle import Certificate, CycleSettings
 from guidance.frames import Vector
 from guidance.game import Game, solve
 from guidance.limits import Envelope
-from guidance.tick import Certificate, TickSettings
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,9 @@ def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181)
     return np.asarray(solve(game, P, E, E + far).meeting_point_m[:, :2])
 
 
-def isochron_at(tick: TickSettings, certificate: Certificate, points: int = 181) -> Array:
+def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
     """The isochron (points, 2) from where both are at this cycle, against an evader as fast as it declares."""
-    game = Game(tick.speed_set, tick.declared_evader_speed_m_s, standoff=tick.standoff)
+    game = Game(settings.speed_set, settings.declared_evader_speed_m_s, standoff=settings.standoff)
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
 
 

@@ -1,4 +1,4 @@
-"""The target's height: a Kalman filter of two numbers, down and its rate, apart from the plane."""
+"""The evader's height: a Kalman filter of two numbers, down and its rate, apart from the plane."""
 
 from typing import NamedTuple
 

@@ -15,7 +15,7 @@ from guidance.estimate.settings import TrackSettings
 
 
 class Modes(NamedTuple):
-    """Both models' states (2, 5) and covariances (2, 5, 5), and the probability that the target is turning."""
+    """Both models' states (2, 5) and covariances (2, 5, 5), and the probability that the evader is turning."""
 
     mean: Array
     covariance: Array

@@ -1,4 +1,4 @@
-"""A report of the target made ready for the filter: local metres, our clock, and honest spreads."""
+"""A report of the evader made ready for the filter: local metres, our clock, and honest spreads."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from guidance.estimate.motion import Array
 from guidance.estimate.settings import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.plausible import is_plausible
-from guidance.telemetry import TargetReport
+from guidance.telemetry import EvaderReport
 
 _LARGEST = 1e8
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)
@@ -44,7 +44,7 @@ class Measurement(NamedTuple):
         )
 
 
-def measure(report: TargetReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:
+def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: TrackSettings) -> Measurement:
     """Bring a report into the local frame.
 
     A velocity of which any part is NaN is not known, and none is invented. A spread that is not given, or not

@@ -1,4 +1,4 @@
-"""How a target moves in the plane: two models side by side, constant velocity (0) and coordinated turn (1).
+"""How an evader moves in the plane: two models side by side, constant velocity (0) and coordinated turn (1).
 
 State, last axis: north, east (m), their rates (m/s), turn rate (rad/s, north to east). Leading axis: the model.
 Source: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), 6.2.2 (white

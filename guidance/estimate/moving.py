@@ -12,7 +12,7 @@ from guidance.frames import Vector
 
 
 def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
-    """Move everything that is remembered of a target, as if its reports had been heard in the new frame.
+    """Move everything that is remembered of an evader, as if its reports had been heard in the new frame.
 
     Args:
         observer: As it was.

@@ -1,15 +1,15 @@
-"""Everything remembered of one target, and how a report from the wire enters it: clock ▸ frame ▸ track."""
+"""Everything remembered of one evader, and how a report from the wire enters it: clock ▸ frame ▸ track."""
 
 import math
 from typing import NamedTuple
 
 from guidance.estimate.clock_offset import ClockOffset, hear, synchronise
+from guidance.estimate.evader_state import EvaderState, predict
 from guidance.estimate.measurement import measure
 from guidance.estimate.settings import TrackSettings
-from guidance.estimate.target_state import TargetState, predict
 from guidance.estimate.track import Track, update
 from guidance.frames import LocalFrame
-from guidance.telemetry import TargetReport, Timesync
+from guidance.telemetry import EvaderReport, Timesync
 
 
 class Observer(NamedTuple):
@@ -19,8 +19,8 @@ class Observer(NamedTuple):
     track: Track = Track()
 
 
-def observe(observer: Observer, report: TargetReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
-    """Take in one report of the one target, and the answer to our TIMESYNC that it may bring along."""
+def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
+    """Take in one report of the one evader, and the answer to our TIMESYNC that it may bring along."""
     if report.timesync is not None:
         observer = compare_clocks(observer, report.timesync)
     clock = hear(observer.clock, report.sent_s, report.received_s)
@@ -29,17 +29,17 @@ def observe(observer: Observer, report: TargetReport, frame: LocalFrame, setting
 
 
 def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
-    """Take in the target's own answer to our TIMESYNC."""
+    """Take in the evader's own answer to our TIMESYNC."""
     clock = synchronise(observer.clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
     return observer._replace(clock=clock)
 
 
-def target_at(observer: Observer, now_s: float, settings: TrackSettings) -> TargetState | None:
-    """The target at a time of our clock; None before the first report."""
+def evader_at(observer: Observer, now_s: float, settings: TrackSettings) -> EvaderState | None:
+    """The evader at a time of our clock; None before the first report."""
     return predict(observer.track, now_s, settings)
 
 
-def _true_at(report: TargetReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
+def _true_at(report: EvaderReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
     """When the report was true: by its sender's clock where it has one, else by its arrival less the latency."""
     if math.isnan(report.sent_s) or clock is None:
         return report.received_s - settings.latency_s

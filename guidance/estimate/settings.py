@@ -1,4 +1,4 @@
-"""What the estimator believes of the target and of its reports before it has heard any."""
+"""What the estimator believes of the evader and of its reports before it has heard any."""
 
 from dataclasses import dataclass, fields
 
@@ -9,12 +9,12 @@ _LARGEST = 1e4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackSettings:
-    """Noise, patience and bounds of the target's track.
+    """Noise, patience and bounds of the evader's track.
 
     Attributes:
         declared_speed_m_s: What the evader is said never to exceed.
         sigmas: k of the speed bound max(declared, estimate + kσ).
-        steady_noise_m2_s3: Spectral density of the acceleration while the target holds its course.
+        steady_noise_m2_s3: Spectral density of the acceleration while the evader holds its course.
         turning_noise_m2_s3: The same while it turns.
         turn_rate_sd_rad_s: Spread of turn rates while it turns.
         turn_time_s: How long a turn rate lasts (correlation time).

@@ -1,4 +1,4 @@
-"""The target's track: `update(track, measurement)` takes a report in or drops it, with the reason counted.
+"""The evader's track: `update(track, measurement)` takes a report in or drops it, with the reason counted.
 
 A track is a value: update returns a new one. Besides the estimate it holds the last seconds of accepted reports with
 the estimate after each, so that a late report is put in its place in time and the later ones are taken in again; and
@@ -25,7 +25,7 @@ _SAME_TIME_S = 1e-4
 
 
 class Estimate(NamedTuple):
-    """Where the target was at a time of our clock, in the plane and in height, and when that was last heard of."""
+    """Where the evader was at a time of our clock, in the plane and in height, and when that was last heard of."""
 
     time_s: float
     received_s: float
@@ -42,7 +42,7 @@ class Accepted(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """Everything that is remembered of a target.
+    """Everything that is remembered of an evader.
 
     Attributes:
         history: Accepted reports of the last seconds, oldest first; empty before the first one.

@@ -1,10 +1,10 @@
 """What a cycle remembers of its own place, after the vehicle's position has jumped without the vehicle having moved."""
 
+from guidance.cycle import CycleMemory
 from guidance.telemetry import Vector
-from guidance.tick import TickMemory
 
 
-def carried(memory: TickMemory, jump_ned_m: Vector) -> TickMemory:
+def carried(memory: CycleMemory, jump_ned_m: Vector) -> CycleMemory:
     """Move the place and the height that a hover holds, and the drift's position, along with the estimate.
 
     The vehicle is then held where it is, not sent to where it now believes that it was.

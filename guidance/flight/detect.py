@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from guidance.autopilots import Mode
+from guidance.cycle import Certificate
 from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import OUR_MODES, TRANSITIONS, Event, State
 from guidance.telemetry import Heartbeat, LocalPosition, SystemStatus, Vector
-from guidance.tick import Certificate
 from guidance.vehicle import VehicleState
 
 LATE_LOOP_S = 0.25
@@ -30,7 +30,7 @@ class Scene:
     vehicle: VehicleState
     resets_seen: int
     reboots_seen: int
-    target_silence_s: float
+    evader_silence_s: float
     start_ned_m: Vector | None
     home_ned_m: Vector | None
     certificate: Certificate | None
@@ -117,14 +117,14 @@ def _battery_low(scene: Scene) -> bool:
     return status is not None and status.battery_remaining < scene.settings.battery_minimum
 
 
-def _target_lost(scene: Scene) -> bool:
-    return scene.target_silence_s > scene.settings.tick.target_timeout_s
+def _evader_lost(scene: Scene) -> bool:
+    return scene.evader_silence_s > scene.settings.cycle.evader_timeout_s
 
 
 def _clear(scene: Scene) -> bool:
     waited = scene.now_s - scene.since_s >= scene.settings.settle_s
     settled = scene.now_s - scene.vehicle.reset_s >= scene.settings.settle_s
-    return waited and settled and not (_target_lost(scene) or _telemetry_lost(scene))
+    return waited and settled and not (_evader_lost(scene) or _telemetry_lost(scene))
 
 
 def _reset(scene: Scene) -> bool:
@@ -150,7 +150,7 @@ _QUESTIONS: Mapping[Event, Callable[[Scene], bool]] = {
     Event.BATTERY_LOW: _battery_low,
     Event.ESTIMATOR_RESET: _reset,
     Event.LOOP_LATE: lambda scene: scene.dt_s > LATE_LOOP_S,
-    Event.TARGET_LOST: _target_lost,
+    Event.EVADER_LOST: _evader_lost,
     Event.NO_GAME: lambda scene: _certified(scene, "no_game"),
     Event.ESCAPED: lambda scene: _certified(scene, "evader_arrived"),
     Event.CAPTURED: lambda scene: _certified(scene, "captured"),

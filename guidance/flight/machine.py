@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from guidance.autopilots import HEARTBEAT, Mode
+from guidance.cycle import Certificate, CycleInputs, CycleMemory, hover, play
 from guidance.flight.carrying import carried, difference
 from guidance.flight.detect import Scene, events
 from guidance.flight.echo import Echo
@@ -23,8 +24,7 @@ from guidance.frames import LocalFrame
 from guidance.game.game import horizontal_speed
 from guidance.limits import Envelope
 from guidance.monitor import Alarm, Guarantee, watch
-from guidance.telemetry import Heartbeat, LocalPosition, Message, Request, Setpoint, TargetReport, Vector
-from guidance.tick import Certificate, TickInputs, TickMemory, hover, play
+from guidance.telemetry import EvaderReport, Heartbeat, LocalPosition, Message, Request, Setpoint, Vector
 from guidance.vehicle import VehicleState, observe
 
 BEAT_EVERY_S = 0.1
@@ -55,7 +55,7 @@ class Inputs(NamedTuple):
 
     now_s: float
     messages: Sequence[Message] = ()
-    reports: Sequence[TargetReport] = ()
+    reports: Sequence[EvaderReport] = ()
     orders: Sequence[Event] = ()
     refusals: Sequence[str] = ()
 
@@ -88,13 +88,13 @@ class Flight:
         self.settings = settings
         self.state = State.CONNECTING
         self.vehicle = VehicleState()
-        self.tracking = Tracking(settings.tick, settings.profile)
-        self._tick = settings.tick
+        self.tracking = Tracking(settings.cycle, settings.profile)
+        self._cycle = settings.cycle
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._taken_up_ned_m: Vector = (0.0, 0.0, 0.0)
         self._echo = Echo()
         self._foreign = False
-        self._memory = TickMemory()
+        self._memory = CycleMemory()
         self._certificate: Certificate | None = None
         self._guarantee = Guarantee()
         self._alarm: Alarm | None = None
@@ -192,14 +192,14 @@ class Flight:
         home_ned_m, frame = self.tracking.home_ned_m, self.tracking.local_frame
         if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
             self._home_in = home_ned_m, frame
-            self._tick = replace(self._tick, envelope=self._about(home_ned_m, frame))
+            self._cycle = replace(self._cycle, envelope=self._about(home_ned_m, frame))
         for message in inputs.messages:
             if isinstance(message, Heartbeat) and message.received_s > self._since_s:
                 self._other_mode_seen |= self.settings.profile.mode_of(message.custom_mode) is not Mode.GUIDED
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Heights and fences count from home, which need not be where the local frame has its zero."""
-        envelope, corners_deg = self._tick.envelope, self.settings.fence_corners_deg
+        envelope, corners_deg = self._cycle.envelope, self.settings.fence_corners_deg
         if corners_deg is not None:
             envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
         return replace(envelope, home_ned_m=home_ned_m)
@@ -224,9 +224,9 @@ class Flight:
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
             self._certificate, self._other_mode_seen = None, False
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
-                self._memory, self._guarantee = TickMemory(), Guarantee()
+                self._memory, self._guarantee = CycleMemory(), Guarantee()
             if after is State.ON_STATION:
-                self._guarantee = Guarantee()  # the promise is kept: a target that gets away begins a new one
+                self._guarantee = Guarantee()  # the promise is kept: an evader that gets away begins a new one
         return Happening(now_s, event, before, after)
 
     def _scene(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Scene:
@@ -239,7 +239,7 @@ class Flight:
             vehicle=self.vehicle,
             resets_seen=self._resets_seen,
             reboots_seen=self._reboots_seen,
-            target_silence_s=self.tracking.silence_s(now_s),
+            evader_silence_s=self.tracking.silence_s(now_s),
             start_ned_m=self._start_ned_m(),
             home_ned_m=self.tracking.home_ned_m,
             certificate=self._certificate,
@@ -289,20 +289,20 @@ class Flight:
             return None
         if inviting:
             # Neutral: what a pilot flies into meanwhile must not be remembered as a height to go back to.
-            self._memory = TickMemory(limits=self._memory.limits)
-        inputs = TickInputs(
+            self._memory = CycleMemory(limits=self._memory.limits)
+        inputs = CycleInputs(
             dt_s=dt_s,
             position_ned_m=difference(local.position_ned_m, self.tracking.held_back_ned_m),
             velocity_ned_m_s=local.velocity_ned_m_s,
             yaw_rad=self.vehicle.yaw_rad,
-            target=self.tracking.target(now_s),
+            evader=self.tracking.evader(now_s),
             game_frame=self.tracking.game_frame,
         )
         playing = self.state is State.ENGAGED or (
             self.state is State.ON_STATION and self.settings.after_capture is AfterCapture.SHADOW
         )
-        cycle = play if playing and inputs.target is not None else hover
-        output = cycle(inputs, self._tick, self._memory)
+        played = play if playing and inputs.evader is not None else hover
+        output = played(inputs, self._cycle, self._memory)
         self._memory = output.memory
         if output.certificate is not None:
             self._certificate = output.certificate
@@ -311,8 +311,8 @@ class Flight:
                 self._guarantee,
                 now_s,
                 output.certificate,
-                with_target=self._tick.target_game_m is not None,
-                speed_m_s=float(horizontal_speed(self._tick.speed_set)),
+                with_target=self._cycle.target_game_m is not None,
+                speed_m_s=float(horizontal_speed(self._cycle.speed_set)),
                 slack_s=self.settings.guarantee_slack_s,
             )
         return output.setpoint

@@ -6,17 +6,17 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from guidance.autopilots import AutopilotProfile
+from guidance.cycle import CycleSettings
 from guidance.flight.fence import Corners
 from guidance.flight.table import State
 from guidance.telemetry import Vector
-from guidance.tick import TickSettings
 
 
 class AfterCapture(StrEnum):
     """What to do at the stand-off disc."""
 
     HOLD = "hold"  # hover where it was reached
-    SHADOW = "shadow"  # keep station on the moving target
+    SHADOW = "shadow"  # keep station on the moving evader
     RETURN = "return"  # fly home
 
 
@@ -46,7 +46,7 @@ class FlightSettings:
 
     Attributes:
         profile: Which autopilot.
-        tick: Everything a guidance cycle needs.
+        cycle: Everything a guidance cycle needs.
         takeoff_height_m: Above home.
         start_game_m: Where the autopilot flies to before standing by, in the game frame; None stays above the take-off.
         after_capture: What to do at the stand-off disc.
@@ -61,7 +61,7 @@ class FlightSettings:
     """
 
     profile: AutopilotProfile
-    tick: TickSettings
+    cycle: CycleSettings
     takeoff_height_m: float
     start_game_m: Vector | None = None
     after_capture: AfterCapture = AfterCapture.HOLD

@@ -59,7 +59,7 @@ class Event(StrEnum):
     ESCAPED = "evader reached its target"
     PILOT = "mode changed by another hand"
     FOREIGN = "setpoints of another source"
-    TARGET_LOST = "target lost"
+    EVADER_LOST = "evader lost"
     ESTIMATOR_RESET = "estimator reset"
     LOOP_STOPPED = "loop stopped for longer than the autopilot waits for setpoints"
     LOOP_LATE = "loop late"
@@ -67,7 +67,7 @@ class Event(StrEnum):
     TELEMETRY_LOST = "vehicle telemetry lost"
     BATTERY_LOW = "battery low"
     FENCE = "outside the fence"
-    NO_GAME = "target too fast for this vehicle"
+    NO_GAME = "evader too fast for this vehicle"
     REBOOTED = "autopilot rebooted"
     DISARMED = "disarmed"
     TIMED_OUT = "phase took too long"
@@ -99,10 +99,10 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.ON_STATION, Event.STRAYED): State.ENGAGED,
     (State.ON_STATION, Event.DONE): State.RETURNING,
     (State.ENGAGED, Event.ESCAPED): State.HOLDING,
-    (State.ENGAGED, Event.TARGET_LOST): State.PAUSED,
+    (State.ENGAGED, Event.EVADER_LOST): State.PAUSED,
     (State.ENGAGED, Event.ESTIMATOR_RESET): State.PAUSED,
     (State.ENGAGED, Event.LOOP_LATE): State.PAUSED,
-    (State.ON_STATION, Event.TARGET_LOST): State.PAUSED,
+    (State.ON_STATION, Event.EVADER_LOST): State.PAUSED,
     (State.ON_STATION, Event.ESTIMATOR_RESET): State.PAUSED,
     (State.ON_STATION, Event.LOOP_LATE): State.PAUSED,
     (State.PAUSED, Event.CLEAR): State.ENGAGED,

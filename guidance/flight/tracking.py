@@ -1,24 +1,24 @@
-"""Where the target is: its reports, estimated in the vehicle's local frame, and where the game is played in it."""
+"""Where the evader is: its reports, estimated in the vehicle's local frame, and where the game is played in it."""
 
 import math
 from collections.abc import Mapping, Sequence
 
 from guidance.autopilots import AutopilotProfile
-from guidance.estimate import Observer, Outcome, TrackSettings, moved, observe, target_at
+from guidance.cycle import CycleSettings, EvaderEstimate
+from guidance.estimate import Observer, Outcome, TrackSettings, evader_at, moved, observe
 from guidance.flight.zero import Zero
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
-from guidance.telemetry import Home, TargetReport
-from guidance.tick import TargetNow, TickSettings
+from guidance.telemetry import EvaderReport, Home
 from guidance.vehicle import VehicleState
 
 
 class Tracking:
-    """The memory of the target in one flight, and all places that stay where they are on Earth.
+    """The memory of the evader in one flight, and all places that stay where they are on Earth.
 
-    When the zero of the local frame moves, the target's track, home and the game frame are moved into the new one.
+    When the zero of the local frame moves, the evader's track, home and the game frame are moved into the new one.
     """
 
-    def __init__(self, settings: TickSettings, profile: AutopilotProfile) -> None:
+    def __init__(self, settings: CycleSettings, profile: AutopilotProfile) -> None:
         self._site = settings.site
         self._track = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
         self._observer = Observer()
@@ -28,7 +28,7 @@ class Tracking:
         self.local_frame: LocalFrame | None = None
         self.game_frame: GameFrame | None = None
 
-    def observe(self, vehicle: VehicleState, reports: Sequence[TargetReport]) -> None:
+    def observe(self, vehicle: VehicleState, reports: Sequence[EvaderReport]) -> None:
         """Take in what was heard in one cycle."""
         frame = self._zero.observe(vehicle)
         if frame is None:
@@ -51,21 +51,21 @@ class Tracking:
 
     @property
     def counts(self) -> Mapping[Outcome, int]:
-        """How many reports of the target were taken in, and how many dropped, and why."""
+        """How many reports of the evader were taken in, and how many dropped, and why."""
         return self._observer.track.counts
 
     def silence_s(self, now_s: float) -> float:
-        """Seconds since a report of the target arrived that could be used; infinite if none ever did."""
-        target = target_at(self._observer, now_s, self._track)
-        return math.inf if target is None else target.silence_s
+        """Seconds since a report of the evader arrived that could be used; infinite if none ever did."""
+        state = evader_at(self._observer, now_s, self._track)
+        return math.inf if state is None else state.silence_s
 
-    def target(self, now_s: float) -> TargetNow | None:
-        """Return the estimate for now; None until the target was heard."""
-        target = target_at(self._observer, now_s, self._track)
-        if target is None:
+    def evader(self, now_s: float) -> EvaderEstimate | None:
+        """Return the estimate for now; None until the evader was heard."""
+        state = evader_at(self._observer, now_s, self._track)
+        if state is None:
             return None
-        velocity = target.velocity_ned_m_s if target.velocity_known else (0.0, 0.0, 0.0)
-        return TargetNow(target.position_ned_m, velocity, target.speed_bound_m_s, target.age_s)
+        velocity = state.velocity_ned_m_s if state.velocity_known else (0.0, 0.0, 0.0)
+        return EvaderEstimate(state.position_ned_m, velocity, state.speed_bound_m_s, state.age_s)
 
     def _move_into(self, frame: LocalFrame) -> None:
         before, self.local_frame = self.local_frame, frame

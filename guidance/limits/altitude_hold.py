@@ -21,7 +21,7 @@ class AltitudeHold(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Vertical speed to command (m/s, down positive) and the memory for the next tick."""
+    """Vertical speed to command (m/s, down positive) and the memory for the next cycle."""
 
     velocity_down_m_s: float
     memory: AltitudeHold | None
@@ -37,11 +37,11 @@ def hold_altitude(
     floor and ceiling, so that a vehicle found outside them comes back.
 
     Args:
-        memory: None at the first tick of a hold.
+        memory: None at the first cycle of a hold.
         down_m: The present height in the local frame (down, metres); one that is no number commands no vertical motion.
         wanted_down_m: The height to hold, if it is given by someone; one that is no number counts as not given.
         envelope: Its floor, ceiling, speeds and vertical braking are respected.
-        dt_s: Time since the last tick, seconds.
+        dt_s: Time since the last cycle, seconds.
     """
     if not usable(down_m):
         return Held(0.0, memory)

@@ -13,7 +13,7 @@ _SMALLEST, _LARGEST = 1e-3, 1e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandOff:
-    """The space about the target that is never entered: an upright cylinder from the ground to a height above it.
+    """The space about the evader that is never entered: an upright cylinder from the ground to a height above it.
 
     Give it a little less than the disc that the game is played to (radius and height), so that it binds only when
     something is wrong: a limit that binds on every arrival costs capture time.
@@ -31,7 +31,7 @@ class Envelope:
     """The envelope, heights above home and fences about home in metres.
 
     `braking_m_s2` and `vertical_braking_m_s2` are what the vehicle surely achieves once it brakes, and `reaction_s`
-    the time until it does (measured velocity lag, telemetry age and one tick): together they make the stopping
+    the time until it does (measured velocity lag, telemetry age and one cycle): together they make the stopping
     distance v·reaction + v²/(2·braking). `height_gain_per_s` is the autopilot's own gain from height error to vertical
     speed (PX4's MPC_Z_P, ArduCopter's PSC_POSZ_P), needed where z is commanded beside the velocity.
 

@@ -42,7 +42,7 @@ time that the servo has shaped already comes to. Walls are named for any change.
 
 
 class Limited(NamedTuple):
-    """The setpoint to send, the limiters that changed the command (see `NOTED`), and the memory for the next tick."""
+    """The setpoint to send, the limiters that changed the command (see `NOTED`), and the memory for the next cycle."""
 
     setpoint: Setpoint
     acted: tuple[Limiter, ...]
@@ -54,7 +54,7 @@ def limit(command: Setpoint, situation: Situation, envelope: Envelope, memory: M
 
     Args:
         command: What guidance wants; any numbers at all.
-        situation: Own state and the target's; any numbers at all.
+        situation: Own state and the evader's; any numbers at all.
         envelope: What is allowed.
         memory: From the last call; None at the first one, which then starts at the vehicle's own velocity.
         dt_s: Time since the last call, seconds.

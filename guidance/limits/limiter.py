@@ -1,4 +1,4 @@
-"""The limiters by name, as they appear in records, metrics and the certificate of a tick."""
+"""The limiters by name, as they appear in records, metrics and the certificate of a cycle."""
 
 from enum import StrEnum
 

@@ -1,4 +1,4 @@
-"""Where the vehicle and its target are when a command is limited."""
+"""Where the vehicle and its evader are when a command is limited."""
 
 from typing import NamedTuple
 
@@ -8,17 +8,17 @@ _LARGEST = 1e8
 
 
 class Situation(NamedTuple):
-    """Own position (metres), velocity (m/s) and yaw (radians) in the local NED frame, and the target's where known.
+    """Own position (metres), velocity (m/s) and yaw (radians) in the local NED frame, and the evader's where known.
 
-    None for a target that is not known: then there is no stand-off to keep. An unknown velocity of a known target is
+    None for an evader that is not known: then there is no stand-off to keep. An unknown velocity of a known evader is
     None too (or NaN), and is taken for rest, which is the strict side here.
     """
 
     position_ned_m: Vector
     velocity_ned_m_s: Vector
     yaw_rad: float = 0.0
-    target_position_ned_m: Vector | None = None
-    target_velocity_ned_m_s: Vector | None = None
+    evader_position_ned_m: Vector | None = None
+    evader_velocity_ned_m_s: Vector | None = None
 
 
 def usable(*numbers: float) -> bool:
@@ -27,14 +27,14 @@ def usable(*numbers: float) -> bool:
 
 
 def is_usable(situation: Situation) -> bool:
-    """Whether the situation can be judged. A target's velocity may be anything: see `without_unknowns`."""
-    target = situation.target_position_ned_m or ()
-    return usable(*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad, *target)
+    """Whether the situation can be judged. An evader's velocity may be anything: see `without_unknowns`."""
+    evader = situation.evader_position_ned_m or ()
+    return usable(*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad, *evader)
 
 
 def without_unknowns(situation: Situation) -> Situation:
-    """The situation with a target velocity that is a number or None."""
-    velocity = situation.target_velocity_ned_m_s
+    """The situation with an evader velocity that is a number or None."""
+    velocity = situation.evader_velocity_ned_m_s
     if velocity is None or usable(*velocity):
         return situation
-    return situation._replace(target_velocity_ned_m_s=None)
+    return situation._replace(evader_velocity_ned_m_s=None)

@@ -1,4 +1,4 @@
-"""The stand-off: an upright cylinder about the target, from below it to a height above it, that is not entered."""
+"""The stand-off: an upright cylinder about the evader, from below it to a height above it, that is not entered."""
 
 import math
 
@@ -10,7 +10,7 @@ from guidance.limits.stopping import drift_ned_m, stop
 from guidance.limits.wall import Wall, wall
 
 COVER_M = 0.5
-"""Height above the lid from which on a target that flees is trusted to go on."""
+"""Height above the lid from which on an evader that flees is trusted to go on."""
 
 _STILL: Vector = (0.0, 0.0, 0.0)
 
@@ -18,22 +18,22 @@ _STILL: Vector = (0.0, 0.0, 0.0)
 def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> tuple[Wall, ...]:
     """The nearest point of the cylinder is a wall; beside, above, or across its rim where both gaps are open.
 
-    Above the cylinder, a target that flees takes the wall with it: only the closing speed beyond its own has to be
+    Above the cylinder, an evader that flees takes the wall with it: only the closing speed beyond its own has to be
     braked. Should it stop dead, the vehicle flies past over it, at the height that it has. Beside the cylinder there is
-    nothing to fly past over, and the law is that of a target at rest, however fast it flees: it may stop at any moment.
-    In between, the last `COVER_M` above the lid, the one law goes over into the other. A target that comes nearer does
-    not push: its law is that of a target at rest. Inside, what leads deeper is forbidden.
+    nothing to fly past over, and the law is that of an evader at rest, however fast it flees: it may stop at any time.
+    In between, the last `COVER_M` above the lid, the one law goes over into the other. An evader that comes nearer does
+    not push: its law is that of an evader at rest. Inside, what leads deeper is forbidden.
     """
-    zone, target = envelope.stand_off, situation.target_position_ned_m
-    if zone is None or target is None:
+    zone, evader = envelope.stand_off, situation.evader_position_ned_m
+    if zone is None or evader is None:
         return ()
-    north, east = target[0] - situation.position_ned_m[0], target[1] - situation.position_ned_m[1]
+    north, east = evader[0] - situation.position_ned_m[0], evader[1] - situation.position_ned_m[1]
     distance_m = math.hypot(north, east)
     toward = (north / distance_m, east / distance_m) if distance_m > 0.0 else (0.0, 0.0)
     beside_m = max(0.0, distance_m - zone.radius_m)
-    above_m = max(0.0, target[2] - situation.position_ned_m[2] - zone.height_m)
+    above_m = max(0.0, evader[2] - situation.position_ned_m[2] - zone.height_m)
 
-    flight = situation.target_velocity_ned_m_s or _STILL
+    flight = situation.evader_velocity_ned_m_s or _STILL
     fleeing_m_s = max(0.0, flight[0] * toward[0] + flight[1] * toward[1]) * min(1.0, above_m / COVER_M)
     wall_velocity = (fleeing_m_s * toward[0], fleeing_m_s * toward[1])
     seconds = stop(_less_over_ground(velocity_ned_m_s, wall_velocity), envelope)

@@ -1,4 +1,4 @@
-"""Vehicles and targets over wires: the ports, and adapters of MAVSDK and pymavlink.
+"""Vehicles and evaders over wires: the ports, and adapters of MAVSDK and pymavlink.
 
 `guidance.links.opening` opens links from URLs; it is imported apart, since it brings every wire library with it.
 """
@@ -6,15 +6,15 @@
 from guidance.links.arrivals import Clock
 from guidance.links.endpoint import Endpoint, parse
 from guidance.links.memory_wire import MemoryWire
-from guidance.links.port import TargetSource, VehicleLink, Wire
+from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.signing import SigningKey
 
 __all__ = [
     "Clock",
     "Endpoint",
+    "EvaderSource",
     "MemoryWire",
     "SigningKey",
-    "TargetSource",
     "VehicleLink",
     "Wire",
     "parse",

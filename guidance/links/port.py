@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from guidance.links.arrivals import Handler
-from guidance.telemetry import Message, Request, Setpoint, TargetReport
+from guidance.telemetry import EvaderReport, Message, Request, Setpoint
 
 
 class VehicleLink(Protocol):
@@ -20,7 +20,7 @@ class VehicleLink(Protocol):
 
         Empty when there is nothing. A bounded number is kept (oldest dropped, counted). Messages whose values cannot
         be meant (a position that is not finite, latitude and longitude both 0) are dropped and counted. Call it every
-        tick: what asks is repeated, and TIMESYNC is asked and answered, from in here.
+        cycle: what asks is repeated, and TIMESYNC is asked and answered, from in here.
         """
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
@@ -54,10 +54,10 @@ class VehicleLink(Protocol):
         """Release everything. May be called twice; afterwards nothing is received and nothing is sent."""
 
 
-class TargetSource(Protocol):
-    """Where reports of the target come from."""
+class EvaderSource(Protocol):
+    """Where reports of the evader come from."""
 
-    def receive(self) -> Sequence[TargetReport]:
+    def receive(self) -> Sequence[EvaderReport]:
         """All reports since the last call, in order of arrival. Never blocks."""
 
     def counters(self) -> Mapping[str, int]:

@@ -1,4 +1,4 @@
-"""One wire for several readers: a vehicle's link and the source of its target on the same port, say."""
+"""One wire for several readers: a vehicle's link and the source of its evader on the same port, say."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence

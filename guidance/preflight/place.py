@@ -1,4 +1,4 @@
-"""Where the vehicle thinks it is: its local frame against home and against its own global position, and the target's.
+"""Where the vehicle thinks it is: its local frame against home and against its own global position, and the evader's.
 
 A stale or wrong estimator origin, and altitudes above different zeros, have sent vehicles into the ground. All that is
 needed to notice is to ask the vehicle the same thing twice.
@@ -41,7 +41,7 @@ def rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Row]:
         return
     yield _position(frame, position, local)
     yield _datum(home, position)
-    yield _target(facts, home, wants)
+    yield _evader(facts, home, wants)
 
 
 def _origin(frame: LocalFrame, home: Home, wants: Wants) -> Row:
@@ -69,13 +69,13 @@ def _datum(home: Home, position: GlobalPosition) -> Row:
     return _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
 
 
-def _target(facts: Facts, home: Home, wants: Wants) -> Row:
-    limit_m = wants.target_height_limit_m
-    if facts.target_amsl_m is None:
-        return Row("target's altitude", "not heard", f"within {limit_m:g} m of home", Verdict.WARN, "is it sending?")
-    difference_m = abs(facts.target_amsl_m - home.altitude_amsl_m)
-    advice = "another zero of altitude? About 50 m is the geoid above the ellipsoid: see target.frame.undulation_m"
-    return _within("target's altitude", difference_m, limit_m, "m from home's", advice)
+def _evader(facts: Facts, home: Home, wants: Wants) -> Row:
+    limit_m = wants.evader_height_limit_m
+    if facts.evader_amsl_m is None:
+        return Row("evader's altitude", "not heard", f"within {limit_m:g} m of home", Verdict.WARN, "is it sending?")
+    difference_m = abs(facts.evader_amsl_m - home.altitude_amsl_m)
+    advice = "another zero of altitude? About 50 m is the geoid above the ellipsoid: see evader.frame.undulation_m"
+    return _within("evader's altitude", difference_m, limit_m, "m from home's", advice)
 
 
 def _agree(name: str, one: Vector, other: Vector, advice: str) -> Row:

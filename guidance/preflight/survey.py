@@ -6,7 +6,7 @@ from typing import Final
 
 from guidance.preflight.uploaded import Reading
 from guidance.preflight.wants import Facts
-from guidance.telemetry import Heartbeat, Message, Parameter, ParameterRequest, Request, TargetReport
+from guidance.telemetry import EvaderReport, Heartbeat, Message, Parameter, ParameterRequest, Request
 from guidance.vehicle import VehicleState
 
 ASK_AGAIN_S: Final = 5.0
@@ -25,11 +25,11 @@ class Survey:
         self._types: dict[str, int] = {}
         self._arrivals: dict[type[Message], deque[float]] = {}
         self._asked_s: float | None = None
-        self._target_amsl_m: float | None = None
+        self._evader_amsl_m: float | None = None
         self._heard = False
         self._fence = Reading()
 
-    def observe(self, messages: Iterable[Message], reports: Iterable[TargetReport]) -> None:
+    def observe(self, messages: Iterable[Message], reports: Iterable[EvaderReport]) -> None:
         """Take in what one cycle heard. Autopilots announce parameters that are changed, so that this stays true."""
         for message in messages:
             self._heard |= isinstance(message, Heartbeat)
@@ -40,7 +40,7 @@ class Survey:
                 if message.param_type is not None:
                     self._types[message.name] = message.param_type
         for report in reports:
-            self._target_amsl_m = report.altitude_amsl_m
+            self._evader_amsl_m = report.altitude_amsl_m
 
     def requests(self, now_s: float) -> tuple[Request, ...]:
         """Ask for all parameters that are still missing, every few seconds, and then for the uploaded fence."""
@@ -67,7 +67,7 @@ class Survey:
             parameter_types=dict(self._types),
             vehicle=vehicle,
             rates_hz=rates_hz,
-            target_amsl_m=self._target_amsl_m,
+            evader_amsl_m=self._evader_amsl_m,
             uploaded=self._fence.found,
         )
 

@@ -25,7 +25,7 @@ class Wants:
         fence_corners_deg: The same by latitude and longitude, as long as home is not known.
         loss_time_limit_s: Longest time that an old setpoint may be flown when ours stop.
         origin_distance_limit_m: Farthest that the local frame's zero may be from home.
-        target_height_limit_m: Largest difference between the target's altitude and home's.
+        evader_height_limit_m: Largest difference between the evader's altitude and home's.
     """
 
     speed_m_s: float
@@ -37,7 +37,7 @@ class Wants:
     ceiling_m: float
     loss_time_limit_s: float = 1.5
     origin_distance_limit_m: float = 1000.0
-    target_height_limit_m: float = 30.0
+    evader_height_limit_m: float = 30.0
     fence_circle_m: float | None = None
     fence_corners_ne_m: tuple[tuple[float, float], ...] | None = None
     fence_corners_deg: tuple[tuple[float, float], ...] | None = None
@@ -47,12 +47,12 @@ class Wants:
 class Facts:
     """The vehicle's side: parameters and uploaded fence as read, the vehicle as heard, messages per second.
 
-    And the target's last altitude. `parameter_types` are MAV_PARAM_TYPE.
+    And the evader's last altitude. `parameter_types` are MAV_PARAM_TYPE.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
     parameter_types: Mapping[str, int] = field(default_factory=dict)
     vehicle: VehicleState = field(default_factory=VehicleState)
     rates_hz: Mapping[type[Message], float] = field(default_factory=dict)
-    target_amsl_m: float | None = None
+    evader_amsl_m: float | None = None
     uploaded: Uploaded = field(default_factory=Uploaded)

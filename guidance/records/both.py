@@ -4,12 +4,12 @@ import csv
 from pathlib import Path
 from typing import Final
 
+from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.records.reading import Survey
 from guidance.records.replay import Comparison, Step, compare, replay
 from guidance.telemetry import Setpoint
-from guidance.tick import Certificate
 
 _AXES: Final = ("north", "east", "down")
 COLUMNS: Final = (

@@ -5,20 +5,20 @@ from typing import Any, Final, NamedTuple, get_type_hints
 
 import pyarrow as pa
 
+from guidance.cycle import Certificate
 from guidance.records.rows import Row
 from guidance.service.schemas import inside
 from guidance.telemetry import (
     AltitudeSaid,
     Attitude,
+    EvaderReport,
     GlobalPosition,
     Heartbeat,
     LocalPosition,
     Message,
     Setpoint,
     SystemStatus,
-    TargetReport,
 )
-from guidance.tick import Certificate
 
 _AXES: Final = {"_ned": ("north", "east", "down"), "_game": ("east", "north", "up")}
 
@@ -66,8 +66,8 @@ def _columns(prefix: str, part: str, kind: Any, names: tuple[str, ...]) -> Itera
 
 COLUMNS: Final = (
     *(column for kind, names in _HEARD for column in _columns("vehicle_", kind.__name__, kind, names)),
-    *_columns("target_", TargetReport.__name__, TargetReport, _REPORTED),
-    *_columns("target_said_", AltitudeSaid.__name__, AltitudeSaid, AltitudeSaid._fields),
+    *_columns("evader_", EvaderReport.__name__, EvaderReport, _REPORTED),
+    *_columns("evader_said_", AltitudeSaid.__name__, AltitudeSaid, AltitudeSaid._fields),
     *_columns("setpoint_", "setpoint", Setpoint, Setpoint._fields),
     *_columns("game_", "certificate", Certificate, Certificate._fields),
 )
@@ -82,7 +82,7 @@ class Heard:
     """The last message of every kind and the last report, each kept until the next."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, Message | TargetReport | AltitudeSaid | None] = {}
+        self._parts: dict[str, Message | EvaderReport | AltitudeSaid | None] = {}
 
     def flat(self, row: Row) -> dict[str, Any]:
         """Take in one cycle and return it as column -> value.
@@ -93,7 +93,7 @@ class Heard:
         inputs = row.inputs
         self._parts.update((type(message).__name__, message) for message in inputs.messages)
         for report in inputs.reports:
-            self._parts |= {TargetReport.__name__: report, AltitudeSaid.__name__: report.said}
+            self._parts |= {EvaderReport.__name__: report, AltitudeSaid.__name__: report.said}
         parts: dict[str, Any] = {**self._parts, "setpoint": row.setpoint, "certificate": row.certificate}
         values = {column.name: _value(parts.get(column.part), column) for column in COLUMNS}
         alarm = row.alarm

@@ -14,7 +14,7 @@ from guidance.records.places import Feature, Place
 
 _KML: Final = "http://www.opengis.net/kml/2.2"
 _GEOMETRY: Final = {"track": "LineString", "place": "Point", "area": "Polygon"}
-_COLOURS: Final = {"pursuer": "ff2d27c1", "target": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
+_COLOURS: Final = {"pursuer": "ff2d27c1", "evader": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
 
 
 def write_geojson(features: Sequence[Feature], title: str, out: Path) -> int:

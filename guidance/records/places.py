@@ -52,7 +52,7 @@ def features_of(path: Path, settings: FlightSettings | None, survey: Survey | No
         if vehicle.armed or home is None:  # where it was in flight; on the ground it wanders
             home = vehicle.last(Home)
         for report in inputs.reports:
-            tracks.setdefault(f"target ({report.source})", []).append((report.received_s, _place(report)))
+            tracks.setdefault(f"evader ({report.source})", []).append((report.received_s, _place(report)))
         if row.state != state and tracks["pursuer"]:
             state = row.state
             changes.append(Feature(state, "place", (tracks["pursuer"][-1][1],), {"time_s": row.now_s}))
@@ -67,18 +67,18 @@ def _track(name: str, track: list[tuple[float, Place]]) -> Feature:
 
 def _around(settings: FlightSettings, home: Home | None) -> list[Feature]:
     features = [] if home is None else list(_fence(settings, home))
-    site = settings.tick.site
-    if settings.tick.target_game_m is not None and site is not None:
+    site = settings.cycle.site
+    if settings.cycle.target_game_m is not None and site is not None:
         frame = LocalFrame(*site, projection=settings.profile.projection)
-        x, y, _ = settings.tick.target_game_m
+        x, y, _ = settings.cycle.target_game_m
         latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned((y, x, 0.0))
-        features.append(Feature("guarded place T", "place", ((longitude_deg, latitude_deg, amsl.metres),), {}))
+        features.append(Feature("target T", "place", ((longitude_deg, latitude_deg, amsl.metres),), {}))
     return features
 
 
 def _fence(settings: FlightSettings, home: Home) -> Iterator[Feature]:
     """Every edge of the fence, at home's height."""
-    envelope, altitude_m = settings.tick.envelope, home.altitude_amsl_m
+    envelope, altitude_m = settings.cycle.envelope, home.altitude_amsl_m
     frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(altitude_m), projection=settings.profile.projection)
     if envelope.fence_radius_m is not None:
         edge = tuple(_on_circle(frame, envelope.fence_radius_m, corner) for corner in range(_CIRCLE_CORNERS))
@@ -107,5 +107,5 @@ def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Place:
     return (longitude_deg, latitude_deg, amsl.metres)
 
 
-def _place(said: Any) -> Place:  # noqa: ANN401 - a GlobalPosition or a TargetReport
+def _place(said: Any) -> Place:  # noqa: ANN401 - a GlobalPosition or an EvaderReport
     return (said.longitude_deg, said.latitude_deg, said.altitude_amsl_m)

@@ -1,6 +1,6 @@
 """Feed recorded inputs through the present code: does it still command the same, and what would another have commanded?
 
-Replay is open loop: the vehicle's and the target's motion stay as recorded, whatever is commanded. With the settings of
+Replay is open loop: the vehicle's and the evader's motion stay as recorded, whatever is commanded. With the settings of
 the flight the setpoints must come back bit for bit; with others the answer is what would have been commanded at each
 recorded moment, not how that flight would have gone on.
 """
@@ -18,7 +18,7 @@ from guidance.records.reading import Survey, scan
 from guidance.records.rows import Row, event_of, row_of
 from guidance.records.settings import CONFIG, flight_settings
 from guidance.service.known import known
-from guidance.service.record import BEGUN, EVENT_TOPIC, RELOADED, TICK_TOPIC
+from guidance.service.record import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.telemetry import PositionTarget, Vector
 
 COMPARED: Final = ("setpoint", "state", "requests")
@@ -102,14 +102,14 @@ def replay(
                 settings = flight_settings({CONFIG: event.detail}, {})
             if event.event in {BEGUN, RELOADED}:
                 flight = Flight(settings)
-        if item.topic != TICK_TOPIC:
+        if item.topic != CYCLE_TOPIC:
             continue
         row = row_of(item, path)
         try:
             outputs = flight.step(_without_echo(row.inputs) if what_if else row.inputs)
         except ConfigError as error:
             raise ConfigError(
-                f"{path}: the tick at {row.now_s:.3f} s was written by another version: {error}"
+                f"{path}: the cycle at {row.now_s:.3f} s was written by another version: {error}"
             ) from error
         yield Step(row, outputs, tuple(_differing(row.json, outputs)))
 

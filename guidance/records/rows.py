@@ -1,21 +1,21 @@
-"""The tick rows of a record, typed again: what a cycle read, and what it decided."""
+"""The cycle rows of a record, typed again: what a cycle read, and what it decided."""
 
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
+from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs
 from guidance.monitor import Alarm
 from guidance.records.reading import Item, Survey, scan
 from guidance.records.typed import decoder
-from guidance.service.record import EVENT_TOPIC, TARGET_TOPIC, TICK_TOPIC
-from guidance.telemetry import Message, Setpoint, TargetReport
-from guidance.tick import Certificate
+from guidance.service.record import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
+from guidance.telemetry import EvaderReport, Message, Setpoint
 
 _MESSAGES: Final = {kind.__name__: decoder(kind) for kind in get_args(Message)}
-_REPORT: Final = decoder(TargetReport)
+_REPORT: Final = decoder(EvaderReport)
 _ORDER: Final = decoder(Event)
 _SETPOINT: Final = decoder(Setpoint | None)
 _CERTIFICATE: Final = decoder(Certificate | None)
@@ -87,19 +87,19 @@ def rows_of(path: Path, survey: Survey | None = None) -> Iterator[Row]:
         ConfigError: As `scan`, or if a row is not what this version writes.
     """
     for item in scan(path, survey):
-        if item.topic == TICK_TOPIC:
+        if item.topic == CYCLE_TOPIC:
             yield row_of(item, path)
 
 
 def row_of(item: Item, path: Path) -> Row:
-    """Read a tick's JSON.
+    """Read a cycle's JSON.
 
     Raises:
         ConfigError: If it is none.
     """
     row = _document(item, path)
     if not {"now_s", "state", "inputs"} <= row.keys():
-        raise ConfigError(f"{path}: the tick at {item.now_s:.3f} s has only {', '.join(sorted(row))}")
+        raise ConfigError(f"{path}: the cycle at {item.now_s:.3f} s has only {', '.join(sorted(row))}")
     return Row(float(row["now_s"]), row)
 
 
@@ -114,15 +114,15 @@ def events_of(path: Path) -> Iterator[EventRow]:
             yield event_of(item, path)
 
 
-def reports_of(path: Path) -> Iterator[TargetReport]:
-    """Yield the reports of the target as their source had them, in order of arrival.
+def reports_of(path: Path) -> Iterator[EvaderReport]:
+    """Yield the reports of the evader as their source had them, in order of arrival.
 
     Raises:
         ConfigError: As `rows_of`.
     """
     for item in scan(path):
-        if item.topic == TARGET_TOPIC:
-            report: TargetReport = _REPORT(_document(item, path))
+        if item.topic == EVADER_TOPIC:
+            report: EvaderReport = _REPORT(_document(item, path))
             yield report
 
 

@@ -4,14 +4,14 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
+from guidance.cycle import Certificate
 from guidance.flight import FlightSettings
 from guidance.flight.fence import polygon_about_home
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.limits import Envelope
 from guidance.records.rows import Row
-from guidance.telemetry import LocalPosition, TargetReport, Timesync
-from guidance.tick import Certificate
+from guidance.telemetry import EvaderReport, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
 _NOWHERE = (math.nan, math.nan, math.nan)
@@ -33,7 +33,7 @@ class Cycle(NamedTuple):
     time_needed_s: float = math.nan
     assured_distance_m: float = math.nan
     telemetry_age_s: float = math.nan
-    target_age_s: float = math.nan
+    evader_age_s: float = math.nan
     round_trip_s: float = math.nan
     late_s: float = math.nan
     worked_s: float = math.nan
@@ -47,13 +47,13 @@ class Teller:
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
-        self._tracking = Tracking(settings.tick, settings.profile)
+        self._tracking = Tracking(settings.cycle, settings.profile)
         self._vehicle = VehicleState()
         self._evader_m: Vector = _NOWHERE
         self._report_s = math.nan
         self._home_ned_m: Vector | None = None
         self.home_m: Vector | None = None
-        self.envelope: Envelope = settings.tick.envelope
+        self.envelope: Envelope = settings.cycle.envelope
 
     def cycle(self, row: Row) -> Cycle:
         """Fold one row."""
@@ -74,7 +74,7 @@ class Teller:
         cycle = Cycle(
             row.now_s,
             evader_m=self._evader_m,
-            target_age_s=row.now_s - self._report_s,
+            evader_age_s=row.now_s - self._report_s,
             round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan),
             late_s=timing.get("late_s", math.nan),
             worked_s=timing.get("worked_s", math.nan),
@@ -89,12 +89,12 @@ class Teller:
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """The limits as the flight has them: a fence given on the map is put about home."""
-        envelope, corners_deg = self._settings.tick.envelope, self._settings.fence_corners_deg
+        envelope, corners_deg = self._settings.cycle.envelope, self._settings.fence_corners_deg
         if corners_deg is None:
             return envelope
         return replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
 
-    def _hear(self, report: TargetReport) -> None:
+    def _hear(self, report: EvaderReport) -> None:
         self._report_s = report.received_s
         local, game = self._tracking.local_frame, self._tracking.game_frame
         if local is None or game is None:

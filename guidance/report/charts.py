@@ -79,7 +79,7 @@ def ages(story: Story) -> Figure:
     now_s = story.column("now_s")
     for one, name, style, label in (
         (known, "telemetry_age_s", PURSUER, "vehicle's position"),
-        (known, "target_age_s", EVADER, "target's last report"),
+        (known, "evader_age_s", EVADER, "evader's last report"),
         (loop, "late_s", PURSUER, "began late by"),
         (loop, "worked_s", EVADER, "worked for"),
     ):

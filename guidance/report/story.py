@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.frames import Vector
@@ -21,7 +22,6 @@ from guidance.records import (
     rows_of,
     title_of,
 )
-from guidance.tick import Certificate
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Story(NamedTuple):
     @property
     def with_target(self) -> bool:
         """True where the evader has a place to reach (TAD)."""
-        return self.settings.tick.target_game_m is not None
+        return self.settings.cycle.target_game_m is not None
 
 
 def story_of(path: Path) -> Story:

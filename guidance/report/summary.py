@@ -15,13 +15,13 @@ def summary(story: Story) -> list[tuple[str, str]]:
 
 
 def _game(story: Story) -> list[tuple[str, str]]:
-    tick = story.settings.tick
+    cycle = story.settings.cycle
     unit = "m from T" if story.with_target else "s"
     rows = [
         ("game", "target-attacker-defender" if story.with_target else "pursuit-evasion"),
-        ("policy", tick.strategy.name),
+        ("policy", cycle.strategy.name),
         ("autopilot", story.settings.profile.name),
-        ("stand-off", f"{tick.standoff.radius_m:g} m around, {tick.standoff.height_m:g} m above the evader's plane"),
+        ("stand-off", f"{cycle.standoff.radius_m:g} m around, {cycle.standoff.height_m:g} m above the evader's plane"),
     ]
     engaged = None if story.engaged is None else story.certificates[story.engaged]
     if story.engaged is None or engaged is None:
@@ -48,7 +48,7 @@ def _flown(story: Story) -> float:
     captured = None if story.captured is None else story.certificates[story.captured]
     if captured is None or story.captured is None or story.engaged is None:
         return math.nan
-    target = story.settings.tick.target_game_m
+    target = story.settings.cycle.target_game_m
     if target is not None:
         return math.dist(captured.evader_game_m[:2], target[:2])
     return story.cycles[story.captured].now_s - story.cycles[story.engaged].now_s
@@ -71,7 +71,7 @@ def _quality(story: Story) -> list[tuple[str, str]]:
     return [
         ("guarantee alarms", f"{len(story.alarms)}"),
         ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
-        ("age of the target's last report", _spread_ms(story.column("target_age_s"))),
+        ("age of the evader's last report", _spread_ms(story.column("evader_age_s"))),
         ("cycles began late by", _spread_ms(story.column("late_s"))),
         ("cycles worked for", _spread_ms(story.column("worked_s"))),
     ]

@@ -67,21 +67,21 @@ def _runs(axes: Any, story: Story, columns: list[int]) -> None:  # noqa: ANN401 
 
 
 def _game(axes: Any, story: Story, dimensions: int) -> None:  # noqa: ANN401
-    tick = story.settings.tick
+    settings = story.settings.cycle
     for cycle, style, when in ((story.engaged, ISOCHRON, "engagement"), (story.captured, ISOCHRON_LATER, "capture")):
         certificate = None if cycle is None else story.certificates[cycle]
         if certificate is None or certificate.no_game:
             continue
-        curve = isochron_at(story.settings.tick, certificate)
+        curve = isochron_at(settings, certificate)
         axes.plot(*lifted(curve, 0.0, dimensions), **style, label=f"isochron at {when}")
         if when == "engagement":
-            name = "q*" if tick.target_game_m is None else "g*"
+            name = "q*" if settings.target_game_m is None else "g*"
             place = certificate.meeting_point_game_m
             draw_place(axes, place, MEETING, dimensions, f"{name}, meeting point foreseen")
         else:
-            draw_standoff(axes, tick.standoff, certificate.evader_game_m, dimensions, "stand-off disc at capture")
-    if tick.target_game_m is not None:
-        draw_place(axes, tick.target_game_m, TARGET, dimensions, "T, target")
+            draw_standoff(axes, settings.standoff, certificate.evader_game_m, dimensions, "stand-off disc at capture")
+    if settings.target_game_m is not None:
+        draw_place(axes, settings.target_game_m, TARGET, dimensions, "T, target")
 
 
 def _fence(axes: Any, story: Story, dimensions: int, box: tuple[Array, Array] | None) -> None:  # noqa: ANN401
@@ -102,10 +102,10 @@ def _box(story: Story) -> tuple[Array, Array]:
     points = [story.column("pursuer_m"), story.column("evader_m")]
     certificate = None if story.engaged is None else story.certificates[story.engaged]
     if certificate is not None and not certificate.no_game:
-        curve = isochron_at(story.settings.tick, certificate)
+        curve = isochron_at(story.settings.cycle, certificate)
         points.append(np.column_stack([curve, np.zeros(len(curve))]))
-    if story.settings.tick.target_game_m is not None:
-        points.append(np.array([story.settings.tick.target_game_m]))
+    if story.settings.cycle.target_game_m is not None:
+        points.append(np.array([story.settings.cycle.target_game_m]))
     known = np.concatenate(points)
     known = known[np.isfinite(known).all(axis=-1)]
     if not len(known):

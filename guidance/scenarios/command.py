@@ -21,7 +21,7 @@ from guidance.scenarios.showing import live_line, report
 from guidance.scenarios.world import World
 from guidance.service.background import BackgroundRecorder
 from guidance.service.clock import Clock, MonotonicClock, VirtualClock
-from guidance.service.cycle import Stopped
+from guidance.service.linked_flight import Stopped
 from guidance.service.record import started_utc, versions
 
 

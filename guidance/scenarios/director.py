@@ -67,13 +67,13 @@ class Director:
         if self._state is State.ON_STATION and self.captured_s is None:
             self.captured_s = now_s
 
-    def orders(self, now_s: float, *, evader_ready: bool, target_fresh: bool) -> Sequence[Event]:
+    def orders(self, now_s: float, *, evader_ready: bool, evader_fresh: bool) -> Sequence[Event]:
         """Give the orders for this cycle."""
         waited_s = now_s - self._since_s
         match self._state:
             case State.READY if evader_ready:
                 return (Event.START,)
-            case State.STANDING_BY if evader_ready and target_fresh and self.engaged_s is None:
+            case State.STANDING_BY if evader_ready and evader_fresh and self.engaged_s is None:
                 return (Event.ENGAGE,)
             case State.ON_STATION if waited_s >= self._hold_s:
                 return (self._end_with,)

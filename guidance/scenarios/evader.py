@@ -111,5 +111,5 @@ class EvaderPilot:
 
 
 def reported(messages: Sequence[Message]) -> list[GlobalPosition]:
-    """Pick the evader's own position reports, which are what the pursuer's target source hears."""
+    """Pick the evader's own position reports, which are what the pursuer's evader source hears."""
     return [message for message in messages if isinstance(message, GlobalPosition)]

@@ -3,9 +3,9 @@
 import math
 from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
-from guidance.config import Section
+from guidance.config import RENAMED_EVENTS, Section
 
 End: TypeAlias = Literal["captured", "arrived", "time_up", "yielded", "failed"]
 """How a run ends: the paper's two ways, the scenario's time limit, a pilot's takeover, or a flight that went wrong."""
@@ -65,6 +65,14 @@ class Expectations(Section):
     min_altitude_m: Range | None = None
     alarms: Range | None = None
     events: tuple[str, ...] = ()
+
+    @field_validator("events")
+    @classmethod
+    def _check_events(cls, events: tuple[str, ...]) -> tuple[str, ...]:
+        for event in events:
+            if event in RENAMED_EVENTS:
+                raise ValueError(f"{event!r} is named {RENAMED_EVENTS[event]!r} now")
+        return events
 
     def check(self, game: str) -> None:
         """Refuse what contradicts itself.

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from guidance.links.evaders.global_position import GlobalPositionInt
+from guidance.links.evaders.mavlink_source import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.tap import Passed
-from guidance.links.targets.global_position import GlobalPositionInt
-from guidance.links.targets.mavlink_source import MavlinkTarget
 from guidance.scenarios.faulting import faulted_fleet, faults_after
 from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
 from guidance.scenarios.model import Scenario
@@ -14,7 +14,7 @@ from guidance.scenarios.stepped import SteppedMock
 from guidance.service.clock import Clock
 
 if TYPE_CHECKING:
-    from guidance.links.port import TargetSource, VehicleLink
+    from guidance.links.port import EvaderSource, VehicleLink
 
 
 class FastWorld:
@@ -33,7 +33,7 @@ class FastWorld:
         pursuer, evader = self._mocks[PURSUER], self._mocks[EVADER]
         self.pursuer: VehicleLink = PymavlinkLink(pursuer.wire, clock.now_s, system_id=PURSUER_ID)
         self.evader: VehicleLink = PymavlinkLink(evader.wire, clock.now_s, system_id=EVADER_ID)
-        self.target: TargetSource = MavlinkTarget(evader.listener(), GlobalPositionInt(), system_id=EVADER_ID)
+        self.evader_source: EvaderSource = MavlinkEvader(evader.listener(), GlobalPositionInt(), system_id=EVADER_ID)
 
     def advance(self) -> None:
         """Step both vehicles."""
@@ -54,4 +54,4 @@ class FastWorld:
         """Close the wires."""
         self.pursuer.close()
         self.evader.close()
-        self.target.close()
+        self.evader_source.close()

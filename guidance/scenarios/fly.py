@@ -5,23 +5,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from guidance.cycle import Certificate
 from guidance.flight import Flight, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.monitor import Alarm
 from guidance.scenarios.director import Director
 from guidance.scenarios.evader import EvaderPilot
-from guidance.scenarios.impaired import ImpairedTarget
+from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings, flight_settings
 from guidance.scenarios.world import World
 from guidance.service.clock import Clock
-from guidance.service.cycle import Cycle, Stopped
+from guidance.service.linked_flight import LinkedFlight, Stopped
 from guidance.service.record import Record
 from guidance.service.timing import Timing
 from guidance.telemetry import LocalPosition
-from guidance.tick import Certificate
 
-TICK_S = 0.02
+CYCLE_S = 0.02
 """50 Hz: the rate at which setpoints are computed and sent."""
 
 MISSION_LIMIT_S = 900.0
@@ -70,7 +70,7 @@ class FlightResult:
     captured: bool = False
     timed_out: bool = False
     setpoints_sent: int = 0
-    late_ticks: int = 0
+    late_cycles: int = 0
     cycles: int = 0
     duration_s: float = 0.0
     wall_s: float = 0.0
@@ -97,8 +97,8 @@ def fly(
         LinkError: If the world ends before the flight does.
     """
     flight = Flight(flight_settings(scenario))
-    target = ImpairedTarget(world.target, scenario.sensor, scenario.seed, clock.now_s)
-    cycle = Cycle(flight, world.pursuer, target, recorder)
+    heard = ImpairedEvader(world.evader_source, scenario.sensor, scenario.seed, clock.now_s)
+    linked = LinkedFlight(flight, world.pursuer, heard, recorder)
     evader = EvaderPilot(world.evader, evader_settings(scenario))
     director = Director(hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s)
     result = FlightResult(scenario, State.CONNECTING)
@@ -111,27 +111,27 @@ def fly(
         world.advance()
         now_s = clock.now_s()
         late_s = now_s - due_s
-        result.late_ticks += late_s > TICK_S
-        due_s = max(due_s + TICK_S, now_s)  # a late tick is not made up for by two at once
+        result.late_cycles += late_s > CYCLE_S
+        due_s = max(due_s + CYCLE_S, now_s)  # a late cycle is not made up for by two at once
 
         pursuer_m = pursuer_game_m(flight)
         evader.step(now_s, pursuer_m, playing=director.playing)
         fresh = flight.tracking.silence_s(now_s) < 0.5
-        orders = director.orders(now_s, evader_ready=evader.ready, target_fresh=fresh)
-        outputs = cycle.run(now_s, orders, timing=Timing(late_s, worked_s))
+        orders = director.orders(now_s, evader_ready=evader.ready, evader_fresh=fresh)
+        outputs = linked.run(now_s, orders, timing=Timing(late_s, worked_s))
         director.follow(now_s, outputs)
         if director.engaged_s == now_s:
-            target.engage(now_s)
+            heard.engage(now_s)
             world.engage()
         if recorder is not None:
             for passed in world.drain():
                 recorder.frame(*passed)
         note(result, now_s, outputs, pursuer_m, evader.position_game_m())
         worked_s = clock.now_s() - now_s
-        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit, cycle.record_stopped))
+        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit, linked.record_stopped))
 
     evader.stop()
-    result.record_stopped = cycle.record_stopped
+    result.record_stopped = linked.record_stopped
     conclude(result, director, clock.now_s() - start_s)
     return result
 

@@ -22,7 +22,7 @@ FASTEST_HZ: Final = 50.0
 """Rate of reports that come "as they come": one a cycle."""
 
 TIMEOUT_S: Final = 1.5
-"""From this age on a flight takes its target for lost, and waits."""
+"""From this age on a flight takes the evader for lost, and waits."""
 
 DROPOUT_STREAM, POSITION_STREAM, VELOCITY_STREAM = 11, 12, 14
 _SURE: Final = 2.0

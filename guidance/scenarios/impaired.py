@@ -1,6 +1,6 @@
-"""A target source heard through a scenario's sensor: too seldom, too late, inexact, with gaps, in all worlds alike.
+"""An evader source heard through a scenario's sensor: too seldom, too late, inexact, with gaps, in all worlds alike.
 
-It begins with the game, as in mathematics: until then the target is heard as it is. What the flight is given is what
+It begins with the game, as in mathematics: until then the evader is heard as it is. What the flight is given is what
 the record keeps, so that a replay hears the same. The random numbers are those of `guidance.scenarios.hearing`.
 """
 
@@ -10,19 +10,19 @@ from collections.abc import Callable, Mapping, Sequence
 
 from guidance.estimate import TrackSettings
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.port import TargetSource
+from guidance.links.port import EvaderSource
 from guidance.scenarios.hearing import DROPOUT_STREAM, PERFECT, POSITION_STREAM, VELOCITY_STREAM
 from guidance.scenarios.model import Sensor
 from guidance.strategies import normal, uniform
-from guidance.telemetry import TargetReport, Timesync
+from guidance.telemetry import EvaderReport, Timesync
 
 _SLACK_S = 1e-9
 _UNSAID = TrackSettings(declared_speed_m_s=1.0)
 """Spreads that reports are taken to have which do not say theirs."""
 
 
-class ImpairedTarget:
-    """`TargetSource` around another.
+class ImpairedEvader:
+    """`EvaderSource` around another.
 
     Args:
         source: Where the reports come from.
@@ -31,21 +31,21 @@ class ImpairedTarget:
         clock: Gives the present, s.
     """
 
-    def __init__(self, source: TargetSource, sensor: Sensor, seed: int, clock: Callable[[], float]) -> None:
+    def __init__(self, source: EvaderSource, sensor: Sensor, seed: int, clock: Callable[[], float]) -> None:
         self._source = source
         self._sensor = sensor
         self._seed = seed
         self._clock = clock
         self._engaged_s = math.inf
         self._last = -1
-        self._on_the_way: deque[TargetReport] = deque()
+        self._on_the_way: deque[EvaderReport] = deque()
         self._withheld = self._lost = 0
 
     def engage(self, now_s: float) -> None:
         """The game begins; asked again, nothing changes."""
         self._engaged_s = min(self._engaged_s, now_s)
 
-    def receive(self) -> Sequence[TargetReport]:
+    def receive(self) -> Sequence[EvaderReport]:
         """Return the reports that have arrived by now, in order of arrival."""
         reports = self._source.receive()
         if self._sensor == PERFECT or self._engaged_s == math.inf:
@@ -65,7 +65,7 @@ class ImpairedTarget:
         """Close the source; may be called twice."""
         self._source.close()
 
-    def _measure(self, report: TargetReport) -> None:
+    def _measure(self, report: EvaderReport) -> None:
         number = self._number(report)
         if number == self._last:
             self._withheld += 1
@@ -79,14 +79,14 @@ class ImpairedTarget:
             return
         self._on_the_way.append(self._late(self._inexact(report, number), arrival_s))
 
-    def _number(self, report: TargetReport) -> int:
+    def _number(self, report: EvaderReport) -> int:
         """Count reports by their place in the sensor's rhythm; without one, as they come."""
         if self._sensor.rate_hz is None:
             return self._last + 1
         return math.floor((report.received_s - self._engaged_s) * self._sensor.rate_hz + _SLACK_S)
 
-    def _late(self, report: TargetReport, arrival_s: float) -> TargetReport:
-        """Stamp the arrival; how old it is then is known, as from a target that answers TIMESYNC."""
+    def _late(self, report: EvaderReport, arrival_s: float) -> EvaderReport:
+        """Stamp the arrival; how old it is then is known, as from an evader that answers TIMESYNC."""
         if self._sensor.latency_s == 0.0:
             return report
         answer = report.timesync
@@ -94,7 +94,7 @@ class ImpairedTarget:
             answer = Timesync(report.received_s, round(report.sent_s * 1e9), round(report.received_s * 1e9))
         return report._replace(received_s=arrival_s, timesync=answer)
 
-    def _inexact(self, report: TargetReport, number: int) -> TargetReport:
+    def _inexact(self, report: EvaderReport, number: int) -> EvaderReport:
         sensor = self._sensor
         if sensor.position_noise_m == sensor.velocity_noise_m_s == 0.0:
             return report

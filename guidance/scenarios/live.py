@@ -6,14 +6,14 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from guidance.links.evaders.global_position import GlobalPositionInt
+from guidance.links.evaders.mavlink_source import MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.opening import open_wire, wait_until_heard
-from guidance.links.port import TargetSource, VehicleLink, Wire
+from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.shared_wire import share
 from guidance.links.tap import Passed, TappedWire
-from guidance.links.targets.global_position import GlobalPositionInt
-from guidance.links.targets.mavlink_source import MavlinkTarget
 from guidance.links.zenoh_wire import ZenohWire
 from guidance.scenarios.faulting import check_faults, faults_after
 from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
@@ -40,11 +40,11 @@ class LiveWorld:
             check_faults(scenario)
             self._mock = MockProcess(folder, scenario, over, port)
             self._closing.callback(self._mock.stop)
-            evaders, targets = self._wires(EVADER)
+            commands, reports = self._wires(EVADER)
             self.pursuer = self._link(link, self._wire(PURSUER), PURSUER, PURSUER_ID)
-            self.evader = self._link("pymavlink", evaders, EVADER, EVADER_ID)
-            self.target: TargetSource = MavlinkTarget(targets, GlobalPositionInt(), system_id=EVADER_ID)
-            self._closing.callback(self.target.close)
+            self.evader = self._link("pymavlink", commands, EVADER, EVADER_ID)
+            self.evader_source: EvaderSource = MavlinkEvader(reports, GlobalPositionInt(), system_id=EVADER_ID)
+            self._closing.callback(self.evader_source.close)
         except BaseException:
             self.close()
             raise

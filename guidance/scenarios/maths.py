@@ -23,7 +23,7 @@ from guidance.scenarios.model import Scenario
 from guidance.scenarios.outcome import Outcome, final_distance_m, outcome_of, winner_name
 from guidance.strategies import OPTIMAL, Memory, evade, pursue
 
-TICK_S = 0.02
+CYCLE_S = 0.02
 """How long velocities are held at most: the cycle of a flight."""
 
 _SHARE_LEFT = 0.75
@@ -73,7 +73,7 @@ class Moment(NamedTuple):
     end: NDArray[np.int8]
 
 
-def play(scenarios: Sequence[Scenario], *, tick_s: float = TICK_S) -> list[Outcome]:
+def play(scenarios: Sequence[Scenario], *, cycle_s: float = CYCLE_S) -> list[Outcome]:
     """Play scenarios to their ends; outcomes in their order. Faults are not played: they are an autopilot's."""
     kinds: dict[Hashable, list[int]] = {}
     for index, scenario in enumerate(scenarios):
@@ -81,11 +81,11 @@ def play(scenarios: Sequence[Scenario], *, tick_s: float = TICK_S) -> list[Outco
     outcomes: dict[int, Outcome] = {}
     for indices in kinds.values():
         alike = [scenarios[index] for index in indices]
-        outcomes.update((indices[row], outcome) for row, outcome in _play_alike(alike, tick_s))
+        outcomes.update((indices[row], outcome) for row, outcome in _play_alike(alike, cycle_s))
     return [outcomes[index] for index in range(len(scenarios))]
 
 
-def moments(scenarios: Sequence[Scenario], *, tick_s: float = TICK_S) -> Iterator[Moment]:
+def moments(scenarios: Sequence[Scenario], *, cycle_s: float = CYCLE_S) -> Iterator[Moment]:
     """Play scenarios of one kind; yield every moment, with some games that have ended still among them."""
     batch, moment = stack(scenarios), _begin(scenarios)
     with quiet(np):
@@ -98,7 +98,7 @@ def moments(scenarios: Sequence[Scenario], *, tick_s: float = TICK_S) -> Iterato
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
                 batch, moment, ahead = (keep(part, running) for part in (batch, moment, ahead))
             if len(moment.row):
-                moment = _advance(batch, moment, ahead, tick_s)
+                moment = _advance(batch, moment, ahead, cycle_s)
 
 
 def opening(scenarios: Sequence[Scenario]) -> Solution:
@@ -108,10 +108,10 @@ def opening(scenarios: Sequence[Scenario]) -> Solution:
     return solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
 
 
-def _play_alike(scenarios: Sequence[Scenario], tick_s: float) -> Iterator[tuple[int, Outcome]]:
+def _play_alike(scenarios: Sequence[Scenario], cycle_s: float) -> Iterator[tuple[int, Outcome]]:
     first = opening(scenarios)
     told = np.zeros(len(scenarios), dtype=bool)
-    for moment in moments(scenarios, tick_s=tick_s):
+    for moment in moments(scenarios, cycle_s=cycle_s):
         for place in np.flatnonzero((moment.end != _RUNNING) & ~told[moment.row]):
             row = int(moment.row[place])
             told[row] = True
@@ -152,7 +152,7 @@ def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     return np.where(moment.end == _RUNNING, now, moment.end).astype(np.int8)
 
 
-def _advance(batch: Batch, moment: Moment, ahead: Ahead, tick_s: float) -> Moment:
+def _advance(batch: Batch, moment: Moment, ahead: Ahead, cycle_s: float) -> Moment:
     """Ask both players, and move both for as long as nothing can happen; games that have ended stand still."""
     sensor, heard, seen = batch.kind.sensor, moment.heard, _everything(batch, moment)
     if heard is not None:
@@ -162,7 +162,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead, tick_s: float) -> Momen
     no_game = ~np.isfinite(v[:, 0])
     waiting = seen.age_s > TIMEOUT_S
     v[no_game | waiting] = 0.0
-    h = np.minimum(tick_s, batch.limit_s - moment.now_s)
+    h = np.minimum(cycle_s, batch.limit_s - moment.now_s)
     for limit in (ahead.capture_s, ahead.arrival_s, ahead.turn_s, *_changes_s(batch, moment, heard)):
         h = np.minimum(h, limit)
     h = np.where(moment.end == _RUNNING, h, 0.0)
@@ -247,7 +247,7 @@ def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, plac
     end = _ENDS[moment.end[place]]
     P, E = moment.pursuer_m[place], moment.evader_m[place]
     events = {
-        Event.TARGET_LOST: bool(moment.lost[place]),
+        Event.EVADER_LOST: bool(moment.lost[place]),
         Event.NO_GAME: bool(moment.no_game[place]),
         Event.CAPTURED: end == "captured",
         Event.ESCAPED: end == "arrived",
@@ -266,5 +266,5 @@ def _outcome(scenario: Scenario, first: Solution, row: int, moment: Moment, plac
         duration_s=float(moment.now_s[place]),
         limits=[name for name, met in zip(_LIMITS, moment.met[place], strict=True) if met],
         events=[str(event) for event, happened in events.items() if happened],
-        reason="" if end != "failed" else str(Event.NO_GAME if moment.no_game[place] else Event.TARGET_LOST),
+        reason="" if end != "failed" else str(Event.NO_GAME if moment.no_game[place] else Event.EVADER_LOST),
     )

@@ -77,7 +77,7 @@ class Pursuer(Player):
 
 
 class Evader(Player):
-    """The cooperative target: a ground vehicle that plays the evader."""
+    """The cooperative evader: a ground vehicle that plays the evader."""
 
     position_m: Point2
     height_m: float = Field(0.0, ge=0.0)
@@ -190,13 +190,6 @@ class Scenario(Section):
     def speed_limits(self) -> Speeds:
         """What no command to the pursuer exceeds."""
         return self.limits.speeds(self.pursuer.speeds, section="pursuer")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _check_names(cls, document: Any) -> Any:  # noqa: ANN401 - anything that a file may hold
-        if isinstance(document, dict) and "envelope" in document:
-            raise ValueError("envelope: its name is limits now, with the same keys, as in vehicle files")
-        return document
 
     @model_validator(mode="after")
     def _check_players(self) -> Self:

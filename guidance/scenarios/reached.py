@@ -102,7 +102,7 @@ def fly_url(
 
 @contextlib.contextmanager
 def reached(scenario: Scenario, asked: Asked) -> Iterator[tuple[Config, Opened, MonotonicClock, UdpWire]]:
-    """Find the vehicle at a URL and open its link, and a loopback port for the target's reports.
+    """Find the vehicle at a URL and open its link, and a loopback port for the evader's reports.
 
     Yields the configuration, what was opened, the clock, and the evader's end of the port.
 
@@ -133,9 +133,9 @@ def reached(scenario: Scenario, asked: Asked) -> Iterator[tuple[Config, Opened, 
             link=asked.link,
             autopilot=autopilot.name,
             found=found,
-            target_url=f"udpin://127.0.0.1:{ears.port}",
+            evader_url=f"udpin://127.0.0.1:{ears.port}",
         )
-        opened = open_all(own, clock, tapped=True, wire=wire, target_wire=ears)
+        opened = open_all(own, clock, tapped=True, wire=wire, evader_wire=ears)
         closing.callback(opened.close)
         yield own, opened, clock, radio
 
@@ -154,7 +154,7 @@ def checkup_at(name: str, asked: Asked) -> Iterator[Checkup]:
             scenario = scenario.model_copy(
                 update={"pursuer": scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})}
             )
-            yield Checkup(own.name, plan_of(scenario, own), opened.link, opened.target, clock, log=log)
+            yield Checkup(own.name, plan_of(scenario, own), opened.link, opened.evader, clock, log=log)
     finally:
         log.close()
 

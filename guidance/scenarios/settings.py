@@ -1,10 +1,11 @@
-"""From a scenario file to what the flight, the tick and the evader need."""
+"""From a scenario file to what the flight, the cycle and the evader need."""
 
 import math
 
 import numpy as np
 
 from guidance.autopilots import profile
+from guidance.cycle import CycleSettings
 from guidance.flight import AfterCapture, FlightSettings
 from guidance.following.handling import handling
 from guidance.frames import Amsl
@@ -14,7 +15,6 @@ from guidance.limits import StandOff as StandOffLimit
 from guidance.scenarios.courses import evader_strategy, pursuer_strategy
 from guidance.scenarios.evader import EvaderSettings
 from guidance.scenarios.model import Scenario
-from guidance.tick import TickSettings
 
 # The limits keep this much out of the way of the disc that the game is played to, so that they bind only when something
 # is wrong.
@@ -75,7 +75,7 @@ def flight_settings(scenario: Scenario) -> FlightSettings:
     )
     return FlightSettings(
         profile=profile(pursuer.autopilot),
-        tick=TickSettings(
+        cycle=CycleSettings(
             speed_set=speed_set(scenario),
             strategy=pursuer_strategy(scenario, np.array(start), speed_set(scenario), scenario.seed),
             declared_evader_speed_m_s=scenario.evader.believed_speed_m_s,

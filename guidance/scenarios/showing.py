@@ -18,7 +18,7 @@ from guidance.scenarios.flown import ending_words
 from guidance.scenarios.fly import FlightResult, Progress
 from guidance.scenarios.outcome import Outcome, outcome_json
 from guidance.scenarios.recording import OUTCOME, PICTURE, RECORD
-from guidance.service.cycle import Stopped
+from guidance.service.linked_flight import Stopped
 
 REDRAW_S: Final = 0.1
 _PLAIN_S: Final = 3.0
@@ -113,7 +113,7 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
         "flown / predicted": f"{outcome.ratio:.3f}",
         "game lasted": f"{outcome.game_time_s:.2f} s",
         "setpoints sent": f"{result.setpoints_sent}",
-        "late ticks": f"{result.late_ticks} of {result.cycles}",
+        "late cycles": f"{result.late_cycles} of {result.cycles}",
         "guarantee alarms": f"{outcome.alarms}",
         "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
         "record": record_words(result.record_stopped),

@@ -15,8 +15,8 @@ from guidance.frames import Vector
 from guidance.preflight import advice, refusals
 from guidance.scenarios.director import PATIENCE_S, Director
 from guidance.scenarios.evader_here import Evader
-from guidance.scenarios.fly import TICK_S, FlightResult, Progress, conclude, note, pursuer_game_m
-from guidance.scenarios.impaired import ImpairedTarget
+from guidance.scenarios.fly import CYCLE_S, FlightResult, Progress, conclude, note, pursuer_game_m
+from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.model import Scenario
 from guidance.service.daemon import Daemon
 from guidance.service.leaving import ON_GROUND
@@ -45,7 +45,7 @@ class Supervisor:
         scenario: What is flown.
         daemon: What flies it.
         mailbox: Its orders.
-        target: Where it hears of the target.
+        heard: Where it hears of the evader.
         engage: A person allowed to start and to engage as soon as that can be done; else both wait for
             `guidance ctl start` and `guidance ctl engage`.
         on_terminate: The order that hands the vehicle over in the end.
@@ -61,7 +61,7 @@ class Supervisor:
         scenario: Scenario,
         daemon: Daemon,
         mailbox: Mailbox,
-        target: ImpairedTarget,
+        heard: ImpairedEvader,
         *,
         engage: bool,
         on_terminate: Event,
@@ -73,7 +73,7 @@ class Supervisor:
         self.result = FlightResult(scenario, State.CONNECTING)
         self._daemon = daemon
         self._mailbox = mailbox
-        self._target = target
+        self._heard = heard
         self._engage = engage
         self._on_terminate = on_terminate
         self._evader = evader
@@ -111,10 +111,10 @@ class Supervisor:
         if self._evader is not None:
             self._evader.step(now_s, pursuer_m, playing=self._director.playing)
         if self._director.engaged_s == now_s:
-            self._target.engage(now_s)
+            self._heard.engage(now_s)
             if self._evader is not None:
                 self._evader.engage()
-        self.result.late_ticks += now_s - self._last_s > 2.0 * TICK_S
+        self.result.late_cycles += now_s - self._last_s > 2.0 * CYCLE_S
         self._last_s = now_s
         note(self.result, now_s, outputs, pursuer_m, self._evader_game_m(now_s))
         conclude(self.result, self._director, now_s - self._begun_s)
@@ -142,8 +142,8 @@ class Supervisor:
         if self._evader is not None:
             return self._evader.position_game_m()
         tracking = self._daemon.flight.tracking
-        target, frame = tracking.target(now_s), tracking.game_frame
-        return None if target is None or frame is None else frame.position_from_ned(target.position_ned_m)
+        evader, frame = tracking.evader(now_s), tracking.game_frame
+        return None if evader is None or frame is None else frame.position_from_ned(evader.position_ned_m)
 
     def _listen(self) -> None:
         """Keep what the autopilot says against flying, until it flies."""
@@ -156,9 +156,9 @@ class Supervisor:
                 self.result.said = self.result.said or f"arming refused (MAV_RESULT {message.result})"
 
     def _order(self, now_s: float) -> None:
-        fresh = self._daemon.flight.tracking.silence_s(now_s) < self._daemon.flight.settings.tick.target_timeout_s
+        fresh = self._daemon.flight.tracking.silence_s(now_s) < self._daemon.flight.settings.cycle.evader_timeout_s
         ready = self._evader is None or self._evader.ready
-        for order in self._director.orders(now_s, evader_ready=ready, target_fresh=fresh):
+        for order in self._director.orders(now_s, evader_ready=ready, evader_fresh=fresh):
             if order in {Event.START, Event.ENGAGE}:
                 if self._engage:
                     self._ask(order, now_s)
@@ -200,7 +200,7 @@ class Supervisor:
         """Refuse a start outside of the fence: to there the autopilot flies by itself, and our limits do not act."""
         flight = self._daemon.flight
         start, frame, home = flight.settings.start_game_m, flight.tracking.game_frame, flight.vehicle.last(Home)
-        fence_m = flight.settings.tick.envelope.fence_radius_m
+        fence_m = flight.settings.cycle.envelope.fence_radius_m
         if start is None or frame is None or home is None or fence_m is None:
             return
         away_m = math.dist(frame.position_to_ned(start)[:2], home.position_ned_m[:2])

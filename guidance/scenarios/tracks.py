@@ -10,7 +10,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from guidance.errors import ConfigError
-from guidance.service.record import TICK_TOPIC
+from guidance.service.record import CYCLE_TOPIC
 
 _COLUMNS: Final = ("t_s", "x_m", "y_m", "z_m")
 _LEAST_STEP_S: Final = 0.2
@@ -65,7 +65,7 @@ def _from_csv(path: Path) -> Rows:
 def _from_record(path: Path, part: str) -> Rows:
     rows: Rows = []
     with path.open("rb") as file:
-        for _, _, message in make_reader(file).iter_messages(topics=[TICK_TOPIC]):
+        for _, _, message in make_reader(file).iter_messages(topics=[CYCLE_TOPIC]):
             row = json.loads(message.data)
             certificate = row.get("certificate")
             if certificate is None or (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S - 1e-6):

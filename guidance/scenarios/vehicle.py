@@ -14,7 +14,7 @@ from guidance.flight import Event
 from guidance.scenarios.evader_here import Evader
 from guidance.scenarios.flown import outcome_of_flight
 from guidance.scenarios.fly import FlightResult, Progress
-from guidance.scenarios.impaired import ImpairedTarget
+from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.outcome import Outcome
 from guidance.scenarios.recording import RECORD, next_folder, recording
@@ -38,7 +38,7 @@ from guidance.service.tidying import Tidying
 
 
 class Reached(NamedTuple):
-    """A vehicle and its target as they were opened, and what is flown by there."""
+    """A vehicle and its evader as they were opened, and what is flown by there."""
 
     own: Config
     plan: Plan
@@ -47,7 +47,7 @@ class Reached(NamedTuple):
 
 
 class Conduct(NamedTuple):
-    """How a run is conducted; see `Supervisor`. Without an evader the target is somebody else's."""
+    """How a run is conducted; see `Supervisor`. Without an evader of ours the evader is somebody else's."""
 
     engage: bool
     on_terminate: Event
@@ -57,7 +57,7 @@ class Conduct(NamedTuple):
 
 
 def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path | None, engage: bool) -> Outcome:
-    """Fly a scenario with the vehicle of a configuration file; the evader is whatever its target source reports.
+    """Fly a scenario with the vehicle of a configuration file; the evader is whatever its evader source reports.
 
     Preflight must pass. Without `engage` a person has to order `guidance ctl start` and `guidance ctl engage`. Ctrl-C
     hands the vehicle over as the file says (flight.on_terminate).
@@ -65,7 +65,7 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
     Raises:
         ConfigError: If a file is wrong, or the two contradict each other.
         FlightError: If preflight refuses, or the start is outside of the fence.
-        LinkError: If vehicle or target cannot be reached.
+        LinkError: If vehicle or evader cannot be reached.
     """
     own = load_vehicle(find(str(config), "vehicles"))
     plan = plan_of(scenario, own)
@@ -125,21 +125,21 @@ def conducted(
         log = Log(own.log.format, own.log.level)
         closing.callback(log.close)
         record = closing.enter_context(recording(folder / RECORD, metadata, real_time=True))
-        target = ImpairedTarget(opened.target, scenario.sensor, scenario.seed, clock.now_s)
+        heard = ImpairedEvader(opened.evader, scenario.sensor, scenario.seed, clock.now_s)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
         daemon = Daemon(
             own.name,
             plan,
             opened.link,
-            target,
+            heard,
             mailbox=mailbox,
             log=log,
             metrics=metrics,
             notifier=notifier,
             record=record,
         )
-        supervisor = Supervisor(scenario, daemon, mailbox, target, **conduct._asdict())
+        supervisor = Supervisor(scenario, daemon, mailbox, heard, **conduct._asdict())
         closing.callback(tidying.end)
         run(
             daemon,

@@ -1,6 +1,6 @@
 """A scenario for a real vehicle: the game of the one file within the limits of the other.
 
-The vehicle's file says how vehicle and target are reached and what the flight may never do; the scenario what is
+The vehicle's file says how vehicle and evader are reached and what the flight may never do; the scenario what is
 played, with which strategy, from where and for how long. Limits are the tighter of both. Where the files contradict
 each other, nothing flies.
 """
@@ -56,7 +56,7 @@ def vehicle_config(scenario: Scenario, config: Config) -> Config:
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
-def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: Found, target_url: str) -> Config:
+def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: Found, evader_url: str) -> Config:
     """Return the configuration that a vehicle's file would have been: the scenario's limits are the vehicle's own.
 
     Raises:
@@ -66,7 +66,7 @@ def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found:
     document = {
         "name": PURSUER,
         "vehicle": {**vehicle, "system_id": found.system_id, "component_id": found.component_id},
-        "target": {"kind": "global_position", "url": target_url, "system_id": EVADER_ID},
+        "evader": {"kind": "global_position", "url": evader_url, "system_id": EVADER_ID},
         "game": _game(scenario),
         "limits": scenario.limits.model_dump(mode="json"),
         "flight": {"takeoff_height_m": scenario.pursuer.takeoff_height_m, "on_terminate": "land"},
@@ -101,18 +101,18 @@ def vehicle_flight(scenario: Scenario, config: Config) -> FlightSettings:
     flown = flight_settings(vehicle_config(scenario, config))
     x, y, z = scenario.pursuer.position_m
     start = (x, y, z - scenario.evader.height_m)
-    tick = replace(
-        flown.tick,
-        strategy=pursuer_strategy(scenario, np.array(start), flown.tick.speed_set, scenario.seed),
+    cycle = replace(
+        flown.cycle,
+        strategy=pursuer_strategy(scenario, np.array(start), flown.cycle.speed_set, scenario.seed),
         target_game_m=target_game_m(scenario),
         site=site(scenario) if "site" in scenario.model_fields_set else None,
     )
-    return replace(flown, tick=tick, start_game_m=start)
+    return replace(flown, cycle=cycle, start_game_m=start)
 
 
 def _contradictions(scenario: Scenario, config: Config) -> Iterator[str]:
     yield from _of_speeds(scenario, config)
-    yield from _of_the_target(scenario, config)
+    yield from _of_the_evader(scenario, config)
     yield from _of_places(scenario, config)
 
 
@@ -126,14 +126,14 @@ def _of_speeds(scenario: Scenario, config: Config) -> Iterator[str]:
             yield f"pursuer.{key} = {asked:g} is more than game.{key} = {has:g}, which the vehicle is allowed"
 
 
-def _of_the_target(scenario: Scenario, config: Config) -> Iterator[str]:
+def _of_the_evader(scenario: Scenario, config: Config) -> Iterator[str]:
     game = config.game
     believed_m_s = scenario.evader.believed_speed_m_s
     if believed_m_s < game.evader_speed_m_s:
         key = "speed_m_s" if scenario.evader.declared_speed_m_s is None else "declared_speed_m_s"
         yield (
             f"evader.{key} = {believed_m_s:g} is less than game.evader_speed_m_s = {game.evader_speed_m_s:g}, "
-            "of which the target is said to be capable"
+            "of which the evader is said to be capable"
         )
     above_m = scenario.standoff.height_m - scenario.evader.height_m
     for key, near_m, least_m in (
@@ -141,7 +141,7 @@ def _of_the_target(scenario: Scenario, config: Config) -> Iterator[str]:
         ("height_m", above_m, game.standoff_height_m),
     ):
         if near_m < least_m:
-            yield f"standoff.{key} = {near_m:g} is nearer to the target than game.standoff_{key} = {least_m:g}"
+            yield f"standoff.{key} = {near_m:g} is nearer to the evader than game.standoff_{key} = {least_m:g}"
 
 
 def _of_places(scenario: Scenario, config: Config) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from guidance.links.port import TargetSource, VehicleLink
+from guidance.links.port import EvaderSource, VehicleLink
 from guidance.links.tap import Passed
 
 
@@ -12,7 +12,7 @@ class World(Protocol):
 
     pursuer: VehicleLink
     evader: VehicleLink
-    target: TargetSource
+    evader_source: EvaderSource
 
     def advance(self) -> None:
         """Bring the world up to now.

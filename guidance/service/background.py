@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from guidance.service.record import Recorder
-from guidance.telemetry import TargetReport
+from guidance.telemetry import EvaderReport
 
 MOST_WAITING: Final = 4096
 _LOOK_EVERY_S: Final = 0.03
@@ -33,16 +33,16 @@ class BackgroundRecorder:
         """Keep one raw MAVLink frame."""
         self._put(lambda: self._recorder.frame(now_s, topic, frame))
 
-    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
         """Keep one guidance cycle."""
-        self._put(lambda: self._recorder.tick(now_s, row))
+        self._put(lambda: self._recorder.cycle(now_s, row))
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
         self._put(lambda: self._recorder.event(now_s, event, detail))
 
-    def report(self, report: TargetReport) -> None:
-        """Keep one report of the target."""
+    def report(self, report: EvaderReport) -> None:
+        """Keep one report of the evader."""
         self._put(lambda: self._recorder.report(report))
 
     def close(self) -> None:

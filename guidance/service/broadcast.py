@@ -1,4 +1,4 @@
-"""What the loop does, published for whoever looks on: `guidance/<name>/live/tick` and `/event`, as a record has them.
+"""What the loop does, published for whoever looks on: `guidance/<name>/live/cycle` and `/event`, as a record has them.
 
 The loop only appends to a bounded queue. A thread of our own lays out JSON and publishes, and only while somebody has
 subscribed. It drops rather than waits: an onlooker that hangs or dies is Zenoh's matter, and never the loop's.
@@ -14,7 +14,7 @@ import zenoh
 
 from guidance.service.known import in_bytes
 from guidance.service.record import RELOADED, Record
-from guidance.telemetry import TargetReport
+from guidance.telemetry import EvaderReport
 
 MOST_WAITING: Final = 256
 """Five seconds of cycles: what finds no room is dropped and counted."""
@@ -50,7 +50,7 @@ class Broadcast:
         self._waiting: deque[tuple[str, Mapping[str, Any]]] = deque()
         self._asked: deque[Any] = deque(maxlen=_MOST_ASKED)
         self.dropped = 0
-        self._publishers = {what: self._declare(session, what) for what in ("tick", "event")}
+        self._publishers = {what: self._declare(session, what) for what in ("cycle", "event")}
         self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._asked.append)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast", daemon=True)
@@ -59,12 +59,12 @@ class Broadcast:
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Nothing: raw frames have a bus of their own."""
 
-    def report(self, report: TargetReport) -> None:
-        """Nothing: the tick has it."""
+    def report(self, report: EvaderReport) -> None:
+        """Nothing: the cycle has it."""
 
-    def tick(self, _now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, _now_s: float, row: Mapping[str, Any]) -> None:
         """Publish one guidance cycle."""
-        self._put("tick", row)
+        self._put("cycle", row)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Publish one event."""
@@ -146,17 +146,17 @@ class Records:
         for record in self._records:
             record.frame(now_s, topic, frame)
 
-    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
         """Keep one guidance cycle."""
         for record in self._records:
-            record.tick(now_s, row)
+            record.cycle(now_s, row)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
         for record in self._records:
             record.event(now_s, event, detail)
 
-    def report(self, report: TargetReport) -> None:
-        """Keep one report of the target."""
+    def report(self, report: EvaderReport) -> None:
+        """Keep one report of the evader."""
         for record in self._records:
             record.report(report)

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from guidance.config import find
 from guidance.errors import FlightError
-from guidance.links.port import TargetSource, VehicleLink
+from guidance.links.port import EvaderSource, VehicleLink
 from guidance.preflight import ParameterChange, Row, Verdict, changes
 from guidance.preflight.mending import single
 from guidance.preflight.survey import COUNTED_S
@@ -50,7 +50,7 @@ class Checkup:
     """One vehicle on the ground: read, judged, set and judged again. Nothing is armed and no mode is asked for."""
 
     def __init__(
-        self, name: str, plan: Plan, link: VehicleLink, target: TargetSource, clock: Clock, *, log: Log
+        self, name: str, plan: Plan, link: VehicleLink, evader: EvaderSource, clock: Clock, *, log: Log
     ) -> None:
         self._plan = plan
         self._link = link
@@ -60,7 +60,7 @@ class Checkup:
             name,
             plan,
             link,
-            target,
+            evader,
             mailbox=Mailbox(),
             log=log,
             metrics=Metrics(name),
@@ -147,4 +147,4 @@ def checkup_of(name: str) -> Iterator[Checkup]:
         closing.callback(log.close)
         opened = open_all(config, clock, tapped=False)
         closing.callback(opened.close)
-        yield Checkup(config.name, plan, opened.link, opened.target, clock, log=log)
+        yield Checkup(config.name, plan, opened.link, opened.evader, clock, log=log)

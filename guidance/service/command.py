@@ -33,7 +33,7 @@ from guidance.service.waiting import Waiting
 
 SURVEY_LIMIT_S: Final = 20.0
 
-_FIXED: Final = ("name", "vehicle", "target", "control", "log", "metrics", "record")
+_FIXED: Final = ("name", "vehicle", "evader", "control", "log", "metrics", "record")
 """Sections that are opened at the start: a change of these needs a restart."""
 
 
@@ -76,7 +76,7 @@ def run_vehicle(name: str) -> None:
             config.name,
             plan,
             opened.link,
-            opened.target,
+            opened.evader,
             mailbox=mailbox,
             log=log,
             metrics=metrics,

@@ -7,11 +7,11 @@ from typing import Any, Final
 
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Inputs, Outputs
-from guidance.links.port import TargetSource, VehicleLink
+from guidance.links.port import EvaderSource, VehicleLink
 from guidance.preflight import Facts, Row, Survey, Wants, parameter_names, refusals, rows
 from guidance.service.broadcast import Records
-from guidance.service.cycle import Cycle
 from guidance.service.leaving import ON_GROUND, Leaving
+from guidance.service.linked_flight import LinkedFlight
 from guidance.service.log import Log
 from guidance.service.mailbox import Answer, Mailbox, Question
 from guidance.service.metrics import Metrics
@@ -29,7 +29,7 @@ WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS)
 """What may be ordered."""
 
 _GRAVE: Final = frozenset({
-    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.TARGET_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
+    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
     Event.BATTERY_LOW, Event.FENCE, Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
 
@@ -51,7 +51,7 @@ class Daemon:
         name: str,
         plan: Plan,
         link: VehicleLink,
-        target: TargetSource,
+        evader: EvaderSource,
         *,
         mailbox: Mailbox,
         log: Log,
@@ -62,7 +62,7 @@ class Daemon:
     ) -> None:
         self.name = name
         self._link = link
-        self._target = target
+        self._evader = evader
         self._mailbox = mailbox
         self._log = log
         self._metrics = metrics
@@ -83,7 +83,7 @@ class Daemon:
         self.flight = Flight(plan.flight)
         self._survey = Survey(parameter_names(plan.flight.profile))
         kept = [one for one in (self._record, self._broadcast) if one is not None]
-        self._cycle = Cycle(self.flight, self._link, self._target, Records(kept) if kept else None)
+        self._linked = LinkedFlight(self.flight, self._link, self._evader, Records(kept) if kept else None)
         self._judged_s = float("-inf")
         self._rows = ()
 
@@ -104,12 +104,12 @@ class Daemon:
     @property
     def heard(self) -> Sequence[Message]:
         """What the last cycle heard of the vehicle."""
-        return self._cycle.inputs.messages
+        return self._linked.inputs.messages
 
     @property
     def position_age_s(self) -> float:
         """How old the vehicle's position was at the last cycle; infinite before there was one."""
-        return self.flight.vehicle.age_s(LocalPosition, self._cycle.inputs.now_s)
+        return self.flight.vehicle.age_s(LocalPosition, self._linked.inputs.now_s)
 
     @property
     def in_flight(self) -> bool:
@@ -125,7 +125,7 @@ class Daemon:
         # Not judged yet is refused.
         barred = refusals(self._rows) if self._rows else ("preflight",)
         barred = barred if self.flight.state in ON_GROUND else ()
-        outputs = self.outputs = self._cycle.run(now_s, given, barred, Timing(late_s, worked_s))
+        outputs = self.outputs = self._linked.run(now_s, given, barred, Timing(late_s, worked_s))
         self._answer(orders, outputs, now_s)
         self._tell(outputs)
         self._see_record(now_s)
@@ -262,7 +262,7 @@ class Daemon:
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge while on the ground; what a parameter says in flight comes too late."""
-        inputs = self._cycle.inputs
+        inputs = self._linked.inputs
         if self.flight.state not in ON_GROUND:
             return
         self._survey.observe(inputs.messages, inputs.reports)
@@ -283,6 +283,6 @@ class Daemon:
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
-        counters = {"vehicle": self._link.counters(), "target": self._target.counters()}
+        counters = {"vehicle": self._link.counters(), "evader": self._evader.counters()}
         self._metrics.show(now_s, self.flight, outputs, counters)
         self._notifier.status(f"{outputs.state}, mode {self.flight.mode_name}")

@@ -17,7 +17,7 @@ _OF_THE_GAME: Final = (
     "margin_s",
     "meeting_time_s",
     "speed_ratio",
-    "target_age_s",
+    "evader_age_s",
     "gap_m",
     "height_gap_m",
 )
@@ -44,7 +44,7 @@ class Metrics:
         self._state = gauge("state", "1 for the state the flight is in", "state")
         self._ages = gauge("age_seconds", "age of what was last heard", "what")
         self._game = gauge("game", "the certificate of the last cycle", "what")
-        self._links = gauge("link_total", "counters of links and target source", "link", "what")
+        self._links = gauge("link_total", "counters of links and evader source", "link", "what")
         self._events = counter("events", "what happened", "event")
         self._alarms = counter("alarms", "what of the game's guarantee did not hold", "broken")
         self._acted = counter("limits_acted", "cycles in which a limit acted", "limit")
@@ -75,7 +75,7 @@ class Metrics:
         for what, age_s in (
             ("heartbeat", flight.vehicle.age_s(Heartbeat, now_s)),
             ("position", flight.vehicle.age_s(LocalPosition, now_s)),
-            ("target", flight.tracking.silence_s(now_s)),
+            ("evader", flight.tracking.silence_s(now_s)),
         ):
             self._ages.labels(self._name, what).set(age_s)
         certificate = outputs.certificate

@@ -17,7 +17,7 @@ Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
 Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
 Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
 
-TargetKind = Literal[
+EvaderKind = Literal[
     "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
 ]
 _IN_METRES = ("odometry", "ros_pose", "ros_odometry")
@@ -44,8 +44,8 @@ class Vehicle(Section):
         return self
 
 
-class TargetFrame(Section):
-    """The target's own local frame, for sources that report metres or heights that need a datum."""
+class EvaderFrame(Section):
+    """The evader's own local frame, for sources that report metres or heights that need a datum."""
 
     latitude_deg: Latitude
     longitude_deg: Longitude
@@ -54,10 +54,10 @@ class TargetFrame(Section):
     undulation_m: float | None = Field(None, ge=-120.0, le=120.0, description="of the geoid above the ellipsoid there")
 
 
-class Target(Section):
-    """Where reports of the target come from. Without a `url` they come on the vehicle's own link."""
+class EvaderSection(Section):
+    """Where reports of the evader come from. Without a `url` they come on the vehicle's own link."""
 
-    kind: TargetKind
+    kind: EvaderKind
     url: str | None = None
     system_id: SystemId | None = None
     component_id: SystemId | None = None
@@ -66,23 +66,23 @@ class Target(Section):
         None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal, of OPEN_DRONE_ID"
     )
     request_rate_hz: float | None = Field(
-        None, gt=0.0, le=50.0, description="asked of a target that sends nothing itself"
+        None, gt=0.0, le=50.0, description="asked of an evader that sends nothing itself"
     )
-    timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="silence after which the target counts as lost")
-    frame: TargetFrame | None = None
+    timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="silence after which the evader counts as lost")
+    frame: EvaderFrame | None = None
 
     @model_validator(mode="after")
     def _check_source(self) -> Self:
         if self.kind in ON_ZENOH and self.url is None:
-            raise ValueError(f'target.url: missing; kind = "{self.kind}" needs zenoh://host:port/key')
+            raise ValueError(f'evader.url: missing; kind = "{self.kind}" needs zenoh://host:port/key')
         if self.kind not in ON_ZENOH and self.system_id is None:
-            raise ValueError(f'target.system_id: missing; kind = "{self.kind}" hears one pinned MAVLink system only')
+            raise ValueError(f'evader.system_id: missing; kind = "{self.kind}" hears one pinned MAVLink system only')
         if self.kind in _IN_METRES and self.frame is None:
-            raise ValueError(f'target.frame: missing; kind = "{self.kind}" reports metres about a place of its own')
+            raise ValueError(f'evader.frame: missing; kind = "{self.kind}" reports metres about a place of its own')
         if self.kind in ON_ZENOH and self.request_rate_hz is not None:
-            raise ValueError(f'target.request_rate_hz: not allowed; kind = "{self.kind}" cannot be asked')
+            raise ValueError(f'evader.request_rate_hz: not allowed; kind = "{self.kind}" cannot be asked')
         if self.kind == "adsb" and self.icao_address is None:
-            raise ValueError('target.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
+            raise ValueError('evader.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
         return self
 
 
@@ -104,11 +104,11 @@ class GameSection(Section):
     descent_m_s: float = Field(1.0, gt=0.0, le=10.0)
     policy: str = "optimal"
     navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description="N of policy = proportional_navigation")
-    evader_speed_m_s: float = Field(gt=0.0, le=30.0, description="what the target says it never exceeds")
+    evader_speed_m_s: float = Field(gt=0.0, le=30.0, description="what the evader says it never exceeds")
     standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0)
-    standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="above the target")
+    standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="above the evader")
     tolerance_m: float = Field(1.0, gt=0.0, le=10.0)
-    guarded: Place | None = Field(None, description="TAD: the place that the target wants to reach")
+    target: Place | None = Field(None, description="TAD: the place that the evader wants to reach")
     target_velocity_m_s: tuple[float, float] = Field(
         (0.0, 0.0), description="TAD: velocity of that place, east and north, kept from the engagement on"
     )
@@ -125,16 +125,18 @@ class GameSection(Section):
                 f"game.speed_m_s = {self.speed_m_s:g}: must be above game.evader_speed_m_s = "
                 f"{self.evader_speed_m_s:g}; a slower pursuer is another game"
             )
-        if self.kind == "tad" and self.guarded is None:
-            raise ValueError('game.guarded: missing; kind = "tad" needs the latitude_deg and longitude_deg to guard')
+        if self.kind == "tad" and self.target is None:
+            raise ValueError(
+                'game.target: missing; kind = "tad" needs the latitude_deg and longitude_deg of the place to defend'
+            )
         moves = math.hypot(*self.target_velocity_m_s)
         if not moves < self.evader_speed_m_s or (moves > 0.0 and self.kind == "pe"):
             raise ValueError(
                 f"game.target_velocity_m_s = {list(self.target_velocity_m_s)}: must be slower than "
                 f'game.evader_speed_m_s = {self.evader_speed_m_s:g}, and only with kind = "tad"'
             )
-        if self.kind == "pe" and self.guarded is not None:
-            raise ValueError('game.guarded: not allowed with kind = "pe"; use kind = "tad"')
+        if self.kind == "pe" and self.target is not None:
+            raise ValueError('game.target: not allowed with kind = "pe"; use kind = "tad"')
         return self
 
 
@@ -216,7 +218,7 @@ class Preflight(Section):
     fence_required: bool = True
     loss_time_limit_s: float = Field(1.5, gt=0.2, le=5.0)
     origin_distance_limit_m: float = Field(1000.0, gt=0.0)
-    target_height_limit_m: float = Field(30.0, gt=0.0)
+    evader_height_limit_m: float = Field(30.0, gt=0.0)
 
 
 class Control(Section):
@@ -262,7 +264,7 @@ class Config(Section):
 
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,32}$", description="of the vehicle, in orders, metrics and records")
     vehicle: Vehicle
-    target: Target
+    evader: EvaderSection
     game: GameSection
     limits: Limits = Limits()
     flight: FlightSection = FlightSection()

@@ -1,4 +1,4 @@
-"""From a configuration to an open link and target source. Importing this imports every wire library."""
+"""From a configuration to an open link and evader source. Importing this imports every wire library."""
 
 import contextlib
 import stat
@@ -10,23 +10,23 @@ from pathlib import Path
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.endpoint import parse
+from guidance.links.evaders.opening import EvaderIdentity, open_source
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.opening import open_wire, wait_until_heard
-from guidance.links.port import TargetSource, VehicleLink, Wire
+from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.shared_wire import share
 from guidance.links.signing import SigningKey
 from guidance.links.tap import Passed, TappedWire
-from guidance.links.targets.opening import TargetIdentity, open_target
 from guidance.links.zenoh_session import open_session
-from guidance.service.asked_target import AskedTarget
+from guidance.service.asked_evader import AskedEvader
 from guidance.service.bus import OwnerToken
 from guidance.service.clock import Clock
-from guidance.service.model import ON_ZENOH, Config, Target
+from guidance.service.model import ON_ZENOH, Config, EvaderSection
 
 _WIRE_LIMIT_S = 5.0
 OWN_ID = 255
-"""Who asks a target: a ground station's id, since the vehicle's own would make us a part of the vehicle."""
+"""Who asks an evader: a ground station's id, since the vehicle's own would make us a part of the vehicle."""
 
 _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
 
@@ -36,7 +36,7 @@ class Opened:
     """What was opened; `taps` pass on the raw frames of the vehicle's wire."""
 
     link: VehicleLink
-    target: TargetSource
+    evader: EvaderSource
     taps: list[TappedWire] = field(default_factory=list)
     closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
@@ -50,16 +50,16 @@ class Opened:
 
 
 def open_all(
-    config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, target_wire: Wire | None = None
+    config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, evader_wire: Wire | None = None
 ) -> Opened:
-    """Claim the vehicle, open its link and the target's source, and wait until the vehicle was heard.
+    """Claim the vehicle, open its link and the evader's source, and wait until the vehicle was heard.
 
     Args:
         config: Whom to talk to.
         clock: Arrival times are its.
         tapped: Whether raw frames are passed on.
         wire: The vehicle's, where it is open already; closed with what is opened.
-        target_wire: The target's, likewise.
+        evader_wire: The evader's, likewise.
 
     Raises:
         ConfigError: If a URL or the signing key is wrong.
@@ -73,9 +73,9 @@ def open_all(
         closing.callback(wire.close)
         link, spare = _open_link(config, clock, wire, taps if tapped else None)
         closing.callback(link.close)
-        target = _open_source(config, clock, spare if target_wire is None else target_wire)
-        closing.callback(target.close)
-        return Opened(link, target, taps, closing.pop_all())
+        evader = _open_source(config, clock, spare if evader_wire is None else evader_wire)
+        closing.callback(evader.close)
+        return Opened(link, evader, taps, closing.pop_all())
 
 
 def _claim(config: Config, closing: contextlib.ExitStack) -> None:
@@ -90,17 +90,17 @@ def _claim(config: Config, closing: contextlib.ExitStack) -> None:
 
 
 def _open_wire(config: Config, clock: Clock) -> Wire:
-    vehicle, target = config.vehicle, config.target
+    vehicle, evader = config.vehicle, config.evader
     systems = {vehicle.system_id}
-    if target.url is None and target.system_id is not None:
-        systems.add(target.system_id)
+    if evader.url is None and evader.system_id is not None:
+        systems.add(evader.system_id)
     return open_wire(vehicle.url, clock=clock.now_s, systems=systems, timeout_s=_WIRE_LIMIT_S)
 
 
 def _open_link(
     config: Config, clock: Clock, wire: Wire, taps: list[TappedWire] | None
 ) -> tuple[VehicleLink, Wire | None]:
-    """Open the link; the second is a share of its wire for the target, where it is wanted and can be had."""
+    """Open the link; the second is a share of its wire for the evader, where it is wanted and can be had."""
     vehicle = config.vehicle
     now_s = clock.now_s
     key = None if vehicle.signing_key_file is None else signing_key(vehicle.signing_key_file)
@@ -108,7 +108,7 @@ def _open_link(
         wire = TappedWire(wire, now_s, config.name)
         taps.append(wire)
     ours, spare = wire, None
-    if config.target.url is None:
+    if config.evader.url is None:
         ours, spare = share(wire, 2)
     who = f"{vehicle.url}: system {vehicle.system_id}"
     if vehicle.link == "mavsdk":
@@ -134,42 +134,42 @@ def _open_link(
     return pymavlink, spare
 
 
-def _open_source(config: Config, clock: Clock, spare: Wire | None) -> TargetSource:
-    target = config.target
-    url = target.url if target.url is not None else config.vehicle.url
+def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSource:
+    evader = config.evader
+    url = evader.url if evader.url is not None else config.vehicle.url
     asked = None
-    if target.request_rate_hz is not None and target.system_id is not None:
+    if evader.request_rate_hz is not None and evader.system_id is not None:
         wire = spare
         if wire is None:
-            wire = open_wire(url, clock=clock.now_s, systems=(target.system_id,), timeout_s=_WIRE_LIMIT_S)
+            wire = open_wire(url, clock=clock.now_s, systems=(evader.system_id,), timeout_s=_WIRE_LIMIT_S)
         spare, asked = share(wire, 2)
-    source = open_target(
-        target.kind,
+    source = open_source(
+        evader.kind,
         url,
         clock=clock.now_s,
-        frame=_frame(target),
-        identity=TargetIdentity(
-            target.system_id,
-            target.component_id,
-            target.icao_address,
-            None if target.id_or_mac is None else bytes.fromhex(target.id_or_mac),
+        frame=_frame(evader),
+        identity=EvaderIdentity(
+            evader.system_id,
+            evader.component_id,
+            evader.icao_address,
+            None if evader.id_or_mac is None else bytes.fromhex(evader.id_or_mac),
         ),
-        wire=None if target.kind in ON_ZENOH else spare,
+        wire=None if evader.kind in ON_ZENOH else spare,
         timeout_s=_WIRE_LIMIT_S,
     )
-    if asked is None or target.system_id is None or target.request_rate_hz is None:
+    if asked is None or evader.system_id is None or evader.request_rate_hz is None:
         return source
     link = PymavlinkLink(
-        asked, clock.now_s, system_id=target.system_id, component_id=target.component_id or 1, own_system_id=OWN_ID
+        asked, clock.now_s, system_id=evader.system_id, component_id=evader.component_id or 1, own_system_id=OWN_ID
     )
-    return AskedTarget(source, link, clock.now_s, message_id=_MESSAGE_IDS[target.kind], rate_hz=target.request_rate_hz)
+    return AskedEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=evader.request_rate_hz)
 
 
-def _frame(target: Target) -> LocalFrame:
+def _frame(evader: EvaderSection) -> LocalFrame:
     """Return the declared frame; where none is needed, one that knows no datum besides sea level."""
-    if target.frame is None:
+    if evader.frame is None:
         return LocalFrame(0.0, 0.0, Amsl(0.0))
-    given = target.frame
+    given = evader.frame
     home = None if given.home_altitude_amsl_m is None else Amsl(given.home_altitude_amsl_m)
     return LocalFrame(
         given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m), home, undulation_m=given.undulation_m

@@ -57,8 +57,8 @@ def missing(flight: Flight, now_s: float, rows: Sequence[Row]) -> str:
 def not_engageable(flight: Flight, now_s: float) -> str | None:
     """Say what stands against engaging where the state would allow it; None if nothing does."""
     silence_s = flight.tracking.silence_s(now_s)
-    limit_s = flight.settings.tick.target_timeout_s
+    limit_s = flight.settings.cycle.evader_timeout_s
     if silence_s > limit_s:
         heard = "was never heard" if silence_s == float("inf") else f"was last heard {silence_s:.1f} s ago"
-        return f"the target {heard}; at most {limit_s:g} s is allowed"
+        return f"the evader {heard}; at most {limit_s:g} s is allowed"
     return None

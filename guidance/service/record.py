@@ -24,7 +24,7 @@ from guidance.service.commit import PACKAGE, commit
 from guidance.service.known import in_bytes
 from guidance.service.scene import Scene
 from guidance.service.schemas import SCHEMAS
-from guidance.telemetry import TargetReport
+from guidance.telemetry import EvaderReport
 
 CHUNK_BYTES = 8 * 1024
 CHUNK_S = 0.1
@@ -36,10 +36,10 @@ ROTATED_BYTES = 256_000_000
 
 _PACKAGES = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 
-TICK_TOPIC = "guidance/tick"
+CYCLE_TOPIC = "guidance/cycle"
 EVENT_TOPIC = "guidance/event"
-TARGET_TOPIC = "guidance/target_report"
-"""Every report of the target as its source had it, at the time it arrived."""
+EVADER_TOPIC = "guidance/evader_report"
+"""Every report of the evader as its source had it, at the time it arrived."""
 
 BEGUN = "flight begins"
 """Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
@@ -64,14 +64,14 @@ class Record(Protocol):
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Keep one raw MAVLink frame."""
 
-    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
         """Keep one guidance cycle."""
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
 
-    def report(self, report: TargetReport) -> None:
-        """Keep one report of the target."""
+    def report(self, report: EvaderReport) -> None:
+        """Keep one report of the evader."""
 
 
 class Recorder:
@@ -129,9 +129,9 @@ class Recorder:
         """Keep one raw MAVLink frame as it went over the wire; `topic` is the Zenoh key."""
         self._write(now_s, topic, frame, encoding="mavlink", schema=None)
 
-    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
         """Keep one guidance cycle, and what viewers draw of it."""
-        self._say(now_s, TICK_TOPIC, "guidance.Tick", row)
+        self._say(now_s, CYCLE_TOPIC, "guidance.Cycle", row)
         for drawn in self._scene.of(row):
             self._say(now_s, drawn.topic, drawn.type_name, drawn.message)
 
@@ -139,9 +139,9 @@ class Recorder:
         """Keep one event."""
         self._say(now_s, EVENT_TOPIC, "guidance.Event", {"now_s": now_s, "event": event, "detail": detail})
 
-    def report(self, report: TargetReport) -> None:
-        """Keep one report of the target."""
-        self._say(report.received_s, TARGET_TOPIC, "guidance.TargetReport", report)
+    def report(self, report: EvaderReport) -> None:
+        """Keep one report of the evader."""
+        self._say(report.received_s, EVADER_TOPIC, "guidance.EvaderReport", report)
 
     def close(self) -> None:
         """Finish the file; may be called twice."""

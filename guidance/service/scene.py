@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
+from guidance.cycle import Certificate
 from guidance.service import foxglove
 from guidance.service.foxglove import Color, SceneEntity, SceneUpdate, Time
-from guidance.telemetry import GlobalPosition, TargetReport, Vector
-from guidance.tick import Certificate
+from guidance.telemetry import EvaderReport, GlobalPosition, Vector
 
 EVERY_S: Final = 0.1
 SCENE_EVERY_S: Final = 0.2
@@ -44,7 +44,7 @@ class Scene:
         self._drawn_s: dict[str, float] = {}
 
     def of(self, row: Mapping[str, Any]) -> Iterator[Drawn]:
-        """Draw one cycle's row as `guidance.service.cycle.row` lays it out; one read from JSON has little to draw."""
+        """Draw one cycle's row as `linked_flight.row` lays it out; one read from JSON has little to draw."""
         inputs = row.get("inputs", {})
         for message in inputs.get("messages", ()):
             if message.get("kind") == GlobalPosition.__name__ and self._is_due(
@@ -52,8 +52,8 @@ class Scene:
             ):
                 yield _vehicle(message)
         for report in inputs.get("reports", ()):
-            if isinstance(report, TargetReport) and self._is_due("guidance/map/target", report.received_s):
-                yield _target(report)
+            if isinstance(report, EvaderReport) and self._is_due("guidance/map/evader", report.received_s):
+                yield _evader(report)
         certificate = row.get("certificate")
         if not isinstance(certificate, Certificate):
             return
@@ -76,10 +76,10 @@ def _vehicle(said: Mapping[str, Any]) -> Drawn:
     return Drawn("guidance/map/pursuer", "foxglove.LocationFix", foxglove.fix(said["received_s"], "pursuer", *place))
 
 
-def _target(said: TargetReport) -> Drawn:
+def _evader(said: EvaderReport) -> Drawn:
     place = (said.latitude_deg, said.longitude_deg, said.altitude_amsl_m)
-    fix = foxglove.fix(said.received_s, "target", *place, sd_m=said.position_sd_m)
-    return Drawn("guidance/map/target", "foxglove.LocationFix", fix)
+    fix = foxglove.fix(said.received_s, "evader", *place, sd_m=said.position_sd_m)
+    return Drawn("guidance/map/evader", "foxglove.LocationFix", fix)
 
 
 def _poses(now_s: float, certificate: Certificate) -> Iterator[Drawn]:

@@ -11,12 +11,12 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
+from guidance.cycle import Certificate
 from guidance.flight import Event, State
 from guidance.monitor import Alarm
 from guidance.service.scene import TYPES as DRAWN
 from guidance.service.timing import Timing
-from guidance.telemetry import Message, Request, Setpoint, TargetReport
-from guidance.tick import Certificate
+from guidance.telemetry import EvaderReport, Message, Request, Setpoint
 
 Schema = dict[str, Any]
 
@@ -105,7 +105,7 @@ _INPUTS: Final = {
                 get_args(Message), ["received_s"], kind={"enum": [one.__name__ for one in get_args(Message)], **_text()}
             )
         ),
-        "reports": _list(schema_of(TargetReport)),
+        "reports": _list(schema_of(EvaderReport)),
         "orders": _list(_text(Event)),
         "refusals": _list(_text()),
     },
@@ -113,8 +113,8 @@ _INPUTS: Final = {
     "additionalProperties": False,
 }
 
-TICK: Final = _channel(
-    "guidance.Tick",
+CYCLE: Final = _channel(
+    "guidance.Cycle",
     {
         "type": "object",
         "properties": {
@@ -143,11 +143,11 @@ EVENT: Final = _channel(
 )
 
 SCHEMAS: Final[Mapping[str, Schema]] = {
-    "guidance.Tick": TICK,
+    "guidance.Cycle": CYCLE,
     "guidance.Event": EVENT,
     **{
         name: _channel(name, schema_of(kind))
-        for name, kind in (("guidance.TargetReport", TargetReport), *DRAWN.items())
+        for name, kind in (("guidance.EvaderReport", EvaderReport), *DRAWN.items())
     },
 }
 """Every JSON channel's schema, by its name."""

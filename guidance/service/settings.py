@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection
 
 from guidance.autopilots import profile
+from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, FlightSettings, State
 from guidance.flight.settings import LIMITS_S
@@ -15,7 +16,6 @@ from guidance.limits import StandOff as StandOffLimit
 from guidance.preflight import Wants
 from guidance.service.model import Config, GameSection
 from guidance.strategies import COURSES, PURSUER_STRATEGIES, Strategy
-from guidance.tick import TickSettings
 
 # The limits keep this much out of the way of the disc that the game is played to, so that they bind only when something
 # is wrong.
@@ -33,10 +33,10 @@ def flight_settings(config: Config) -> FlightSettings:
     game, flight = config.game, config.flight
     _check_policy(game.policy, [name for name in PURSUER_STRATEGIES if name not in COURSES])
     flown = handling(config.vehicle.autopilot)
-    guarded = game.guarded
+    target = game.target
     return FlightSettings(
         profile=profile(config.vehicle.autopilot),
-        tick=TickSettings(
+        cycle=CycleSettings(
             speed_set=_speed_set(game),
             strategy=Strategy(game.policy, gain=game.navigation_gain),
             declared_evader_speed_m_s=game.evader_speed_m_s,
@@ -45,12 +45,10 @@ def flight_settings(config: Config) -> FlightSettings:
             envelope=envelope(config),
             following=flown.following,
             acceleration=flown.acceleration,
-            # The game frame has its zero at the guarded place; heights in a game are differences only.
-            target_game_m=None if guarded is None else (0.0, 0.0, 0.0),
-            site=None
-            if guarded is None
-            else (guarded.latitude_deg, guarded.longitude_deg, Amsl(guarded.altitude_amsl_m)),
-            target_timeout_s=config.target.timeout_s,
+            # The game frame has its zero at the target; heights in a game are differences only.
+            target_game_m=None if target is None else (0.0, 0.0, 0.0),
+            site=None if target is None else (target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)),
+            evader_timeout_s=config.evader.timeout_s,
             target_velocity_m_s=game.target_velocity_m_s,
         ),
         takeoff_height_m=flight.takeoff_height_m,
@@ -107,7 +105,7 @@ def wants(config: Config) -> Wants:
         ceiling_m=config.limits.ceiling_m,
         loss_time_limit_s=config.preflight.loss_time_limit_s,
         origin_distance_limit_m=config.preflight.origin_distance_limit_m,
-        target_height_limit_m=config.preflight.target_height_limit_m,
+        evader_height_limit_m=config.preflight.evader_height_limit_m,
     )
 
 

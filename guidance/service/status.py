@@ -26,7 +26,7 @@ def status(
             "streaming": outputs is not None and outputs.setpoint is not None,
             "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
             "position_age_s": vehicle.age_s(LocalPosition, now_s),
-            "target_silence_s": flight.tracking.silence_s(now_s),
+            "evader_silence_s": flight.tracking.silence_s(now_s),
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
             "preflight_refused": list(refusals(rows)),
             "recording": recording,

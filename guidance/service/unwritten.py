@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from guidance.telemetry import TargetReport
+from guidance.telemetry import EvaderReport
 
 
 class UnwrittenRecord:
@@ -17,13 +17,13 @@ class UnwrittenRecord:
     def frame(self, _now_s: float, _topic: str, _frame: bytes) -> None:
         """Nothing."""
 
-    def tick(self, _now_s: float, _row: Mapping[str, Any]) -> None:
+    def cycle(self, _now_s: float, _row: Mapping[str, Any]) -> None:
         """Nothing."""
 
     def event(self, _now_s: float, _event: str, _detail: str = "") -> None:
         """Nothing."""
 
-    def report(self, _report: TargetReport) -> None:
+    def report(self, _report: EvaderReport) -> None:
         """Nothing."""
 
     def close(self) -> None:

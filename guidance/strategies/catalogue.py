@@ -1,4 +1,4 @@
-"""Strategies by name, for either player, with what they remember: the same for a flight's tick and for a batch."""
+"""Strategies by name, for either player, with what they remember: the same for a flight's cycle and for a batch."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

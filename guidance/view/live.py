@@ -13,12 +13,12 @@ from guidance.records import Item
 from guidance.records.reading import Idle
 from guidance.service.broadcast import FLIGHT, broadcast_key
 from guidance.service.bus import join_session
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC
+from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC
 
 MOST_WAITING: Final = 4096
 TIMEOUT_S: Final = 4.0
 
-_TOPICS: Final[Mapping[str, str]] = {"tick": TICK_TOPIC, "event": EVENT_TOPIC}
+_TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
 
 
 class LiveFlight:
@@ -52,7 +52,7 @@ class LiveFlight:
 
     def items(self, idle: Idle) -> Iterator[Item]:
         """Yield what arrives, until `idle` ends it; first what the vehicle said before we came."""
-        yield _item(TICK_TOPIC, self._flight["heard"])
+        yield _item(CYCLE_TOPIC, self._flight["heard"])
         while True:
             while self._arrived:
                 topic, data = self._arrived.popleft()

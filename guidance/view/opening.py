@@ -29,7 +29,7 @@ def opened(
     recording = rr.RecordingStream(APPLICATION)
     closing.callback(recording.disconnect)
     sink = _file(place.save) if place.save is not None else _served(place, say, closing)
-    recording.set_sinks(sink, default_blueprint=layout(with_target=settings.tick.target_game_m is not None))
+    recording.set_sinks(sink, default_blueprint=layout(with_target=settings.cycle.target_game_m is not None))
     recording.send_recording_name(title_of(metadata))
     return Painter(recording, settings, source)
 

@@ -8,14 +8,14 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from guidance.cycle import Certificate
 from guidance.drawing.shapes import circle, fence_edges, isochron_at
 from guidance.flight import FlightSettings
 from guidance.game import Winner
 from guidance.records import Cycle, Item, Row, Teller, flight_settings
 from guidance.records.rows import event_of, row_of
 from guidance.records.settings import CONFIG
-from guidance.service.record import BEGUN, EVENT_TOPIC, RELOADED, TICK_TOPIC
-from guidance.tick import Certificate
+from guidance.service.record import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.view import names
 from guidance.view.plots import PLOTS
 
@@ -70,7 +70,7 @@ class Painter:
                 self._begin(event.now_s)
             detail = "" if event.event == RELOADED else event.detail
             self._say(event.now_s, f"{event.event}  {detail}".rstrip())
-        elif item.topic == TICK_TOPIC:
+        elif item.topic == CYCLE_TOPIC:
             self._cycle(row_of(item, self._source))
             if len(self._cycles) >= MOST_AT_ONCE:
                 self.flush()
@@ -119,12 +119,12 @@ class Painter:
         """V + t of PE since engagement, s, or L of TAD, m: what a perfect pursuer never loses of."""
         if certificate is None or certificate.winner != Winner.PURSUER:
             return math.nan
-        if self._settings.tick.target_game_m is not None:
+        if self._settings.cycle.target_game_m is not None:
             return certificate.value
         return certificate.value + cycle.now_s - (self._engaged_s or 0.0)
 
     def _still(self) -> None:
-        """What holds for all times: axes, colours, names, the guarded place."""
+        """What holds for all times: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for name in (names.PURSUER, names.EVADER):
             points = rr.Points3D.from_fields(colors=[names.COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
@@ -133,13 +133,13 @@ class Painter:
             for name, curve in plot.curves.items():
                 style = rr.SeriesLines(names=[curve.label], colors=[curve.colour])
                 self._to.log(f"{plot.path}/{name}", style, static=True)
-        with_target = self._settings.tick.target_game_m is not None
+        with_target = self._settings.cycle.target_game_m is not None
         label = "L, m from T" if with_target else "V + t since engagement, s"
         style = rr.SeriesLines(names=[label], colors=[names.COLOURS[names.PURSUER]])
         self._to.log(f"{names.GUARANTEE}/value", style, static=True)
-        if self._settings.tick.target_game_m is not None:
-            at = rr.Points3D([self._settings.tick.target_game_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
-            self._to.log(names.GUARDED, at, static=True)
+        if self._settings.cycle.target_game_m is not None:
+            at = rr.Points3D([self._settings.cycle.target_game_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
+            self._to.log(names.TARGET, at, static=True)
 
     def _fence(self) -> None:
         home = self._teller.home_m
@@ -152,14 +152,14 @@ class Painter:
             self._to.log(names.FENCE, strips, static=True)
 
     def _game(self, now_s: float, certificate: Certificate) -> None:
-        tick = self._settings.tick
+        cycle = self._settings.cycle
         evader = certificate.evader_game_m
-        rim = lifted(circle(evader, tick.standoff.radius_m, _POINTS), evader[2] + tick.standoff.height_m)
+        rim = lifted(circle(evader, cycle.standoff.radius_m, _POINTS), evader[2] + cycle.standoff.height_m)
         self._line(now_s, names.DISC, rim)
         if certificate.no_game:
             return
-        self._line(now_s, names.ISOCHRON, lifted(isochron_at(tick, certificate, _POINTS), 0.0))
-        name = "q*" if tick.target_game_m is None else "g*"
+        self._line(now_s, names.ISOCHRON, lifted(isochron_at(cycle, certificate, _POINTS), 0.0))
+        name = "q*" if cycle.target_game_m is None else "g*"
         star = rr.Points3D(
             [certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[names.COLOURS[names.MEETING]]
         )

@@ -57,7 +57,7 @@ PLOTS: Final = (
         "plots/age",
         {
             "vehicle_ms": Curve("vehicle's position", _RED, lambda cycle: 1e3 * cycle.telemetry_age_s),
-            "target_ms": Curve("target's last report", _BLUE, lambda cycle: 1e3 * cycle.target_age_s),
+            "evader_ms": Curve("evader's last report", _BLUE, lambda cycle: 1e3 * cycle.evader_age_s),
             "late_ms": Curve("cycle began late by", _GREY, lambda cycle: 1e3 * cycle.late_s),
         },
     ),

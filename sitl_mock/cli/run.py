@@ -44,7 +44,7 @@ def run(
 ) -> None:
     """Fly a fleet in real time, over Zenoh and UDP, until SIGTERM or Ctrl-C.
 
-    `sitl-mock run --vehicles px4:uav1 --vehicles rover:target@30,0,0 --zenoh tcp/127.0.0.1:7447`
+    `sitl-mock run --vehicles px4:uav1 --vehicles rover:evader@30,0,0 --zenoh tcp/127.0.0.1:7447`
 
     `sitl-mock run --vehicles 20 --flavour px4 --udp 14540`
 

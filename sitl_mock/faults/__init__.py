@@ -1,4 +1,4 @@
-"""Faults of links, flights and targets: seeded, scripted in TOML, put upon a vehicle that runs stepped or live."""
+"""Faults of links, flights and evaders: seeded, scripted in TOML, put upon a vehicle that runs stepped or live."""
 
 from sitl_mock.faults.catalogue import KINDS
 from sitl_mock.faults.effect import Direction, Group, Kind, Option

@@ -33,7 +33,7 @@ class Group(StrEnum):
 
     LINK = "link"
     FLIGHT = "flight"
-    TARGET = "target"
+    EVADER = "evader"
 
 
 @dataclass(frozen=True)

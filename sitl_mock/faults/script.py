@@ -148,6 +148,8 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
         raise ConfigError(f"{where} = {values!r}: allowed is a table of keys")
     name = values.get("kind")
     kind = KINDS.get(name) if isinstance(name, str) else None
+    if kind is None and str(name).replace("target_", "evader_") in KINDS:
+        raise ConfigError(f"{where}.kind = {name!r}: is named {str(name).replace('target_', 'evader_')} now")
     if kind is None:
         raise ConfigError(f"{where}.kind = {name!r}: allowed are {', '.join(KINDS)}")
     common = _common_options(kind)

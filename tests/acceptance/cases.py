@@ -34,8 +34,8 @@ KEEPS_OFF = Wanted("≥ 1.8 m from the evader", column("min_standoff_m"), lambda
 EARLIER = Wanted("before the value", column("regret"), lambda got: got is not None and got < 0.0)
 LOST_AND_FOUND = Wanted(
     "paused, then played on",
-    lambda row: [event for event in row.get("events", ()) if event in {"target lost", "all inputs back"}],
-    lambda got: got == ["target lost", "all inputs back"],
+    lambda row: [event for event in row.get("events", ()) if event in {"evader lost", "all inputs back"}],
+    lambda got: got == ["evader lost", "all inputs back"],
 )
 LOST_AS_SOLVED = Wanted("predicted: evader", column("predicted_winner"), lambda got: got == "evader")
 WON_AS_SOLVED = Wanted("predicted: pursuer", column("predicted_winner"), lambda got: got == "pursuer")

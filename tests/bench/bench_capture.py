@@ -60,22 +60,22 @@ def ours(settings: FlightSettings) -> FlightSettings:
 
 def strict(settings: FlightSettings) -> FlightSettings:
     """As it is flown, with limits equal to the game's speeds: nothing is left to catch up with."""
-    game = settings.tick.speed_set
+    game = settings.cycle.speed_set
     limits = replace(
-        settings.tick.envelope, speed_m_s=game.horizontal_m_s, climb_m_s=game.climb_m_s, descent_m_s=game.descent_m_s
+        settings.cycle.envelope, speed_m_s=game.horizontal_m_s, climb_m_s=game.climb_m_s, descent_m_s=game.descent_m_s
     )
-    return replace(settings, tick=replace(settings.tick, envelope=limits))
+    return replace(settings, cycle=replace(settings.cycle, envelope=limits))
 
 
 def plain(settings: FlightSettings) -> FlightSettings:
     """The game's velocity goes out as it is; only the limits see it."""
-    return replace(settings, tick=replace(settings.tick, following=None))
+    return replace(settings, cycle=replace(settings.cycle, following=None))
 
 
 def pure_pursuit(settings: FlightSettings) -> FlightSettings:
     """The plain loop, pure pursuit for a strategy."""
     settings = plain(settings)
-    return replace(settings, tick=replace(settings.tick, strategy=Strategy("pure_pursuit")))
+    return replace(settings, cycle=replace(settings.cycle, strategy=Strategy("pure_pursuit")))
 
 
 FLOWN: Mapping[str, Change] = {

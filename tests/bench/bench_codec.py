@@ -78,8 +78,8 @@ def streams() -> None:
     """Time a vehicle's streams over a minute in steps of 10 ms."""
     running = Streams(frozenset(PX4_ONBOARD_HZ), PX4_ONBOARD_HZ, PX4_STREAM_RULES)
     begin, sent = time.perf_counter(), 0
-    for tick in range(6000):
-        sent += len(running.due(tick * 0.01))
+    for step in range(6000):
+        sent += len(running.due(step * 0.01))
     spent_ms = (time.perf_counter() - begin) * 1e3 / 60.0
     print(f"streams: {sent / 60.0:.0f} messages in a second at PX4's onboard rates cost {spent_ms:.2f} ms of it")
 

@@ -1,9 +1,9 @@
-"""The whole daemon in flight: telemetry in to setpoint on the wire, jitter of its ticks, processor share and memory.
+"""The whole daemon in flight: telemetry in to setpoint on the wire, jitter of its cycles, processor share and memory.
 
     python tests/bench/bench_daemon.py [--seconds 20] [--only mavsdk/zenoh] [--busy] [--flood frames]
 
 A mock PX4, stepped in real time in a process of its own, is flown by `guidance run` through each link and wire, after a
-target that goes round in circles; the vehicle's end takes the time from each LOCAL_POSITION_NED to the first setpoint
+evader that goes round in circles; the vehicle's end takes the time from each LOCAL_POSITION_NED to the first setpoint
 after it, and between setpoints. Beside it, on the same vehicle, the minimal MAVSDK script of `bench_links.py`, which
 forwards a constant velocity from a callback; the daemon's cycles are on its own clock's 20 ms grid, which it moves so
 that a position is 2 ms old when a cycle begins: so much waiting is in its latency by design. The measuring end is
@@ -48,9 +48,9 @@ name = "bench"
 autopilot = "px4"
 link = "{link}"
 url = "{url}"
-[target]
+[evader]
 kind = "global_position"
-url = "udpin://127.0.0.1:{target_port}"
+url = "udpin://127.0.0.1:{evader_port}"
 system_id = 2
 [game]
 speed_m_s = 6.0
@@ -87,7 +87,7 @@ class Watch(Stopwatch):
             print(json.dumps({"latencies": self.latencies, "gaps": gaps}), flush=True)
 
 
-def vehicle(wire: str, port: int, target_port: int) -> None:
+def vehicle(wire: str, port: int, evader_port: int) -> None:
     """Step the mock in real time; `measure` and `report` come on standard input, whose end is ours."""
     from guidance.service.priority import claim
     from sitl_mock import MockVehicle
@@ -108,7 +108,7 @@ def vehicle(wire: str, port: int, target_port: int) -> None:
 
     threading.Thread(target=listen, daemon=True).start()
     send, close = open_wire(wire, port, on_frame)
-    beacon = Beacon(target_port)
+    beacon = Beacon(evader_port)
     claim()
     print("ready", flush=True)
     start_s, now_s = time.perf_counter(), 0.0
@@ -125,7 +125,7 @@ def vehicle(wire: str, port: int, target_port: int) -> None:
 
 
 class Beacon:
-    """A target at 2 m/s on a circle of 25 m, 60 m north of the mock's home, that says so ten times a second."""
+    """An evader at 2 m/s on a circle of 25 m, 60 m north of the mock's home, that says so ten times a second."""
 
     def __init__(self, port: int) -> None:
         from pymavlink.dialects.v20 import common
@@ -176,7 +176,7 @@ def free_port(kind: int) -> int:
 
 
 @contextlib.contextmanager
-def script(wire: str, port: int, _target_port: int) -> Iterator[int]:
+def script(wire: str, port: int, _evader_port: int) -> Iterator[int]:
     own = [sys.executable, str(Path(__file__).with_name("bench_links.py")), "--as-end", "script", wire]
     with subprocess.Popen([*own, "--port", str(port)], stdin=subprocess.PIPE) as running:
         time.sleep(3.0)
@@ -186,12 +186,12 @@ def script(wire: str, port: int, _target_port: int) -> Iterator[int]:
 
 
 @contextlib.contextmanager
-def daemon(link: str, wire: str, port: int, target_port: int) -> Iterator[int]:
+def daemon(link: str, wire: str, port: int, evader_port: int) -> Iterator[int]:
     """`guidance run`, brought up and engaged."""
     from guidance.service.ask import ask
 
     control_port = free_port(socket.SOCK_STREAM)
-    config = CONFIG.format(link=link, url=url_of(wire, port), target_port=target_port, control_port=control_port)
+    config = CONFIG.format(link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
         path.write_text(config)
@@ -235,13 +235,13 @@ def memory_mb(pid: int) -> float:
 def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]:
     link, wire = case.split("/")
     port = free_port(socket.SOCK_DGRAM if wire == "udp" else socket.SOCK_STREAM)
-    target_port = free_port(socket.SOCK_DGRAM)
-    own = [sys.executable, __file__, "--as-vehicle", wire, str(port), str(target_port)]
+    evader_port = free_port(socket.SOCK_DGRAM)
+    own = [sys.executable, __file__, "--as-vehicle", wire, str(port), str(evader_port)]
     with subprocess.Popen(own, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flying:
         assert flying.stdin is not None
         assert flying.stdout is not None
         flying.stdout.readline()
-        flown_by = script(wire, port, target_port) if link == "script" else daemon(link, wire, port, target_port)
+        flown_by = script(wire, port, evader_port) if link == "script" else daemon(link, wire, port, evader_port)
         with flown_by as pid, contextlib.ExitStack() as stack:
             if flooded is not None:
                 sending = [sys.executable, __file__, "--as-flood", flooded, str(port), str(seconds + 1.0)]
@@ -304,8 +304,8 @@ def main() -> None:
     parser.add_argument("--as-vehicle", nargs=3, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.as_vehicle:
-        wire, port, target_port = given.as_vehicle
-        vehicle(wire, int(port), int(target_port))
+        wire, port, evader_port = given.as_vehicle
+        vehicle(wire, int(port), int(evader_port))
         return
     if given.as_flood:
         kind, port, seconds = given.as_flood

@@ -33,7 +33,7 @@ FLIGHTS = (
     "test_loss_and_takeover",
     "test_offboard_entry",
     "test_parameters_and_owners",
-    "test_targets_and_time",
+    "test_evaders_and_time",
     "test_daemon",
     "test_frames_and_limits",
 )

@@ -1,11 +1,11 @@
-"""A target that stops dead, or turns on its pursuer, just before the disc: `python -m tests.bench.bench_overrun`.
+"""An evader that stops dead, or turns on its pursuer, just before the disc: `python -m tests.bench.bench_overrun`.
 
-To be captured, a target that flees is followed at its own speed to the very rim of the disc; when it stops dead there,
-no braking keeps the vehicle outside. So the height has to: the vehicle flies past over the target, at the height of the
-disc, and the table shows how low it came. Below that height nothing is over the target, and the limits keep the
+To be captured, an evader that flees is followed at its own speed to the very rim of the disc; when it stops dead there,
+no braking keeps the vehicle outside. So the height has to: the vehicle flies past over the evader, at the height of the
+disc, and the table shows how low it came. Below that height nothing is over the evader, and the limits keep the
 distance that the vehicle needs to stop in; the second table begins a chase from there. Distances are of the true
 motion on the calibrated mocks, in metres; `over` is how far within the rim it flew past at height, and `below` the
-least distance to the rim while more than half a metre below the disc: negative must not be, unless the target came.
+least distance to the rim while more than half a metre below the disc: negative must not be, unless the evader came.
 """
 
 import argparse
@@ -29,7 +29,7 @@ def from_above(scenario: Scenario) -> Scenario:
 
 
 def from_below(scenario: Scenario) -> Scenario:
-    """The vehicle 6 m up and the disc 15 m above a target near by: the rim is reached long before the height."""
+    """The vehicle 6 m up and the disc 15 m above an evader near by: the rim is reached long before the height."""
     pursuer = scenario.pursuer.model_copy(update={"position_m": (0.0, 0.0, 6.0), "takeoff_height_m": 6.0})
     return scenario.model_copy(
         update={
@@ -42,7 +42,7 @@ def from_below(scenario: Scenario) -> Scenario:
 
 def overrun(console: Console, title: str, change: Callable[[Scenario], Scenario], seeds: range) -> None:
     """One table: every autopilot, every turn, every gap at which it turns; the worst of the seeds."""
-    table = Table("autopilot", "target", "at a gap of", "over", "lowest", "below", title=title)
+    table = Table("autopilot", "evader", "at a gap of", "over", "lowest", "below", title=title)
     for autopilot in AUTOPILOTS:
         for turn, turned in TURNS.items():
             for gap_m in GAPS_M:

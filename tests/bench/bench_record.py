@@ -23,7 +23,7 @@ from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly
 from guidance.scenarios.loading import load_scenario
 from guidance.service.clock import VirtualClock
-from guidance.service.record import TICK_TOPIC, Recorder
+from guidance.service.record import CYCLE_TOPIC, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,8 +49,8 @@ class Kept:
     def report(self, *call: Any) -> None:
         self.cycles[-1].append(("report", call))
 
-    def tick(self, now_s: float, row: Mapping[str, Any]) -> None:
-        self.cycles.append([("tick", (now_s, row))])
+    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
+        self.cycles.append([("cycle", (now_s, row))])
 
 
 def flown(scenario: Scenario) -> Kept:
@@ -100,7 +100,7 @@ def main() -> None:
         path = Path(folder) / "record.mcap"
         best = min((written(kept, path, metadata) for _ in range(3)), key=lambda costs: float(np.median(costs)))
         items = list(scan(path))
-        rows = [json.loads(item.data) for item in items if item.topic == TICK_TOPIC]
+        rows = [json.loads(item.data) for item in items if item.topic == CYCLE_TOPIC]
         minutes = (rows[-1]["now_s"] - rows[0]["now_s"]) / 60.0
         print(
             f"{scenario.title}: {len(rows)} cycles, {minutes * 60:.1f} s, {len(items) / len(rows):.1f} messages a cycle"
@@ -124,9 +124,9 @@ def main() -> None:
         core_s = time.perf_counter() - begin
         count = len(inputs)
         per_s = count / replayed_s
-        print(f"replay                   {per_s:7.0f} ticks/s, {per_s / 50.0:.0f} × real time")
+        print(f"replay                   {per_s:7.0f} cycles/s, {per_s / 50.0:.0f} × real time")
         print(
-            f"flight core alone        {count / core_s:7.0f} ticks/s, replay takes {replayed_s / core_s:.2f} × as long"
+            f"flight core alone        {count / core_s:7.0f} cycles/s, replay takes {replayed_s / core_s:.2f} × as long"
         )
         print(f"differing                {comparison.differing}")
 

@@ -1,4 +1,4 @@
-"""Cost of the target's track and of the limits, beside filterpy's IMM: `python tests/bench/bench_track_and_limits.py`.
+"""Cost of the evader's track and of the limits, beside filterpy's IMM: `python tests/bench/bench_track_and_limits.py`.
 
 Prints the best of several means in microseconds: our update and prediction, filterpy's predict and update with two
 linear models of four states (the least it can do: no turn rate, no gate, no counting, no history), the ratio, and one
@@ -39,9 +39,9 @@ ENVELOPE = Envelope(
 )
 
 
-def report(tick: int) -> Measurement:
-    """A target at 3 m/s, reported at 50 Hz."""
-    time_s = DT_S * tick
+def report(step: int) -> Measurement:
+    """An evader at 3 m/s, reported at 50 Hz."""
+    time_s = DT_S * step
     return Measurement(time_s, time_s, (3.0 * time_s, 0.0, 0.0), (3.0, 0.0, 0.0), 0.5, 0.2)
 
 
@@ -77,8 +77,8 @@ def reference() -> Callable[[], object]:
 def main() -> None:
     """Print the table."""
     track = Track()
-    for tick in range(300):
-        track = update(track, report(tick), SETTINGS)
+    for step in range(300):
+        track = update(track, report(step), SETTINGS)
     following = report(300)
     situation = Situation((0.0, 0.0, -20.0), (5.0, 0.0, 0.5), 0.0, (60.0, 0.0, 0.0), (3.0, 0.0, 0.0))
     command = Setpoint((6.0, 0.0, 1.5), (1.0, 0.0, 0.0), -5.0, 1.0)

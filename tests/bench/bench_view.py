@@ -38,7 +38,7 @@ ready_after_s = 0.5
 GF_MAX_HOR_DIST = 210.0
 GF_MAX_VER_DIST = 70.0
 [[vehicle]]
-name = "target"
+name = "evader"
 flavour = "rover"
 system_id = 2
 start_ned_m = [30.0, 0.0, 0.0]
@@ -50,9 +50,9 @@ name = "bench"
 autopilot = "px4"
 link = "pymavlink"
 url = "zenoh://{mock}/bench"
-[target]
+[evader]
 kind = "global_position"
-url = "zenoh://{mock}/target"
+url = "zenoh://{mock}/evader"
 system_id = 2
 request_rate_hz = 20.0
 [game]

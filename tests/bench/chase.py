@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
 
+from guidance.cycle import Certificate
 from guidance.flight import AfterCapture, Event, Flight, FlightSettings, State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
@@ -17,13 +18,12 @@ from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario, Target
 from guidance.scenarios.settings import flight_settings
 from guidance.service.clock import VirtualClock
-from guidance.service.cycle import Cycle
-from guidance.telemetry import Setpoint, TargetReport
-from guidance.tick import Certificate
+from guidance.service.linked_flight import LinkedFlight
+from guidance.telemetry import EvaderReport, Setpoint
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home
 
-TICK_S = 0.02
+CYCLE_S = 0.02
 REPORT_S = 0.1
 POSITION_SD_M = 0.05
 VELOCITY_SD_M_S = 0.03
@@ -66,7 +66,7 @@ class Disturbance:
 
 
 class Runner:
-    """The evader: stands until told, then runs at full speed at once; a `TargetSource`.
+    """The evader: stands until told, then runs at full speed at once; an `EvaderSource`.
 
     It runs from the pursuer, or to `goal_m` once that is set.
 
@@ -83,7 +83,7 @@ class Runner:
         self.goal_m: tuple[float, float] | None = None
         self.silent = False
         self.share = 1.0
-        self._turn_at_m = turn_at_m + settings.tick.standoff.radius_m
+        self._turn_at_m = turn_at_m + settings.cycle.standoff.radius_m
         self._turned = turned
         self._has_turned = False
         site = scenario.site
@@ -97,7 +97,7 @@ class Runner:
         self._random = Random(scenario.seed)
         self._now_s = 0.0
         self._next_s = 0.0
-        self._due: list[TargetReport] = []
+        self._due: list[EvaderReport] = []
 
     def advance(self, now_s: float, pursuer_m: tuple[float, float], *, running: bool) -> None:
         """Run on to now."""
@@ -117,12 +117,12 @@ class Runner:
             self._next_s = now_s + REPORT_S
             self._due.extend(() if self.silent else (self._report(),))
 
-    def _report(self) -> TargetReport:
+    def _report(self) -> EvaderReport:
         gauss = self._random.gauss
         north, east = (metres + gauss(0.0, POSITION_SD_M) for metres in self.place_m)
         speed_north, speed_east = (speed + gauss(0.0, VELOCITY_SD_M_S) for speed in self.velocity_m_s)
         latitude_deg, longitude_deg, altitude = self._frame.wgs84_from_ned((north, east, 0.0))
-        return TargetReport(
+        return EvaderReport(
             received_s=self._now_s,
             sent_s=self._now_s,
             source="runner",
@@ -134,17 +134,17 @@ class Runner:
             velocity_sd_m_s=VELOCITY_SD_M_S,
         )
 
-    def receive(self) -> list[TargetReport]:
-        """See `TargetSource`."""
+    def receive(self) -> list[EvaderReport]:
+        """See `EvaderSource`."""
         due, self._due = self._due, []
         return due
 
     def counters(self) -> Mapping[str, int]:
-        """See `TargetSource`."""
+        """See `EvaderSource`."""
         return {}
 
     def close(self) -> None:
-        """See `TargetSource`."""
+        """See `EvaderSource`."""
 
 
 class Altering:
@@ -226,7 +226,7 @@ class Chased:
         return math.sqrt(sum(slip * slip for slip in self.slip_m_s) / max(1, len(self.slip_m_s)))
 
     def note(self, since_s: float, certificate: Certificate, gap_m: float, height_m: float, slip_m_s: float) -> None:
-        """Take down one tick of the game."""
+        """Take down one cycle of the game."""
         if math.isnan(self.value_s):
             self.value_s, self.needed_s = certificate.value, certificate.time_needed_s
         if math.isnan(self.flown_s) and certificate.captured:
@@ -275,9 +275,9 @@ def chase(
     ours, theirs = MemoryWire.pair(clock.now_s)
     link = PymavlinkLink(ours, clock.now_s, system_id=1)
     runner = Runner(scenario, settings, turn_at_m=turn_at_m, turned=turned)
-    cycle = Cycle(Flight(settings), Altering(link, send), runner, None)
+    linked = LinkedFlight(Flight(settings), Altering(link, send), runner, None)
     chased, state, engaged_s = Chased(), State.CONNECTING, math.nan
-    height_m = settings.tick.standoff.height_m
+    height_m = settings.cycle.standoff.height_m
     disturbed = False
     while (now_s := clock.now_s()) < LONGEST_S and not now_s > engaged_s + min(longest_s, chased.flown_s + station_s):
         if not disturbed and now_s >= engaged_s + disturbance.after_s:
@@ -287,7 +287,7 @@ def chase(
             theirs.send(frame)
         (north, east, down), speed = _truth(vehicle, scenario)
         runner.advance(now_s, (north, east), running=now_s > engaged_s)
-        outputs = cycle.run(now_s, ORDERS.get(state, ()))
+        outputs = linked.run(now_s, ORDERS.get(state, ()))
         state, certificate = outputs.state, outputs.certificate
         if outputs.alarm is not None:
             chased.alarms.append((now_s - engaged_s, outputs.alarm))
@@ -296,14 +296,14 @@ def chase(
             runner.goal_m = (north_m, east_m)
         if certificate is not None and outputs.setpoint is not None:
             engaged_s = now_s if math.isnan(engaged_s) else engaged_s
-            gap_m = math.dist((north, east), runner.place_m) - settings.tick.standoff.radius_m
+            gap_m = math.dist((north, east), runner.place_m) - settings.cycle.standoff.radius_m
             slip_m_s = math.dist(speed, runner.velocity_m_s)
             chased.note(now_s - engaged_s, certificate, gap_m, -down - height_m, slip_m_s)
             chased.fastest_m_s = max(chased.fastest_m_s, math.hypot(*speed))
             chased.commands.append(
                 (*outputs.setpoint.velocity_ned_m_s, *(outputs.setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0)))
             )
-        clock.sleep_until(now_s + TICK_S)
+        clock.sleep_until(now_s + CYCLE_S)
     link.close()
     return chased
 

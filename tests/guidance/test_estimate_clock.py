@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimate import ClockOffset, Observer, Outcome, TrackSettings, compare_clocks, observe, target_at
+from guidance.estimate import ClockOffset, Observer, Outcome, TrackSettings, compare_clocks, evader_at, observe
 from guidance.estimate.clock_offset import hear, synchronise
 from guidance.frames import Amsl, LocalFrame
-from guidance.telemetry import TargetReport, Timesync
+from guidance.telemetry import EvaderReport, Timesync
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 FRAME = LocalFrame(47.0, 8.0, Amsl(400.0))
@@ -24,8 +24,8 @@ def heard(pairs, clock=None):
 
 def late(rng, count, *, rate_hz=10.0, offset_s=1000.0, drift=0.0, least_s=0.05, jitter_s=0.2, start_s=0.0):
     """(sent, received) with an exponential delay; the sender's clock gains by the drift."""
-    for tick in range(count):
-        true_s = start_s + tick / rate_hz
+    for step in range(count):
+        true_s = start_s + step / rate_hz
         delay_s = least_s + min(0.8, rng.expovariate(1.0 / jitter_s))
         yield (true_s - offset_s + drift * true_s, true_s + delay_s)
 
@@ -41,9 +41,9 @@ def test_the_least_delay_seen_is_the_offset():
 @given(st.lists(st.floats(0.0, 0.9), min_size=1, max_size=40), st.floats(-1e6, 1e6))
 def test_no_report_is_ever_from_after_its_arrival_and_the_offset_is_at_least_the_truth(delays, offset):
     clock = None
-    for tick, delay_s in enumerate(delays):
-        clock = hear(clock, 0.1 * tick, 0.1 * tick + offset + delay_s)
-        assert clock.ours(0.1 * tick) <= 0.1 * tick + offset + delay_s + 1e-6
+    for step, delay_s in enumerate(delays):
+        clock = hear(clock, 0.1 * step, 0.1 * step + offset + delay_s)
+        assert clock.ours(0.1 * step) <= 0.1 * step + offset + delay_s + 1e-6
         assert clock.offset_s >= offset - 1e-6
     assert clock.offset_s <= offset + min(delays) + 2e-4 * 0.1 * len(delays) + 1e-3
 
@@ -102,7 +102,7 @@ def test_a_single_false_time_does_not_move_the_clock(lie_s):
 
 def test_a_burst_that_waited_in_a_queue_does_not_move_the_clock():
     clock = heard(late(random.Random(5), 100))
-    burst = [(10.0 + 0.02 * tick - 1000.0, 13.0 + 1e-4 * tick) for tick in range(90)]
+    burst = [(10.0 + 0.02 * step - 1000.0, 13.0 + 1e-4 * step) for step in range(90)]
     assert heard(burst, clock).offset_s == pytest.approx(clock.offset_s, abs=0.01)
 
 
@@ -115,7 +115,7 @@ def test_a_sender_that_restarts_is_believed_after_a_second():
 
 def test_lies_that_differ_are_never_believed():
     clock = heard(late(random.Random(8), 100))
-    lies = [(-3000.0 + 40.0 * tick, 10.0 + 0.5 * tick) for tick in range(20)]
+    lies = [(-3000.0 + 40.0 * step, 10.0 + 0.5 * step) for step in range(20)]
     assert heard(lies, clock).offset_s == clock.offset_s
 
 
@@ -130,27 +130,27 @@ def wire_report(
     velocity_sd_m_s=math.nan,
 ):
     latitude, longitude, _ = FRAME.wgs84_from_ned((north_m, 0.0, 0.0))
-    return TargetReport(
+    return EvaderReport(
         received_s, sent_s, "test", latitude, longitude, amsl_m, velocity, position_sd_m, velocity_sd_m_s
     )
 
 
 def test_a_report_off_the_wire_ends_in_local_metres_on_our_clock():
     observer = Observer()
-    assert target_at(observer, 0.0, SETTINGS) is None
-    for tick in range(40):
-        delay_s = 0.1 if tick % 4 else 0.02
+    assert evader_at(observer, 0.0, SETTINGS) is None
+    for step in range(40):
+        delay_s = 0.1 if step % 4 else 0.02
         report = wire_report(
-            received_s=100.0 + 0.1 * tick + delay_s,
-            sent_s=7.0 + 0.1 * tick,
-            north_m=0.3 * tick,
+            received_s=100.0 + 0.1 * step + delay_s,
+            sent_s=7.0 + 0.1 * step,
+            north_m=0.3 * step,
             velocity=(3.0, 0.0, 0.0),
         )
         observer = observe(observer, report, FRAME, SETTINGS)
-    target = target_at(observer, 104.0, SETTINGS)
+    evader = evader_at(observer, 104.0, SETTINGS)
     # The sender's 7 s are our 100.02 s, as far as reports can tell.
-    assert target.position_ned_m == pytest.approx((3.0 * (104.0 - 100.02), 0.0, -5.0), abs=0.02)
-    assert target.age_s == pytest.approx(104.0 - (100.02 + 3.9), abs=1e-3)
+    assert evader.position_ned_m == pytest.approx((3.0 * (104.0 - 100.02), 0.0, -5.0), abs=0.02)
+    assert evader.age_s == pytest.approx(104.0 - (100.02 + 3.9), abs=1e-3)
 
 
 def test_a_declared_latency_is_taken_off_and_a_timesync_makes_it_needless():
@@ -167,21 +167,21 @@ def test_a_declared_latency_is_taken_off_and_a_timesync_makes_it_needless():
 def test_spreads_that_are_given_are_used_and_the_others_are_the_settings():
     told = observe(Observer(), wire_report(received_s=0.0, position_sd_m=0.2), FRAME, SETTINGS)
     silent = observe(Observer(), wire_report(received_s=0.0, position_sd_m=-1.0), FRAME, SETTINGS)
-    assert target_at(told, 0.0, SETTINGS).position_sd_m == pytest.approx(0.2)
-    assert target_at(silent, 0.0, SETTINGS).position_sd_m == pytest.approx(SETTINGS.position_sd_m)
+    assert evader_at(told, 0.0, SETTINGS).position_sd_m == pytest.approx(0.2)
+    assert evader_at(silent, 0.0, SETTINGS).position_sd_m == pytest.approx(SETTINGS.position_sd_m)
     moving = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), velocity_sd_m_s=0.1)
-    assert target_at(observe(Observer(), moving, FRAME, SETTINGS), 0.0, SETTINGS).velocity_sd_m_s == pytest.approx(0.1)
+    assert evader_at(observe(Observer(), moving, FRAME, SETTINGS), 0.0, SETTINGS).velocity_sd_m_s == pytest.approx(0.1)
 
 
 def test_nobody_is_believed_to_a_millimetre():
     boasting = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), position_sd_m=1e-9, velocity_sd_m_s=1e-9)
-    target = target_at(observe(Observer(), boasting, FRAME, SETTINGS), 0.0, SETTINGS)
-    assert (target.position_sd_m, target.velocity_sd_m_s) == pytest.approx((0.01, 0.01))
+    evader = evader_at(observe(Observer(), boasting, FRAME, SETTINGS), 0.0, SETTINGS)
+    assert (evader.position_sd_m, evader.velocity_sd_m_s) == pytest.approx((0.01, 0.01))
 
 
 def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
     partly = wire_report(received_s=0.0, velocity=(3.0, 0.0, math.nan))
-    assert not target_at(observe(Observer(), partly, FRAME, SETTINGS), 0.0, SETTINGS).velocity_known
+    assert not evader_at(observe(Observer(), partly, FRAME, SETTINGS), 0.0, SETTINGS).velocity_known
 
 
 @pytest.mark.parametrize("report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)])

@@ -10,12 +10,12 @@ from scipy import stats
 from guidance.estimate import Measurement, Outcome, Track, TrackSettings, predict, update
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
-SPEED_SD_M_S = 2.0  # of the targets, north and east each: an evader of about 3 m/s
+SPEED_SD_M_S = 2.0  # of the evaders, north and east each: an evader of about 3 m/s
 RUNS = 100
 
 
 def truth(rng, seconds, settings, *, fine_s=0.01):
-    """A target that lives by the model, by Euler-Maruyama in small steps: owes nothing to the filter's formulas.
+    """An evader that lives by the model, by Euler-Maruyama in small steps: owes nothing to the filter's formulas.
 
     Returns (n, 4) positions and velocities every `fine_s`.
     """
@@ -59,12 +59,12 @@ def report(rng, time_s, state, *, with_velocity, delay_s, position_sd_m=0.7, vel
 
 
 def run(seed, *, rate_hz, with_velocity, delay_s, seconds, after_s):
-    """One run: NEES at the end, of the target as predicted for `delay_s` after its last report, and every NIS."""
+    """One run: NEES at the end, of the evader as predicted for `delay_s` after its last report, and every NIS."""
     rng = np.random.default_rng(seed)
     path = truth(rng, seconds + delay_s + 0.02, SETTINGS)
     track, nis = Track(), []
-    for tick in range(round(seconds * rate_hz) + 1):
-        time_s = tick / rate_hz
+    for step in range(round(seconds * rate_hz) + 1):
+        time_s = step / rate_hz
         track = update(
             track,
             report(rng, time_s, path[round(time_s / 0.01)], with_velocity=with_velocity, delay_s=delay_s),
@@ -73,10 +73,10 @@ def run(seed, *, rate_hz, with_velocity, delay_s, seconds, after_s):
         if time_s > after_s:
             nis.append(track.nis)
     now_s = time_s + delay_s
-    target = predict(track, now_s, SETTINGS)
-    estimate = np.array([*target.position_ned_m[:2], *target.velocity_ned_m_s[:2]])
+    evader = predict(track, now_s, SETTINGS)
+    estimate = np.array([*evader.position_ned_m[:2], *evader.velocity_ned_m_s[:2]])
     error = path[round(now_s / 0.01)] - estimate
-    return float(error @ np.linalg.solve(target.covariance, error)), nis, track.counts
+    return float(error @ np.linalg.solve(evader.covariance, error)), nis, track.counts
 
 
 @pytest.mark.parametrize(
@@ -114,11 +114,11 @@ def test_the_spread_of_the_speed_covers_the_speed_as_often_as_it_says():
         rng = np.random.default_rng(seed)
         path = truth(rng, 8.52, SETTINGS)
         track = Track()
-        for tick in range(9):
-            track = update(track, report(rng, float(tick), path[100 * tick], with_velocity=True, delay_s=0.5), SETTINGS)
-        target = predict(track, 8.5, SETTINGS)
+        for step in range(9):
+            track = update(track, report(rng, float(step), path[100 * step], with_velocity=True, delay_s=0.5), SETTINGS)
+        evader = predict(track, 8.5, SETTINGS)
         undeclared = replace(SETTINGS, declared_speed_m_s=1e-3)
         bound = predict(track, 8.5, undeclared).speed_bound_m_s
-        assert target.speed_bound_m_s == max(bound, 3.0)
+        assert evader.speed_bound_m_s == max(bound, 3.0)
         exceeded += math.hypot(*path[850][2:]) > bound
     assert exceeded <= 0.05 * 200

@@ -129,8 +129,8 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
     rng = np.random.default_rng(3)
     noise = np.diag([0.4, 0.4, 0.09, 0.09][:known])
     reference, modes = filterpy_imm(np.array([5.0, -3.0, 2.0, 1.0])[:known], noise, dt_s)
-    for tick in range(1, 51):
-        angle = 0.3 * tick * dt_s
+    for count in range(1, 51):
+        angle = 0.3 * count * dt_s
         truth = np.array(
             [5.0 + 8.0 * math.sin(angle), -3.0 + 8.0 * math.cos(angle), 2.4 * math.cos(angle), -2.4 * math.sin(angle)]
         )
@@ -185,11 +185,11 @@ def test_the_height_is_filterpy_s_filter_of_two_numbers(dt_s):
     reference.F = np.array([[1.0, dt_s], [0.0, 1.0]])
     reference.Q = Q_continuous_white_noise(2, dt=dt_s, spectral_density=0.05)
     ours = height.Height(4.0, 0.5, 2.0, 0.3, 1.0)
-    for tick in range(20):
+    for count in range(20):
         reference.predict()
-        reference.update(4.0 + tick, R=0.4, H=np.array([[1.0, 0.0]]))
+        reference.update(4.0 + count, R=0.4, H=np.array([[1.0, 0.0]]))
         reference.update(1.0 / dt_s, R=0.1, H=np.array([[0.0, 1.0]]))
         ours = height.advance(ours, dt_s, 0.05)
-        ours = height.correct_rate(height.correct_down(ours, 4.0 + tick, 0.4), 1.0 / dt_s, 0.1)
+        ours = height.correct_rate(height.correct_down(ours, 4.0 + count, 0.4), 1.0 / dt_s, 0.1)
         assert ours[:2] == pytest.approx(reference.x[:, 0])
         assert ours[2:] == pytest.approx([reference.P[0, 0], reference.P[0, 1], reference.P[1, 1]])

@@ -1,4 +1,4 @@
-"""Estimate: what is told of the target at a time, what is not known of it, and settings that are none."""
+"""Estimate: what is told of the evader at a time, what is not known of it, and settings that are none."""
 
 import math
 import random
@@ -20,17 +20,17 @@ def test_nothing_is_known_before_the_first_report():
 
 def test_a_straight_course_is_followed_and_predicted_through_the_delay():
     track = tracked(straight(50, delay_s=0.5))
-    target = predict(track, 4.9 + 0.5, SETTINGS)
-    assert target.position_ned_m == pytest.approx((10.0 + 5.4 * 3.0, 20.0 - 5.4, -1.0 + 5.4 * 0.2), abs=0.02)
-    assert target.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.01)
-    assert target.age_s == pytest.approx(0.5)
-    assert target.silence_s == pytest.approx(0.0, abs=1e-9)
+    evader = predict(track, 4.9 + 0.5, SETTINGS)
+    assert evader.position_ned_m == pytest.approx((10.0 + 5.4 * 3.0, 20.0 - 5.4, -1.0 + 5.4 * 0.2), abs=0.02)
+    assert evader.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.01)
+    assert evader.age_s == pytest.approx(0.5)
+    assert evader.silence_s == pytest.approx(0.0, abs=1e-9)
     assert track.counts == {Outcome.STARTED: 1, Outcome.ACCEPTED: 49}
 
 
 def test_age_is_since_it_was_true_and_silence_since_it_arrived():
-    target = predict(tracked([measured(10.0, (0.0, 0.0, 0.0), received_s=10.7)]), 12.0, SETTINGS)
-    assert (target.age_s, target.silence_s) == pytest.approx((2.0, 1.3))
+    evader = predict(tracked([measured(10.0, (0.0, 0.0, 0.0), received_s=10.7)]), 12.0, SETTINGS)
+    assert (evader.age_s, evader.silence_s) == pytest.approx((2.0, 1.3))
     assert predict(tracked([measured(10.0, (1.0, 2.0, 3.0))]), 9.0, SETTINGS).age_s == 0.0
 
 
@@ -57,11 +57,11 @@ def test_an_unknown_velocity_is_not_a_velocity_of_zero():
 
 def test_the_speed_bound_is_the_larger_of_declared_and_estimate_plus_k_sigma():
     track = tracked(straight(50, seed=1))
-    target = predict(track, 5.0, SETTINGS)
-    north, east, _ = target.velocity_ned_m_s
+    evader = predict(track, 5.0, SETTINGS)
+    north, east, _ = evader.velocity_ned_m_s
     along = np.array([north, east]) / math.hypot(north, east)
-    sigma = math.sqrt(along @ target.covariance[2:, 2:] @ along)
-    assert target.speed_bound_m_s == pytest.approx(math.hypot(north, east) + 2.0 * sigma)
+    sigma = math.sqrt(along @ evader.covariance[2:, 2:] @ along)
+    assert evader.speed_bound_m_s == pytest.approx(math.hypot(north, east) + 2.0 * sigma)
     assert predict(track, 5.0, replace(SETTINGS, declared_speed_m_s=9.0)).speed_bound_m_s == 9.0
     assert predict(track, 5.0, replace(SETTINGS, sigmas=5.0)).speed_bound_m_s == pytest.approx(
         math.hypot(north, east) + 5.0 * sigma
@@ -69,16 +69,16 @@ def test_the_speed_bound_is_the_larger_of_declared_and_estimate_plus_k_sigma():
 
 
 def test_spreads_are_those_of_the_worst_direction():
-    target = predict(tracked(straight(30, seed=2)), 3.3, SETTINGS)
-    assert target.position_sd_m == pytest.approx(math.sqrt(np.linalg.eigvalsh(target.covariance[:2, :2]).max()))
-    assert target.velocity_sd_m_s == pytest.approx(math.sqrt(np.linalg.eigvalsh(target.covariance[2:, 2:]).max()))
+    evader = predict(tracked(straight(30, seed=2)), 3.3, SETTINGS)
+    assert evader.position_sd_m == pytest.approx(math.sqrt(np.linalg.eigvalsh(evader.covariance[:2, :2]).max()))
+    assert evader.velocity_sd_m_s == pytest.approx(math.sqrt(np.linalg.eigvalsh(evader.covariance[2:, 2:]).max()))
 
 
 @pytest.mark.parametrize(("rate_hz", "known", "least_gain"), [(1.0, True, 2.0), (50.0, True, 4.0), (5.0, False, 2.0)])
-def test_a_circling_target_half_a_second_late_is_predicted_far_better_than_its_last_report(rate_hz, known, least_gain):
+def test_a_circling_evader_half_a_second_late_is_predicted_far_better_than_its_last_report(rate_hz, known, least_gain):
     rng, track, ours, last = random.Random(4), Track(), [], []
-    for tick in range(round(60 * rate_hz)):
-        time_s = tick / rate_hz
+    for step in range(round(60 * rate_hz)):
+        time_s = step / rate_hz
         angle = 0.3 * time_s
         velocity = (-3.0 * math.sin(angle), 3.0 * math.cos(angle), 0.0)
         position = tuple(10.0 * part + rng.gauss(0.0, 0.3) for part in (math.cos(angle), math.sin(angle), 0.0))
@@ -88,8 +88,8 @@ def test_a_circling_target_half_a_second_late_is_predicted_far_better_than_its_l
         if time_s > 20.0:
             now = 0.3 * (time_s + 0.5)
             truth = (10.0 * math.cos(now), 10.0 * math.sin(now))
-            target = predict(track, time_s + 0.5, SETTINGS)
-            ours.append(math.dist(target.position_ned_m[:2], truth))
+            evader = predict(track, time_s + 0.5, SETTINGS)
+            ours.append(math.dist(evader.position_ned_m[:2], truth))
             last.append(math.dist(position[:2], truth))
     assert math.sqrt(np.mean(np.square(last))) > least_gain * math.sqrt(np.mean(np.square(ours)))
 
@@ -98,8 +98,8 @@ def test_a_turn_is_told_from_a_straight_course_and_its_rate_is_seen():
     rng, tracks = random.Random(5), {}
     for turn_rate in (0.5, 0.0):
         tracks[turn_rate] = Track()
-        for tick in range(80):
-            time_s, angle = 0.25 * tick, turn_rate * 0.25 * tick
+        for step in range(80):
+            time_s, angle = 0.25 * step, turn_rate * 0.25 * step
             velocity = (4.0 * math.cos(angle), 4.0 * math.sin(angle), 0.0)
             radius = 4.0 / turn_rate if turn_rate else 0.0
             place = (

@@ -139,10 +139,10 @@ near = st.builds(
 def test_no_reports_at_all_break_a_track(reports):
     track = tracked(reports)
     assert sum(track.counts.values()) == len(reports)
-    target = predict(track, 5.0, SETTINGS)
-    if target is not None:
-        assert all(map(math.isfinite, (*target.position_ned_m, *target.velocity_ned_m_s, target.speed_bound_m_s)))
-        assert np.linalg.eigvalsh(target.covariance).min() >= -1e-6 * np.linalg.eigvalsh(target.covariance).max()
+    evader = predict(track, 5.0, SETTINGS)
+    if evader is not None:
+        assert all(map(math.isfinite, (*evader.position_ned_m, *evader.velocity_ned_m_s, evader.speed_bound_m_s)))
+        assert np.linalg.eigvalsh(evader.covariance).min() >= -1e-6 * np.linalg.eigvalsh(evader.covariance).max()
 
 
 def test_a_single_outlier_moves_nothing():
@@ -159,8 +159,8 @@ def test_a_single_outlier_moves_nothing():
 def test_a_jump_is_believed_once_three_reports_agree_on_it(known):
     track = tracked(straight(50, known=known))
     outcomes = []
-    for tick in range(5):
-        time_s = 5.0 + 0.1 * tick
+    for step in range(5):
+        time_s = 5.0 + 0.1 * step
         velocity = (0.0, 2.0, 0.0) if known else None
         track = update(track, measured(time_s, (300.0, 2.0 * time_s, 0.0), velocity), SETTINGS)
         outcomes.append(track.outcome)
@@ -193,18 +193,18 @@ def test_the_gate_is_chi_square_at_one_in_a_million(known, gate):
 
 def test_outliers_that_do_not_agree_never_take_over():
     track = tracked(straight(50))
-    for tick in range(12):
-        place = (1000.0 * (-1.0) ** tick, 500.0 * tick, 0.0)
-        track = update(track, measured(5.0 + 0.1 * tick, place, (0.0, 0.0, 0.0)), SETTINGS)
+    for step in range(12):
+        place = (1000.0 * (-1.0) ** step, 500.0 * step, 0.0)
+        track = update(track, measured(5.0 + 0.1 * step, place, (0.0, 0.0, 0.0)), SETTINGS)
     assert track.counts[Outcome.OUTLIER] == 12
     assert predict(track, 6.1, SETTINGS).position_ned_m == pytest.approx((28.3, 13.9, 0.22), abs=0.05)
 
 
 def test_a_good_report_between_outliers_ends_the_rival():
     track = tracked(straight(50))
-    for tick in range(10):
-        good = tick % 2 == 1
-        time_s = 5.0 + 0.1 * tick
+    for step in range(10):
+        good = step % 2 == 1
+        time_s = 5.0 + 0.1 * step
         place = (10.0 + 3.0 * time_s, 20.0 - time_s, -1.0 + 0.2 * time_s) if good else (300.0, 0.0, 0.0)
         track = update(track, measured(time_s, place, (3.0, -1.0, 0.2) if good else (0.0, 0.0, 0.0)), SETTINGS)
     assert Outcome.JUMPED not in track.counts

@@ -54,7 +54,7 @@ offsets = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-2.0, 
 near_situations = situations.flatmap(
     lambda situation: st.builds(
         lambda offset: situation._replace(
-            target_position_ned_m=tuple(a + b for a, b in zip(situation.position_ned_m, offset, strict=True))
+            evader_position_ned_m=tuple(a + b for a, b in zip(situation.position_ned_m, offset, strict=True))
         ),
         offsets,
     )
@@ -146,13 +146,13 @@ def assert_polygon(situation, velocity, envelope):
 
 
 def assert_stand_off(situation, velocity, envelope):
-    if situation.target_position_ned_m is None:
+    if situation.evader_position_ned_m is None:
         return
-    zone, target = envelope.stand_off, situation.target_position_ned_m
+    zone, evader = envelope.stand_off, situation.evader_position_ned_m
 
     def gap(point):
-        beside = max(0.0, math.dist(point[:2], target[:2]) - zone.radius_m)
-        return math.hypot(beside, max(0.0, target[2] - point[2] - zone.height_m))
+        beside = max(0.0, math.dist(point[:2], evader[:2]) - zone.radius_m)
+        return math.hypot(beside, max(0.0, evader[2] - point[2] - zone.height_m))
 
     now = situation.position_ned_m
     rest = rest_point(situation, velocity, envelope)
@@ -160,12 +160,12 @@ def assert_stand_off(situation, velocity, envelope):
         point = [a + share * (b - a) for a, b in zip(now, rest, strict=True)]
         if gap(now) > TOLERANCE:
             assert gap(point) > -TOLERANCE
-            inside = math.dist(point[:2], target[:2]) < zone.radius_m - 1e-5
-            below = target[2] - point[2] < zone.height_m - 1e-5
+            inside = math.dist(point[:2], evader[:2]) < zone.radius_m - 1e-5
+            below = evader[2] - point[2] < zone.height_m - 1e-5
             assert not (inside and below)
     if gap(now) == 0.0:
         assert velocity[2] <= TOLERANCE
-        toward = [target[axis] - now[axis] for axis in (0, 1)]
+        toward = [evader[axis] - now[axis] for axis in (0, 1)]
         assert velocity[0] * toward[0] + velocity[1] * toward[1] <= TOLERANCE
 
 
@@ -211,8 +211,8 @@ def test_no_command_leads_out_of_the_envelope_from_any_place(command, situation,
 
 @settings(max_examples=200, deadline=None)
 @given(setpoints, near_situations, memories, steps)
-def test_no_command_leads_into_the_stand_off_of_a_target_at_rest(command, situation, memory, dt):
-    situation = situation._replace(target_velocity_ned_m_s=None)
+def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(command, situation, memory, dt):
+    situation = situation._replace(evader_velocity_ned_m_s=None)
     limited = limit(command, situation, ENVELOPE, memory, dt)
     assert_stand_off(situation, limited.setpoint.velocity_ned_m_s, ENVELOPE)
     if limited.setpoint.down_m is not None:
@@ -267,8 +267,8 @@ def test_a_limiter_is_named_whenever_the_velocity_is_not_the_one_asked_for(comma
 @given(setpoints, situations, memories, steps, st.floats(-math.pi, math.pi))
 def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation, memory, dt, angle):
     round_envelope = replace(ENVELOPE, fence_polygon=None)
-    if situation.target_position_ned_m is not None:  # right above the target, or on its rim, the least turn decides
-        distance_m = math.dist(situation.target_position_ned_m[:2], situation.position_ned_m[:2])
+    if situation.evader_position_ned_m is not None:  # right above the evader, or on its rim, the least turn decides
+        distance_m = math.dist(situation.evader_position_ned_m[:2], situation.position_ned_m[:2])
         assume(distance_m > 1e-3 and abs(distance_m - 3.0) > 1e-3)
 
     def turned(vector, about=(0.0, 0.0)):
@@ -285,8 +285,8 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
         situation._replace(
             position_ned_m=turned(situation.position_ned_m, home),
             velocity_ned_m_s=turned(situation.velocity_ned_m_s),
-            target_position_ned_m=turned(situation.target_position_ned_m, home),
-            target_velocity_ned_m_s=turned(situation.target_velocity_ned_m_s),
+            evader_position_ned_m=turned(situation.evader_position_ned_m, home),
+            evader_velocity_ned_m_s=turned(situation.evader_velocity_ned_m_s),
         ),
         round_envelope,
         memory and Memory(*(turned(part) for part in memory[:3]), memory.yaw_rad),

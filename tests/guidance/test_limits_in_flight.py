@@ -46,15 +46,15 @@ class Vehicle:
             self.position[axis] += self.velocity[axis] * DT_S
 
 
-def fly(command, envelope, *, vehicle=None, seconds=40.0, target=None, target_velocity=None):
-    """Fly a command (a vector, or a function of time) and return positions, setpoints and limiters at every tick."""
+def fly(command, envelope, *, vehicle=None, seconds=40.0, evader=None, evader_velocity=None):
+    """Fly a command (a vector, or a function of time) and return positions, setpoints and limiters at every step."""
     vehicle = vehicle or Vehicle()
     memory, rows = None, []
-    for tick in range(round(seconds / DT_S)):
-        now = tick * DT_S
+    for step in range(round(seconds / DT_S)):
+        now = step * DT_S
         wanted = command(now, vehicle) if callable(command) else command
-        place = target(now) if target else None
-        situation = Situation(tuple(vehicle.position), tuple(vehicle.velocity), 0.0, place, target_velocity)
+        place = evader(now) if evader else None
+        situation = Situation(tuple(vehicle.position), tuple(vehicle.velocity), 0.0, place, evader_velocity)
         limited = limit(Setpoint(wanted), situation, envelope, memory, DT_S)
         memory = limited.memory
         vehicle.step(limited.setpoint.velocity_ned_m_s)
@@ -147,75 +147,75 @@ def test_heights_are_above_home_and_not_above_the_origin():
 
 
 @pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0, 30.0])
-def test_a_target_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
+def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
     # Its velocity is believed to be what it was: an estimate needs a moment, and here it never comes to know.
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (8.0, 0.0, 0.0),
         envelope,
-        target=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
-        target_velocity=(3.0, 0.0, 0.0),
+        evader=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
+        evader_velocity=(3.0, 0.0, 0.0),
     )
-    gaps = [30.0 + 3.0 * min((tick + 1) * DT_S, stops_at_s) - position[0] for tick, (position, _, _) in enumerate(rows)]
+    gaps = [30.0 + 3.0 * min((step + 1) * DT_S, stops_at_s) - position[0] for step, (position, _, _) in enumerate(rows)]
     assert min(gaps) >= 3.0 - ROUNDING_M
     assert gaps[-1] == pytest.approx(3.0, abs=0.1)
 
 
 @pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0])
-def test_a_target_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid(stops_at_s):
+def test_an_evader_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid(stops_at_s):
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
     rows = fly(
         (8.0, 0.0, 1.5),
         envelope,
         vehicle=Vehicle([0.0, 0.0, -6.0]),
-        target=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
-        target_velocity=(3.0, 0.0, 0.0),
+        evader=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
+        evader_velocity=(3.0, 0.0, 0.0),
         seconds=stops_at_s + 6.0,
     )
-    for tick, (position, _, _) in enumerate(rows):
-        away_m = abs(30.0 + 3.0 * min((tick + 1) * DT_S, stops_at_s) - position[0])
+    for step, (position, _, _) in enumerate(rows):
+        away_m = abs(30.0 + 3.0 * min((step + 1) * DT_S, stops_at_s) - position[0])
         assert away_m >= 3.0 - ROUNDING_M or -position[2] >= 5.0 - ROUNDING_M
 
 
-def test_a_fleeing_target_is_followed_beside_at_what_can_be_stopped_within():
+def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (8.0, 0.0, 0.0),
         envelope,
-        target=lambda now: (30.0 + 3.0 * now, 0.0, 0.0),
-        target_velocity=(3.0, 0.0, 0.0),
+        evader=lambda now: (30.0 + 3.0 * now, 0.0, 0.0),
+        evader_velocity=(3.0, 0.0, 0.0),
     )
-    gaps = [30.0 + 3.0 * (tick + 1) * DT_S - position[0] for tick, (position, _, _) in enumerate(rows)]
+    gaps = [30.0 + 3.0 * (step + 1) * DT_S - position[0] for step, (position, _, _) in enumerate(rows)]
     assert min(gaps) >= 3.0 - ROUNDING_M
     assert gaps[-1] == pytest.approx(3.0 + 2.0 * 0.6 * 3.0 + 3.0**2 / (2.0 * 2.5), abs=0.2)  # drift and stop at 3 m/s
     assert turnings(gaps[200:]) == 0  # it grows at first, while the vehicle gathers speed
     assert rows[-1][1][0] == pytest.approx(3.0, abs=0.05)
 
 
-def test_a_target_that_comes_nearer_does_not_push_the_vehicle():
+def test_an_evader_that_comes_nearer_does_not_push_the_vehicle():
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (0.0, 0.0, 0.0),
         envelope,
         seconds=8.0,
-        target=lambda now: (20.0 - 3.0 * now, 0.0, 0.0),
-        target_velocity=(-3.0, 0.0, 0.0),
+        evader=lambda now: (20.0 - 3.0 * now, 0.0, 0.0),
+        evader_velocity=(-3.0, 0.0, 0.0),
     )
     assert all(velocity == (0.0, 0.0, 0.0) for _, velocity, _ in rows)
 
 
 @pytest.mark.parametrize("bearing_deg", range(0, 360, 45))
 @pytest.mark.parametrize("height_m", [4.5, 7.0, 20.0])
-def test_a_dive_at_the_target_ends_on_the_rim_or_the_lid_of_the_stand_off(bearing_deg, height_m):
+def test_a_dive_at_the_evader_ends_on_the_rim_or_the_lid_of_the_stand_off(bearing_deg, height_m):
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
     bearing = math.radians(bearing_deg)
 
-    def at_target(_now, vehicle):
+    def at_evader(_now, vehicle):
         slower = 8.0 / max(16.0, math.hypot(*vehicle.position))
         return tuple(-slower * value for value in vehicle.position)
 
     vehicle = Vehicle([30.0 * math.cos(bearing), 30.0 * math.sin(bearing), -height_m])
-    rows = fly(at_target, envelope, vehicle=vehicle, target=lambda _now: (0.0, 0.0, 0.0))
+    rows = fly(at_evader, envelope, vehicle=vehicle, evader=lambda _now: (0.0, 0.0, 0.0))
     for position, _, _ in rows:
         assert math.hypot(*position[:2]) >= 3.0 - ROUNDING_M or -position[2] >= 5.0 - ROUNDING_M
     assert turnings([math.hypot(*position[:2]) for position, _, _ in rows]) == 0
@@ -224,7 +224,7 @@ def test_a_dive_at_the_target_ends_on_the_rim_or_the_lid_of_the_stand_off(bearin
 def test_hovering_noise_at_the_rim_does_not_shake_the_setpoint():
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=2.0, height_m=4.0))
     noise, memory, sent = random.Random(5), None, []
-    for _ in range(1000):  # the game holds at R = 3 m, h = 5 m; the estimate is noisy, the law pulls towards the target
+    for _ in range(1000):  # the game holds at R = 3 m, h = 5 m; the estimate is noisy, the law pulls towards the evader
         position = (-3.0 + noise.gauss(0.0, 0.1), noise.gauss(0.0, 0.1), -5.0 + noise.gauss(0.0, 0.1))
         command = Setpoint((0.5, 0.0, 0.0))
         limited = limit(command, Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), envelope, memory, DT_S)
@@ -261,8 +261,8 @@ def test_five_minutes_of_level_flight_keep_the_height_that_bare_velocity_loses()
     noise = random.Random(7)
     bare, held = Vehicle(), Vehicle()
     memory, errors = None, []
-    for tick in range(round(300.0 / DT_S)):
-        sink = 0.087 + (0.2 if 100.0 < tick * DT_S < 160.0 else 0.0)
+    for step in range(round(300.0 / DT_S)):
+        sink = 0.087 + (0.2 if 100.0 < step * DT_S < 160.0 else 0.0)
         bare.step((5.0, 0.0, 0.0), (0.0, 0.0, sink))
         out = hold_altitude(
             memory, down_m=held.position[2] + noise.gauss(0.0, 0.05), wanted_down_m=-20.0, envelope=ENVELOPE, dt_s=DT_S

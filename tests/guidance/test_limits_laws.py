@@ -114,7 +114,7 @@ def test_a_command_that_is_no_number_becomes_a_smooth_stop(command):
         HOVER._replace(position_ned_m=(0.0, NAN, 0.0)),
         HOVER._replace(velocity_ned_m_s=(0.0, 0.0, math.inf)),
         HOVER._replace(yaw_rad=NAN),
-        HOVER._replace(target_position_ned_m=(NAN, 0.0, 0.0)),
+        HOVER._replace(evader_position_ned_m=(NAN, 0.0, 0.0)),
     ],
 )
 def test_a_place_that_is_not_known_stops_the_vehicle_at_once(situation):

@@ -192,9 +192,9 @@ def test_the_stand_off_is_a_wall_beside_and_a_lid_above(position, velocity, allo
     assert limited.acted == ((Limiter.STAND_OFF,) if allowed != velocity else ())
 
 
-def test_the_stand_off_is_about_the_target_wherever_that_is():
+def test_the_stand_off_is_about_the_evader_wherever_that_is():
     here = Situation((-10.0, 2.0, -7.0), (1.0, 0.5, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, -1.0, 0.0))
-    there = here._replace(position_ned_m=(20.0, -58.0, -3.0), target_position_ned_m=(30.0, -60.0, 4.0))
+    there = here._replace(position_ned_m=(20.0, -58.0, -3.0), evader_position_ned_m=(30.0, -60.0, 4.0))
     one, other = (settled((8.0, -2.0, 2.0), at, ZONE).setpoint.velocity_ned_m_s for at in (here, there))
     assert one == pytest.approx(other)
     assert one != pytest.approx((8.0, -2.0, 2.0))
@@ -211,7 +211,7 @@ def test_across_the_rim_both_closing_parts_share_the_gap():
 
 
 @pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 217.0])
-def test_a_target_that_flees_takes_its_wall_along(bearing_deg):
+def test_an_evader_that_flees_takes_its_wall_along(bearing_deg):
     cosine, sine = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
 
     def turned(along, across=0.0, down=0.0):
@@ -237,7 +237,7 @@ def test_a_target_that_flees_takes_its_wall_along(bearing_deg):
         turned(0.0, 3.0),
         (0.0, 0.0, 9.0),
     ):
-        other = fleeing._replace(target_velocity_ned_m_s=velocity, velocity_ned_m_s=(0.0, 0.0, 0.0))
+        other = fleeing._replace(evader_velocity_ned_m_s=velocity, velocity_ned_m_s=(0.0, 0.0, 0.0))
         assert settled(turned(8.0), other, ZONE)[0].velocity_ned_m_s == pytest.approx(
             turned(asked_ground(along_m, 8.0))
         )
@@ -246,7 +246,7 @@ def test_a_target_that_flees_takes_its_wall_along(bearing_deg):
 @pytest.mark.parametrize(
     ("above_m", "share"), [(-3.0, 0.0), (0.0, 0.0), (COVER_M / 4, 0.25), (COVER_M, 1.0), (2.0, 1.0)]
 )
-def test_beside_the_cylinder_no_flight_of_the_target_is_trusted_in(above_m, share):
+def test_beside_the_cylinder_no_flight_of_the_evader_is_trusted_in(above_m, share):
     place = (-10.0, 0.0, -5.0 - above_m)
     fleeing = Situation(place, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
     north, _, _ = settled((9.0, 0.0, 0.0), fleeing, ZONE)[0].velocity_ned_m_s
@@ -254,7 +254,7 @@ def test_beside_the_cylinder_no_flight_of_the_target_is_trusted_in(above_m, shar
     assert north == pytest.approx(3.0 * share + asked_ground(along_m, 9.0 - 3.0 * share))
 
 
-def test_across_the_rim_a_target_that_flees_moves_the_level_part_of_the_wall():
+def test_across_the_rim_an_evader_that_flees_moves_the_level_part_of_the_wall():
     position = (-6.0, 0.0, -9.0)  # 3 m beside and 4 m above: a gap of 5 m
     fleeing = Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
     north, _, down = settled((8.0, 0.0, 2.0), fleeing, ZONE).setpoint.velocity_ned_m_s
@@ -262,7 +262,7 @@ def test_across_the_rim_a_target_that_flees_moves_the_level_part_of_the_wall():
     assert 0.6 * (north - 2.0) * ground_s + 0.8 * down * vertical_s == pytest.approx(5.0)
 
 
-def test_inside_the_stand_off_nothing_leads_deeper_however_the_target_flees():
+def test_inside_the_stand_off_nothing_leads_deeper_however_the_evader_flees():
     inside = Situation((-1.0, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
     assert settled((8.0, 1.0, 1.0), inside, ZONE)[0].velocity_ned_m_s == pytest.approx((0.0, 1.0, 0.0))
 
@@ -276,5 +276,5 @@ def test_each_axis_has_its_own_braking(braking):
     assert settled((8.0, 0.0, 2.0), HOVER, fenced)[0].velocity_ned_m_s[0] == pytest.approx(3.0 / (0.5 + 4.0 / braking))
 
 
-def test_no_target_no_stand_off():
+def test_no_evader_no_stand_off():
     assert settled((8.0, 0.0, 0.0), Situation((-4.0, 0.0, -2.0), (0.0, 0.0, 0.0)), ZONE).acted == ()

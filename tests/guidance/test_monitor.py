@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from guidance.cycle import Certificate
 from guidance.game import Winner
 from guidance.monitor import ARRIVAL_S, LASTING_S, SCATTER_M, SCATTER_M_S, STALE_S, Broken, Guarantee, watch
-from guidance.tick import Certificate
 
 FAST = 1e6  # against an evader of 1 m/s: what estimates scatter by is made good at once
 
@@ -122,7 +122,7 @@ def test_an_evader_of_which_nothing_new_is_heard_is_said_once_for_each_time_that
     memory, said = Guarantee(), []
     for ages in ([0.1, 0.3], [0.1, 0.9, STALE_S], [0.1, 1.1, 1.2], [0.1, 1.3, 1.5], [0.1, 1.6, 1.7, 2.0]):
         for age_s in ages:
-            memory, alarm = watched(memory, 0.0, certificate(4.0)._replace(target_age_s=age_s))
+            memory, alarm = watched(memory, 0.0, certificate(4.0)._replace(evader_age_s=age_s))
             said.append(None if alarm is None else (alarm.broken, alarm.amount))
     assert [each for each in said if each] == [(Broken.STALE, 1.1), (Broken.STALE, 1.7)]
 

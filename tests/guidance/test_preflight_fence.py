@@ -230,8 +230,8 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
     corners = square(150.0)
     waiting = [mavlink.MAVLink_mission_count_message(1, 1, 4, 1).pack(ground)]
     survey, heard = Survey([]), []
-    for tick in range(500):
-        now[0] = 0.02 * tick
+    for cycle in range(500):
+        now[0] = 0.02 * cycle
         out = vehicle.step(now[0], [*(frame for _, frame in theirs.receive()), *waiting])
         waiting = []
         for frame in out:
@@ -247,7 +247,7 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
             theirs.send(frame)
         received = link.receive()
         heard += received
-        if tick > 100:  # the ground station is done
+        if cycle > 100:  # the ground station is done
             survey.observe(received, [])
             for request in survey.requests(now[0]):
                 link.request(request)

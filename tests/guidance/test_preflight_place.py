@@ -10,6 +10,7 @@ from guidance.preflight import Facts, Survey, Verdict, Wants, rows
 from guidance.preflight.survey import ASK_AGAIN_S
 from guidance.telemetry import (
     Attitude,
+    EvaderReport,
     FenceRequest,
     GlobalPosition,
     Heartbeat,
@@ -20,7 +21,6 @@ from guidance.telemetry import (
     Parameter,
     ParameterRequest,
     PositionTarget,
-    TargetReport,
 )
 from guidance.vehicle import VehicleState, observe
 
@@ -47,12 +47,12 @@ def vehicle_at(position_ned_m=REST, *, home_ned_m=REST, home_told_m=None, height
     return observe(VehicleState(), messages)
 
 
-def verdicts(vehicle, target_amsl_m=488.0):
-    facts = Facts(vehicle=vehicle, target_amsl_m=target_amsl_m)
+def verdicts(vehicle, evader_amsl_m=488.0):
+    facts = Facts(vehicle=vehicle, evader_amsl_m=evader_amsl_m)
     return {row.name: row.verdict for row in rows(facts, PX4, WANTS)}
 
 
-PLACE = ("frame origin", "home in the frame", "local = global", "datum of home", "target's altitude")
+PLACE = ("frame origin", "home in the frame", "local = global", "datum of home", "evader's altitude")
 
 
 def test_a_vehicle_that_agrees_with_itself_passes_wherever_its_origin_is():
@@ -91,11 +91,11 @@ def test_a_home_above_another_zero_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("target_amsl_m", "verdict"),
+    ("evader_amsl_m", "verdict"),
     [(488.0, "pass"), (510.0, "pass"), (535.0, "refuse"), (688.0, "refuse"), (0.0, "refuse"), (None, "warn")],
 )
-def test_a_target_above_another_zero_is_refused(target_amsl_m, verdict):
-    assert str(verdicts(vehicle_at(), target_amsl_m)["target's altitude"]) == verdict
+def test_an_evader_above_another_zero_is_refused(evader_amsl_m, verdict):
+    assert str(verdicts(vehicle_at(), evader_amsl_m)["evader's altitude"]) == verdict
 
 
 def streamed(rates_hz, seconds=4.0):
@@ -164,9 +164,9 @@ def test_a_parameter_that_the_autopilot_announces_as_changed_is_taken_over():
     assert survey.facts(VehicleState(), 5.0).parameters == {"A": 7.0}
 
 
-def test_the_targets_last_altitude_is_kept():
+def test_the_evaders_last_altitude_is_kept():
     survey = Survey([])
     nan = math.nan
-    report = TargetReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, (nan, nan, nan), nan, nan)
+    report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, (nan, nan, nan), nan, nan)
     survey.observe([], [report, report._replace(altitude_amsl_m=491.0)])
-    assert survey.facts(VehicleState(), 1.0).target_amsl_m == 491.0
+    assert survey.facts(VehicleState(), 1.0).evader_amsl_m == 491.0

@@ -1,4 +1,4 @@
-"""Reports of a target, and what a track makes of them."""
+"""Reports of an evader, and what a track makes of them."""
 
 import random
 
@@ -14,12 +14,12 @@ def measured(time_s, position, velocity=None, *, received_s=None, position_sd_m=
 
 
 def straight(count, rate_hz=10.0, velocity=(3.0, -1.0, 0.2), *, seed=None, known=True, delay_s=0.0):
-    """Reports of a target that goes straight, with noise from a seed."""
+    """Reports of an evader that goes straight, with noise from a seed."""
     rng = random.Random(seed)
     noise = (lambda sd: rng.gauss(0.0, sd)) if seed is not None else (lambda _sd: 0.0)
     reports = []
-    for tick in range(count):
-        time_s = tick / rate_hz
+    for step in range(count):
+        time_s = step / rate_hz
         reports.append(
             measured(
                 time_s,

@@ -9,11 +9,11 @@ from guidance.config import load
 from guidance.flight import Event, Flight, State
 from guidance.scenarios.evader import EvaderPilot
 from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.fly import TICK_S
+from guidance.scenarios.fly import CYCLE_S
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings, flight_settings
 from guidance.service.clock import VirtualClock
-from guidance.service.cycle import Cycle
+from guidance.service.linked_flight import LinkedFlight
 from guidance.telemetry import LocalPosition
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
@@ -44,7 +44,7 @@ class Sortie:
         self.mock = self.world.vehicles["pursuer"]
         self.rover = self.world.vehicles["evader"]
         self.flight = Flight(change(settings or flight_settings(self.scenario)))
-        self.cycle = Cycle(self.flight, self.world.pursuer, self.world.target, None)
+        self.linked = LinkedFlight(self.flight, self.world.pursuer, self.world.evader_source, None)
         self.evader = EvaderPilot(self.world.evader, evader_settings(self.scenario))
         self.sent = []
         self.outputs = []
@@ -68,15 +68,15 @@ class Sortie:
     def events(self):
         return [happening.event for happening in self.happenings]
 
-    def tick(self, *orders):
+    def cycle(self, *orders):
         """One cycle of 20 ms; while frozen, the world goes on without us."""
-        self.clock.sleep_until(self.now_s + TICK_S)
+        self.clock.sleep_until(self.now_s + CYCLE_S)
         self.world.advance()
         local, frame = self.flight.vehicle.last(LocalPosition), self.flight.tracking.game_frame
         pursuer = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
         self.evader.step(self.now_s, pursuer, playing=self.evader_plays)
         if not self.frozen:
-            output = self.cycle.run(self.now_s, orders)
+            output = self.linked.run(self.now_s, orders)
             self.outputs.append(output)
             self.happenings.extend(output.happenings)
         for passed in self.world.drain():
@@ -84,8 +84,8 @@ class Sortie:
                 self.sent.append(Sent(passed.now_s, passed.frame))
 
     def run(self, seconds):
-        for _ in range(round(seconds / TICK_S)):
-            self.tick()
+        for _ in range(round(seconds / CYCLE_S)):
+            self.cycle()
         return self
 
     def until(self, state, limit_s=120.0):
@@ -94,7 +94,7 @@ class Sortie:
         while self.state is not state:
             if self.now_s > deadline_s:
                 pytest.fail(f"not {state} within {limit_s} s but {self.state}; {self.happenings[-5:]}")
-            self.tick()
+            self.cycle()
         return self
 
     def until_mock(self, mode, limit_s=20.0):
@@ -102,19 +102,19 @@ class Sortie:
         while self.mock.mode != mode:
             if self.now_s > deadline_s:
                 pytest.fail(f"the mock is in {self.mock.mode}, not in {mode}, after {limit_s} s")
-            self.tick()
+            self.cycle()
         return self
 
     def standing_by(self):
         self.until(State.READY)
         while not self.evader.ready:
-            self.tick()
-        self.tick(Event.START)
+            self.cycle()
+        self.cycle(Event.START)
         return self.until(State.STANDING_BY)
 
     def engaged(self):
         self.standing_by()
-        self.tick(Event.ENGAGE)
+        self.cycle(Event.ENGAGE)
         self.until(State.ENGAGED)
         self.evader_plays = True
         return self

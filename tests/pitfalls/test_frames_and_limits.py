@@ -23,7 +23,7 @@ def with_evader_at(scenario, x, y):
     ("bearing", "offset"),
     [("north", (0.0, 30.0)), ("east", (30.0, 0.0)), ("south", (0.0, -30.0)), ("west", (-30.0, 0.0))],
 )
-def test_10_the_velocity_points_at_the_target_whatever_the_heading(sortie, autopilot, bearing, offset):
+def test_10_the_velocity_points_at_the_evader_whatever_the_heading(sortie, autopilot, bearing, offset):
     base = sortie(autopilot).scenario
     x, y, _ = base.pursuer.position_m
     flight = sortie(autopilot, scenario=with_evader_at(base, x + offset[0], y + offset[1])).engaged().run(3.0)
@@ -85,7 +85,7 @@ def test_14_the_heading_at_engagement_is_held(sortie, autopilot, yaw_deg, monkey
     rebuild(flight, monkeypatch, yaw_deg=yaw_deg)
     flight.standing_by()
     heading = flight.flight.vehicle.yaw_rad
-    flight.tick(Event.ENGAGE)
+    flight.cycle(Event.ENGAGE)
     flight.until(State.ENGAGED).run(2.0)
     yaws = [sent.message.yaw for sent in flight.setpoints]
     assert all(math.isfinite(yaw) for yaw in yaws)
@@ -117,9 +117,9 @@ def test_16_masks_never_mix_a_position_into_velocities_by_accident(sortie, autop
 
 
 @pytest.mark.parametrize("far_m", [1e3, 1e5])
-def test_17_no_target_however_far_yields_a_setpoint_beyond_the_envelope(sortie, autopilot, far_m, monkeypatch):
+def test_17_no_evader_however_far_yields_a_setpoint_beyond_the_envelope(sortie, autopilot, far_m, monkeypatch):
     flight = sortie(autopilot).engaged()
-    source = flight.world.target
+    source = flight.world.evader_source
     real = source.receive
 
     def thrown():
@@ -127,7 +127,7 @@ def test_17_no_target_however_far_yields_a_setpoint_beyond_the_envelope(sortie, 
 
     monkeypatch.setattr(source, "receive", thrown)
     flight.run(4.0)
-    envelope = flight.flight.settings.tick.envelope
+    envelope = flight.flight.settings.cycle.envelope
     for sent in flight.setpoints:
         north, east, down = sent.velocity
         assert math.isfinite(north + east + down)
@@ -138,9 +138,9 @@ def test_17_no_target_however_far_yields_a_setpoint_beyond_the_envelope(sortie, 
 def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
     base = sortie(autopilot).scenario
     flight = sortie(autopilot, scenario=with_evader_at(base, 8.0, 200.0)).standing_by()
-    flight.tick(Event.ENGAGE)
+    flight.cycle(Event.ENGAGE)
     flight.until(State.ENGAGED).run(4.0)
-    envelope = flight.flight.settings.tick.envelope
+    envelope = flight.flight.settings.cycle.envelope
     for a, b in zip(flight.setpoints[:-1], flight.setpoints[1:], strict=True):
         dt_s = b.now_s - a.now_s
         change = [after - before for after, before in zip(b.velocity, a.velocity, strict=True)]
@@ -150,14 +150,14 @@ def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
     assert math.hypot(north, east, down) < 0.5
 
 
-def test_25_a_target_beyond_the_fence_is_pursued_only_to_the_fence(sortie, autopilot):
+def test_25_an_evader_beyond_the_fence_is_pursued_only_to_the_fence(sortie, autopilot):
     base = sortie(autopilot).scenario
     far = with_evader_at(base, 8.0, 60.0)
     settings = flight_settings(
         far.model_copy(update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})})
     )
-    envelope = dataclasses.replace(settings.tick.envelope, fence_radius_m=30.0)
-    fenced = dataclasses.replace(settings, tick=dataclasses.replace(settings.tick, envelope=envelope))
+    envelope = dataclasses.replace(settings.cycle.envelope, fence_radius_m=30.0)
+    fenced = dataclasses.replace(settings, cycle=dataclasses.replace(settings.cycle, envelope=envelope))
     flight = sortie(autopilot, scenario=far, settings=fenced).engaged().run(25.0)
     position = flight.mock.truth.position_ned_m
     assert math.hypot(*position[:2]) <= 30.0

@@ -63,7 +63,7 @@ def test_08_not_even_an_order_takes_the_vehicle_back_from_a_pilot(sortie, order)
     flight = sortie("px4").engaged()
     take_over(flight, "POSCTL")
     flight.until(State.YIELDED, 2.5)
-    flight.tick(order)
+    flight.cycle(order)
     flight.run(3.0)
     assert flight.state is State.YIELDED
     assert flight.mock.mode == "POSCTL"
@@ -85,11 +85,11 @@ def test_08_a_pilot_is_seen_in_every_phase_in_the_air(sortie, autopilot):
         flight = sortie(autopilot)
         flight.until(State.READY)
         while not flight.evader.ready:
-            flight.tick()
-        flight.tick(Event.START)
+            flight.cycle()
+        flight.cycle(Event.START)
         if phase is State.ENTERING:
             flight.until(State.STANDING_BY)
-            flight.tick(Event.ENGAGE)
+            flight.cycle(Event.ENGAGE)
         flight.until(phase)
         take_over(flight, mode)
         flight.until(State.YIELDED, 2.5)
@@ -114,18 +114,18 @@ def test_12_an_estimators_jump_is_held_and_not_chased(sortie, jump_m):
     assert max(steps) < 0.5
 
 
-def test_21_a_lost_target_is_hovered_for_then_handed_to_the_autopilots_hold(sortie, autopilot):
+def test_21_a_lost_evader_is_hovered_for_then_handed_to_the_autopilots_hold(sortie, autopilot):
     flight = sortie(autopilot).engaged().run(2.0)
     flight.rover.inject("silent", True)
     flight.until(State.PAUSED, 3.0)
-    assert Event.TARGET_LOST in flight.events
+    assert Event.EVADER_LOST in flight.events
     flight.run(4.0)
     assert math.hypot(*flight.mock.truth.velocity_ned_m_s[:2]) < 0.5
     flight.until(State.HOLDING, 12.0)
     flight.until_mock("HOLD" if autopilot == "px4" else "BRAKE")
 
 
-def test_21_a_target_that_is_found_again_in_time_is_played_on(sortie):
+def test_21_an_evader_that_is_found_again_in_time_is_played_on(sortie):
     flight = sortie("px4").engaged().run(2.0)
     flight.rover.inject("silent", True)
     flight.until(State.PAUSED, 3.0)
@@ -133,9 +133,9 @@ def test_21_a_target_that_is_found_again_in_time_is_played_on(sortie):
     flight.until(State.ENGAGED, 5.0)
 
 
-def test_21_another_system_on_the_same_wire_is_never_taken_for_the_target(sortie):
+def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie):
     flight = sortie("px4").engaged().run(1.0)
-    # The evader's own frames go on, but under another system id: a stranger at the target's place.
+    # The evader's own frames go on, but under another system id: a stranger at the evader's place.
     source = flight.world._mocks["evader"]
     real_step = flight.rover.step
 
@@ -148,7 +148,7 @@ def test_21_another_system_on_the_same_wire_is_never_taken_for_the_target(sortie
 
     source._vehicle.step = as_stranger
     flight.until(State.PAUSED, 3.0)
-    assert flight.world.target.counters()["foreign"] > 10
+    assert flight.world.evader_source.counters()["foreign"] > 10
 
 
 @pytest.mark.parametrize("condition", ["telemetry_frozen", "silent"])
@@ -169,7 +169,7 @@ def test_23_only_the_latest_of_what_queued_up_is_used(sortie):
     flight.frozen = True
     flight.run(0.2)
     flight.frozen = False
-    flight.tick()
+    flight.cycle()
     local = flight.flight.vehicle.last(LocalPosition)
     assert flight.now_s - local.received_s <= 0.05
 

@@ -36,7 +36,7 @@ def test_01_setpoints_stream_before_the_mode_is_asked_for_at_any_speed_of_the_si
 
         monkeypatch.setattr(flight.mock, "step", coarse)
     flight.sent.clear()
-    flight.tick(Event.ENGAGE)
+    flight.cycle(Event.ENGAGE)
     flight.until(State.ENGAGED, 10.0)
     # ArduCopter has been in GUIDED since before it was armed, and is not asked again.
     asked_s = [sent.now_s for sent in flight.sent if is_guided_request(sent, PROFILES[autopilot])]
@@ -53,14 +53,14 @@ def test_02_offboard_without_a_stream_is_refused_and_with_a_fresh_one_granted(so
     flight.run(2.0)
     assert flight.mock.mode != "OFFBOARD"
     assert flight.state is State.STANDING_BY
-    flight.tick(Event.ENGAGE)
+    flight.cycle(Event.ENGAGE)
     flight.until(State.ENGAGED, 10.0)
 
 
 def test_02_a_refusal_ends_in_the_autopilots_hold_with_a_typed_reason(sortie):
     flight = sortie("px4").standing_by()
     flight.mock.inject("offboard_refused", True)
-    flight.tick(Event.ENGAGE)
+    flight.cycle(Event.ENGAGE)
     flight.until(State.HOLDING, 15.0)
     assert flight.happenings[-1].event is Event.TIMED_OUT
     assert flight.happenings[-1].before is State.ENTERING
@@ -82,14 +82,14 @@ def test_04_the_autopilots_own_freshness_limit_decides_and_we_stay_far_within_it
     flight.frozen = True
     last_s = times[-1]
     while flight.mock.mode == "OFFBOARD":
-        flight.tick()
+        flight.cycle()
     assert loss_s <= flight.now_s - last_s <= loss_s + 0.3
 
 
 def test_07_an_accepted_command_is_not_a_mode(sortie):
     flight = sortie("px4").standing_by()
     flight.mock.inject("offboard_refused", True)
-    flight.tick(Event.ENGAGE)
+    flight.cycle(Event.ENGAGE)
     flight.run(5.0)
     # PX4 says ACCEPTED first and refuses afterwards: HEARTBEAT alone counts.
     assert flight.state is State.ENTERING
@@ -98,7 +98,7 @@ def test_07_an_accepted_command_is_not_a_mode(sortie):
 
 def test_07_the_game_begins_only_with_a_heartbeat_that_shows_the_mode(sortie, autopilot):
     flight = sortie(autopilot).standing_by()
-    flight.tick(Event.ENGAGE)
+    flight.cycle(Event.ENGAGE)
     entered_s = flight.now_s
     flight.until(State.ENGAGED, 10.0)
     assert flight.flight.mode_name == "guided"
@@ -108,7 +108,7 @@ def test_07_the_game_begins_only_with_a_heartbeat_that_shows_the_mode(sortie, au
 @pytest.mark.parametrize("order", [Event.ENGAGE, Event.HOLD, Event.RETURN])
 def test_18_nothing_engages_on_the_ground(sortie, autopilot, order):
     flight = sortie(autopilot).until(State.READY)
-    flight.tick(order)
+    flight.cycle(order)
     flight.run(3.0)
     assert flight.state is State.READY
     assert flight.setpoints == []
@@ -127,7 +127,7 @@ def test_27_without_a_valid_position_nothing_is_armed(sortie, autopilot, conditi
     flight = sortie(autopilot)
     flight.mock.inject(condition, True)
     flight.run(15.0)
-    flight.tick(Event.START)
+    flight.cycle(Event.START)
     flight.run(2.0)
     assert flight.state is State.CHECKING
     assert not flight.mock.armed

@@ -16,7 +16,7 @@ from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly
 from guidance.scenarios.model import Scenario
 from guidance.service.clock import VirtualClock
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder
+from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, Recorder
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -44,7 +44,7 @@ def keep(path: Path, out: Path, metadata: dict[str, str]) -> None:
         writer.add_metadata("run", metadata)
         channels: dict[str, int] = {}
         landing_s = next(row.now_s for row in rows_of(path) if row.state == State.LANDING)
-        replayed = {TICK_TOPIC, EVENT_TOPIC}
+        replayed = {CYCLE_TOPIC, EVENT_TOPIC}
         items = (item for item in scan(path) if item.topic in replayed and item.now_s < landing_s + 1.0)
         for number, item in enumerate(items):
             if item.topic not in channels:

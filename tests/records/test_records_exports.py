@@ -32,7 +32,7 @@ from guidance.records.export import EXPORTS, export
 from guidance.records.maps import write_geojson
 from guidance.records.places import Feature, features_of
 from guidance.records.tlog import started_unix_s, write_tlog
-from guidance.service.record import TARGET_TOPIC, Recorder
+from guidance.service.record import EVADER_TOPIC, Recorder
 from guidance.telemetry import GlobalPosition, Heartbeat, Home, LocalPosition
 
 
@@ -117,14 +117,14 @@ def test_a_column_keeps_what_was_heard_last(exported, rows):
     np.testing.assert_array_equal(frame["vehicle_position_north_m"].to_numpy(dtype=float), expected)
 
 
-def test_the_target_is_exported_as_it_was_received_with_both_clocks_and_the_datum(exported, flight):
-    frame = pandas.read_parquet(exported / "flight.parquet").dropna(subset=["target_received_s"])
+def test_the_evader_is_exported_as_it_was_received_with_both_clocks_and_the_datum(exported, flight):
+    frame = pandas.read_parquet(exported / "flight.parquet").dropna(subset=["evader_received_s"])
     reports = {report.received_s: report for report in reports_of(flight[1])}
     assert len(frame) > 100
     for row in frame.itertuples():
-        report = reports[row.target_received_s]
-        assert (row.target_sent_s, row.target_source) == (report.sent_s, report.source)
-        assert (row.target_said_altitude_m, row.target_said_datum) == report.said
+        report = reports[row.evader_received_s]
+        assert (row.evader_sent_s, row.evader_source) == (report.sent_s, report.source)
+        assert (row.evader_said_altitude_m, row.evader_said_datum) == report.said
 
 
 def test_pandas_reads_the_same_from_csv(exported):
@@ -150,7 +150,7 @@ def test_a_geojson_reader_finds_valid_shapes_where_the_flight_was(exported, rows
     np.testing.assert_allclose(np.array(track.geometry.coordinates), np.array(said), atol=1e-3, rtol=0)
     assert len(track.properties["times_s"]) == len(said)
     assert {State.CLIMBING, State.ENGAGED, State.ON_STATION, State.LANDED} <= by_name.keys()
-    assert by_name["target (GLOBAL_POSITION_INT)"].geometry.type == "LineString"
+    assert by_name["evader (GLOBAL_POSITION_INT)"].geometry.type == "LineString"
     fence = by_name["fence"].geometry.coordinates[0]
     assert fence[0] == fence[-1]
     area = sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence))
@@ -183,7 +183,7 @@ def test_without_settings_there_is_a_map_without_a_fence(flight):
 
 
 def test_an_unknown_altitude_is_left_out_of_a_place(tmp_path):
-    feature = Feature("target", "place", ((8.0, 47.0, math.nan),), {})
+    feature = Feature("evader", "place", ((8.0, 47.0, math.nan),), {})
     write_geojson([feature], "t", tmp_path / "t.geojson")
     assert json.loads((tmp_path / "t.geojson").read_text())["features"][0]["geometry"]["coordinates"] == [8.0, 47.0]
 
@@ -235,8 +235,8 @@ def test_the_log_commands_show_what_a_record_holds(flight, tmp_path):
     assert info.exit_code == 0, info.output
     assert "pursuer/mavlink_raw/in" in info.output
     assert "whole" in info.output
-    count = survey_of(flight[1]).messages[TARGET_TOPIC]
-    words = "reports of the target by GLOBAL_POSITION_INT, altitudes amsl, with the sender's clock"
+    count = survey_of(flight[1]).messages[EVADER_TOPIC]
+    words = "reports of the evader by GLOBAL_POSITION_INT, altitudes amsl, with the sender's clock"
     assert f"{count} {words}" in info.output
     events = runner.invoke(app, ["log", "events", str(flight[1])])
     assert [line.split("  ")[-1].strip() for line in events.output.splitlines()][-1] == "landing -> landed"
@@ -257,8 +257,8 @@ def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
     frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.profile.projection)
     corners_deg = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in SQUARE_NE_M)
     if given == "metres":
-        tick = replace(settings.tick, envelope=replace(settings.tick.envelope, fence_polygon=Polygon(SQUARE_NE_M)))
-        settings = replace(settings, tick=tick)
+        cycle = replace(settings.cycle, envelope=replace(settings.cycle.envelope, fence_polygon=Polygon(SQUARE_NE_M)))
+        settings = replace(settings, cycle=cycle)
     else:
         corners = corners_deg if given == "degrees" else corners_deg[::-1]
         settings = replace(settings, fence_corners_deg=corners)

@@ -7,13 +7,13 @@ from mcap.writer import Writer
 
 from guidance.errors import ConfigError
 from guidance.records import Survey, events_of, metadata_of, rows_of, scan, survey_of
-from guidance.service.record import TICK_TOPIC, Recorder
+from guidance.service.record import CYCLE_TOPIC, Recorder
 
 
-def written(path, ticks=60):
+def written(path, cycles=60):
     recorder = Recorder(path, {"seed": "3"})
-    for number in range(ticks):
-        recorder.tick(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
+    for number in range(cycles):
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
     recorder.close()
     return path
 
@@ -34,7 +34,7 @@ def test_what_was_flown_is_surveyed_in_full(flight):
     survey = survey_of(path)
     assert survey.torn is None
     assert survey.missing == 0
-    assert survey.messages[TICK_TOPIC] == result.cycles
+    assert survey.messages[CYCLE_TOPIC] == result.cycles
     assert survey.metadata["guidance"] == "0.1.0"
     assert survey.duration_s == pytest.approx(result.duration_s, abs=0.05)
     assert [event.event for event in events_of(path)].count("stand-off reached") == 1
@@ -88,7 +88,7 @@ def test_a_flipped_bit_is_noticed_and_never_taken_for_data(tmp_path):
         flipped[position] ^= 0x10
         path.write_bytes(flipped)
         survey = Survey()
-        read = [json.loads(item.data) for item in scan(path, survey) if item.topic == TICK_TOPIC]
+        read = [json.loads(item.data) for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
         # A chunk whose opcode was hit is a record of an unknown kind, which the format says to pass over.
         assert [row["number"] for row in read] == sorted({row["number"] for row in read})
         assert all(row["text"] == "x" * 400 for row in read)
@@ -113,12 +113,12 @@ def test_a_missing_file_and_an_empty_one_are_said_to_be_so(tmp_path):
 
 
 @pytest.mark.parametrize("data", [b"{", b"[1]", b'{"now_s": 1.0}', b"\xff"])
-def test_a_foreign_tick_is_refused_with_its_time(tmp_path, data):
+def test_a_foreign_cycle_is_refused_with_its_time(tmp_path, data):
     path = tmp_path / "foreign.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
-        channel = writer.register_channel(TICK_TOPIC, "json", 0)
+        channel = writer.register_channel(CYCLE_TOPIC, "json", 0)
         writer.add_message(channel, 1_500_000_000, data, 1_500_000_000)
         writer.finish()
     with pytest.raises(ConfigError, match=r"1\.500 s"):

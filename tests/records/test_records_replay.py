@@ -9,7 +9,7 @@ from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.records import changes_of, compare, flight_settings, metadata_of, replay, scan, title_of
 from guidance.records.replay import angle_between_rad
-from guidance.service.record import BEGUN, EVENT_TOPIC, TICK_TOPIC, Recorder
+from guidance.service.record import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, Recorder
 
 
 @pytest.fixture(scope="module")
@@ -18,13 +18,13 @@ def settings(flight):
 
 
 def rewritten(path, out, change=lambda number, row: row, repeat=1):
-    """Copy the ticks of a record, each changed as told; a repeated flight begins with the daemon's event."""
+    """Copy the cycles of a record, each changed as told; a repeated flight begins with the daemon's event."""
     recorder = Recorder(out, metadata_of(path))
-    rows = [json.loads(item.data) for item in scan(path) if item.topic == TICK_TOPIC]
+    rows = [json.loads(item.data) for item in scan(path) if item.topic == CYCLE_TOPIC]
     for _ in range(repeat):
         recorder.event(0.0, BEGUN)
         for number, row in enumerate(rows):
-            recorder.tick(row["now_s"], change(number, row))
+            recorder.cycle(row["now_s"], change(number, row))
     recorder.close()
     return out
 
@@ -83,7 +83,7 @@ def test_minus_zero_is_not_zero(flight, settings, tmp_path):
 
 def test_another_policy_wants_another_way_while_the_motion_stays_as_recorded(flight):
     pursuit = flight_settings(metadata_of(flight[1]), {"policy": "pure_pursuit"})
-    assert pursuit.tick.strategy.name == "pure_pursuit"
+    assert pursuit.cycle.strategy.name == "pure_pursuit"
     comparison, _ = compare(flight[1], pursuit, what_if=True)
     assert comparison.differing > 100
     assert comparison.wanted.speed_most_m_s > 0.1

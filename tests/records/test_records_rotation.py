@@ -13,20 +13,20 @@ from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly
 from guidance.service.clock import VirtualClock
 from guidance.service.model import Record
-from guidance.service.record import TICK_TOPIC, Recorder, part_path
+from guidance.service.record import CYCLE_TOPIC, Recorder, part_path
 
 
 def write(path, seconds, **rotation):
     recorder = Recorder(path, {"seed": "3"}, **rotation)
     for number in range(round(seconds * 50)):
-        recorder.tick(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "inputs": {}, "number": number})
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "inputs": {}, "number": number})
     recorder.close()
     assert recorder.failed is None
     return recorder
 
 
 def numbers(path, survey=None):
-    return [json.loads(item.data)["number"] for item in scan(path, survey) if item.topic == TICK_TOPIC]
+    return [json.loads(item.data)["number"] for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
 
 
 def test_the_first_file_stands_for_all_and_each_other_for_itself(tmp_path):
@@ -63,7 +63,7 @@ def test_a_disk_that_fills_up_at_the_seam_ends_the_record_and_keeps_what_there_w
     (tmp_path / "flight.002.mcap").mkdir()
     recorder = Recorder(path, {"seed": "3"}, rotate_s=1.0)
     for number in range(100):
-        recorder.tick(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "inputs": {}, "number": number})
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "inputs": {}, "number": number})
     assert "Is a directory" in recorder.failed
     recorder.close()
     shutil.rmtree(tmp_path / "flight.002.mcap")

@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from guidance.cycle import Certificate
 from guidance.monitor import Alarm
 from guidance.records import reports_of, rows_of, scan
 from guidance.records.reading import Item
 from guidance.service import schemas
 from guidance.service.foxglove import time_of
 from guidance.service.known import known
-from guidance.service.record import TARGET_TOPIC, TICK_TOPIC
+from guidance.service.record import CYCLE_TOPIC, EVADER_TOPIC
 from guidance.service.scene import EVERY_S, disc
 from guidance.service.timing import Timing
-from guidance.telemetry import Datum, GlobalPosition, Message, Request, Setpoint, TargetReport
-from guidance.tick import Certificate
+from guidance.telemetry import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 
-RECORDED = (*get_args(Message), TargetReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
+RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 
 
 def as_a_viewer_reads(schema):
@@ -66,20 +66,20 @@ def test_viewers_can_read_every_schema(name):
 
 
 def test_every_field_of_inputs_and_certificate_is_described():
-    tick = schemas.TICK["properties"]
-    assert tick["certificate"]["properties"].keys() == set(Certificate._fields)
-    messages = tick["inputs"]["properties"]["messages"]["items"]["properties"]
+    cycle = schemas.CYCLE["properties"]
+    assert cycle["certificate"]["properties"].keys() == set(Certificate._fields)
+    messages = cycle["inputs"]["properties"]["messages"]["items"]["properties"]
     assert messages.keys() == {"kind"}.union(*(kind._fields for kind in get_args(Message)))
     assert messages["kind"]["enum"] == [kind.__name__ for kind in get_args(Message)]
-    assert tick["setpoint"]["properties"]["velocity_ned_m_s"]["items"] == {"type": "number"}
+    assert cycle["setpoint"]["properties"]["velocity_ned_m_s"]["items"] == {"type": "number"}
 
 
 @pytest.mark.parametrize("damage", ["text", "unknown", "missing", "long", "null"])
 def test_what_does_not_keep_the_schema_is_noticed(channels, damage):
-    _, schema, messages = channels[TICK_TOPIC]
-    tick = json.loads(json.dumps(next(message for message in messages if "certificate" in message)))
-    certificate = tick["certificate"]
-    assert Draft202012Validator(schema).is_valid(tick)
+    _, schema, messages = channels[CYCLE_TOPIC]
+    cycle = json.loads(json.dumps(next(message for message in messages if "certificate" in message)))
+    certificate = cycle["certificate"]
+    assert Draft202012Validator(schema).is_valid(cycle)
     match damage:
         case "text":
             certificate["value"] = "1.5"
@@ -91,7 +91,7 @@ def test_what_does_not_keep_the_schema_is_noticed(channels, damage):
             certificate["pursuer_game_m"].append(0.0)
         case "null":
             certificate["value"] = None
-    assert not Draft202012Validator(schema).is_valid(tick)
+    assert not Draft202012Validator(schema).is_valid(cycle)
 
 
 numbers = st.floats() | st.just(math.nan)
@@ -137,8 +137,8 @@ def json_of(item: Item):
     return json.loads(item.data)
 
 
-def test_target_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datum_as_received(flight):
-    items = [item for item in scan(flight[1]) if item.topic == TARGET_TOPIC]
+def test_evader_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datum_as_received(flight):
+    items = [item for item in scan(flight[1]) if item.topic == EVADER_TOPIC]
     read = [report for row in rows_of(flight[1]) for report in row.inputs.reports]
     assert len(items) == len(read) > 100
     assert repr(list(reports_of(flight[1]))) == repr(read)
@@ -150,7 +150,7 @@ def test_target_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datu
 
 
 def test_the_map_shows_both_where_they_said_they_were_ten_times_a_second(flight):
-    fixes = {name: [] for name in ("pursuer", "target")}
+    fixes = {name: [] for name in ("pursuer", "evader")}
     for item in scan(flight[1]):
         if item.topic.startswith("guidance/map/"):
             said = json_of(item)

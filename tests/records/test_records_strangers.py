@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError, GuidanceError
 from guidance.records import Survey, making_sense_of, scan
-from guidance.service.record import EVENT_TOPIC, TARGET_TOPIC, TICK_TOPIC
+from guidance.service.record import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 MAGIC = b"\x89MCAP0\r\n"
@@ -99,7 +99,7 @@ def mutated(out: Path, seed: int) -> None:
     """The short chase again, its checksums right, with one nonsense in its metadata, a cycle, an event or a report."""
     draw, survey = random.Random(seed), Survey()
     items = list(scan(SHORT, survey))[:900]
-    topics = [TICK_TOPIC] * 6 + [EVENT_TOPIC, TARGET_TOPIC, None, None]
+    topics = [CYCLE_TOPIC] * 6 + [EVENT_TOPIC, EVADER_TOPIC, None, None]
     topic = topics[seed % len(topics)]
     of_topic = [number for number, item in enumerate(items) if item.topic == topic]
     chosen = draw.choice(of_topic) if of_topic else None

@@ -10,9 +10,9 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs, Outputs, State
 from guidance.records.rows import inputs_of
 from guidance.records.typed import decoder
-from guidance.service.cycle import row
 from guidance.service.known import known
-from guidance.telemetry import AltitudeSaid, Datum, Message, Setpoint, TargetReport, Timesync
+from guidance.service.linked_flight import row
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Message, Setpoint, Timesync
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 VALUES = {
@@ -37,7 +37,7 @@ inputs = st.builds(
     Inputs,
     now_s=finite,
     messages=st.lists(st.one_of([of_kind(kind) for kind in get_args(Message)]), max_size=6).map(tuple),
-    reports=st.lists(of_kind(TargetReport), max_size=3).map(tuple),
+    reports=st.lists(of_kind(EvaderReport), max_size=3).map(tuple),
     orders=st.lists(st.sampled_from(Event), max_size=3).map(tuple),
     refusals=st.lists(st.text(max_size=10), max_size=3).map(tuple),
 )

@@ -9,7 +9,7 @@ def told(director, now_s, state):
 
 
 def orders(director, now_s, *, ready=True, fresh=True):
-    return tuple(director.orders(now_s, evader_ready=ready, target_fresh=fresh))
+    return tuple(director.orders(now_s, evader_ready=ready, evader_fresh=fresh))
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def test_the_flight_starts_only_when_the_evader_is_ready(director):
     assert orders(director, 1.0) == (Event.START,)
 
 
-def test_the_game_is_engaged_once_and_only_with_a_target_that_is_heard(director):
+def test_the_game_is_engaged_once_and_only_with_an_evader_that_is_heard(director):
     told(director, 1.0, State.STANDING_BY)
     assert orders(director, 1.0, fresh=False) == ()
     assert orders(director, 1.0) == (Event.ENGAGE,)

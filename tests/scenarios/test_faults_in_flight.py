@@ -60,9 +60,9 @@ def test_a_radio_that_falls_silent_fails_the_flight_and_says_why():
     assert outcome.game_time_s > 2.0
 
 
-def test_a_target_that_is_lost_for_good_fails_the_flight_for_that_reason():
+def test_an_evader_that_is_lost_for_good_fails_the_flight_for_that_reason():
     _, outcome = flown(fault=[{"kind": "silence", "vehicle": "evader", "at_s": 1.0}])
-    assert (outcome.end, outcome.reason) == ("failed", "target lost")
+    assert (outcome.end, outcome.reason) == ("failed", "evader lost")
 
 
 def test_a_vehicle_that_will_not_arm_never_engages_and_says_so():
@@ -74,10 +74,10 @@ def test_a_vehicle_that_will_not_arm_never_engages_and_says_so():
 
 def test_faults_of_the_evader_count_from_engagement_though_it_is_guided_long_before():
     result, outcome = flown(
-        fault=[{"kind": "target_stale", "vehicle": "evader", "at_s": 2.0, "for_s": 3.0, "as": "silence"}]
+        fault=[{"kind": "evader_stale", "vehicle": "evader", "at_s": 2.0, "for_s": 3.0, "as": "silence"}]
     )
     assert outcome.end == "captured"
-    lost = next(each for each in result.happenings if each.event == "target lost")
+    lost = next(each for each in result.happenings if each.event == "evader lost")
     engaged_s = next(each.now_s for each in result.happenings if each.after == "engaged")
     assert lost.now_s - engaged_s == pytest.approx(2.0 + 1.5, abs=0.3)
 

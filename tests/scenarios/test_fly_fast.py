@@ -22,7 +22,7 @@ from guidance.scenarios.picture import draw
 from guidance.scenarios.recording import next_folder
 from guidance.scenarios.settings import game
 from guidance.service.clock import VirtualClock
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder
+from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, Recorder
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 
@@ -77,7 +77,7 @@ def test_the_papers_pe_game_is_flown_within_15_percent_of_its_value(pe):
     assert ended(result) == "captured"
     assert result.ended is State.LANDED
     assert 0.85 < outcome(result).ratio < 1.15
-    assert result.late_ticks == 0
+    assert result.late_cycles == 0
 
 
 def test_the_predicted_value_is_the_closed_form_of_the_stand_off_game(pe):
@@ -129,9 +129,9 @@ def test_the_record_holds_every_cycle_every_frame_and_every_event(pe):
         setpoints = 0
         for _, channel, message in reader.iter_messages():
             counts[channel.topic] = counts.get(channel.topic, 0) + 1
-            if channel.topic == TICK_TOPIC:
+            if channel.topic == CYCLE_TOPIC:
                 setpoints += "setpoint" in json.loads(message.data)
-    assert counts[TICK_TOPIC] == result.cycles
+    assert counts[CYCLE_TOPIC] == result.cycles
     assert counts[EVENT_TOPIC] == 1 + len(result.happenings) + len(result.alarms)  # one begins the flight
     assert setpoints == result.setpoints_sent
     assert counts["pursuer/mavlink_raw/in"] >= result.setpoints_sent
@@ -141,7 +141,7 @@ def test_the_record_holds_every_cycle_every_frame_and_every_event(pe):
 def test_one_setpoint_goes_out_a_cycle_and_none_outside_of_the_guided_states(pe):
     _, path = pe
     with path.open("rb") as stream:
-        rows = [json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(topics=[TICK_TOPIC])]
+        rows = [json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(topics=[CYCLE_TOPIC])]
     guided = {"entering", "engaged", "paused", "on station"}
     assert all("setpoint" in row for row in rows if row["state"] in guided)
     silent = [row for row in rows if row["state"] not in guided | {"holding", "landing", "returning"}]

@@ -1,4 +1,4 @@
-"""What a sensor makes of a target's reports, and that a flight which heard through one replays bit for bit."""
+"""What a sensor makes of an evader's reports, and that a flight which heard through one replays bit for bit."""
 
 import math
 
@@ -8,25 +8,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.config import parse
-from guidance.estimate import Observer, TrackSettings, observe, target_at
+from guidance.estimate import Observer, TrackSettings, evader_at, observe
 from guidance.frames import Amsl, LocalFrame
 from guidance.records import compare, flight_settings, metadata_of
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.flown import outcome_of_flight
 from guidance.scenarios.fly import fly
 from guidance.scenarios.hearing import Noise, begin, listen
-from guidance.scenarios.impaired import ImpairedTarget
+from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.model import Scenario, Sensor
 from guidance.service.clock import VirtualClock
 from guidance.service.record import Recorder
-from guidance.telemetry import TargetReport
+from guidance.telemetry import EvaderReport
 
 HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))
 PERIOD_S = 0.1
 
 
 class Source:
-    """A target that drives north at 2 m/s and reports ten times a second on a clock 50 s ahead."""
+    """An evader that drives north at 2 m/s and reports ten times a second on a clock 50 s ahead."""
 
     def __init__(self):
         self.now_s = 0.0
@@ -38,7 +38,7 @@ class Source:
         while self.due * PERIOD_S <= self.now_s + 1e-9:
             at_s = self.due * PERIOD_S
             latitude, longitude, _ = HERE.wgs84_from_ned((2.0 * at_s, 5.0, 0.0))
-            report = TargetReport(
+            report = EvaderReport(
                 at_s, at_s + 50.0, "test", latitude, longitude, 488.0, (2.0, 0.0, 0.0), math.nan, math.nan
             )
             reports.append(report)
@@ -55,14 +55,14 @@ class Source:
 def heard(sensor, *, seconds=20.0, seed=3, engaged_s=0.0):
     """All reports that come through, with the cycle in which they did; cycles are 20 ms."""
     source, now = Source(), [0.0]
-    target = ImpairedTarget(source, sensor, seed, lambda: now[0])
+    evader = ImpairedEvader(source, sensor, seed, lambda: now[0])
     came = []
-    for tick in range(round(seconds / 0.02)):
-        now[0] = source.now_s = 0.02 * tick
+    for cycle in range(round(seconds / 0.02)):
+        now[0] = source.now_s = 0.02 * cycle
         if now[0] >= engaged_s:
-            target.engage(now[0])
-        came += [(now[0], report) for report in target.receive()]
-    return came, target
+            evader.engage(now[0])
+        came += [(now[0], report) for report in evader.receive()]
+    return came, evader
 
 
 def places(came):
@@ -79,10 +79,10 @@ def test_a_perfect_sensor_and_a_game_that_has_not_begun_change_nothing():
 
 
 def test_the_rate_counts_from_engagement_and_the_others_are_withheld():
-    came, target = heard(Sensor(rate_hz=1.0), engaged_s=2.3)
+    came, evader = heard(Sensor(rate_hz=1.0), engaged_s=2.3)
     after = [report.received_s for _, report in came if report.received_s >= 2.3 - 1e-9]
     assert after == pytest.approx([2.3 + k for k in range(18)])
-    assert target.counters() == {"reports": 200, "withheld": 177 - 18, "lost": 0}
+    assert evader.counters() == {"reports": 200, "withheld": 177 - 18, "lost": 0}
 
 
 def test_a_late_report_arrives_late_and_its_age_is_known():
@@ -94,7 +94,7 @@ def test_a_late_report_arrives_late_and_its_age_is_known():
     for _, report in came:
         observer = observe(observer, report, HERE, track)
     now_s, last = came[-1]
-    seen = target_at(observer, now_s, track)
+    seen = evader_at(observer, now_s, track)
     assert seen.age_s == pytest.approx(0.5 + now_s - last.received_s, abs=1e-6)
     assert seen.position_ned_m[0] == pytest.approx(2.0 * now_s, abs=0.05)
 
@@ -110,10 +110,10 @@ def test_nothing_arrives_in_an_outage_after_engagement():
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 2**31), st.sampled_from([0.1, 0.3, 0.6]))
 def test_the_share_of_lost_reports_is_the_dropout(seed, dropout):
-    came, target = heard(Sensor(dropout=dropout), seconds=100.0, seed=seed)
+    came, evader = heard(Sensor(dropout=dropout), seconds=100.0, seed=seed)
     spread = math.sqrt(1000 * dropout * (1.0 - dropout))
-    assert abs(target.counters()["lost"] - 1000 * dropout) < 5.0 * spread
-    assert len(came) + target.counters()["lost"] == 1000
+    assert abs(evader.counters()["lost"] - 1000 * dropout) < 5.0 * spread
+    assert len(came) + evader.counters()["lost"] == 1000
 
 
 def test_noise_has_the_spread_asked_for_and_is_said_to_have_it():
@@ -142,12 +142,12 @@ def test_mathematics_hears_the_same_reports_of_the_same_seed():
     noise = Noise(np.array([3]), 1.5, 0.3, 0.4)
     known_of = begin(sensor, np.array([[5.0, 0.0, 0.0]]))
     told = []
-    for tick in range(1000):
-        now = np.array([0.02 * tick])
+    for cycle in range(1000):
+        now = np.array([0.02 * cycle])
         before = known_of.measured_s[0]
         east_north = np.array([[5.0, 2.0 * now[0], 0.0]])
         known_of = listen(sensor, noise, known_of, now, east_north, np.array([[0.0, 2.0, 0.0]]))
-        if known_of.measured_s[0] != before or (tick == 0 and known_of.position_m[0, 0] != 5.0):
+        if known_of.measured_s[0] != before or (cycle == 0 and known_of.position_m[0, 0] != 5.0):
             told.append([*known_of.position_m[0, :2], *known_of.velocity_m_s[0, :2]])
     came = heard(sensor, seed=3)[0]
     in_flight = [
@@ -160,7 +160,7 @@ def test_mathematics_hears_the_same_reports_of_the_same_seed():
 
 def test_closing_closes_the_source():
     source = Source()
-    ImpairedTarget(source, Sensor(), 0, lambda: 0.0).close()
+    ImpairedEvader(source, Sensor(), 0, lambda: 0.0).close()
     assert source.closed
 
 

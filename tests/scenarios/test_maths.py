@@ -173,10 +173,10 @@ def test_perfect_reports_at_every_cycle_are_as_good_as_seeing():
 def test_an_evader_that_is_not_heard_of_is_waited_for_and_then_given_up():
     back = one(sensor={"rate_hz": 5.0, "outages_s": [[2.0, 6.0]]})
     assert back.end == "captured"
-    assert "target lost" in back.events
+    assert "evader lost" in back.events
     gone = one(sensor={"rate_hz": 5.0, "outages_s": [[2.0, 60.0]]})
     assert gone.end == "failed"
-    assert gone.reason == "target lost"
+    assert gone.reason == "evader lost"
     assert gone.game_time_s == pytest.approx(2.0 + 1.5 + 10.0, abs=0.3)
 
 
@@ -188,7 +188,7 @@ def test_an_evader_that_seems_too_fast_for_a_game_ends_it():
         sensor={"velocity_noise_m_s": 1.0, "rate_hz": 10.0},
     )
     assert outcome.end == "failed"
-    assert outcome.reason == "target too fast for this vehicle"
+    assert outcome.reason == "evader too fast for this vehicle"
     assert outcome.events == (outcome.reason,)
 
 

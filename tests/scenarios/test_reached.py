@@ -17,14 +17,14 @@ from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.flight import Event, State
 from guidance.links import MemoryWire
 from guidance.links.endpoint import parse
+from guidance.links.evaders.global_position import GlobalPositionInt
+from guidance.links.evaders.mavlink_source import MavlinkEvader
 from guidance.links.finding import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.targets.global_position import GlobalPositionInt
-from guidance.links.targets.mavlink_source import MavlinkTarget
 from guidance.scenarios.evader_here import EvaderHere, laid_about
 from guidance.scenarios.fleet import EVADER_ID
 from guidance.scenarios.flown import outcome_of_flight
-from guidance.scenarios.impaired import ImpairedTarget
+from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.meeting import identify, wait_until_placed
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.stepped import SteppedMock
@@ -119,18 +119,18 @@ class Sortie:
             link="pymavlink",
             autopilot=name,
             found=found,
-            target_url="udpin://127.0.0.1:14541",
+            evader_url="udpin://127.0.0.1:14541",
         )
         ears, radio = MemoryWire.pair(world.now_s)
         self.evader = EvaderHere(self.laid, world, radio)
-        source = MavlinkTarget(ears, GlobalPositionInt(), system_id=EVADER_ID, clock=world.now_s)
-        target = ImpairedTarget(source, scenario.sensor, scenario.seed, world.now_s)
+        source = MavlinkEvader(ears, GlobalPositionInt(), system_id=EVADER_ID, clock=world.now_s)
+        heard = ImpairedEvader(source, scenario.sensor, scenario.seed, world.now_s)
         mailbox, self.log = Mailbox(), Log("json", "error")
         self.daemon = Daemon(
             "pursuer",
             plan_of(self.laid, self.own),
             world.link,
-            target,
+            heard,
             mailbox=mailbox,
             log=self.log,
             metrics=Metrics("pursuer"),
@@ -141,7 +141,7 @@ class Sortie:
             self.laid,
             self.daemon,
             mailbox,
-            target,
+            heard,
             engage=True,
             on_terminate=Event.LAND,
             evader=self.evader,
@@ -210,7 +210,7 @@ def test_faults_and_wind_that_only_a_mock_can_have_fall_away_and_the_evaders_sta
         SHORT.model_dump()
         | {
             "wind": {"velocity_m_s": (1.0, 0.0)},
-            "fault": (fault, {"kind": "target_silent", "vehicle": "evader", "at_s": 2.0, "for_s": 1.0}),
+            "fault": (fault, {"kind": "evader_silent", "vehicle": "evader", "at_s": 2.0, "for_s": 1.0}),
         }
     )
     laid = laid_about(scenario, *World().meet(), "arducopter")

@@ -14,7 +14,7 @@ from guidance.errors import ConfigError
 from guidance.scenarios.loading import json_schema, load_document, load_scenario
 from guidance.scenarios.maths import play
 from guidance.scenarios.model import Scenario
-from guidance.service.record import TICK_TOPIC
+from guidance.service.record import CYCLE_TOPIC
 
 DATA = Path(__file__).parents[1] / "data"
 SHORT = tomllib.loads((DATA / "short_chase.toml").read_text())
@@ -39,6 +39,7 @@ def built(**sections):
         ({"evader": {"policy": "task_oriented"}}, "evader.policy = 'task_oriented': needs target.position_m"),
         ({"evader": {"declared_speed_m_s": 9.0}}, "evader.declared_speed_m_s"),
         ({"wind": {"velocity_m_s": [2.0, 0.0]}}, "with 2 m/s of wind"),
+        ({"envelope": {"speed_m_s": 5.0}}, "envelope: is named limits now"),
         ({"sensor": {"rate_hz": 0.0}}, "sensor.rate_hz = 0.0: input should be greater than 0"),
         ({"sensor": {"latency": 0.1}}, "sensor.latency: unknown key; did you mean 'latency_s'?"),
         ({"sensor": {"outages_s": [[3.0, 2.0]]}}, "must be [from, to]"),
@@ -51,6 +52,7 @@ def built(**sections):
         ({"expect": {"end": "captured", "winner": "evader"}}, "contradicts expect.end = 'captured': pursuer wins"),
         ({"expect": {"flown": {"end": "captured", "winner": "none"}}}, "contradicts expect.end"),
         ({"expect": {"capture_times": {"max": 2.0}}}, "did you mean 'capture_time_s'?"),
+        ({"expect": {"events": ["target lost"]}}, "'target lost' is named 'evader lost' now"),
     ],
 )
 def test_a_wrong_or_contradictory_key_is_named_with_what_is_allowed(sections, message):
@@ -100,8 +102,8 @@ def record_with(path, certificates):
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
-        schema = writer.register_schema("guidance.Tick", "jsonschema", b"{}")
-        channel = writer.register_channel(TICK_TOPIC, "json", schema)
+        schema = writer.register_schema("guidance.Cycle", "jsonschema", b"{}")
+        channel = writer.register_channel(CYCLE_TOPIC, "json", schema)
         for index, certificate in enumerate(certificates):
             row = {"now_s": 0.1 * index, **({} if certificate is None else {"certificate": certificate})}
             writer.add_message(channel, 0, json.dumps(row).encode(), 0)

@@ -89,7 +89,7 @@ def test_a_floor_above_the_stand_off_is_refused():
 
 
 def test_the_old_name_of_the_limits_says_the_new_one():
-    assert "envelope: its name is limits now" in refused(envelope={"floor_m": 3.0})
+    assert "envelope: is named limits now" in refused(envelope={"floor_m": 3.0})
 
 
 def test_speed_limits_are_a_tenth_above_the_game_unless_given_and_never_below_it():
@@ -97,7 +97,7 @@ def test_speed_limits_are_a_tenth_above_the_game_unless_given_and_never_below_it
     limits = parse(Scenario, changed(pursuer=speeds), source="a.toml").speed_limits
     assert limits == pytest.approx((5.5, 2.2, 1.1))
     given = flight_settings(parse(Scenario, changed(pursuer=speeds, limits={"speed_m_s": 5.0}), source="a.toml"))
-    assert given.tick.envelope.speed_m_s == 5.0
+    assert given.cycle.envelope.speed_m_s == 5.0
     assert "limits.climb_m_s = 1.5: must be at least pursuer.climb_m_s = 2" in refused(
         pursuer=speeds, limits={"climb_m_s": 1.5}
     )

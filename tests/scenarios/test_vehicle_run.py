@@ -18,7 +18,7 @@ from guidance.records import metadata_of, replay
 from guidance.scenarios.evader import EvaderPilot
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.flown import outcome_of_flight
-from guidance.scenarios.impaired import ImpairedTarget
+from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings
@@ -38,7 +38,7 @@ GUIDANCE = Path(sys.executable).parent / "guidance"
 DOCUMENT = {
     "name": "uav1",
     "vehicle": {"autopilot": "px4", "url": "udpin://127.0.0.1:14540"},
-    "target": {"kind": "global_position", "url": "udpin://127.0.0.1:14541", "system_id": 2},
+    "evader": {"kind": "global_position", "url": "udpin://127.0.0.1:14541", "system_id": 2},
     "game": {
         "speed_m_s": 6.0,
         "climb_m_s": 2.0,
@@ -71,25 +71,25 @@ def scenario(**sections):
 
 
 class Sortie:
-    """A daemon around the stepped mock, in virtual time; the target stands still."""
+    """A daemon around the stepped mock, in virtual time; the evader stands still."""
 
     def __init__(self, config, flown, *, engage):
         self.clock = VirtualClock()
         self.world = FastWorld(flown, self.clock)
         self.driver = EvaderPilot(self.world.evader, evader_settings(flown))
         self.mailbox, self.log = Mailbox(), Log("json", "error")
-        target = ImpairedTarget(self.world.target, flown.sensor, flown.seed, self.clock.now_s)
+        heard = ImpairedEvader(self.world.evader_source, flown.sensor, flown.seed, self.clock.now_s)
         self.daemon = Daemon(
             "uav1",
             Plan(flight=vehicle_flight(flown, config), wants=wants(vehicle_config(flown, config))),
             self.world.pursuer,
-            target,
+            heard,
             mailbox=self.mailbox,
             log=self.log,
             metrics=Metrics("uav1"),
             notifier=Notifier(None, None),
         )
-        self.supervisor = Supervisor(flown, self.daemon, self.mailbox, target, engage=engage, on_terminate=Event.HOLD)
+        self.supervisor = Supervisor(flown, self.daemon, self.mailbox, heard, engage=engage, on_terminate=Event.HOLD)
 
     def run(self, limit_s, until=lambda: False):
         end_s = self.clock.now_s() + limit_s
@@ -129,7 +129,7 @@ def test_a_game_is_flown_and_the_vehicle_handed_over_as_its_file_says(sortie):
     assert (outcome.run, outcome.end) == ("vehicle", "captured")
     assert flown.daemon.finished
     assert flown.state is State.HOLDING
-    # The target stands where it is: the pursuer has only its own way to go, and a bound of 3 m/s to fear.
+    # The evader stands where it is: the pursuer has only its own way to go, and a bound of 3 m/s to fear.
     assert outcome.achieved < outcome.predicted
     assert outcome.min_standoff_m > 7.0
 
@@ -172,7 +172,7 @@ def test_limits_are_the_tighter_of_both_files():
     flown = scenario(limits={"fence_radius_m": 80.0, "ceiling_m": 100.0, "floor_m": 3.0})
     limits = vehicle_config(flown, own()).limits
     assert (limits.floor_m, limits.ceiling_m, limits.fence_radius_m) == (5.0, 60.0, 80.0)
-    envelope = vehicle_flight(flown, own()).tick.envelope
+    envelope = vehicle_flight(flown, own()).cycle.envelope
     assert (envelope.floor_m, envelope.ceiling_m, envelope.fence_radius_m) == (5.0, 60.0, 80.0)
     assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.2, 1.65))
 
@@ -185,7 +185,7 @@ def test_speed_limits_are_the_tighter_of_both_files_too():
 
 def test_a_scenario_of_the_library_can_be_flown_with_the_vehicle_file_that_comes_along():
     config = load(Config, find("px4", "vehicles"))
-    assert vehicle_flight(load_scenario("evader_turns")[1], config).tick.declared_evader_speed_m_s == 3.0
+    assert vehicle_flight(load_scenario("evader_turns")[1], config).cycle.declared_evader_speed_m_s == 3.0
 
 
 @pytest.mark.parametrize(
@@ -231,7 +231,7 @@ vehicle = {{ autopilot = "px4", url = "{fleet["uav1"].udp}", connect_timeout_s =
 game = {{ speed_m_s = 6.0, climb_m_s = 2.0, descent_m_s = 1.5, evader_speed_m_s = 3.0, standoff_height_m = 10.0 }}
 limits = {{ ceiling_m = 60.0, fence_radius_m = 200.0 }}
 control = {{ endpoint = "tcp/127.0.0.1:{control}" }}
-[target]
+[evader]
 kind = "global_position"
 url = "{fleet["prey"].udp}"
 system_id = 2

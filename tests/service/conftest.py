@@ -10,10 +10,10 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.config import parse
 from guidance.flight import State
 from guidance.links import MemoryWire
+from guidance.links.evaders.global_position import GlobalPositionInt
+from guidance.links.evaders.mavlink_source import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.tap import TappedWire
-from guidance.links.targets.global_position import GlobalPositionInt
-from guidance.links.targets.mavlink_source import MavlinkTarget
 from guidance.service.clock import VirtualClock
 from guidance.service.command import plan_of
 from guidance.service.daemon import Daemon
@@ -23,7 +23,7 @@ from guidance.service.model import Config
 from guidance.service.notify import Notifier
 from sitl_mock import Home, MockVehicle
 
-TICK_S = 0.02
+CYCLE_S = 0.02
 HERE = Home(47.397742, 8.545594, 488.0)
 FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}
 
@@ -33,7 +33,7 @@ def document(**sections):
     base = {
         "name": "uav1",
         "vehicle": {"autopilot": "px4", "url": "udpin://127.0.0.1:14540"},
-        "target": {"kind": "global_position", "url": "udpin://127.0.0.1:14541", "system_id": 2},
+        "evader": {"kind": "global_position", "url": "udpin://127.0.0.1:14541", "system_id": 2},
         "game": {"speed_m_s": 6.0, "evader_speed_m_s": 3.0, "standoff_radius_m": 6.0, "standoff_height_m": 5.0},
         "limits": {"floor_m": 3.0, "ceiling_m": 60.0, "fence_radius_m": 100.0},
         "flight": {"takeoff_height_m": 5.0},
@@ -74,7 +74,7 @@ class KeptNotifier(Notifier):
 
 
 class Base:
-    """One daemon, its vehicle and its target."""
+    """One daemon, its vehicle and its evader."""
 
     def __init__(self, *, parameters=FENCED, record=None, broadcast=None, **sections):
         config = self.config = parse(Config, document(**sections), source="test")
@@ -87,7 +87,7 @@ class Base:
         theirs, self._prey_end = MemoryWire.pair(self.clock.now_s)
         self.wire = TappedWire(ours, self.clock.now_s, "uav1")
         self.link = PymavlinkLink(self.wire, self.clock.now_s, system_id=1)
-        self.target = MavlinkTarget(theirs, GlobalPositionInt(), system_id=2)
+        self.evader = MavlinkEvader(theirs, GlobalPositionInt(), system_id=2)
         self.mailbox, self.log, self.notifier = Mailbox(), KeptLog(), KeptNotifier()
         self.metrics = Metrics(config.name)
         self.deaf = False
@@ -98,7 +98,7 @@ class Base:
             config.name,
             plan_of(config),
             self.link,
-            self.target,
+            self.evader,
             mailbox=self.mailbox,
             log=self.log,
             metrics=self.metrics,
@@ -116,8 +116,8 @@ class Base:
         return self.clock.now_s()
 
     def world(self):
-        """Move on by one tick without the daemon."""
-        self.clock.sleep_until(self.now_s + TICK_S)
+        """Move on by one cycle without the daemon."""
+        self.clock.sleep_until(self.now_s + CYCLE_S)
         for frame in self.vehicle.step(self.now_s, [*(f for _, f in self._end.receive()), *self.injected]):
             self._end.send(frame)
         self.injected = []
@@ -125,7 +125,7 @@ class Base:
             if not self.prey_silent:
                 self._prey_end.send(frame)
 
-    def tick(self):
+    def cycle(self):
         self.world()
         outputs = self.daemon.step(self.now_s)
         for passed in self.wire.drain():
@@ -134,8 +134,8 @@ class Base:
         return outputs
 
     def run(self, seconds):
-        for _ in range(round(seconds / TICK_S)):
-            self.tick()
+        for _ in range(round(seconds / CYCLE_S)):
+            self.cycle()
         return self
 
     def until(self, *states, limit_s=60.0):
@@ -143,13 +143,13 @@ class Base:
         while self.state not in states:
             if self.now_s > deadline_s:
                 pytest.fail(f"{self.state}, not {states}, after {limit_s} s: {self.log.lines[-4:]}")
-            self.tick()
+            self.cycle()
         return self
 
     def order(self, word):
         """Give an order, run the cycle that answers it, return the answer."""
         question = self.mailbox.ask(word)
-        self.tick()
+        self.cycle()
         return question.wait(0.0)
 
     def standing_by(self):
@@ -193,7 +193,7 @@ def base():
     yield make
     for one in made:
         one.link.close()
-        one.target.close()
+        one.evader.close()
 
 
 @pytest.fixture

@@ -63,7 +63,7 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
     broadcast, endpoint = bus
     child = hanging(endpoint)
     try:
-        until(lambda: is_watched(broadcast._publishers["tick"]))
+        until(lambda: is_watched(broadcast._publishers["cycle"]))
         child.send_signal(signal.SIGKILL if fate == "dies" else signal.SIGSTOP)
         watched = base(broadcast=broadcast)
         watched.engaged()
@@ -102,7 +102,7 @@ def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(b
 
 def test_who_subscribes_hears_every_cycle_and_event_as_a_record_has_them(base, bus):
     broadcast, endpoint = bus
-    heard = {"tick": [], "event": []}
+    heard = {"cycle": [], "event": []}
     with open_session(endpoint) as session:
         for what, kept in heard.items():
             session.declare_subscriber(
@@ -111,12 +111,12 @@ def test_who_subscribes_hears_every_cycle_and_event_as_a_record_has_them(base, b
         until(lambda: all(map(is_watched, broadcast._publishers.values())))
         base = base(broadcast=broadcast).until(State.READY)
         cycles = round(base.now_s / 0.02)
-        until(lambda: len(heard["tick"]) == cycles)
+        until(lambda: len(heard["cycle"]) == cycles)
         until(lambda: heard["event"])
-    encoding, last = heard["tick"][-1]
-    assert encoding == "application/json;guidance.Tick"  # as BlueOS's recorder wants it
-    tick = said(last)
-    assert (tick["now_s"], tick["state"]) == (pytest.approx(base.now_s), "ready")
+    encoding, last = heard["cycle"][-1]
+    assert encoding == "application/json;guidance.Cycle"  # as BlueOS's recorder wants it
+    cycle = said(last)
+    assert (cycle["now_s"], cycle["state"]) == (pytest.approx(base.now_s), "ready")
     assert said(heard["event"][0][1])["event"] == "flight begins"
 
 
@@ -151,7 +151,7 @@ def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
         def frame(self, *_):
             pass
 
-        tick = event = report = frame
+        cycle = event = report = frame
 
     broadcast, endpoint = bus
     heard = []

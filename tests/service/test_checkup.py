@@ -13,9 +13,9 @@ from guidance.autopilots import profile
 from guidance.config import parse
 from guidance.errors import FlightError
 from guidance.links import MemoryWire
+from guidance.links.evaders.global_position import GlobalPositionInt
+from guidance.links.evaders.mavlink_source import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.targets.global_position import GlobalPositionInt
-from guidance.links.targets.mavlink_source import MavlinkTarget
 from guidance.preflight import refusals
 from guidance.service.checkup import Checkup
 from guidance.service.clock import VirtualClock
@@ -44,8 +44,8 @@ class World(VirtualClock):
         plan = plan_of(parse(Config, document, source="test"))
         self.profile = profile(autopilot)
         self.said = []
-        target = MavlinkTarget(silence, GlobalPositionInt(), system_id=2)
-        self.checkup = Checkup("uav1", plan, self.link, target, self, log=self.log)
+        evader = MavlinkEvader(silence, GlobalPositionInt(), system_id=2)
+        self.checkup = Checkup("uav1", plan, self.link, evader, self, log=self.log)
 
     def sleep_until(self, moment_s):
         while self.now_s() < moment_s - 1e-9:

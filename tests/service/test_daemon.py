@@ -64,12 +64,12 @@ def test_what_is_not_an_order_is_told_what_is(base):
     assert all(word in answer["reason"] for word in WORDS)
 
 
-def test_engaging_is_refused_while_the_target_is_silent(base):
+def test_engaging_is_refused_while_the_evader_is_silent(base):
     base = base().standing_by()
     base.prey_silent = True
     base.run(3.0)
     answer = base.order("engage")
-    assert "the target was last heard 3." in answer["reason"]
+    assert "the evader was last heard 3." in answer["reason"]
     assert base.state is State.STANDING_BY
     base.prey_silent = False
     base.run(1.0)
@@ -140,7 +140,7 @@ def test_sigterm_in_flight_hands_the_vehicle_over_before_the_daemon_ends(base, o
     base.daemon.leave(order, base.now_s)
     left_s = base.now_s
     while not base.daemon.finished:
-        base.tick()
+        base.cycle()
         assert base.now_s - left_s < 5.0
     assert base.state is state
     assert base.vehicle.mode == mode
@@ -151,7 +151,7 @@ def test_sigterm_on_the_ground_ends_at_once_and_commands_nothing(base):
     base = base().until(State.READY)
     before_s = base.now_s
     base.daemon.leave(Event.HOLD, base.now_s)
-    base.tick()
+    base.cycle()
     assert base.daemon.finished
     assert base.commands_since(before_s + 0.001) == []
 
@@ -162,7 +162,7 @@ def test_sigterm_to_a_vehicle_that_does_not_answer_ends_within_its_limit(base):
     base.daemon.leave(Event.LAND, base.now_s)
     left_s = base.now_s
     while not base.daemon.finished:
-        base.tick()
+        base.cycle()
     assert 10.0 < base.now_s - left_s < 15.0
 
 
@@ -230,7 +230,7 @@ def test_setpoints_of_another_source_are_noticed_and_the_vehicle_is_handed_to_it
     base = base().engaged().run(2.0)
     begun_s = base.now_s
     while base.state is State.ENGAGED and base.now_s - begun_s < 5.0:
-        base.tick()
+        base.cycle()
         base.inject_setpoint((-3.0, 3.0, 0.0))
     assert base.state is State.HOLDING
     assert "setpoints of another source" in base.log.messages(logging.WARNING)
@@ -264,7 +264,7 @@ def test_a_frozen_loop_stops_the_stream_and_the_autopilot_takes_over(base):
     for _ in range(75):
         base.world()
     assert base.vehicle.mode == "HOLD"
-    base.tick()
+    base.cycle()
     assert base.state is State.YIELDED  # whatever the HEARTBEATs of the time between show
 
 
@@ -276,7 +276,7 @@ def test_the_metrics_follow_the_flight(base):
     assert read("guidance_state", {**labels, "state": "ready"}) == 0.0
     assert read("guidance_setpoints_total", labels) == len(base.setpoints_since(0.0))
     assert read("guidance_orders_total", {**labels, "order": "start", "accepted": "true"}) == 1.0
-    assert read("guidance_age_seconds", {**labels, "what": "target"}) < 0.2
+    assert read("guidance_age_seconds", {**labels, "what": "evader"}) < 0.2
     assert read("guidance_game", {**labels, "what": "value"}) > 0.0
     assert read("guidance_events_total", {**labels, "event": "armed"}) == 1.0
 
@@ -292,7 +292,7 @@ class CountingRecord:
     def frame(self, *_):
         self.rows += 1
 
-    def tick(self, *_):
+    def cycle(self, *_):
         self.rows += 1
 
     def event(self, *_):
@@ -374,8 +374,8 @@ def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base)
 
 def test_a_broken_guarantee_is_said_and_counted(base):
     base = base().engaged()
-    run = base.daemon._cycle.run
-    base.daemon._cycle.run = lambda *given: run(*given)._replace(alarm=Alarm(Broken.CAPTURE_LATER, 1.5))
+    run = base.daemon._linked.run
+    base.daemon._linked.run = lambda *given: run(*given)._replace(alarm=Alarm(Broken.CAPTURE_LATER, 1.5))
     base.run(0.1)
     said = base.log.messages(logging.WARNING).count(str(Broken.CAPTURE_LATER))
     labels = {"vehicle": "uav1", "broken": str(Broken.CAPTURE_LATER)}

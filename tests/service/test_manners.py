@@ -85,8 +85,8 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
     environment = {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3000000", "WATCHDOG_PID": "77"}
     notifier = Notifier.from_environment(environment, 77)
     notifier.ready()
-    for tick in range(100):
-        notifier.alive(0.02 * tick)
+    for cycle in range(100):
+        notifier.alive(0.02 * cycle)
         notifier.status("ready, mode hold")
     notifier.stopping()
     notifier.close()
@@ -168,7 +168,7 @@ def test_a_record_is_written_behind_the_loops_back_and_whole(tmp_path):
     path = tmp_path / "record.mcap"
     recorder = BackgroundRecorder(Recorder(path, {}))
     for number in range(200):
-        recorder.tick(0.02 * number, {"now_s": 0.02 * number, "state": "ready"})
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "ready"})
     recorder.frame(1.0, "uav1/mavlink_raw/in", b"\xfd")
     recorder.event(2.0, "armed")
     recorder.close()
@@ -185,10 +185,10 @@ def test_a_record_that_fails_is_reported_and_disturbs_nobody(tmp_path, monkeypat
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(inner, "tick", fail)
+    monkeypatch.setattr(inner, "cycle", fail)
     recorder = BackgroundRecorder(inner)
     for _ in range(10):
-        recorder.tick(0.0, {})
+        recorder.cycle(0.0, {})
     recorder.close()
     assert str(error) in recorder.failed
 
@@ -196,10 +196,10 @@ def test_a_record_that_fails_is_reported_and_disturbs_nobody(tmp_path, monkeypat
 def test_a_disk_that_stands_still_costs_rows_and_never_the_loop(tmp_path, monkeypatch):
     inner = Recorder(tmp_path / "record.mcap", {})
     go = threading.Event()
-    monkeypatch.setattr(inner, "tick", lambda *_: go.wait(10.0))
+    monkeypatch.setattr(inner, "cycle", lambda *_: go.wait(10.0))
     recorder = BackgroundRecorder(inner)
     for _ in range(MOST_ROWS + 100):
-        recorder.tick(0.0, {})
+        recorder.cycle(0.0, {})
     assert recorder.dropped >= 99
     go.set()
     recorder.close()

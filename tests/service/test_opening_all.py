@@ -17,14 +17,14 @@ from guidance.telemetry import Heartbeat, Setpoint
 
 @pytest.fixture
 def udp():
-    """A port, and a vehicle (system 1) and its target (system 2) that send to it."""
+    """A port, and a vehicle (system 1) and its evader (system 2) that send to it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     stop = threading.Event()
 
     def send():
-        vehicle, target = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 2, 1)
+        vehicle, evader = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 2, 1)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
             count = 0
             while not stop.wait(0.02):
@@ -33,7 +33,7 @@ def udp():
                 position = mavlink.MAVLink_global_position_int_message(
                     20 * count, 473977420, 85455940, 488000, 0, 100, 0, 0, 0
                 )
-                for frame in (heartbeat.pack(vehicle), position.pack(target)):
+                for frame in (heartbeat.pack(vehicle), position.pack(evader)):
                     out.sendto(frame, ("127.0.0.1", port))
 
     thread = threading.Thread(target=send)
@@ -57,17 +57,17 @@ def config_of(vehicle_document, **sections):
 
 
 @pytest.mark.parametrize("link", ["pymavlink", "mavsdk"])
-def test_a_target_on_the_vehicles_own_wire_is_heard_beside_it_and_every_frame_is_passed_on(vehicle_document, udp, link):
-    config = config_of(vehicle_document, vehicle={"url": udp, "link": link}, target={"url": None})
+def test_an_evader_on_the_vehicles_wire_is_heard_beside_it_and_every_frame_is_passed_on(vehicle_document, udp, link):
+    config = config_of(vehicle_document, vehicle={"url": udp, "link": link}, evader={"url": None})
     clock = MonotonicClock()
     opened = open_all(config, clock, tapped=True)
     try:
-        messages, reports = list(opened.link.receive()), list(opened.target.receive())
+        messages, reports = list(opened.link.receive()), list(opened.evader.receive())
         deadline_s = clock.now_s() + 5.0
         while not (messages and reports) and clock.now_s() < deadline_s:
             clock.sleep_until(clock.now_s() + 0.01)
             messages += opened.link.receive()
-            reports += opened.target.receive()
+            reports += opened.evader.receive()
         assert isinstance(messages[0], Heartbeat)
         assert reports[0].latitude_deg == pytest.approx(47.397742)
         assert math.isclose(reports[0].velocity_ned_m_s[0], 1.0)

@@ -13,7 +13,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
 from guidance.service import record
-from guidance.service.record import EVENT_TOPIC, TICK_TOPIC, Recorder, plain, started_utc, versions
+from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, Recorder, plain, started_utc, versions
 
 
 class Pair(NamedTuple):
@@ -36,7 +36,7 @@ def test_what_is_written_is_read_back_with_its_time_topic_and_schema(tmp_path):
     path = tmp_path / "deep" / "record.mcap"
     recorder = Recorder(path, {"seed": "3"})
     recorder.frame(1.25, "uav1/mavlink_raw/in", b"\xfd\x00")
-    recorder.tick(1.5, {"now_s": 1.5, "state": "ready"})
+    recorder.cycle(1.5, {"now_s": 1.5, "state": "ready"})
     recorder.event(1.75, "armed", "ready -> arming")
     recorder.close()
     recorder.close()
@@ -48,7 +48,7 @@ def test_what_is_written_is_read_back_with_its_time_topic_and_schema(tmp_path):
         assert [metadata.metadata for metadata in reader.iter_metadata()] == [{"seed": "3"}]
     assert [(schema, topic) for schema, topic, _ in found] == [
         (None, "uav1/mavlink_raw/in"),
-        ("guidance.Tick", TICK_TOPIC),
+        ("guidance.Cycle", CYCLE_TOPIC),
         ("guidance.Event", EVENT_TOPIC),
     ]
     assert found[0][2].data == b"\xfd\x00"
@@ -61,8 +61,8 @@ def test_a_killed_process_loses_no_more_than_the_last_chunk(tmp_path):
     recorder = Recorder(path, {})
     written = 2000
     for number in range(written):
-        recorder.tick(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
-    # As kill -9 leaves it: nothing is flushed or finished. One chunk is 8 KiB, a tick here about half of one.
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
+    # As kill -9 leaves it: nothing is flushed or finished. One chunk is 8 KiB, a cycle here about half of one.
     read = [json.loads(message.data)["number"] for _, message in rows_of(path)]
     assert read == list(range(len(read)))
     assert written - len(read) <= record.CHUNK_BYTES // 400 + 1
@@ -116,7 +116,7 @@ while True:
     clock.sleep_until(due_s)
     due_s += 0.02
     now_s = clock.now_s()
-    recorder.tick(now_s, {"now_s": now_s, "state": "engaged"})
+    recorder.cycle(now_s, {"now_s": now_s, "state": "engaged"})
     print(now_s, flush=True)
 """
 

@@ -38,7 +38,7 @@ flavour = "px4"
 system_id = 1
 ready_after_s = 0.5
 [[vehicle]]
-name = "target"
+name = "evader"
 flavour = "rover"
 system_id = 2
 start_ned_m = [30.0, 0.0, 0.0]
@@ -79,9 +79,9 @@ autopilot = "{autopilot}"
 link = "{link}"
 url = "zenoh://{mock}/{name}"
 connect_timeout_s = {timeout_s}
-[target]
+[evader]
 kind = "global_position"
-url = "zenoh://{mock}/target"
+url = "zenoh://{mock}/evader"
 system_id = 2
 request_rate_hz = 20.0
 [game]
@@ -205,7 +205,7 @@ def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
     counts = {
         channel.topic: summary.statistics.channel_message_counts[key] for key, channel in summary.channels.items()
     }
-    assert counts["guidance/tick"] > 300
+    assert counts["guidance/cycle"] > 300
     assert counts[f"{name}/mavlink_raw/in"] > 100
     assert counts[f"{name}/mavlink_raw/out"] > 500
 

@@ -36,20 +36,20 @@ def read(vehicle_document):
         ({"vehicle": {"speed": 5.0}}, "vehicle.speed: unknown key; known here: autopilot"),
         ({"vehicle": {"link": "mavsdk", "signing_key_file": "key"}}, "MAVSDK does not sign"),
         ({"vehicle": {"connect_timeout_s": 0.0}}, "vehicle.connect_timeout_s = 0.0"),
-        ({"target": {"kind": "radar"}}, "target.kind = 'radar'"),
-        ({"target": {"system_id": None}}, "target.system_id: missing"),
-        ({"target": {"kind": "json", "url": None}}, "target.url: missing"),
-        ({"target": {"kind": "ros_pose"}}, "target.frame: missing"),
-        ({"target": {"kind": "adsb"}}, "target.icao_address: missing"),
-        ({"target": {"timeout_s": 0.0}}, "target.timeout_s = 0.0"),
-        ({"target": {"kind": "json", "request_rate_hz": 5.0}}, "target.request_rate_hz: not allowed"),
-        ({"target": {"id_or_mac": "xyz"}}, "target.id_or_mac = 'xyz'"),
+        ({"evader": {"kind": "radar"}}, "evader.kind = 'radar'"),
+        ({"evader": {"system_id": None}}, "evader.system_id: missing"),
+        ({"evader": {"kind": "json", "url": None}}, "evader.url: missing"),
+        ({"evader": {"kind": "ros_pose"}}, "evader.frame: missing"),
+        ({"evader": {"kind": "adsb"}}, "evader.icao_address: missing"),
+        ({"evader": {"timeout_s": 0.0}}, "evader.timeout_s = 0.0"),
+        ({"evader": {"kind": "json", "request_rate_hz": 5.0}}, "evader.request_rate_hz: not allowed"),
+        ({"evader": {"id_or_mac": "xyz"}}, "evader.id_or_mac = 'xyz'"),
         ({"game": {"speed_m_s": 3.0}}, "a slower pursuer is another game"),
         ({"game": {"speed_m_s": math.inf}}, "game.speed_m_s = inf: input should be a finite number"),
         ({"game": {"speed_set": "cube"}}, "game.speed_set = 'cube'"),
-        ({"game": {"kind": "tad"}}, "game.guarded: missing"),
-        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, 'not allowed with kind = "pe"'),
-        ({"game": {"kind": "tad", "guarded": {"latitude_deg": 97.0, "longitude_deg": 8.0}}}, "latitude_deg = 97.0"),
+        ({"game": {"kind": "tad"}}, "game.target: missing"),
+        ({"game": {"target": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, 'not allowed with kind = "pe"'),
+        ({"game": {"kind": "tad", "target": {"latitude_deg": 97.0, "longitude_deg": 8.0}}}, "latitude_deg = 97.0"),
         ({"game": {"standoff_height_m": 2.0}}, "game.standoff_height_m = 2: allowed is limits.floor_m = 3"),
         ({"limits": {"floor_m": 60.0}}, "limits.floor_m = 60: must be below limits.ceiling_m"),
         ({"limits": {"fence_radius_m": None}}, "no flight is unfenced"),
@@ -69,6 +69,9 @@ def read(vehicle_document):
         ({"control": {"endpoint": "tcp/192.168.1.9:7448"}}, "who reaches it commands the vehicle"),
         ({"metrics": {"port": 70000}}, "metrics.port = 70000"),
         ({"log": {"format": "xml"}}, "log.format = 'xml'"),
+        ({"target": {"kind": "global_position", "system_id": 2}}, "target: is named evader now"),
+        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, "game.guarded: is named game.target now"),
+        ({"preflight": {"target_height_limit_m": 9.0}}, "is named preflight.evader_height_limit_m now"),
     ],
 )  # fmt: skip
 def test_a_wrong_file_is_refused_with_key_value_and_what_is_allowed(read, sections, words):
@@ -101,7 +104,7 @@ def test_the_vehicle_files_that_come_along_can_be_flown(name):
     config = load(Config, find(name, "vehicles"))
     settings = flight_settings(config)
     assert settings.profile.name == name == config.name
-    assert isinstance(settings.tick.speed_set, Cylinder)
+    assert isinstance(settings.cycle.speed_set, Cylinder)
     assert settings.engage_on is EngageOn.COMMAND
     assert config.preflight.fence_required
     assert find(f"config/vehicles/{name}.toml", "vehicles").resolve() == find(name, "vehicles").resolve()
@@ -124,7 +127,7 @@ def test_defaults_are_the_safe_ones(read):
 
 def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
     config = read(game={"climb_m_s": 2.5, "descent_m_s": 1.2})
-    envelope = flight_settings(config).tick.envelope
+    envelope = flight_settings(config).cycle.envelope
     assert envelope.speed_m_s == pytest.approx(1.1 * config.game.speed_m_s)
     assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.75, 1.32))
     assert envelope.stand_off.radius_m < config.game.standoff_radius_m
@@ -134,7 +137,7 @@ def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
 
 def test_speed_limits_are_keys_of_their_own_and_the_games_speeds_stay(read):
     config = read(game={"speed_m_s": 6.0, "descent_m_s": 1.5}, limits={"speed_m_s": 6.0, "descent_m_s": 1.5})
-    envelope, speeds = flight_settings(config).tick.envelope, flight_settings(config).tick.speed_set
+    envelope, speeds = flight_settings(config).cycle.envelope, flight_settings(config).cycle.speed_set
     assert (envelope.speed_m_s, envelope.descent_m_s) == (6.0, 1.5) == (speeds.horizontal_m_s, speeds.descent_m_s)
     assert envelope.climb_m_s == pytest.approx(1.1 * speeds.climb_m_s)
 
@@ -145,12 +148,12 @@ def test_a_speed_limit_below_the_games_speed_names_both_keys(read, key):
         read(limits={key: 0.5})
 
 
-def test_a_guarded_place_is_the_zero_of_the_game(read):
+def test_the_target_is_the_zero_of_the_game(read):
     place = {"latitude_deg": 47.4, "longitude_deg": 8.55, "altitude_amsl_m": 480.0}
-    tick = flight_settings(read(game={"kind": "tad", "guarded": place, "speed_set": "ball"})).tick
-    assert tick.target_game_m == (0.0, 0.0, 0.0)
-    assert tick.site[:2] == (47.4, 8.55)
-    assert tick.speed_set == Ball(6.0)
+    cycle = flight_settings(read(game={"kind": "tad", "target": place, "speed_set": "ball"})).cycle
+    assert cycle.target_game_m == (0.0, 0.0, 0.0)
+    assert cycle.site[:2] == (47.4, 8.55)
+    assert cycle.speed_set == Ball(6.0)
 
 
 def test_a_daemon_waits_for_its_vehicle_as_long_as_it_takes(read):
@@ -170,7 +173,7 @@ def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
     config = read(limits={"fence_radius_m": None, "fence_polygon_ne_m": square})
     assert config.limits.reach_m == pytest.approx(50.0)
     assert wants(config).fence_radius_m == pytest.approx(50.0)
-    envelope = flight_settings(config).tick.envelope
+    envelope = flight_settings(config).cycle.envelope
     assert envelope.fence_radius_m is None
     assert envelope.fence_polygon.contains((0.0, 39.0))
     assert not envelope.fence_polygon.contains((0.0, 41.0))
@@ -179,7 +182,7 @@ def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
 def test_a_polygon_by_degrees_is_about_home_and_its_reach_is_known_with_it(read):
     config = read(limits={"fence_radius_m": None, "fence_polygon_deg": TRIANGLE})
     assert config.limits.reach_m == math.inf
-    assert flight_settings(config).tick.envelope.fence_polygon is None
+    assert flight_settings(config).cycle.envelope.fence_polygon is None
     assert flight_settings(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
     assert wants(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
 
@@ -235,11 +238,11 @@ def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, 
     assert "limits.fence_plan_file" in str(refused.value) or "limits.fence_polygon_deg" in str(refused.value)
 
 
-def test_sources_of_targets_need_what_they_need_and_no_more(read):
-    assert read(target={"kind": "json", "url": ZENOH, "system_id": None}).target.kind == "json"
-    assert read(target={"kind": "ros_pose", "url": ZENOH, "frame": FRAME}).target.frame.undulation_m is None
-    assert read(target={"url": None}).target.url is None
-    assert read(target={"url": None}, vehicle={"link": "mavsdk", "url": ZENOH}).vehicle.link == "mavsdk"
+def test_sources_of_evaders_need_what_they_need_and_no_more(read):
+    assert read(evader={"kind": "json", "url": ZENOH, "system_id": None}).evader.kind == "json"
+    assert read(evader={"kind": "ros_pose", "url": ZENOH, "frame": FRAME}).evader.frame.undulation_m is None
+    assert read(evader={"url": None}).evader.url is None
+    assert read(evader={"url": None}, vehicle={"link": "mavsdk", "url": ZENOH}).vehicle.link == "mavsdk"
     assert read(vehicle={"signing_key_file": "key"}).vehicle.signing_key_file == Path("key")
 
 

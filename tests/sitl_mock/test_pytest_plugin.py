@@ -33,10 +33,10 @@ def test_a_stepped_vehicle_is_moved_by_the_clock_of_the_test(mock_vehicle):
 
 @pytest.mark.slow
 def test_vehicles_and_fleets_say_where_they_can_be_reached(mock_vehicle, mock_fleet):
-    vehicle = mock_vehicle("rover", "target", ready_after_s=0.5)
+    vehicle = mock_vehicle("rover", "evader", ready_after_s=0.5)
     fleet = mock_fleet(2, over=["udp"])
     other = mock_fleet([{"name": "a", "flavour": "arducopter", "start_ned_m": [9, 0, 0]}], over=["zenoh"])
-    assert (vehicle.name, vehicle.flavour, vehicle.namespace) == ("target", "rover", "target")
+    assert (vehicle.name, vehicle.flavour, vehicle.namespace) == ("evader", "rover", "evader")
     assert list(fleet) == ["uav1", "uav2"]
     assert len(fleet) == 2
     assert fleet["uav2"].udp_port == fleet["uav1"].udp_port + 1
@@ -75,10 +75,10 @@ def test_a_suite_flies_vehicles_and_all_of_them_end_with_their_tests(pytester):
 
         def test_one(mock_vehicle):
             vehicle = mock_vehicle("px4", ready_after_s=0.5)
-            other = mock_vehicle("rover", "target", over=["udp"])
+            other = mock_vehicle("rover", "evader", over=["udp"])
             assert vehicle.udp == f"udpin://127.0.0.1:{vehicle.udp_port}"
             assert vehicle.zenoh.startswith("tcp/127.0.0.1:")
-            assert (vehicle.namespace, other.namespace) == ("uav1", "target")
+            assert (vehicle.namespace, other.namespace) == ("uav1", "evader")
             assert other.zenoh is None
             assert hear(vehicle)[0] == hear(other)[0] == 0xFD
 

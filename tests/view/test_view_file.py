@@ -21,7 +21,7 @@ from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.records import Item, events_of, flight_settings, metadata_of, rows_of, scan, survey_of
 from guidance.service.model import Config
-from guidance.service.record import EVENT_TOPIC, RELOADED, TICK_TOPIC
+from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.service.settings import flight_settings as of_config
 from guidance.view import Place, Seen, view
 from guidance.view import command as commands
@@ -112,13 +112,13 @@ def test_the_isochron_and_the_disc_are_those_of_their_moment(seen, rows, record)
     times, strips = seen[0].of("/game/isochron", "strips")
     assert np.diff(times).min() >= DRAWN_EVERY_S - 1e-6
     for time, (strip,) in zip(times[::10], strips[::10], strict=True):
-        curve = isochron_at(settings.tick, at[round(time, 3)].certificate, len(strip))
+        curve = isochron_at(settings.cycle, at[round(time, 3)].certificate, len(strip))
         np.testing.assert_allclose(np.array(strip)[:, :2], curve, atol=1e-4)
     times, strips = seen[0].of("/game/stand_off_disc", "strips")
     for time, (strip,) in zip(times, strips, strict=True):
         evader = at[round(time, 3)].certificate.evader_game_m
         radii = np.linalg.norm(np.array(strip)[:, :2] - evader[:2], axis=-1)
-        np.testing.assert_allclose(radii, settings.tick.standoff.radius_m, rtol=1e-4)
+        np.testing.assert_allclose(radii, settings.cycle.standoff.radius_m, rtol=1e-4)
 
 
 def test_fence_events_states_and_a_layout_are_there(seen, record, rows):
@@ -151,7 +151,7 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
     monkeypatch.setattr(commands.os, "nice", lambda _: None)
     count = view(Seen(growing, follow=True), Place(tmp_path / "g.rrd"), print, Ended())
     followed = Seeing(tmp_path / "g.rrd")
-    assert count == sum(item.topic == TICK_TOPIC for item in scan(record))
+    assert count == sum(item.topic == CYCLE_TOPIC for item in scan(record))
     for entity in ("/game/pursuer", "/game/evader"):
         times, places = followed.of(entity, "positions")
         assert (times, places) == seen[0].of(entity, "positions")
@@ -193,12 +193,12 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "again.rrd"))
     painter = Painter(recording, of_config(config), "again")
-    ticks = [item for item in scan(record) if item.topic == TICK_TOPIC]
-    played = next(number for number, item in enumerate(ticks) if b'"certificate"' in item.data)
-    painter.take(ticks[played])
-    reloaded = {"now_s": ticks[played].now_s, "event": RELOADED, "detail": wider.model_dump_json()}
+    cycles = [item for item in scan(record) if item.topic == CYCLE_TOPIC]
+    played = next(number for number, item in enumerate(cycles) if b'"certificate"' in item.data)
+    painter.take(cycles[played])
+    reloaded = {"now_s": cycles[played].now_s, "event": RELOADED, "detail": wider.model_dump_json()}
     painter.take(Item(reloaded["now_s"], EVENT_TOPIC, "json", json.dumps(reloaded).encode()))
-    painter.take(ticks[played + 50])
+    painter.take(cycles[played + 50])
     painter.flush()
     recording.disconnect()
     seen = Seeing(tmp_path / "again.rrd")

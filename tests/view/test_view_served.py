@@ -166,17 +166,17 @@ def bus(record):
 
 def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
     (broadcast, _), endpoint = bus
-    ticks = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/tick"]
-    for tick in ticks[:200]:
-        broadcast.tick(tick["now_s"], tick)
+    cycles = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/cycle"]
+    for cycle in cycles[:200]:
+        broadcast.cycle(cycle["now_s"], cycle)
     until(lambda: not broadcast._waiting)
     flight = LiveFlight(endpoint, "uav1")
     assert flight.metadata == {"scenario": "{}"}
     until(lambda: all(map(is_watched, broadcast._publishers.values())))
-    broadcast.event(ticks[200]["now_s"], "armed", "ready -> arming")
-    for tick in ticks[200:230]:
-        broadcast.tick(tick["now_s"], tick)
-    flight._arrived.append(("guidance/tick", b"{"))  # whoever is on the bus may say anything
+    broadcast.event(cycles[200]["now_s"], "armed", "ready -> arming")
+    for cycle in cycles[200:230]:
+        broadcast.cycle(cycle["now_s"], cycle)
+    flight._arrived.append(("guidance/cycle", b"{"))  # whoever is on the bus may say anything
     until(lambda: len(flight._arrived) == 32)
     items = list(flight.items(lambda: True))
     flight.close()
@@ -184,7 +184,7 @@ def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
     assert all(isinstance(item, Item) for item in items)
     said = [json.loads(item.data) for item in items]
     assert {"Home", "LocalPosition"} <= {one["kind"] for one in said[0]["inputs"]["messages"]}
-    assert [one for one in said[1:] if "event" not in one] == ticks[200:230]
+    assert [one for one in said[1:] if "event" not in one] == cycles[200:230]
     assert [one["event"] for one in said if "event" in one] == ["armed"]
 
 
@@ -201,15 +201,15 @@ def test_the_command_shows_a_daemon_live(bus, record):
     (broadcast, other), endpoint = bus
     other.close()
     broadcast._metadata = dict(metadata_of(record))
-    ticks = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/tick"]
+    cycles = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/cycle"]
     program = "from guidance.cli import main; main()"
     words = [sys.executable, "-c", program, "view", "--live", "--name", "uav1", "--endpoint", endpoint, *FREE]
     child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         assert "look at" in child.stdout.readline()
-        until(lambda: is_watched(broadcast._publishers["tick"]))
-        for tick in ticks[:100]:
-            broadcast.tick(tick["now_s"], tick)
+        until(lambda: is_watched(broadcast._publishers["cycle"]))
+        for cycle in cycles[:100]:
+            broadcast.cycle(cycle["now_s"], cycle)
         until(lambda: not broadcast._waiting)
         time.sleep(0.5)  # a process of its own: no clock of ours moves it
         child.send_signal(signal.SIGINT)

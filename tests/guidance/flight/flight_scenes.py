@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.cycle import Certificate, CycleSettings
 from guidance.flight import FlightSettings
 from guidance.flight.detect import Scene
 from guidance.following.late_start import Acceleration
@@ -10,7 +11,6 @@ from guidance.game import Ball, StandOff
 from guidance.limits import Envelope
 from guidance.strategies import Strategy
 from guidance.telemetry import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
-from guidance.tick import Certificate, TickSettings
 from guidance.vehicle import VehicleState, observe
 
 NOW_S = 100.0
@@ -29,7 +29,7 @@ ENVELOPE = Envelope(
     yaw_rate_rad_s=1.0,
     fence_radius_m=300.0,
 )
-TICK = TickSettings(
+CYCLE = CycleSettings(
     speed_set=Ball(6.0),
     strategy=Strategy("optimal"),
     declared_evader_speed_m_s=3.0,
@@ -38,9 +38,9 @@ TICK = TickSettings(
     envelope=ENVELOPE,
     following=None,
     acceleration=Acceleration(3.0, 3.0),
-    target_timeout_s=1.5,
+    evader_timeout_s=1.5,
 )
-SETTINGS = FlightSettings(profile=PX4, tick=TICK, takeoff_height_m=10.0, battery_minimum=0.25)
+SETTINGS = FlightSettings(profile=PX4, cycle=CYCLE, takeoff_height_m=10.0, battery_minimum=0.25)
 QUIET = Certificate(
     winner=1,
     value=5.0,
@@ -48,7 +48,7 @@ QUIET = Certificate(
     meeting_point_game_m=NOWHERE,
     meeting_time_s=5.0,
     speed_ratio=2.0,
-    target_age_s=0.1,
+    evader_age_s=0.1,
     pursuer_game_m=NOWHERE,
     evader_game_m=NOWHERE,
     gap_m=10.0,
@@ -109,7 +109,7 @@ def scene(state, **changes):
         "vehicle": well(),
         "resets_seen": 0,
         "reboots_seen": 0,
-        "target_silence_s": 0.1,
+        "evader_silence_s": 0.1,
         "start_ned_m": None,
         "home_ned_m": (0.0, 0.0, HOME_DOWN_M),
         "certificate": QUIET,

@@ -14,10 +14,10 @@ def reported(now_s, velocity):
 
 def flown(echo, velocity, seconds=3.0):
     """Send one velocity at 50 Hz, hear it back at 5 Hz."""
-    for tick in range(round(seconds * 50)):
-        now_s = 0.02 * tick
+    for step in range(round(seconds * 50)):
+        now_s = 0.02 * step
         echo.sent(now_s, Setpoint(velocity))
-        if tick % 10 == 9:
+        if step % 10 == 9:
             echo.hear(reported(now_s, velocity), guided=True)
     return 0.02 * round(seconds * 50)
 
@@ -52,8 +52,8 @@ def test_a_velocity_far_from_all_that_was_sent_is_foreign_after_a_few_reports(ou
 
 def test_the_first_reports_of_all_count_as_much_as_later_ones():
     echo = Echo()
-    for tick in range(150):
-        echo.sent(0.02 * tick, Setpoint((3.0, 0.0, 0.0)))
+    for step in range(150):
+        echo.sent(0.02 * step, Setpoint((3.0, 0.0, 0.0)))
     for count in range(IN_A_ROW):
         assert not echo.foreign
         echo.hear(reported(3.0 + 0.01 * count, (-3.0, 0.0, 0.0)), guided=True)
@@ -71,9 +71,9 @@ def test_what_is_off_by_less_than_three_quarters_of_a_metre_a_second_is_ours(off
 
 def test_what_was_sent_two_seconds_ago_is_not_ours_any_more():
     echo = Echo()
-    for tick in range(250):
-        velocity = (3.0, 0.0, 0.0) if tick < 150 else (0.0, 3.0, 0.0)
-        echo.sent(0.02 * tick, Setpoint(velocity))
+    for step in range(250):
+        velocity = (3.0, 0.0, 0.0) if step < 150 else (0.0, 3.0, 0.0)
+        echo.sent(0.02 * step, Setpoint(velocity))
     for count, (at_s, foreign) in enumerate(((4.4, False), (5.0, False), (5.0, False), (5.0, True))):
         echo.hear(reported(at_s, (3.0, 0.0, 0.0)), guided=True)
         assert echo.foreign is foreign, count
@@ -83,8 +83,8 @@ def test_after_silence_the_count_begins_anew():
     echo = Echo()
     flown(echo, (3.0, 0.0, 0.0))
     echo.silent()
-    for tick in range(100):
-        echo.sent(10.0 + 0.02 * tick, Setpoint((3.0, 0.0, 0.0)))
+    for step in range(100):
+        echo.sent(10.0 + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
     for count in range(IN_A_ROW):
         assert not echo.foreign
         echo.hear(reported(12.0 + 0.01 * count, (-3.0, 0.0, 0.0)), guided=True)
@@ -119,8 +119,8 @@ def test_outside_the_guided_mode_the_autopilots_setpoints_are_its_own_affair():
 
 def test_what_the_autopilot_still_reports_from_before_we_began_is_not_held_against_anyone():
     echo = Echo()
-    for tick in range(60):
-        now_s = 0.02 * tick
+    for step in range(60):
+        now_s = 0.02 * step
         echo.sent(now_s, Setpoint((0.0, 0.0, 0.0)))
         echo.hear(reported(now_s, (5.0, 0.0, 0.0)), guided=True)
     assert now_s < REMEMBERED_S

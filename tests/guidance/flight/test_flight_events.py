@@ -30,7 +30,7 @@ def test_in_quiet_flight_nothing_happens():
 
 
 def test_only_what_the_table_answers_is_asked():
-    wild = {"dt_s": 99.0, "vehicle": VehicleState(), "target_silence_s": math.inf, "foreign": True}
+    wild = {"dt_s": 99.0, "vehicle": VehicleState(), "evader_silence_s": math.inf, "foreign": True}
     for state in State:
         assert {(state, event) for event in events(scene(state, **wild))} <= set(TRANSITIONS)
 
@@ -159,8 +159,8 @@ def test_a_battery_is_low_below_its_minimum_and_not_where_it_is_unknown(battery,
 
 
 @pytest.mark.parametrize(("silence_s", "lost"), [(1.5, False), (1.51, True), (math.inf, True)])
-def test_a_target_is_lost_after_its_timeout(silence_s, lost):
-    assert happens(Event.TARGET_LOST, State.ENGAGED, target_silence_s=silence_s) is lost
+def test_an_evader_is_lost_after_its_timeout(silence_s, lost):
+    assert happens(Event.EVADER_LOST, State.ENGAGED, evader_silence_s=silence_s) is lost
 
 
 def test_done_is_a_matter_of_configuration():
@@ -206,7 +206,7 @@ def test_the_start_is_reached_at_rest_within_a_metre(off_m, speed_m_s, there):
     [
         ({}, True),
         ({"since_s": NOW_S - 0.99}, False),
-        ({"target_silence_s": 1.6}, False),
+        ({"evader_silence_s": 1.6}, False),
         ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 1.0)}, True),
         ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 0.99)}, False),
         ({"vehicle": observe(VehicleState(), [heartbeat(mode=Mode.GUIDED), local(NOW_S - 1.2)])}, False),
@@ -245,7 +245,7 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         ),
         "dt_s": 2.0,
         "since_s": NOW_S - 60.0,
-        "target_silence_s": 9.0,
+        "evader_silence_s": 9.0,
         "foreign": True,
         "certificate": QUIET._replace(**flags),
         "settings": replace(SETTINGS, after_capture=AfterCapture.RETURN),
@@ -260,7 +260,7 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         Event.FENCE,
         Event.BATTERY_LOW,
     ]
-    engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.TARGET_LOST, Event.NO_GAME]
+    engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.EVADER_LOST, Event.NO_GAME]
     assert list(events(scene(State.ENGAGED, **worst))) == [*gravest, *engaged, Event.ESCAPED, Event.CAPTURED]
     assert list(events(scene(State.ON_STATION, **worst))) == [*gravest, *engaged, Event.DONE, Event.STRAYED]
     assert list(events(scene(State.PAUSED, **worst))) == [*gravest, Event.TIMED_OUT]
@@ -271,7 +271,7 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
 
 
 def test_what_is_done_in_time_has_not_taken_too_long():
-    late = {"since_s": NOW_S - 1e3, "target_silence_s": 0.0}
+    late = {"since_s": NOW_S - 1e3, "evader_silence_s": 0.0}
     assert list(events(scene(State.CONNECTING, **late))) == [Event.HEARD, Event.TIMED_OUT]
     assert list(events(scene(State.CHECKING, **late))) == [Event.FIT, Event.TIMED_OUT]
     assert list(events(scene(State.CLIMBING, **late))) == [Event.AT_HEIGHT, Event.TIMED_OUT]

@@ -11,7 +11,7 @@ from guidance.autopilots import Mode
 from guidance.flight import FINAL, Event, State
 from guidance.flight.parting import REPEAT_S
 from guidance.plausible import is_plausible
-from guidance.telemetry import Attitude, Home, LocalPosition, Message, TargetReport
+from guidance.telemetry import Attitude, EvaderReport, Home, LocalPosition, Message
 
 BAD = (math.nan, math.inf, -math.inf, 1e38, -1e38)
 PLAIN = {float: 0.5, int: 3, bool: True, str: "word"}
@@ -42,15 +42,15 @@ def spoilt(message):
                 yield from (message._replace(**{name: (*value[:axis], bad, *value[axis + 1 :])}) for bad in BAD)
 
 
-@pytest.mark.parametrize("kind", sorted([*get_args(Message), TargetReport], key=lambda kind: kind.__name__))
+@pytest.mark.parametrize("kind", sorted([*get_args(Message), EvaderReport], key=lambda kind: kind.__name__))
 def test_every_number_of_every_message_may_be_nonsense_in_every_part_of_a_flight(kind):
     for brought in (lambda one: one.standing_by(), lambda one: one.engaged()):
         flown = brought(Flown())
         outputs = []
         for bad in spoilt(sane(kind, flown.now_s)):
             said = [bad._replace(received_s=flown.now_s)]
-            outputs.append(flown.tick(reports=said) if kind is TargetReport else flown.tick(more=said))
-            outputs += flown.ticks(0.04)
+            outputs.append(flown.cycle(reports=said) if kind is EvaderReport else flown.cycle(more=said))
+            outputs += flown.cycles(0.04)
         assert flown.flight.fault is None
         assert_within_limits(outputs)
 
@@ -79,11 +79,11 @@ def test_what_cannot_be_meant_is_told_from_what_is_only_not_known():
 
 def test_nonsense_leaves_what_was_known_as_it_was():
     flown = Flown().engaged()
-    before = flown.flight._tick.envelope, flown.flight.tracking.local_frame
+    before = flown.flight._cycle.envelope, flown.flight.tracking.local_frame
     for number in BAD:
-        flown.tick(more=[Home(flown.now_s, 47.0, 8.0, 488.0, (number, 0.0, 0.0))])
-        flown.tick(more=[LocalPosition(flown.now_s, flown.now_s + 0.001, (0.0, number, 0.0), (0.0, 0.0, 0.0))])
-    assert (flown.flight._tick.envelope, flown.flight.tracking.local_frame) == before
+        flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, (number, 0.0, 0.0))])
+        flown.cycle(more=[LocalPosition(flown.now_s, flown.now_s + 0.001, (0.0, number, 0.0), (0.0, 0.0, 0.0))])
+    assert (flown.flight._cycle.envelope, flown.flight.tracking.local_frame) == before
     assert flown.state is State.ENGAGED
 
 
@@ -91,28 +91,28 @@ def break_at(flown, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("the speed is nil")
 
-    monkeypatch.setattr(flown.flight.tracking, "target", broken)
+    monkeypatch.setattr(flown.flight.tracking, "evader", broken)
 
 
 @pytest.mark.parametrize("profile", BOTH)
 def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(profile, monkeypatch):
     flown = Flown(settings_of(profile)).engaged()
     break_at(flown, monkeypatch)
-    failed = flown.tick()
+    failed = flown.cycle()
     assert (failed.state, failed.setpoint) == (State.YIELDED, None)
     assert failed.requests == (profile.set_mode(Mode.HOLD),)
     assert [(h.event, h.before, h.after) for h in failed.happenings] == [(Event.FAULT, State.ENGAGED, State.YIELDED)]
     assert failed.fault.startswith("ZeroDivisionError: the speed is nil (broken, line ")
     assert flown.flight.fault == failed.fault
-    outputs = flown.ticks(REPEAT_S + 1.5)
+    outputs = flown.cycles(REPEAT_S + 1.5)
     assert commands(outputs) == [SET_MODE]  # again, for a HEARTBEAT shows that it has not been heard
     flown.mode = Mode.HOLD
-    flown.tick(beat=True)
+    flown.cycle(beat=True)
     flown.mode = Mode.GUIDED  # a pilot's doing
-    outputs += flown.ticks(5.0)
+    outputs += flown.cycles(5.0)
     assert {one.setpoint for one in outputs} == {None}
     assert commands(outputs) == [SET_MODE]
-    ordered = flown.tick(Event.ENGAGE, Event.HOLD)
+    ordered = flown.cycle(Event.ENGAGE, Event.HOLD)
     assert [(h.event, h.after) for h in ordered.happenings] == [
         (Event.ENGAGE, State.YIELDED),
         (Event.HOLD, State.YIELDED),
@@ -123,14 +123,14 @@ def test_a_pilot_who_has_the_vehicle_keeps_it_whatever_goes_wrong(monkeypatch):
     flown = Flown().engaged()
     break_at(flown, monkeypatch)
     flown.mode = Mode.OTHER
-    assert commands([flown.tick(beat=True)]) == []
-    assert commands(flown.ticks(5.0)) == []
+    assert commands([flown.cycle(beat=True)]) == []
+    assert commands(flown.cycles(5.0)) == []
 
 
 def test_on_the_ground_nothing_is_asked_of_the_vehicle(monkeypatch):
     flown = Flown()
-    flown.ticks(0.1)
+    flown.cycles(0.1)
     monkeypatch.setattr(flown.flight.tracking, "observe", lambda *_: 1 / 0)
-    failed = flown.tick()
+    failed = flown.cycle()
     assert (failed.state, failed.setpoint, failed.requests) == (State.FAILED, None, ())
     assert flown.state in FINAL

@@ -1,4 +1,4 @@
-"""The frame of a flight: home stays where the vehicle armed, and what really moves takes the target's track along."""
+"""The frame of a flight: home stays where the vehicle armed, and what really moves takes the evader's track along."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 from flight_scenes import BOTH, HOME_DOWN_M, SETTINGS, local
-from flown import TICK_S, Flown
+from flown import CYCLE_S, Flown
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import messages
@@ -15,7 +15,7 @@ from guidance.autopilots import PX4
 from guidance.flight import Event, Flight, Inputs, State
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame
-from guidance.telemetry import GlobalPosition, Heartbeat, Home, LocalPosition, Odometry, Origin, TargetReport
+from guidance.telemetry import EvaderReport, GlobalPosition, Heartbeat, Home, LocalPosition, Odometry, Origin
 from guidance.vehicle import VehicleState, observe
 
 ZERO = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=PX4.projection)
@@ -62,15 +62,15 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(profil
             latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(place)
             velocity = (2.0, 0.0, 0.0)
             reports.append(
-                TargetReport(due_s, due_s, "test", latitude_deg, longitude_deg, altitude.metres, velocity, 0.1, 0.1)
+                EvaderReport(due_s, due_s, "test", latitude_deg, longitude_deg, altitude.metres, velocity, 0.1, 0.1)
             )
             due_s += 0.1
         flight.step(Inputs(message.received_s, [message], reports))
         if not flight.vehicle.armed:
             continue
-        floors.add(flight._tick.envelope.home_ned_m)
+        floors.add(flight._cycle.envelope.home_ned_m)
         silences.append(flight.tracking.silence_s(message.received_s))
-        places.append(flight.tracking.target(message.received_s).position_ned_m[0] - 2.0 * message.received_s)
+        places.append(flight.tracking.evader(message.received_s).position_ned_m[0] - 2.0 * message.received_s)
     assert len(floors) == 1
     assert max(silences) < 0.3
     assert places == pytest.approx([NORTH_M] * len(places), abs=0.05)
@@ -112,15 +112,15 @@ def told(frame, at_s):
 
 def relative(flown):
     """From the vehicle to its target, metres."""
-    target = flown.flight.tracking.target(flown.now_s)
-    return tuple(there - here for there, here in zip(target.position_ned_m, flown.position, strict=True))
+    evader = flown.flight.tracking.evader(flown.now_s)
+    return tuple(there - here for there, here in zip(evader.position_ned_m, flown.position, strict=True))
 
 
 def engaged():
     flown = Flown()
-    flown.tick(more=[told(ZERO, flown.now_s)])
-    flown.engaged(target=(NORTH_M, 0.0))
-    flown.ticks(0.5)
+    flown.cycle(more=[told(ZERO, flown.now_s)])
+    flown.engaged(evader=(NORTH_M, 0.0))
+    flown.cycles(0.5)
     return flown
 
 
@@ -138,29 +138,29 @@ def steps_m_s(outputs):
 
 
 SHIFTS = st.tuples(*[st.floats(-300.0, 300.0)] * 2, st.floats(-40.0, 40.0)).filter(lambda by: math.hypot(*by) > 2.0)
-BY_CYCLE_M_S = 5.0 * TICK_S * 1.5
+BY_CYCLE_M_S = 5.0 * CYCLE_S * 1.5
 """What acceleration allows in a cycle, horizontally and vertically together, and a little."""
 
 
 @settings(max_examples=10)
 @given(by_m=SHIFTS, order=st.sampled_from(["together", "told first", "told later", "never told"]))
-def test_a_zero_that_is_moved_in_flight_leaves_target_home_and_fence_where_they_are(by_m, order):
+def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_are(by_m, order):
     flown = engaged()
     before = [flown.outputs]
-    was, floor_m = relative(flown), flown.flight._tick.envelope.home_ned_m[2] - flown.position[2]
+    was, floor_m = relative(flown), flown.flight._cycle.envelope.home_ned_m[2] - flown.position[2]
     if order == "told first":
-        before.append(flown.tick(more=[told(moved_zero_of(by_m), flown.now_s), global_of(flown)]))
-        before += [flown.tick(more=[global_of(flown)]) for _ in range(3)]
+        before.append(flown.cycle(more=[told(moved_zero_of(by_m), flown.now_s), global_of(flown)]))
+        before += [flown.cycle(more=[global_of(flown)]) for _ in range(3)]
     zero = moved_zero(flown, by_m)
     announced = [told(zero, flown.now_s)] if order == "together" else []
-    before.append(flown.tick(more=[*announced, global_of(flown, zero)]))
-    before += [flown.tick(more=[global_of(flown, zero)]) for _ in range(5)]
+    before.append(flown.cycle(more=[*announced, global_of(flown, zero)]))
+    before += [flown.cycle(more=[global_of(flown, zero)]) for _ in range(5)]
     if order == "told later":
-        before.append(flown.tick(more=[told(zero, flown.now_s)]))
-    before += [flown.tick(more=[global_of(flown, zero)]) for _ in range(70)]
+        before.append(flown.cycle(more=[told(zero, flown.now_s)]))
+    before += [flown.cycle(more=[global_of(flown, zero)]) for _ in range(70)]
     assert flown.state is State.ENGAGED
     assert relative(flown) == pytest.approx(was, abs=0.06)
-    assert flown.flight._tick.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(floor_m, abs=0.01)
+    assert flown.flight._cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(floor_m, abs=0.01)
     assert steps_m_s(before) < BY_CYCLE_M_S
     assert flown.flight.tracking.counts["started"] == 1
     assert not {"jumped", "reacquired", "outlier"} & set(flown.flight.tracking.counts)
@@ -173,29 +173,29 @@ def moved_zero_of(by_m):
 
 @settings(max_examples=10)
 @given(by_m=SHIFTS)
-def test_an_estimate_that_is_reset_leaves_the_target_where_its_reports_have_it(by_m):
+def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(by_m):
     flown = engaged()
-    place = flown.flight.tracking.target(flown.now_s).position_ned_m
-    envelope, outputs = flown.flight._tick.envelope, [flown.outputs]
+    place = flown.flight.tracking.evader(flown.now_s).position_ned_m
+    envelope, outputs = flown.flight._cycle.envelope, [flown.outputs]
     flown.position = [at + by for at, by in zip(flown.position, by_m, strict=True)]
-    outputs.append(flown.tick(more=[Odometry(flown.now_s, 8), global_of(flown)]))
+    outputs.append(flown.cycle(more=[Odometry(flown.now_s, 8), global_of(flown)]))
     assert flown.state is State.PAUSED
-    outputs += [flown.tick(more=[global_of(flown)]) for _ in range(40)]
+    outputs += [flown.cycle(more=[global_of(flown)]) for _ in range(40)]
     assert all(math.hypot(*one.setpoint.velocity_ned_m_s) < 6.7 for one in outputs)
-    assert flown.flight.tracking.target(flown.now_s).position_ned_m == pytest.approx(place, abs=1e-6)
-    assert flown.flight._tick.envelope == envelope
+    assert flown.flight.tracking.evader(flown.now_s).position_ned_m == pytest.approx(place, abs=1e-6)
+    assert flown.flight._cycle.envelope == envelope
     assert flown.flight.tracking.counts["started"] == 1
 
 
 def test_a_zero_that_is_told_elsewhere_without_the_vehicle_being_there_is_not_believed():
     flown = engaged()
-    was, home_ned_m = relative(flown), flown.flight._tick.envelope.home_ned_m
+    was, home_ned_m = relative(flown), flown.flight._cycle.envelope.home_ned_m
     wrong = moved_zero_of((50.0, -80.0, 3.0))
-    flown.tick(more=[told(wrong, flown.now_s), global_of(flown)])
+    flown.cycle(more=[told(wrong, flown.now_s), global_of(flown)])
     for _ in range(100):
-        flown.tick(more=[global_of(flown)])
+        flown.cycle(more=[global_of(flown)])
     assert relative(flown) == pytest.approx(was, abs=1e-6)
-    assert flown.flight._tick.envelope.home_ned_m == home_ned_m
+    assert flown.flight._cycle.envelope.home_ned_m == home_ned_m
     assert flown.state is State.ENGAGED
 
 
@@ -208,7 +208,7 @@ def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
         latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(place)
         for n in range(20):
             more = [Home(restless.now_s, latitude_deg, longitude_deg, altitude.metres, place)] if n == 0 else []
-            assert restless.tick(more=more) == still.tick()
+            assert restless.cycle(more=more) == still.cycle()
     assert restless.flight.tracking.counts == still.flight.tracking.counts
 
 
@@ -255,13 +255,13 @@ def test_which_home_is_a_flights(said, north_m):
 def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
     """Its one counted reset came in the climb: engaged there, it pauses and goes on."""
     flown = engaged()
-    outputs = [flown.tick(more=[Odometry(flown.now_s, 11)]), flown.tick(more=[Odometry(flown.now_s, 12)])]
-    outputs += flown.ticks(1.5)
+    outputs = [flown.cycle(more=[Odometry(flown.now_s, 11)]), flown.cycle(more=[Odometry(flown.now_s, 12)])]
+    outputs += flown.cycles(1.5)
     assert [h.event for one in outputs for h in one.happenings] == [Event.ESTIMATOR_RESET, Event.CLEAR]
 
 
 def test_without_a_global_position_what_is_told_is_believed():
-    tracking = Tracking(SETTINGS.tick, PX4)
+    tracking = Tracking(SETTINGS.cycle, PX4)
     tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(ZERO, 0.0)]), [])
     other = moved_zero_of((50.0, 0.0, 0.0))
     tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(other, 1.0)]), [])

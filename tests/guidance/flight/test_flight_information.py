@@ -5,24 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flight_scenes import TICK
+from flight_scenes import CYCLE
 
 from guidance.config import parse
+from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
 from guidance.errors import ConfigError
 from guidance.frames import GameFrame
 from guidance.game import Game, Reason, solve
 from guidance.monitor import Broken, Guarantee, watch
 from guidance.service.model import GameSection
 from guidance.strategies import Memory
-from guidance.tick import TargetNow, TickInputs, TickMemory, play
 
 PURSUER_NED, EVADER_NED = (-30.0, 5.0, -20.0), (10.0, -4.0, 0.0)
 
 
-def cycle(age_s=0.1, *, settings=TICK, played_s=0.0, at=EVADER_NED):
-    target = TargetNow(at, (1.0, 2.0, 0.0), 3.0, age_s)
-    inputs = TickInputs(0.02, PURSUER_NED, (0.0, 0.0, 0.0), 0.0, target, GameFrame((0.0, 0.0, 0.0)))
-    return play(inputs, settings, TickMemory(strategy=Memory(None, played_s))).certificate
+def cycle(age_s=0.1, *, settings=CYCLE, played_s=0.0, at=EVADER_NED):
+    evader = EvaderEstimate(at, (1.0, 2.0, 0.0), 3.0, age_s)
+    inputs = CycleInputs(0.02, PURSUER_NED, (0.0, 0.0, 0.0), 0.0, evader, GameFrame((0.0, 0.0, 0.0)))
+    return play(inputs, settings, CycleMemory(strategy=Memory(None, played_s))).certificate
 
 
 def in_game(ned):
@@ -39,7 +39,7 @@ def test_information_older_than_the_guarantee_is_said_and_taken_for_new():
     ):
         said = cycle(age_s)
         assert said.reason == reason
-        game = Game(TICK.speed_set, 3.0, standoff=TICK.standoff, information_age_s=taken_s)
+        game = Game(CYCLE.speed_set, 3.0, standoff=CYCLE.standoff, information_age_s=taken_s)
         assert said.value == pytest.approx(float(solve(game, P, E).value), rel=1e-12)
 
 
@@ -62,9 +62,9 @@ def test_what_is_not_guaranteed_is_not_watched():
 
 
 def test_a_target_that_moves_is_where_it_is_by_now_and_the_game_knows_its_velocity():
-    settings = replace(TICK, target_game_m=(40.0, 10.0, 0.0), target_velocity_m_s=(1.0, -0.5))
+    settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0), target_velocity_m_s=(1.0, -0.5))
     P, E = in_game(PURSUER_NED), in_game(EVADER_NED)
-    game = Game(TICK.speed_set, 3.0, standoff=TICK.standoff, information_age_s=0.1, target_velocity_m_s=(1.0, -0.5))
+    game = Game(CYCLE.speed_set, 3.0, standoff=CYCLE.standoff, information_age_s=0.1, target_velocity_m_s=(1.0, -0.5))
     for played_s in (0.0, 12.0):
         T = np.array([40.0 + played_s, 10.0 - 0.5 * played_s, 0.0])
         said = cycle(settings=settings, played_s=played_s)
@@ -82,9 +82,9 @@ def test_a_target_velocity_that_cannot_be_is_refused_by_name(kind, velocity):
         "speed_m_s": 6.0,
         "evader_speed_m_s": 3.0,
         "target_velocity_m_s": velocity,
-        "guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 500.0},
+        "target": {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 500.0},
     }
     if kind == "pe":
-        del section["guarded"]
+        del section["target"]
     with pytest.raises(ConfigError, match=r"game\.target_velocity_m_s = .*must be slower than"):
         parse(GameSection, section, source="a.toml")

@@ -8,7 +8,7 @@ from flight_scenes import (
     HOME_DOWN_M,
     settings_of,
 )
-from flown import ARM, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, TICK_S, Flown, commands
+from flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
 
 from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
 from guidance.flight import ORDERS, Event, State
@@ -20,62 +20,62 @@ BEAT = PX4.request_message(HEARTBEAT)
 def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin():
     flown = Flown()
     assert flown.flight.mode_name == "unknown"
-    assert flown.tick(silent=True).state is State.CONNECTING
-    first = flown.tick()
+    assert flown.cycle(silent=True).state is State.CONNECTING
+    first = flown.cycle()
     assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
     assert flown.flight.mode_name == "hold"
     assert [request.command for request in first.requests] == [INTERVAL] * 7 + [MESSAGE] * 2
     assert [request.params[0] for request in first.requests[-2:]] == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
-    assert flown.tick().state is State.READY
+    assert flown.cycle().state is State.READY
 
 
 def test_what_preflight_refuses_keeps_a_vehicle_from_being_ready_and_takes_readiness_away():
     flown = Flown()
-    flown.tick()
-    assert flown.tick(refusals=("GF_ACTION",)).state is State.CHECKING
-    assert flown.tick().state is State.READY
-    assert flown.tick(refusals=("GF_ACTION",)).state is State.CHECKING
+    flown.cycle()
+    assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    assert flown.cycle().state is State.READY
+    assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
     assert [check.name for check in flown.flight.checks(flown.now_s) if not check.passed] == []
 
 
 def test_the_time_in_a_phase_counts_from_its_entry():
     flown = Flown()
-    assert flown.tick(silent=True).state is State.CONNECTING
-    outputs = flown.ticks(30.0, silent=True)
+    assert flown.cycle(silent=True).state is State.CONNECTING
+    outputs = flown.cycles(30.0, silent=True)
     assert [one.state for one in outputs[-2:]] == [State.CONNECTING] * 2
-    assert flown.ticks(0.1, silent=True)[-1].state is State.FAILED
+    assert flown.cycles(0.1, silent=True)[-1].state is State.FAILED
 
 
 def test_a_request_is_repeated_when_a_heartbeat_shows_that_it_had_no_effect_and_not_before():
     flown = Flown()
-    flown.tick()
-    flown.tick()
-    asked = flown.tick(Event.START)
+    flown.cycle()
+    flown.cycle()
+    asked = flown.cycle(Event.START)
     assert asked.state is State.ARMING
     assert commands([asked]) == [SET_MODE, ARM]
-    assert commands(flown.ticks(REPEAT_S - 0.06)) == []  # a HEARTBEAT came meanwhile
+    assert commands(flown.cycles(REPEAT_S - 0.06)) == []  # a HEARTBEAT came meanwhile
     flown.beat_s = flown.now_s
-    assert commands(flown.ticks(0.5)) == []  # due, and nothing was heard
-    assert commands([flown.tick(beat=True)]) == [SET_MODE, ARM]
+    assert commands(flown.cycles(0.5)) == []  # due, and nothing was heard
+    assert commands([flown.cycle(beat=True)]) == [SET_MODE, ARM]
 
 
 @pytest.mark.parametrize("profile", BOTH)
 def test_from_the_ground_the_autopilot_takes_off_and_the_flight_stands_by_in_its_hold(profile):
     flown = Flown(settings_of(profile))
-    flown.ticks(0.1)
-    flown.tick(Event.START)
+    flown.cycles(0.1)
+    flown.cycle(Event.START)
     flown.armed = True
     flown.mode = profile.arming_mode
-    climbing = flown.tick(beat=True)
+    climbing = flown.cycle(beat=True)
     assert (climbing.state, commands([climbing])) == (State.CLIMBING, [TAKEOFF])
     assert climbing.requests[0] == profile.takeoff(height_m=10.0, home_amsl_m=492.0)
     flown.landed = 3
-    assert commands([*flown.ticks(2.0), flown.tick(beat=True)]) == []  # it has left the ground
+    assert commands([*flown.cycles(2.0), flown.cycle(beat=True)]) == []  # it has left the ground
     flown.position[2] = HOME_DOWN_M - 9.5
-    assert flown.tick().state is State.POSITIONING
-    standing_by = flown.tick()
+    assert flown.cycle().state is State.POSITIONING
+    standing_by = flown.cycle()
     assert standing_by.state is State.STANDING_BY
-    assert {one.setpoint for one in flown.ticks(3.0)} == {None}
+    assert {one.setpoint for one in flown.cycles(3.0)} == {None}
 
 
 def test_a_vehicle_that_is_up_already_is_taken_over_as_it_hovers_and_one_on_the_ground_is_armed():
@@ -84,10 +84,10 @@ def test_a_vehicle_that_is_up_already_is_taken_over_as_it_hovers_and_one_on_the_
     assert [h.event for h in up.outputs.happenings] == [Event.ALOFT]
     for armed, landed in ((True, 1), (False, 2)):
         down = Flown()
-        down.ticks(0.1)
+        down.cycles(0.1)
         down.armed, down.landed = armed, landed
-        down.tick(beat=True)
-        ordered = down.tick(Event.START).happenings[0]
+        down.cycle(beat=True)
+        ordered = down.cycle(Event.START).happenings[0]
         assert (ordered.event, ordered.after) == (Event.START, State.ARMING)
 
 
@@ -95,12 +95,12 @@ def test_only_orders_may_be_ordered():
     flown = Flown()
     for event in set(Event) - ORDERS:
         with pytest.raises(ValueError, match=r"^order = .*: allowed are abort, engage, hold, land, return, start$"):
-            flown.tick(event)
+            flown.cycle(event)
 
 
 def test_orders_are_followed_one_after_the_other_and_have_one_happening_each():
     flown = Flown().standing_by()
-    outputs = flown.tick(Event.ENGAGE, Event.START, Event.HOLD)
+    outputs = flown.cycle(Event.ENGAGE, Event.START, Event.HOLD)
     assert [(h.event, h.before, h.after) for h in outputs.happenings] == [
         (Event.ENGAGE, State.STANDING_BY, State.ENTERING),
         (Event.ALOFT, State.ENTERING, State.ENTERING),
@@ -111,61 +111,61 @@ def test_orders_are_followed_one_after_the_other_and_have_one_happening_each():
 
 def test_the_guided_mode_is_asked_for_once_a_setpoint_went_out_and_a_heartbeat_came_which_is_asked_for_at_once():
     flown = Flown().standing_by()
-    flown.target = (60.0, 0.0)
-    ordered = flown.tick(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
+    flown.evader = (60.0, 0.0)
+    ordered = flown.cycle(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
     assert (ordered.state, ordered.setpoint is None) == (State.ENTERING, False)
     assert ordered.requests == (BEAT,)
-    streamed = flown.ticks(STREAM_FIRST_S - TICK_S, beat=True)
+    streamed = flown.cycles(STREAM_FIRST_S - CYCLE_S, beat=True)
     assert all(one.setpoint is not None for one in streamed)
     assert set(commands(streamed)) == {MESSAGE}
-    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.ticks(0.06, beat=True) for request in one.requests]
+    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.cycles(0.06, beat=True) for request in one.requests]
     flown.mode, flown.beat_s = Mode.GUIDED, math.inf  # no HEARTBEAT but those of the test
-    asked = flown.ticks(BEAT_EVERY_S)
+    asked = flown.cycles(BEAT_EVERY_S)
     assert [request for one in asked for request in one.requests] == [BEAT]
-    assert flown.tick(beat=True).state is State.ENGAGED
-    assert commands(flown.ticks(1.0)) == []
+    assert flown.cycle(beat=True).state is State.ENGAGED
+    assert commands(flown.cycles(1.0)) == []
 
 
 def test_an_autopilot_that_sends_no_heartbeat_when_it_is_asked_is_waited_for_no_longer_than_this():
     flown = Flown().standing_by()
-    flown.target = (60.0, 0.0)
-    outputs = [flown.tick(Event.ENGAGE), *flown.ticks(UNHEARD_S - 2 * TICK_S)]
+    flown.evader = (60.0, 0.0)
+    outputs = [flown.cycle(Event.ENGAGE), *flown.cycles(UNHEARD_S - 2 * CYCLE_S)]
     assert set(commands(outputs)) == {MESSAGE}
-    asked = flown.ticks(3 * TICK_S)
+    asked = flown.cycles(3 * CYCLE_S)
     assert [request for one in asked for request in one.requests if request != BEAT] == [PX4.set_mode(Mode.GUIDED)]
     assert all(one.setpoint is not None for one in (*outputs, *asked))
 
 
 def test_the_guided_mode_is_asked_for_again_only_of_an_autopilot_that_shows_another_one_of_ours():
     flown = Flown().standing_by()
-    flown.tick(Event.ENGAGE)
-    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.ticks(0.3, beat=True) for request in one.requests]
+    flown.cycle(Event.ENGAGE)
+    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.cycles(0.3, beat=True) for request in one.requests]
     flown.beat_s = math.inf  # no HEARTBEAT but those of the test
-    quiet = flown.ticks(REPEAT_S + 0.5)
+    quiet = flown.cycles(REPEAT_S + 0.5)
     assert set(commands(quiet)) == {MESSAGE}
-    assert PX4.set_mode(Mode.GUIDED) in flown.tick(beat=True).requests
+    assert PX4.set_mode(Mode.GUIDED) in flown.cycle(beat=True).requests
     flown.mode = Mode.OTHER
-    assert (flown.tick(beat=True).state, flown.outputs.requests) == (State.YIELDED, ())
+    assert (flown.cycle(beat=True).state, flown.outputs.requests) == (State.YIELDED, ())
 
 
 def test_an_order_without_effect_gives_a_phase_no_more_time():
     flown = Flown().standing_by()
-    flown.tick(Event.ENGAGE)
+    flown.cycle(Event.ENGAGE)
     entered_s = flown.now_s
     while flown.state is State.ENTERING:
-        flown.tick(Event.START)
+        flown.cycle(Event.START)
     assert flown.state is State.HOLDING
-    assert flown.now_s - entered_s == pytest.approx(10.0, abs=2 * TICK_S)
+    assert flown.now_s - entered_s == pytest.approx(10.0, abs=2 * CYCLE_S)
 
 
 def test_a_pilots_switch_is_not_undone_by_a_request_that_is_due():
     flown = Flown().standing_by()
-    assert commands(flown.ticks(REPEAT_S + 0.5)) == []
+    assert commands(flown.cycles(REPEAT_S + 0.5)) == []
     flown.mode = Mode.OTHER
-    seen = flown.tick(beat=True)
+    seen = flown.cycle(beat=True)
     assert (seen.state, seen.setpoint, seen.requests) == (State.YIELDED, None, ())
     for order in sorted(ORDERS):
-        after = flown.tick(order, beat=True)
+        after = flown.cycle(order, beat=True)
         assert (after.state, after.setpoint, after.requests) == (State.YIELDED, None, ())
 
 
@@ -179,11 +179,11 @@ def test_a_pilots_switch_is_not_undone_by_a_request_that_is_due():
 )
 def test_a_hover_goes_out_until_a_heartbeat_shows_that_the_autopilot_has_taken_over(order, state, mode):
     flown = Flown().engaged()
-    handed = flown.tick(order)
+    handed = flown.cycle(order)
     assert handed.state is state
     assert list(handed.requests) == [PX4.set_mode(mode)]
-    assert all(one.setpoint is not None for one in flown.ticks(0.5))
+    assert all(one.setpoint is not None for one in flown.cycles(0.5))
     flown.mode = mode
-    assert flown.tick(beat=True).setpoint is None
-    assert {one.setpoint for one in flown.ticks(2.5)} == {None}
-    assert commands(flown.ticks(2.0)) == []
+    assert flown.cycle(beat=True).setpoint is None
+    assert {one.setpoint for one in flown.cycles(2.5)} == {None}
+    assert commands(flown.cycles(2.0)) == []

@@ -13,7 +13,7 @@ from flight_scenes import (
     local,
     settings_of,
 )
-from flown import REPOSITION, TICK_S, Flown, commands
+from flown import CYCLE_S, REPOSITION, Flown, commands
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FINAL, AfterCapture, EngageOn, Event, FlightSettings, State
@@ -26,71 +26,71 @@ from guidance.telemetry import LandedState, Odometry, PositionTarget
 from guidance.vehicle import VehicleState, observe
 
 
-def test_the_game_is_played_on_a_target_and_hovered_through_without_one():
+def test_the_game_is_played_on_an_evader_and_hovered_through_without_one():
     flown = Flown().engaged()
-    playing = flown.ticks(1.0)[-1]
+    playing = flown.cycles(1.0)[-1]
     assert playing.certificate is not None
     assert playing.certificate.gap_m == pytest.approx(57.0, abs=0.1)
     assert playing.setpoint.velocity_ned_m_s[0] > 1.0
-    flown.target = None
-    outputs = flown.ticks(1.6)
+    flown.evader = None
+    outputs = flown.cycles(1.6)
     (lost,) = [h for one in outputs for h in one.happenings]
-    assert (lost.event, lost.after) == (Event.TARGET_LOST, State.PAUSED)
+    assert (lost.event, lost.after) == (Event.EVADER_LOST, State.PAUSED)
     assert outputs[-1].certificate is None
-    assert flown.ticks(2.0)[-1].setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
-    flown.target = (60.0, 0.0)
-    back = flown.ticks(1.5)
+    assert flown.cycles(2.0)[-1].setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
+    flown.evader = (60.0, 0.0)
+    back = flown.cycles(1.5)
     assert [h.after for one in back for h in one.happenings] == [State.ENGAGED]
 
 
 def test_a_pause_counts_what_was_well_from_the_moment_that_it_began():
     flown = Flown().engaged()
-    flown.ticks(1.0)
-    flown.tick(dt_s=0.3)
+    flown.cycles(1.0)
+    flown.cycle(dt_s=0.3)
     assert flown.state is State.PAUSED
-    outputs = flown.ticks(1.2)
+    outputs = flown.cycles(1.2)
     resumed = next(n for n, one in enumerate(outputs) if one.state is State.ENGAGED)
-    assert (resumed + 1) * TICK_S == pytest.approx(SETTINGS.settle_s, abs=TICK_S)
+    assert (resumed + 1) * CYCLE_S == pytest.approx(SETTINGS.settle_s, abs=CYCLE_S)
 
 
 def test_the_heading_of_the_engagement_is_held_until_the_vehicle_is_handed_over():
-    flown = Flown().engaged(target=(3.2, 0.0))
+    flown = Flown().engaged(evader=(3.2, 0.0))
     flown.yaw_rad = 0.9
     flown.position[2] = HOME_DOWN_M - 5.0
-    flown.ticks(2.0)
+    flown.cycles(2.0)
     assert flown.state is State.ON_STATION
-    flown.tick(dt_s=0.3)
+    flown.cycle(dt_s=0.3)
     assert flown.state is State.PAUSED
-    assert flown.tick().setpoint.yaw_rad == pytest.approx(0.7)
-    flown.tick(Event.HOLD)
-    assert flown.ticks(0.1)[-1].setpoint.yaw_rad == pytest.approx(0.9)
+    assert flown.cycle().setpoint.yaw_rad == pytest.approx(0.7)
+    flown.cycle(Event.HOLD)
+    assert flown.cycles(0.1)[-1].setpoint.yaw_rad == pytest.approx(0.9)
     flown.yaw_rad = 1.1
-    flown.tick(beat=True)
-    assert flown.tick(Event.ENGAGE).setpoint.yaw_rad == pytest.approx(1.1)
+    flown.cycle(beat=True)
+    assert flown.cycle(Event.ENGAGE).setpoint.yaw_rad == pytest.approx(1.1)
 
 
 @pytest.mark.parametrize(("after", "moves"), [(AfterCapture.HOLD, False), (AfterCapture.SHADOW, True)])
 def test_on_station_the_vehicle_hovers_or_follows_as_configured(after, moves):
-    flown = Flown(settings_of(after_capture=after)).engaged(target=(3.2, 0.0), height_m=5.0)
-    flown.ticks(1.0)
+    flown = Flown(settings_of(after_capture=after)).engaged(evader=(3.2, 0.0), height_m=5.0)
+    flown.cycles(1.0)
     assert flown.state is State.ON_STATION
-    flown.target = (4.3, 0.0)
-    outputs = flown.ticks(1.0)
+    flown.evader = (4.3, 0.0)
+    outputs = flown.cycles(1.0)
     assert flown.state is State.ON_STATION
     assert (outputs[-1].setpoint.velocity_ned_m_s[0] > 0.3) is moves
     assert (outputs[-1].certificate is not None) is moves
 
 
 def test_after_the_capture_it_returns_where_that_is_configured():
-    flown = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(target=(3.2, 0.0), height_m=5.0)
-    events = [h.event for one in flown.ticks(1.0) for h in one.happenings]
+    flown = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(evader=(3.2, 0.0), height_m=5.0)
+    events = [h.event for one in flown.cycles(1.0) for h in one.happenings]
     assert events == [Event.CAPTURED, Event.DONE]
     assert flown.state is State.RETURNING
 
 
 def test_a_certificate_is_of_the_state_that_it_was_made_in():
-    flown = Flown().engaged(target=(3.2, 0.0), height_m=5.0)
-    outputs = flown.ticks(1.0)
+    flown = Flown().engaged(evader=(3.2, 0.0), height_m=5.0)
+    outputs = flown.cycles(1.0)
     entered = next(one for one in outputs if one.happenings)
     assert entered.state is State.ON_STATION
     assert entered.certificate is None
@@ -98,62 +98,62 @@ def test_a_certificate_is_of_the_state_that_it_was_made_in():
 
 def test_an_estimators_jump_pauses_once():
     flown = Flown().engaged()
-    flown.ticks(0.5, more=())
-    flown.tick(more=[Odometry(flown.now_s, 7)])
+    flown.cycles(0.5, more=())
+    flown.cycle(more=[Odometry(flown.now_s, 7)])
     assert flown.state is State.ENGAGED
-    flown.tick(more=[Odometry(flown.now_s, 8)])
+    flown.cycle(more=[Odometry(flown.now_s, 8)])
     assert flown.state is State.PAUSED
-    assert flown.ticks(1.2)[-1].state is State.ENGAGED
-    assert {one.state for one in flown.ticks(1.0)} == {State.ENGAGED}
+    assert flown.cycles(1.2)[-1].state is State.ENGAGED
+    assert {one.state for one in flown.cycles(1.0)} == {State.ENGAGED}
 
 
 def test_another_sources_setpoints_end_in_the_autopilots_hold_and_our_own_do_not():
     flown = Flown().engaged()
     for _ in range(200):
-        flown.tick(more=[PositionTarget(flown.now_s, 0.0, 0, flown.outputs.setpoint.velocity_ned_m_s)])
+        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, flown.outputs.setpoint.velocity_ned_m_s)])
     assert flown.state is State.ENGAGED
     for _ in range(4):
-        flown.tick(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))])
+        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))])
     assert flown.state is State.ENGAGED  # it may be a pilot's: that is for the next HEARTBEAT to say
-    flown.tick(beat=True)
+    flown.cycle(beat=True)
     assert flown.state is State.HOLDING
 
 
 def test_a_pilots_own_setpoints_are_not_taken_for_another_sources_and_nothing_is_ordered():
     flown = Flown().engaged()
-    flown.ticks(4.0)
+    flown.cycles(4.0)
     flown.mode = Mode.OTHER
-    before_the_beat = [flown.tick(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))]) for _ in range(4)]
+    before_the_beat = [flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))]) for _ in range(4)]
     assert {one.state for one in before_the_beat} == {State.ENGAGED}
-    outputs = [*before_the_beat, flown.tick(beat=True), *flown.ticks(3.0)]
+    outputs = [*before_the_beat, flown.cycle(beat=True), *flown.cycles(3.0)]
     assert flown.state is State.YIELDED
     assert commands(outputs) == []
 
 
 def test_what_the_autopilot_did_between_two_engagements_is_not_held_against_anyone():
     flown = Flown().engaged()
-    flown.ticks(3.0)
-    flown.tick(Event.HOLD)
+    flown.cycles(3.0)
+    flown.cycle(Event.HOLD)
     flown.mode = Mode.HOLD
-    flown.tick(beat=True)
-    flown.ticks(3.0)
-    flown.tick(Event.ENGAGE)
+    flown.cycle(beat=True)
+    flown.cycles(3.0)
+    flown.cycle(Event.ENGAGE)
     flown.mode = Mode.GUIDED
-    flown.tick(beat=True)
-    flown.ticks(1.2, more=[PositionTarget(flown.now_s, 0.0, 0, (0.0, 5.0, 0.0))], beat=True)
+    flown.cycle(beat=True)
+    flown.cycles(1.2, more=[PositionTarget(flown.now_s, 0.0, 0, (0.0, 5.0, 0.0))], beat=True)
     assert flown.state is State.ENGAGED
 
 
 def test_while_standing_by_the_autopilots_own_targets_are_its_own_affair():
     flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
-    flown.target = (60.0, 0.0)
-    flown.ticks(3.0, more=[PositionTarget(flown.now_s, 0.0, 0, (5.0, 5.0, 0.0))])
+    flown.evader = (60.0, 0.0)
+    flown.cycles(3.0, more=[PositionTarget(flown.now_s, 0.0, 0, (5.0, 5.0, 0.0))])
     flown.mode = Mode.OTHER
-    flown.tick(beat=True)
+    flown.cycle(beat=True)
     flown.mode = Mode.GUIDED
-    flown.tick(beat=True)
+    flown.cycle(beat=True)
     assert flown.state is State.ENGAGED
-    assert {one.state for one in flown.ticks(1.0, more=[PositionTarget(flown.now_s, 0.0, 0, (5.0, 5.0, 0.0))])} == {
+    assert {one.state for one in flown.cycles(1.0, more=[PositionTarget(flown.now_s, 0.0, 0, (5.0, 5.0, 0.0))])} == {
         State.ENGAGED
     }
 
@@ -161,14 +161,14 @@ def test_while_standing_by_the_autopilots_own_targets_are_its_own_affair():
 def test_a_pilot_is_invited_by_a_neutral_stream_after_the_hold_was_asked_for():
     flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
     assert flown.outputs.requests == (PX4.set_mode(Mode.HOLD),)
-    outputs = flown.ticks(INVITE_AFTER_S + 0.5)
+    outputs = flown.cycles(INVITE_AFTER_S + 0.5)
     streaming = [one.setpoint is not None for one in outputs]
-    assert (streaming.index(True) + 1) * TICK_S == pytest.approx(INVITE_AFTER_S, abs=TICK_S)
+    assert (streaming.index(True) + 1) * CYCLE_S == pytest.approx(INVITE_AFTER_S, abs=CYCLE_S)
     assert all(streaming[streaming.index(True) :])
-    flown.ticks(3.0)
-    assert commands(flown.ticks(3.0)) == []  # the hold is asked for once: the pilot's next switch is an answer
+    flown.cycles(3.0)
+    assert commands(flown.cycles(3.0)) == []  # the hold is asked for once: the pilot's next switch is an answer
     flown.mode, flown.position[2] = Mode.OTHER, HOME_DOWN_M - 30.0
-    followed = flown.ticks(2.0)
+    followed = flown.cycles(2.0)
     assert flown.state is State.STANDING_BY
     assert followed[-1].setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
@@ -177,23 +177,23 @@ def test_a_mode_that_the_vehicle_was_left_in_is_no_invitation():
     flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
     flown.mode = Mode.GUIDED
     flown.standing_by()
-    flown.target = (60.0, 0.0)
-    assert {one.state for one in flown.ticks(4.0)} == {State.STANDING_BY}
+    flown.evader = (60.0, 0.0)
+    assert {one.state for one in flown.cycles(4.0)} == {State.STANDING_BY}
     flown.mode = Mode.OTHER
-    flown.tick(beat=True)
+    flown.cycle(beat=True)
     flown.mode = Mode.GUIDED
-    assert flown.tick(beat=True).state is State.ENGAGED
+    assert flown.cycle(beat=True).state is State.ENGAGED
 
 
 def test_heights_count_from_where_home_is_now():
     flown = Flown().engaged()
-    assert flown.flight._tick.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
+    assert flown.flight._cycle.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
 
 
 def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cycle():
     flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
-    assert {one.alarm for one in flown.ticks(0.3)} == {None}
-    outputs = flown.ticks(1.5)  # the vehicle does not move, so that the capture is ever later
+    assert {one.alarm for one in flown.cycles(0.3)} == {None}
+    outputs = flown.cycles(1.5)  # the vehicle does not move, so that the capture is ever later
     alarms = [one.alarm for one in outputs if one.alarm is not None]
     assert alarms
     assert {alarm.broken for alarm in alarms} == {Broken.CAPTURE_LATER}
@@ -201,38 +201,38 @@ def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cyc
     alarmed = [one.alarm is not None for one in outputs]
     assert not any(one and after for one, after in pairwise(alarmed))
     while flown.outputs.alarm is None:
-        flown.tick()
-    paused = flown.tick(dt_s=0.3)
+        flown.cycle()
+    paused = flown.cycle(dt_s=0.3)
     assert (paused.state, paused.alarm) == (State.PAUSED, None)
 
 
 def test_of_all_that_happens_in_one_cycle_the_gravest_alone_has_an_effect():
     flown = Flown().engaged()
-    flown.ticks(0.5)
+    flown.cycles(0.5)
     flown.mode, flown.armed = Mode.OTHER, False
-    outputs = flown.tick(beat=True, dt_s=0.3, more=[Odometry(flown.now_s, 1), Odometry(flown.now_s, 2)])
+    outputs = flown.cycle(beat=True, dt_s=0.3, more=[Odometry(flown.now_s, 1), Odometry(flown.now_s, 2)])
     assert [h.event for h in outputs.happenings] == [Event.PILOT]
     late = Flown().engaged()
-    late.ticks(0.5)
-    outputs = late.tick(dt_s=0.3, more=[Odometry(late.now_s, 1), Odometry(late.now_s, 2)])
+    late.cycles(0.5)
+    outputs = late.cycle(dt_s=0.3, more=[Odometry(late.now_s, 1), Odometry(late.now_s, 2)])
     assert [h.event for h in outputs.happenings] == [Event.ESTIMATOR_RESET]
 
 
 def test_after_a_reboot_or_a_lost_vehicle_nothing_is_said_any_more():
     for shock in ({"more": [local(1.0)]}, {"silent": True, "dt_s": 3.5}):
         flown = Flown().engaged()
-        flown.ticks(0.5)
-        outputs = flown.tick(**shock)
+        flown.cycles(0.5)
+        outputs = flown.cycle(**shock)
         assert outputs.state is State.YIELDED
         assert (outputs.setpoint, outputs.requests) == (None, ())
-        assert {(one.setpoint, one.requests) for one in flown.ticks(3.0)} == {(None, ())}
+        assert {(one.setpoint, one.requests) for one in flown.cycles(3.0)} == {(None, ())}
 
 
 def test_every_final_state_is_silent_and_asks_nothing():
     for state in FINAL:
         flown = Flown().engaged()
         flown.flight.state = state
-        assert {(one.setpoint, one.requests) for one in flown.ticks(2.0)} == {(None, ())}
+        assert {(one.setpoint, one.requests) for one in flown.cycles(2.0)} == {(None, ())}
 
 
 @pytest.mark.parametrize("profile", BOTH)
@@ -276,22 +276,22 @@ def test_standing_by_asks_for_the_hold_only_of_a_vehicle_that_holds_for_a_pilot(
 
 def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
     flown = Flown(settings_of(start_game_m=(20.0, 30.0, 12.0)))
-    flown.ticks(0.1)
-    flown.tick(Event.START)
+    flown.cycles(0.1)
+    flown.cycle(Event.START)
     flown.armed = True
-    flown.tick(beat=True)
+    flown.cycle(beat=True)
     flown.landed, flown.position[2] = 2, HOME_DOWN_M - 10.0
-    outputs = [flown.tick(beat=True), *flown.ticks(0.1)]
+    outputs = [flown.cycle(beat=True), *flown.cycles(0.1)]
     assert flown.state is State.POSITIONING
     (request,) = [request for one in outputs for request in one.requests]
     assert request.command == REPOSITION
     assert request.params[6] == pytest.approx(488.0 + 12.0, abs=0.1)
     flown.position = [30.0, 20.0, -12.0]
-    assert flown.tick().state is State.STANDING_BY
+    assert flown.cycle().state is State.STANDING_BY
 
 
 def test_a_flight_that_says_nothing_of_it_is_flown_so():
-    said = FlightSettings(profile=ARDUCOPTER, tick=SETTINGS.tick, takeoff_height_m=10.0)
+    said = FlightSettings(profile=ARDUCOPTER, cycle=SETTINGS.cycle, takeoff_height_m=10.0)
     assert (said.start_game_m, said.after_capture, said.engage_on) == (None, AfterCapture.HOLD, EngageOn.COMMAND)
     assert (said.battery_minimum, said.settle_s, said.guarantee_slack_s) == (0.2, 1.0, 0.3)
     assert said.limits_s == {
@@ -309,9 +309,9 @@ def test_no_state_that_commands_is_silent_and_no_other_speaks():
     assert not SETPOINT_STATES & HANDING_OVER
     for state in set(State) - FINAL:
         flown = Flown().engaged()
-        flown.ticks(0.3)
+        flown.cycles(0.3)
         flown.flight.state, flown.mode = state, Mode.HOLD
         flown.flight._since_s = flown.now_s
-        flown.flight._setpoint(flown.now_s, TICK_S)
-        speaks = flown.flight._setpoint(flown.now_s, TICK_S) is not None
+        flown.flight._setpoint(flown.now_s, CYCLE_S)
+        speaks = flown.flight._setpoint(flown.now_s, CYCLE_S) is not None
         assert speaks is (state in SETPOINT_STATES | HANDING_OVER)  # HEARTBEAT still shows the guided mode

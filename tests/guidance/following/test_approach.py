@@ -100,13 +100,13 @@ def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, la
     settings = HANDLING[name].following.approach
     evader = (pace, 0.0, 0.0)
     gap_m, flown, reached_s = 40.0, 0.0, math.inf
-    for tick in range(2000):
+    for cycle in range(2000):
         wanted = approach((6.0, 0.0, 0.0), (flown, 0.0, 0.0), evader, Gaps(gap_m, 0.0, 1.0, 0.0), settings)[0]
         flown += (wanted[0] - flown) * (1.0 - math.exp(-DT_S / lag_s))
         gap_m -= (flown - pace) * DT_S
         assert gap_m >= 0.0
         if gap_m <= 0.5:
-            reached_s = min(reached_s, tick * DT_S)
+            reached_s = min(reached_s, cycle * DT_S)
     assert gap_m == pytest.approx(settings.margin_m, abs=0.02)
     assert flown == pytest.approx(pace, abs=0.02)
     # Beside full speed to the rim: braking costs half of its time, and what is planned with to answer and to settle.

@@ -43,10 +43,10 @@ def difference(one, other):
 def run(wanted, gains, *, plant, seconds):
     """Close the loop: `plant(velocity, served)` is the vehicle's acceleration. Yields (time, velocity, served)."""
     velocity, memory = STILL, ServoMemory()
-    for tick in range(round(seconds / DT_S)):
+    for cycle in range(round(seconds / DT_S)):
         served = serve(wanted, velocity, memory, gains, dt_s=DT_S)
         memory = served.memory
-        yield tick * DT_S, velocity, served
+        yield cycle * DT_S, velocity, served
         velocity = tuple(v + a * DT_S for v, a in zip(velocity, plant(velocity, served), strict=True))
 
 
@@ -74,10 +74,10 @@ def test_equal_inputs_give_equal_outputs(wanted, flown, expected, dt_s, gains):
 
 
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=30), gains)
-def test_the_command_never_leaves_what_was_wanted_and_flown(ticks, gains):
+def test_the_command_never_leaves_what_was_wanted_and_flown(cycles, gains):
     memory = ServoMemory()
-    sizes, heights = [ground(ticks[0][1])], [ticks[0][1][2]]
-    for wanted, flown, dt_s in ticks:
+    sizes, heights = [ground(cycles[0][1])], [cycles[0][1][2]]
+    for wanted, flown, dt_s in cycles:
         served = serve(wanted, flown, memory, gains, dt_s=dt_s)
         memory = served.memory
         sizes.append(ground(wanted))
@@ -88,9 +88,9 @@ def test_the_command_never_leaves_what_was_wanted_and_flown(ticks, gains):
 
 
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=30), gains)
-def test_the_reference_keeps_its_acceleration_and_jerk_whatever_is_asked(ticks, gains):
+def test_the_reference_keeps_its_acceleration_and_jerk_whatever_is_asked(cycles, gains):
     memory = ServoMemory()
-    for wanted, flown, dt_s in ticks:
+    for wanted, flown, dt_s in cycles:
         before = memory
         served = serve(wanted, flown, before, gains, dt_s=dt_s)
         memory = served.memory
@@ -105,9 +105,9 @@ def test_the_reference_keeps_its_acceleration_and_jerk_whatever_is_asked(ticks, 
 
 
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=60), gains)
-def test_what_is_learned_never_winds_up_beyond_its_limits(ticks, gains):
+def test_what_is_learned_never_winds_up_beyond_its_limits(cycles, gains):
     memory = ServoMemory()
-    for wanted, flown, dt_s in ticks:
+    for wanted, flown, dt_s in cycles:
         memory = serve(wanted, flown, memory, gains, dt_s=dt_s).memory
         assert 0.0 <= memory.drag_per_s <= max(gains.drag_limit_per_s, gains.drag_per_s)
         assert ground(memory.trim_ned_m_s2) <= gains.trim_limit_m_s2 + 1e-12
@@ -186,7 +186,7 @@ def test_it_begins_at_the_vehicles_own_velocity():
     assert served.memory.drag_per_s == GAINS.drag_per_s
 
 
-def test_a_late_tick_is_not_made_up_for():
+def test_a_late_cycle_is_not_made_up_for():
     late, longest = (serve((6.0, 0.0, 0.0), STILL, ServoMemory(), GAINS, dt_s=dt_s) for dt_s in (5.0, 0.1))
     assert late == longest
 

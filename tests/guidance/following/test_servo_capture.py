@@ -14,7 +14,7 @@ WANTED = {"px4": 1.06, "arducopter": 1.07}
 
 
 def plain(settings):
-    return replace(settings, tick=replace(settings.tick, following=None))
+    return replace(settings, cycle=replace(settings.cycle, following=None))
 
 
 @pytest.fixture(scope="module", params=sorted(WANTED))

@@ -37,11 +37,11 @@ def test_limits_at_the_games_speed_leave_nothing_to_catch_up_with(wanted, owed_m
 def test_a_vehicle_from_hover_comes_as_far_as_the_games_pursuer_and_no_further(lag_s):
     flown = way_m = owed_m = 0.0
     ahead_m = -math.inf
-    for tick in range(1, 3001):
+    for cycle in range(1, 3001):
         velocity, owed_m = catch_up(WANTED, (flown, 0.0, 0.0), owed_m, SETTINGS, most=1.05, dt_s=DT_S)
         way_m += flown * DT_S
         flown += (velocity[0] - flown) * (1.0 - math.exp(-DT_S / lag_s))
-        ahead_m = max(ahead_m, way_m - 6.0 * tick * DT_S)
+        ahead_m = max(ahead_m, way_m - 6.0 * cycle * DT_S)
     # Without it, 6 m/s times the lag would be missing for ever.
     assert way_m == pytest.approx(6.0 * 3000 * DT_S, abs=0.1)
     assert ahead_m <= 0.05 * 6.0 * lag_s

@@ -15,13 +15,13 @@ coordinates = st.floats(-50.0, 50.0)
 vectors = st.tuples(coordinates, coordinates, coordinates)
 
 
-def drive(*, seconds, velocity, error, hold_ticks=1):
-    """Report a motion whose velocity is off by `error(t)`; positions come every `hold_ticks` ticks, as streams do."""
+def drive(*, seconds, velocity, error, hold_cycles=1):
+    """Report a motion whose velocity is off by `error(t)`; positions come every `hold_cycles` cycles, as streams do."""
     drift, place, reported = Drift(), [0.0, 0.0, 0.0], (0.0, 0.0, 0.0)
-    for tick in range(round(seconds / DT_S)):
-        now_s = tick * DT_S
+    for cycle in range(round(seconds / DT_S)):
+        now_s = cycle * DT_S
         true = velocity(now_s)
-        if tick % hold_ticks == 0:
+        if cycle % hold_cycles == 0:
             reported = tuple(place)
         told = tuple(v + e for v, e in zip(true, error(now_s), strict=True))
         drift = observe_drift(drift, reported, told, dt_s=DT_S)
@@ -29,13 +29,13 @@ def drive(*, seconds, velocity, error, hold_ticks=1):
     return drift.velocity_ned_m_s
 
 
-@pytest.mark.parametrize("hold_ticks", [1, 2])
-def test_a_constant_error_is_found(hold_ticks):
+@pytest.mark.parametrize("hold_cycles", [1, 2])
+def test_a_constant_error_is_found(hold_cycles):
     found = drive(
         seconds=15.0,
         velocity=lambda _now_s: (6.0, -2.0, 1.5),
         error=lambda _now_s: (0.2, -0.3, 0.1),
-        hold_ticks=hold_ticks,
+        hold_cycles=hold_cycles,
     )
     assert found == pytest.approx((0.2, -0.3, 0.1), abs=0.05)
 

@@ -14,15 +14,15 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.conversation import HEARD, Conversation
 from guidance.links.dialect import CRC_EXTRA, IDS
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.targets import (
+from guidance.links.evaders import (
     AdsbVehicle,
     FollowTarget,
     GlobalPositionInt,
-    MavlinkTarget,
+    MavlinkEvader,
     Odometry,
     OpenDroneIdLocation,
 )
+from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.telemetry import Attitude, GlobalPosition, Home, LocalPosition, Origin
 
 FRAME = LocalFrame(47.0, 8.0, Amsl(488.0), undulation_m=47.0)
@@ -104,13 +104,13 @@ def test_any_json_that_a_library_may_hand_over_is_a_message_or_is_counted(said):
 
 
 @pytest.mark.parametrize("carrier", CARRIERS)
-def test_any_payload_of_a_target_is_a_report_of_a_place_or_is_refused(carrier):
+def test_any_payload_of_an_evader_is_a_report_of_a_place_or_is_refused(carrier):
     @settings(max_examples=200)
     @given(st.lists(st.binary(min_size=1, max_size=255), min_size=1, max_size=4))
     def whatever(payloads):
         ours, theirs = MemoryWire.pair(lambda: 3.0)
         made = carrier()
-        source = MavlinkTarget(ours, made, system_id=9)
+        source = MavlinkEvader(ours, made, system_id=9)
         for payload in payloads:
             theirs.send(framed(made.message, payload, system_id=9))
         reports = source.receive()

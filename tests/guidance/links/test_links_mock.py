@@ -45,14 +45,14 @@ class Flight:
 
     def run(self, duration_s: float, setpoint: Setpoint | None = None) -> list:
         seen = []
-        for tick in range(round(duration_s / STEP_S)):
+        for step in range(round(duration_s / STEP_S)):
             self.now_s += STEP_S
             for frame in self.mock.step(self.now_s, [data for _, data in self.theirs.receive()]):
                 self.theirs.send(frame)
             for message in self.link.receive():
                 self.latest[type(message)] = message
                 seen.append(message)
-            if tick % 50 == 0:
+            if step % 50 == 0:
                 self.link.send_heartbeat()
             if setpoint is not None:
                 self.link.send_setpoint(setpoint)

@@ -12,14 +12,14 @@ def sends(queue: RequestQueue, *times_s: float) -> list:
     return [(time_s, request, attempt) for time_s in times_s for request, attempt in queue.due(time_s)]
 
 
-def ticks(until_s: float, step_s: float = 0.1) -> list[float]:
+def times(until_s: float, step_s: float = 0.1) -> list[float]:
     return [round(n * step_s, 3) for n in range(round(until_s / step_s) + 1)]
 
 
 def test_a_question_goes_out_four_times_half_a_second_apart_and_then_counts_as_unanswered():
     queue = RequestQueue()
     queue.add(STREAM)
-    assert sends(queue, *ticks(5.0)) == [(0.0, STREAM, 0), (0.5, STREAM, 1), (1.0, STREAM, 2), (1.5, STREAM, 3)]
+    assert sends(queue, *times(5.0)) == [(0.0, STREAM, 0), (0.5, STREAM, 1), (1.0, STREAM, 2), (1.5, STREAM, 3)]
     assert queue.unanswered == 1
     assert queue.waiting == {}
 
@@ -29,7 +29,7 @@ def test_a_command_that_acts_is_never_repeated_blindly(number):
     queue = RequestQueue()
     command = Command(number, ZEROS)
     queue.add(command)
-    assert sends(queue, *ticks(5.0)) == [(0.0, command, 0)]
+    assert sends(queue, *times(5.0)) == [(0.0, command, 0)]
     assert queue.unanswered == 1
 
 
@@ -39,7 +39,7 @@ def test_an_answer_ends_the_repeats_whatever_it_says(result):
     queue.add(STREAM)
     assert len(sends(queue, 0.0)) == 1
     queue.acknowledged(511, result, 0.1)
-    assert sends(queue, *ticks(5.0)) == []
+    assert sends(queue, *times(5.0)) == []
     assert queue.unanswered == 0
 
 
@@ -63,7 +63,7 @@ def test_in_progress_is_waited_for_and_not_repeated():
     queue.add(STREAM)
     sends(queue, 0.0)
     queue.acknowledged(511, 5, 0.1)
-    assert sends(queue, *ticks(9.0)) == []
+    assert sends(queue, *times(9.0)) == []
     assert queue.unanswered == 0
     sends(queue, 10.2)
     assert queue.unanswered == 1
@@ -86,9 +86,9 @@ def test_stream_requests_queue_one_behind_another():
     for stream in streams:
         queue.add(stream)
     sent = []
-    for tick in range(3):
-        sent += [request for request, _ in queue.due(0.02 * tick)]
-        queue.acknowledged(511, 0, 0.02 * tick + 0.01)
+    for step in range(3):
+        sent += [request for request, _ in queue.due(0.02 * step)]
+        queue.acknowledged(511, 0, 0.02 * step + 0.01)
     assert sent == streams
     assert queue.waiting == {}
 
@@ -106,7 +106,7 @@ def test_parameters_wait_side_by_side_and_are_answered_by_name():
 def test_a_parameter_that_is_set_is_answered_by_its_value_and_set_again_until_then():
     queue = RequestQueue()
     queue.add(ParameterSet("A", 5.0, 6))
-    assert len(sends(queue, *ticks(1.2))) == 3
+    assert len(sends(queue, *times(1.2))) == 3
     queue.parameter_came("A")
     assert queue.waiting == {}
 
@@ -114,7 +114,7 @@ def test_a_parameter_that_is_set_is_answered_by_its_value_and_set_again_until_th
 def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
     queue = RequestQueue()
     queue.add(FenceRequest())
-    assert [request for _, request, _ in sends(queue, *ticks(1.0))] == [FenceRequest()] * 3
+    assert [request for _, request, _ in sends(queue, *times(1.0))] == [FenceRequest()] * 3
     queue.fence_came(0)  # not what was asked for
     assert queue.waiting
     queue.fence_came(None)
@@ -130,7 +130,7 @@ def test_the_fence_is_asked_for_one_step_at_a_time_until_it_is_answered():
 def test_that_the_fence_was_received_is_said_once_and_nobody_is_waited_for():
     queue = RequestQueue()
     queue.add(FenceReceived())
-    assert [request for _, request, _ in sends(queue, *ticks(3.0))] == [FenceReceived()]
+    assert [request for _, request, _ in sends(queue, *times(3.0))] == [FenceReceived()]
     assert queue.unanswered == 0
     assert queue.waiting == {}
 

@@ -2,17 +2,17 @@ from links_peer import Peer
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links import MemoryWire
+from guidance.links.evaders import FollowTarget, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.shared_wire import MOST_WAITING, share
-from guidance.links.targets import FollowTarget, MavlinkTarget
 from guidance.telemetry import Heartbeat, Setpoint
 
 
-def test_a_vehicle_and_its_target_are_heard_on_one_wire():
+def test_a_vehicle_and_its_evader_are_heard_on_one_wire():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
-    for_link, for_target = share(ours, 2)
+    for_link, for_evader = share(ours, 2)
     link = PymavlinkLink(for_link, lambda: 1.0, system_id=1)
-    source = MavlinkTarget(for_target, FollowTarget(), system_id=9)
+    source = MavlinkEvader(for_evader, FollowTarget(), system_id=9)
     peer = Peer(theirs.send)
     peer.heartbeat()
     zeros = [0.0] * 3

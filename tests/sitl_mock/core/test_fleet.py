@@ -19,10 +19,10 @@ def test_a_number_of_vehicles_gets_names_and_system_ids_in_order():
 
 
 def test_each_vehicle_may_be_named_with_flavour_and_place():
-    px4, rover = parse_vehicles(["px4:uav1", "rover:target@30,-4.5,0"], "px4")
+    px4, rover = parse_vehicles(["px4:uav1", "rover:evader@30,-4.5,0"], "px4")
     vehicles = build(fleet(px4, rover))
     assert vehicles["uav1"].flavour == "px4"
-    assert vehicles["target"].flavour == "rover"
+    assert vehicles["evader"].flavour == "rover"
     assert checked({"vehicle": [rover]}, "test").vehicle[0].start_ned_m == (30.0, -4.5, 0.0)
 
 

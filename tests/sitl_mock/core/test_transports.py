@@ -128,14 +128,14 @@ class TestZenoh:
 
     @pytest.fixture
     def endpoint(self, address):
-        endpoint = ZenohEndpoint(["uav1", "target"], address)
+        endpoint = ZenohEndpoint(["uav1", "evader"], address)
         yield endpoint
         endpoint.close()
 
     def test_one_sample_in_is_one_arrival_for_its_vehicle(self, endpoint, address):
-        with client_session(address, "target") as session:
+        with client_session(address, "evader") as session:
             session.put("mavlink_raw/in", b"frame")
-            assert wait_readable(endpoint) == [Arrival("target", "onboard", b"frame")]
+            assert wait_readable(endpoint) == [Arrival("evader", "onboard", b"frame")]
 
     def test_one_frame_out_is_one_sample_with_the_mavlink_encoding(self, endpoint, address):
         with client_session(address, "uav1") as session:
@@ -144,7 +144,7 @@ class TestZenoh:
             while not endpoint.session.declare_publisher("uav1/mavlink_raw/out").matching_status.matching:
                 continue
             endpoint.send("uav1", "onboard", [b"one", b"two"])
-            endpoint.send("target", "onboard", [b"for others"])
+            endpoint.send("evader", "onboard", [b"for others"])
             heard = [subscriber.recv(), subscriber.recv()]
             assert [bytes(each.payload) for each in heard] == [b"one", b"two"]
             assert str(heard[0].encoding) == "application/octet-stream;mavlink"

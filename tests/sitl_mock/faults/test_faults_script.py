@@ -131,6 +131,7 @@ def test_clearing_ends_what_a_fault_has_done_to_the_vehicle(rig):
     [
         ({"kind": "los"}, ["fault[0].kind", "'los'", "heartbeat_gap"]),
         ({}, ["fault[0].kind", "None"]),
+        ({"kind": "target_slow"}, ["fault[0].kind", "is named evader_slow now"]),
         ({"kind": ["loss"]}, ["fault[0].kind", "['loss']"]),
         ({"kind": "loss", "probability": 1.5}, ["fault[0].probability", "1.5", "from 0 to 1"]),
         ({"kind": "loss", "probability": True}, ["probability", "True"]),
@@ -210,8 +211,8 @@ def test_a_vehicle_that_is_not_in_the_fleet_is_named():
 def test_the_examples_are_scripts_for_a_px4_and_a_rover(path):
     script = read_script(path)
     assert script.faults
-    for name, flavour in (("uav1", "px4"), ("target", "rover")):
-        if flavour == "px4" or path.stem == "wayward-target":
+    for name, flavour in (("uav1", "px4"), ("evader", "rover")):
+        if flavour == "px4" or path.stem == "wayward-evader":
             Faulted(MockVehicle(flavour), name, script).step(0.0)
 
 

@@ -1,4 +1,4 @@
-"""From a configuration's words to a source of target reports. Importing this imports every wire library."""
+"""From a configuration's words to a source of evader reports. Importing this imports every wire library."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -8,21 +8,21 @@ from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
 from guidance.links.arrivals import Clock
 from guidance.links.endpoint import parse
+from guidance.links.evaders import json_report
+from guidance.links.evaders.adsb_vehicle import AdsbVehicle
+from guidance.links.evaders.follow_target import FollowTarget
+from guidance.links.evaders.global_position import GlobalPositionInt
+from guidance.links.evaders.mavlink_source import Carrier, MavlinkEvader
+from guidance.links.evaders.odometry import Odometry
+from guidance.links.evaders.open_drone_id import OpenDroneIdLocation
+from guidance.links.evaders.ros_pose import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_key
+from guidance.links.evaders.zenoh_source import Reader, ZenohEvader
 from guidance.links.opening import open_wire
-from guidance.links.port import TargetSource, Wire
-from guidance.links.targets import json_report
-from guidance.links.targets.adsb_vehicle import AdsbVehicle
-from guidance.links.targets.follow_target import FollowTarget
-from guidance.links.targets.global_position import GlobalPositionInt
-from guidance.links.targets.mavlink_source import Carrier, MavlinkTarget
-from guidance.links.targets.odometry import Odometry
-from guidance.links.targets.open_drone_id import OpenDroneIdLocation
-from guidance.links.targets.ros_pose import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_key
-from guidance.links.targets.zenoh_source import Reader, ZenohTarget
+from guidance.links.port import EvaderSource, Wire
 
 
-class TargetIdentity(NamedTuple):
-    """Who the target is, as far as its carrier asks: a MAVLink system, an aircraft's address, a relayed identity."""
+class EvaderIdentity(NamedTuple):
+    """Who the evader is, as far as its carrier asks: a MAVLink system, an aircraft's address, a relayed identity."""
 
     system_id: int | None = None
     component_id: int | None = None
@@ -30,13 +30,13 @@ class TargetIdentity(NamedTuple):
     id_or_mac: bytes | None = None
 
 
-def _adsb(frame: LocalFrame, identity: TargetIdentity) -> Carrier:
+def _adsb(frame: LocalFrame, identity: EvaderIdentity) -> Carrier:
     if identity.icao_address is None:
-        raise ConfigError("target.icao_address is missing: ADSB_VEHICLE needs the aircraft's address")
+        raise ConfigError("evader.icao_address is missing: ADSB_VEHICLE needs the aircraft's address")
     return AdsbVehicle(frame, identity.icao_address)
 
 
-MAVLINK: Final[Mapping[str, Callable[[LocalFrame, TargetIdentity], Carrier]]] = {
+MAVLINK: Final[Mapping[str, Callable[[LocalFrame, EvaderIdentity], Carrier]]] = {
     "follow_target": lambda _frame, _identity: FollowTarget(),
     "global_position": lambda _frame, _identity: GlobalPositionInt(),
     "odometry": lambda frame, _identity: Odometry(frame),
@@ -53,24 +53,24 @@ ZENOH: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, Reader]]]] = {
 """Payloads on a Zenoh key, likewise; the URL's path is the key, or the ROS topic."""
 
 
-def open_target(
+def open_source(
     kind: str,
     url: str,
     *,
     clock: Clock,
     frame: LocalFrame,
-    identity: TargetIdentity,
+    identity: EvaderIdentity,
     wire: Wire | None = None,
     timeout_s: float = 5.0,
-) -> TargetSource:
+) -> EvaderSource:
     """Open the source of reports called `kind` at `url`.
 
     Args:
         kind: A key of `MAVLINK` or `ZENOH`.
         url: As for links; for `ZENOH` kinds zenoh://host:port/key.
         clock: Monotonic seconds; arrival times are its.
-        frame: The target's declared local frame, for the datum and for positions in metres.
-        identity: Who the target is.
+        frame: The evader's declared local frame, for the datum and for positions in metres.
+        identity: Who the evader is.
         wire: Used in place of `url` for `MAVLINK` kinds, where the vehicle's link shares its wire.
         timeout_s: Bound of connecting, in real time.
 
@@ -81,16 +81,16 @@ def open_target(
     if kind in ZENOH:
         endpoint = parse(url)
         if endpoint.scheme != "zenoh" or not endpoint.namespace:
-            raise ConfigError(f"target.url = {url!r}: {kind} needs zenoh://host:port/key")
+            raise ConfigError(f"evader.url = {url!r}: {kind} needs zenoh://host:port/key")
         key, read = ZENOH[kind](frame, endpoint.namespace)
         router = f"tcp/{endpoint.host}:{endpoint.port}"
-        return ZenohTarget(clock, key, read, endpoint=router, timeout_s=timeout_s)
+        return ZenohEvader(clock, key, read, endpoint=router, timeout_s=timeout_s)
     if kind not in MAVLINK:
-        raise ConfigError(f"target.kind = {kind!r}: allowed are {', '.join((*MAVLINK, *ZENOH))}")
+        raise ConfigError(f"evader.kind = {kind!r}: allowed are {', '.join((*MAVLINK, *ZENOH))}")
     if identity.system_id is None:
-        raise ConfigError(f"target.system_id is missing: {kind} hears one pinned MAVLink system only")
+        raise ConfigError(f"evader.system_id is missing: {kind} hears one pinned MAVLink system only")
     carrier = MAVLINK[kind](frame, identity)
     used = wire
     if used is None:
         used = open_wire(url, clock=clock, systems=(identity.system_id,), timeout_s=timeout_s)
-    return MavlinkTarget(used, carrier, system_id=identity.system_id, component_id=identity.component_id, clock=clock)
+    return MavlinkEvader(used, carrier, system_id=identity.system_id, component_id=identity.component_id, clock=clock)

@@ -1,4 +1,4 @@
-"""What the game is told of the target: where it is at a time, how fast it may be, how old and how sure that is."""
+"""What the game is told of the evader: where it is at a time, how fast it may be, how old and how sure that is."""
 
 import math
 from typing import NamedTuple
@@ -10,8 +10,8 @@ from guidance.estimate.track import Track, advance
 from guidance.frames import Vector
 
 
-class TargetState(NamedTuple):
-    """The target at a time of our clock, extrapolated from its last report.
+class EvaderState(NamedTuple):
+    """The evader at a time of our clock, extrapolated from its last report.
 
     Attributes:
         position_ned_m: Position in the local frame.
@@ -40,8 +40,8 @@ class TargetState(NamedTuple):
     covariance: Array
 
 
-def predict(track: Track, now_s: float, settings: TrackSettings) -> TargetState | None:
-    """The target at a time of our clock; None before the first report, the last report's for a time before it."""
+def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderState | None:
+    """The evader at a time of our clock; None before the first report, the last report's for a time before it."""
     last = track.estimate
     if last is None:
         return None
@@ -52,7 +52,7 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> TargetState 
     velocity_sd_m_s = _worst_sd(spread[2][2], spread[2][3], spread[3][3])
     speed_m_s = math.hypot(north_rate, east_rate)
     bound_m_s = speed_m_s + settings.sigmas * _sd_along(north_rate, east_rate, spread, velocity_sd_m_s)
-    return TargetState(
+    return EvaderState(
         position_ned_m=(north, east, moved.height.down_m),
         velocity_ned_m_s=(north_rate, east_rate, moved.height.rate_m_s),
         velocity_known=velocity_sd_m_s <= settings.known_velocity_sd_m_s,

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from guidance.links.targets.refusal import UNKNOWN_VELOCITY
+from guidance.links.evaders.refusal import UNKNOWN_VELOCITY
 from guidance.telemetry import Vector
 
 Quaternion = tuple[float, float, float, float]

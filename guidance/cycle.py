@@ -27,7 +27,7 @@ from guidance.telemetry import Setpoint
 
 
 @dataclass(frozen=True, slots=True)
-class TickSettings:
+class CycleSettings:
     """What every cycle of a flight needs.
 
     Attributes:
@@ -44,7 +44,7 @@ class TickSettings:
         target_game_m: The place the evader wants to reach, in the game frame (TAD); None in the PE game.
         target_velocity_m_s: Velocity of that place, x and y of the game frame, from the begin of play on.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
-        target_timeout_s: Age of the target's last report from which it counts as lost.
+        evader_timeout_s: Age of the evader's last report from which it counts as lost.
     """
 
     speed_set: SpeedSet
@@ -57,12 +57,12 @@ class TickSettings:
     acceleration: Acceleration
     target_game_m: Vector | None = None
     site: tuple[float, float, Amsl] | None = None
-    target_timeout_s: float = 1.5
+    evader_timeout_s: float = 1.5
     target_velocity_m_s: tuple[float, float] = (0.0, 0.0)
     speed_sigmas: float = 0.5
 
 
-class TargetNow(NamedTuple):
+class EvaderEstimate(NamedTuple):
     """The evader as estimated for now: NED metres and m/s, a bound on its speed, and the age of what that rests on."""
 
     position_ned_m: Vector
@@ -71,18 +71,18 @@ class TargetNow(NamedTuple):
     age_s: float
 
 
-class TickInputs(NamedTuple):
+class CycleInputs(NamedTuple):
     """One cycle's view of the world, read once."""
 
     dt_s: float
     position_ned_m: Vector
     velocity_ned_m_s: Vector
     yaw_rad: float
-    target: TargetNow | None
+    evader: EvaderEstimate | None
     game_frame: GameFrame | None
 
 
-class TickMemory(NamedTuple):
+class CycleMemory(NamedTuple):
     """What one cycle leaves to the next."""
 
     follow: FollowMemory = FollowMemory()
@@ -112,7 +112,7 @@ class Certificate(NamedTuple):
     meeting_point_game_m: Vector
     meeting_time_s: float
     speed_ratio: float
-    target_age_s: float
+    evader_age_s: float
     pursuer_game_m: Vector
     evader_game_m: Vector
     gap_m: float
@@ -137,36 +137,36 @@ class Promise(NamedTuple):
     assured_distance_m: float
 
 
-class TickOutput(NamedTuple):
+class CycleOutput(NamedTuple):
     """The setpoint to send, the certificate (None for a hover), and the memory for the next cycle."""
 
     setpoint: Setpoint
     certificate: Certificate | None
-    memory: TickMemory
+    memory: CycleMemory
 
 
-def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> TickOutput:
+def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
     """Play the game for one cycle.
 
     Raises:
-        ValueError: If there is no target or no game frame; the flight hovers then instead.
+        ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    target, frame = inputs.target, inputs.game_frame
-    if target is None or frame is None:
-        raise ValueError("play needs a target and a game frame; hover without them")
+    estimate, frame = inputs.evader, inputs.game_frame
+    if estimate is None or frame is None:
+        raise ValueError("play needs an evader and a game frame; hover without them")
     settings = _target_now(settings, memory.strategy.played_s)
-    pursuer, evader = frame.position_from_ned(inputs.position_ned_m), frame.position_from_ned(target.position_ned_m)
-    gaps = _gaps(inputs.position_ned_m, target.position_ned_m, settings.standoff)
+    pursuer, evader = frame.position_from_ned(inputs.position_ned_m), frame.position_from_ned(estimate.position_ned_m)
+    gaps = _gaps(inputs.position_ned_m, estimate.position_ned_m, settings.standoff)
     try:
         # The position is the estimate for now; its age says how long the evader may have been running elsewhere.
         game = Game(
             settings.speed_set,
-            target.speed_bound_m_s,
+            estimate.speed_bound_m_s,
             standoff=settings.standoff,
-            information_age_s=min(max(target.age_s, 0.0), settings.target_timeout_s),
+            information_age_s=min(max(estimate.age_s, 0.0), settings.evader_timeout_s),
             target_velocity_m_s=settings.target_velocity_m_s,
         )
-    except ConfigError:  # the target is too fast for this vehicle: no game, and no extrapolation of one
+    except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
         return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
     too_old = game.information_age_s > guaranteed_age_s(game)
@@ -174,12 +174,12 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
         # No law is guaranteed then. Of those that tests/bench/bench_game_age.py sets against a worst evader, the one
         # that takes the estimate for new loses least: answering all that the evader may have done answers nothing.
         game = replace(game, information_age_s=0.0)
-    seen = game_from_ned(target.velocity_ned_m_s)
+    seen = game_from_ned(estimate.velocity_ned_m_s)
     flown = game_from_ned(inputs.velocity_ned_m_s)
     solution, promise = _solve(game, settings, pursuer, evader, seen, flown, memory.optimal_game_m_s)
     optimal = _vector(solution.pursuer_velocity_m_s)
     wanted_game = _strategy(game, settings, pursuer, evader, seen, optimal, memory.strategy, inputs.dt_s)
-    motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, target.velocity_ned_m_s)
+    motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, estimate.velocity_ned_m_s)
     wanted = keep_inside(ned_from_game(wanted_game), inputs.position_ned_m, settings.envelope)
     most = settings.envelope.speed_m_s / float(horizontal_speed(settings.speed_set))
     followed = follow(wanted, motion, gaps, settings.following, memory.follow, most=most, dt_s=inputs.dt_s)
@@ -189,10 +189,10 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
     certificate = _certify(
         inputs, settings, game, solution, promise, pursuer, evader, gaps, followed.wanted_ned_m_s, limited
     )
-    return TickOutput(
+    return CycleOutput(
         limited.setpoint,
         certificate._replace(reason=int(Reason.TOO_OLD)) if too_old else certificate,
-        TickMemory(
+        CycleMemory(
             followed.memory,
             limited.memory,
             None,
@@ -203,7 +203,7 @@ def play(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tick
     )
 
 
-def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> TickOutput:
+def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
     """Stop and keep the place, the height and the heading, within the limits."""
     yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     held = hold_altitude(
@@ -219,11 +219,11 @@ def hover(inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Tic
     limited = _limit(Setpoint(still, yaw_rad=yaw_rad), inputs, settings, memory)
     begun = memory.strategy.velocity_m_s is not None
     paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + inputs.dt_s) if begun else StrategyMemory()
-    kept = TickMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused)
-    return TickOutput(limited.setpoint, None, kept)
+    kept = CycleMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused)
+    return CycleOutput(limited.setpoint, None, kept)
 
 
-def _target_now(settings: TickSettings, played_s: float) -> TickSettings:
+def _target_now(settings: CycleSettings, played_s: float) -> CycleSettings:
     """Return the settings with the evader's target where it is after so long a play."""
     place, (x_m_s, y_m_s) = settings.target_game_m, settings.target_velocity_m_s
     if place is None or (x_m_s == 0.0 and y_m_s == 0.0):
@@ -233,7 +233,7 @@ def _target_now(settings: TickSettings, played_s: float) -> TickSettings:
 
 def _solve(
     game: Game,
-    settings: TickSettings,
+    settings: CycleSettings,
     pursuer: Vector,
     evader: Vector,
     evader_velocity: Vector,
@@ -259,7 +259,7 @@ def _solve(
 
 def _strategy(
     game: Game,
-    settings: TickSettings,
+    settings: CycleSettings,
     pursuer: Vector,
     evader: Vector,
     evader_velocity: Vector,
@@ -279,29 +279,29 @@ def _vector(parts: np.typing.NDArray[np.float64]) -> Vector:
     return (x, y, z)
 
 
-def _gaps(position_ned_m: Vector, target_ned_m: Vector, standoff: StandOff) -> Gaps:
-    north, east = target_ned_m[0] - position_ned_m[0], target_ned_m[1] - position_ned_m[1]
+def _gaps(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOff) -> Gaps:
+    north, east = evader_ned_m[0] - position_ned_m[0], evader_ned_m[1] - position_ned_m[1]
     distance_m = math.hypot(north, east)
     scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
-    height_m = target_ned_m[2] - position_ned_m[2] - standoff.height_m
+    height_m = evader_ned_m[2] - position_ned_m[2] - standoff.height_m
     return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
 
 
-def _limit(command: Setpoint, inputs: TickInputs, settings: TickSettings, memory: TickMemory) -> Limited:
-    target = inputs.target
+def _limit(command: Setpoint, inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> Limited:
+    evader = inputs.evader
     situation = Situation(
         inputs.position_ned_m,
         inputs.velocity_ned_m_s,
         inputs.yaw_rad,
-        None if target is None else target.position_ned_m,
-        None if target is None else target.velocity_ned_m_s,
+        None if evader is None else evader.position_ned_m,
+        None if evader is None else evader.velocity_ned_m_s,
     )
     return limit(command, situation, settings.envelope, memory.limits, inputs.dt_s)
 
 
 def _certify(
-    inputs: TickInputs,
-    settings: TickSettings,
+    inputs: CycleInputs,
+    settings: CycleSettings,
     game: Game,
     solution: Solution,
     promise: Promise,
@@ -322,7 +322,7 @@ def _certify(
         meeting_point_game_m=(meeting_x, meeting_y, meeting_z),
         meeting_time_s=float(solution.meeting_time_s),
         speed_ratio=float(horizontal_speed(game.pursuer) / game.evader_speed_m_s),
-        target_age_s=inputs.target.age_s if inputs.target is not None else math.inf,
+        evader_age_s=inputs.evader.age_s if inputs.evader is not None else math.inf,
         pursuer_game_m=pursuer,
         evader_game_m=evader,
         gap_m=gaps.ground_m,
@@ -342,7 +342,7 @@ def _certify(
 
 
 def _no_game(
-    inputs: TickInputs, settings: TickSettings, pursuer: Vector, evader: Vector, gaps: Gaps, setpoint: Setpoint
+    inputs: CycleInputs, settings: CycleSettings, pursuer: Vector, evader: Vector, gaps: Gaps, setpoint: Setpoint
 ) -> Certificate:
     nowhere = (math.nan, math.nan, math.nan)
     return Certificate(
@@ -352,7 +352,7 @@ def _no_game(
         meeting_point_game_m=nowhere,
         meeting_time_s=math.nan,
         speed_ratio=math.nan,
-        target_age_s=inputs.target.age_s if inputs.target is not None else math.inf,
+        evader_age_s=inputs.evader.age_s if inputs.evader is not None else math.inf,
         pursuer_game_m=pursuer,
         evader_game_m=evader,
         gap_m=gaps.ground_m,

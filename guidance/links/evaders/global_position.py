@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from guidance.links.codec import Fields, decode
-from guidance.links.targets.refusal import Refused, finite_altitude
-from guidance.links.targets.sender_clock import SenderClock, boot_ms_clock
-from guidance.telemetry import AltitudeSaid, Datum, GlobalPosition, TargetReport
+from guidance.links.evaders.refusal import Refused, finite_altitude
+from guidance.links.evaders.sender_clock import SenderClock, boot_ms_clock
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, GlobalPosition
 
 
 @dataclass(slots=True)
@@ -23,16 +23,16 @@ class GlobalPositionInt:
     message: ClassVar[str] = "GLOBAL_POSITION_INT"
     clock: SenderClock = field(default_factory=boot_ms_clock)
 
-    def report(self, fields: Fields, received_s: float) -> TargetReport:
+    def report(self, fields: Fields, received_s: float) -> EvaderReport:
         """Turn the message into a report."""
         heard = decode(self.message, fields, received_s)
         if not isinstance(heard, GlobalPosition):
             raise Refused("invalid")
         return self.report_of(heard)
 
-    def report_of(self, heard: GlobalPosition) -> TargetReport:
-        """The same from the typed value, for a target that has a link of its own."""
-        return TargetReport(
+    def report_of(self, heard: GlobalPosition) -> EvaderReport:
+        """The same from the typed value, for an evader that has a link of its own."""
+        return EvaderReport(
             received_s=heard.received_s,
             sent_s=self.clock.unwrap(heard.time_boot_s * 1e3) / 1e3,
             source=self.message,

@@ -1,4 +1,4 @@
-"""Targets on Zenoh keys: JSON after the published schema, and ROS 2 poses in CDR written here from its definition."""
+"""Evaders on Zenoh keys: JSON after the published schema, and ROS 2 poses in CDR written here from its definition."""
 
 import json
 import math
@@ -16,9 +16,9 @@ from links_rigs import clock, free_port
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.targets import Refused, RosPose, json_report, rmw_key
-from guidance.links.targets.opening import TargetIdentity, open_target
-from guidance.links.targets.zenoh_source import ZenohTarget
+from guidance.links.evaders import Refused, RosPose, json_report, rmw_key
+from guidance.links.evaders.opening import EvaderIdentity, open_source
+from guidance.links.evaders.zenoh_source import ZenohEvader
 
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), home=Amsl(490.0), undulation_m=47.3)
 GOOD = {
@@ -31,7 +31,7 @@ GOOD = {
     "position_sd_m": 1.5,
     "velocity_sd_m_s": 0.2,
 }
-read = partial(json_report.report, frame=FRAME, source="target")
+read = partial(json_report.report, frame=FRAME, source="evader")
 
 
 def as_bytes(**changes) -> bytes:
@@ -39,13 +39,13 @@ def as_bytes(**changes) -> bytes:
 
 
 def test_the_published_schema_is_the_models():
-    published = Path(__file__).parents[3] / "config" / "zenoh" / "target_report.schema.json"
+    published = Path(__file__).parents[3] / "config" / "zenoh" / "evader_report.schema.json"
     assert json.loads(published.read_text()) == json_report.schema()
 
 
 def test_a_report_says_its_units_and_its_datum():
     report = read(as_bytes(), 3.0)
-    assert report == (3.0, 12.5, "target", 47.4, 8.5, 600.0, (1.0, -2.0, 0.5), 1.5, 0.2, None, (600.0, "amsl"))
+    assert report == (3.0, 12.5, "evader", 47.4, 8.5, 600.0, (1.0, -2.0, 0.5), 1.5, 0.2, None, (600.0, "amsl"))
 
 
 @pytest.mark.parametrize(("datum", "amsl_m"), [("amsl", 600.0), ("ellipsoid", 552.7), ("relative", 1090.0)])
@@ -197,19 +197,19 @@ def test_ros_messages_cut_anywhere_are_refused(length):
 @pytest.mark.parametrize(
     ("kind", "path", "key", "payload"),
     [
-        ("json", "targets/evader", "targets/evader", as_bytes()),
+        ("json", "evaders/evader", "evaders/evader", as_bytes()),
         (
             "ros_pose",
-            "target/pose",
-            "0/target/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_10f378",
+            "evader/pose",
+            "0/evader/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_10f378",
             pose_stamped(),
         ),
-        ("ros_odometry", "target/odom", "7/target/odom/nav_msgs::msg::dds_::Odometry_/RIHS01_3cc97d", odometry()),
+        ("ros_odometry", "evader/odom", "7/evader/odom/nav_msgs::msg::dds_::Odometry_/RIHS01_3cc97d", odometry()),
     ],
 )
-def test_a_target_is_heard_from_its_zenoh_key_and_nobody_elses(router, kind, path, key, payload):
+def test_an_evader_is_heard_from_its_zenoh_key_and_nobody_elses(router, kind, path, key, payload):
     url = f"zenoh://127.0.0.1:{router.port}/{path}"
-    source = open_target(kind, url, clock=clock, frame=FRAME, identity=TargetIdentity())
+    source = open_source(kind, url, clock=clock, frame=FRAME, identity=EvaderIdentity())
     reports = []
     try:
         before_s = clock()
@@ -235,7 +235,7 @@ def test_a_target_is_heard_from_its_zenoh_key_and_nobody_elses(router, kind, pat
 
 def test_a_session_of_ours_is_not_closed_with_the_source(router):
     with zenoh.open(zenoh.Config.from_json5(_client(router.port))) as session:
-        source = ZenohTarget(clock, "t", read, session=session)
+        source = ZenohEvader(clock, "t", read, session=session)
         source.close()
         assert not session.is_closed()
 
@@ -248,28 +248,28 @@ def _client(port: int) -> str:
 @pytest.mark.parametrize(
     ("kind", "url", "identity", "message"),
     [
-        ("radar", "udpin://127.0.0.1:14600", TargetIdentity(9), "target.kind = 'radar': allowed are follow_target"),
-        ("follow_target", "udpin://127.0.0.1:14600", TargetIdentity(), "target.system_id is missing"),
-        ("adsb", "udpin://127.0.0.1:14600", TargetIdentity(9), "target.icao_address is missing"),
-        ("json", "udpin://127.0.0.1:14600", TargetIdentity(), "needs zenoh://host:port/key"),
-        ("json", "zenoh://127.0.0.1:7447", TargetIdentity(), "needs zenoh://host:port/key"),
-        ("follow_target", "nonsense", TargetIdentity(9), "nonsense"),
+        ("radar", "udpin://127.0.0.1:14600", EvaderIdentity(9), "evader.kind = 'radar': allowed are follow_target"),
+        ("follow_target", "udpin://127.0.0.1:14600", EvaderIdentity(), "evader.system_id is missing"),
+        ("adsb", "udpin://127.0.0.1:14600", EvaderIdentity(9), "evader.icao_address is missing"),
+        ("json", "udpin://127.0.0.1:14600", EvaderIdentity(), "needs zenoh://host:port/key"),
+        ("json", "zenoh://127.0.0.1:7447", EvaderIdentity(), "needs zenoh://host:port/key"),
+        ("follow_target", "nonsense", EvaderIdentity(9), "nonsense"),
     ],
 )
 def test_what_a_source_cannot_do_without_is_asked_for_by_name(kind, url, identity, message):
     with pytest.raises(ConfigError) as caught:
-        open_target(kind, url, clock=clock, frame=FRAME, identity=identity)
+        open_source(kind, url, clock=clock, frame=FRAME, identity=identity)
     assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("kind", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"])
-def test_mavlink_targets_open_on_a_port_of_their_own_or_on_a_wire_that_is_shared(kind):
-    who = TargetIdentity(system_id=9, icao_address=5)
-    own = open_target(kind, f"udpin://127.0.0.1:{free_port()}", clock=clock, frame=FRAME, identity=who)
+def test_mavlink_evaders_open_on_a_port_of_their_own_or_on_a_wire_that_is_shared(kind):
+    who = EvaderIdentity(system_id=9, icao_address=5)
+    own = open_source(kind, f"udpin://127.0.0.1:{free_port()}", clock=clock, frame=FRAME, identity=who)
     assert own.receive() == []
     own.close()
     ours, theirs = MemoryWire.pair(clock)
-    shared = open_target(kind, "", clock=clock, frame=FRAME, identity=who, wire=ours)
+    shared = open_source(kind, "", clock=clock, frame=FRAME, identity=who, wire=ours)
     Peer(theirs.send, system_id=9).heartbeat()
     assert shared.receive() == []
     shared.close()
@@ -278,22 +278,22 @@ def test_mavlink_targets_open_on_a_port_of_their_own_or_on_a_wire_that_is_shared
 
 def test_a_source_without_a_router_is_a_clear_error():
     with pytest.raises(LinkError, match=r"no session within 0\.2 s"):
-        open_target(
+        open_source(
             "json",
             f"zenoh://127.0.0.1:{free_port()}/t",
             clock=clock,
             frame=FRAME,
-            identity=TargetIdentity(),
+            identity=EvaderIdentity(),
             timeout_s=0.2,
         )
 
 
 def test_a_key_that_is_none_is_a_config_error(router):
     with pytest.raises(ConfigError, match="not a Zenoh key expression"):
-        ZenohTarget(clock, "/bad//key", read, endpoint=f"tcp/127.0.0.1:{router.port}")
+        ZenohEvader(clock, "/bad//key", read, endpoint=f"tcp/127.0.0.1:{router.port}")
 
 
 def test_rmw_keys_hold_any_domain_and_any_hash():
-    key = zenoh.KeyExpr(rmw_key("/target/pose/", "geometry_msgs::msg::dds_::PoseStamped_"))
-    assert key.intersects(zenoh.KeyExpr("42/target/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00"))
+    key = zenoh.KeyExpr(rmw_key("/evader/pose/", "geometry_msgs::msg::dds_::PoseStamped_"))
+    assert key.intersects(zenoh.KeyExpr("42/evader/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00"))
     assert not key.intersects(zenoh.KeyExpr("42/other/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00"))

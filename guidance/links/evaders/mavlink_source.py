@@ -1,6 +1,6 @@
-"""Reports of a target from MAVLink messages of one pinned system on a wire; everybody else is ignored.
+"""Reports of an evader from MAVLink messages of one pinned system on a wire; everybody else is ignored.
 
-A target that answers TIMESYNC is asked once a second for its clock, so that the age of a report is measured and not
+An evader that answers TIMESYNC is asked once a second for its clock, so that the age of a report is measured and not
 guessed. Its answer goes along with its next report, if the report's own time agrees with it: some messages carry
 another clock than TIMESYNC does.
 """
@@ -14,11 +14,11 @@ from pymavlink.dialects.v20 import common
 from guidance.links.arrivals import Clock
 from guidance.links.codec import Fields
 from guidance.links.dialect import CRC_EXTRA, NAMES
+from guidance.links.evaders.refusal import Refused
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire
-from guidance.links.targets.refusal import Refused
 from guidance.links.timesync import TimesyncPeer
-from guidance.telemetry import TargetReport, Timesync
+from guidance.telemetry import EvaderReport, Timesync
 
 OWN_COMPONENT_ID: Final = 195
 _CLOCKS_AGREE_S: Final = 0.1
@@ -32,7 +32,7 @@ class Carrier(Protocol):
     def message(self) -> str:
         """The message's name."""
 
-    def report(self, fields: Fields, received_s: float) -> TargetReport:
+    def report(self, fields: Fields, received_s: float) -> EvaderReport:
         """Turn fields into a report.
 
         Raises:
@@ -40,8 +40,8 @@ class Carrier(Protocol):
         """
 
 
-class MavlinkTarget:
-    """`TargetSource` over a wire. The system id is pinned: when it falls silent, nobody takes its place."""
+class MavlinkEvader:
+    """`EvaderSource` over a wire. The system id is pinned: when it falls silent, nobody takes its place."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class MavlinkTarget:
         self._answer: Timesync | None = None
         self._counts: Counter[str] = Counter()
 
-    def receive(self) -> Sequence[TargetReport]:
+    def receive(self) -> Sequence[EvaderReport]:
         """All reports since the last call, in order of arrival."""
         reports = []
         for received_s, data in self._wire.receive():
@@ -89,7 +89,7 @@ class MavlinkTarget:
         self._counts["foreign"] += 1
         return False
 
-    def _read(self, frame: Frame, received_s: float) -> list[TargetReport]:
+    def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
         try:
             fields = self._mavlink.decode(bytearray(frame.data)).to_dict()
             if NAMES[frame.message_id] == "TIMESYNC":
@@ -106,7 +106,7 @@ class MavlinkTarget:
         self._counts["reports"] += 1
         return [report]
 
-    def _with_answer(self, report: TargetReport) -> TargetReport:
+    def _with_answer(self, report: EvaderReport) -> EvaderReport:
         answer, self._answer = self._answer, None
         if answer is None:
             return report

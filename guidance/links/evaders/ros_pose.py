@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from guidance.frames import LocalFrame, ned_from_game
-from guidance.links.targets.cdr import CdrReader
-from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
-from guidance.links.targets.rotation import rotate
-from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
+from guidance.links.evaders.cdr import CdrReader
+from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
+from guidance.links.evaders.rotation import rotate
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
 
 POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
 ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
@@ -52,7 +52,7 @@ class RosPose:
     frame: LocalFrame
     frame_id: str = "map"
 
-    def pose_stamped(self, payload: bytes, received_s: float) -> TargetReport:
+    def pose_stamped(self, payload: bytes, received_s: float) -> EvaderReport:
         """A geometry_msgs/PoseStamped.
 
         Raises:
@@ -64,7 +64,7 @@ class RosPose:
         reader.float64(4)
         return self._report(header, received_s, position, UNKNOWN_VELOCITY, math.nan, math.nan)
 
-    def odometry(self, payload: bytes, received_s: float) -> TargetReport:
+    def odometry(self, payload: bytes, received_s: float) -> EvaderReport:
         """A nav_msgs/Odometry.
 
         Raises:
@@ -91,11 +91,11 @@ class RosPose:
 
     def _report(
         self, header: _Header, received_s: float, enu_m: Vector, velocity_ned: Vector, sd_m: float, sd_m_s: float
-    ) -> TargetReport:
+    ) -> EvaderReport:
         if header.frame_id != self.frame_id:
             raise Refused("frame")
         latitude, longitude, altitude = self.frame.wgs84_from_ned(ned_from_game(enu_m))
-        return TargetReport(
+        return EvaderReport(
             received_s=received_s,
             sent_s=header.stamp_s,
             source="ROS 2",

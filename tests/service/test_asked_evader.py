@@ -1,9 +1,9 @@
 from guidance.links import MemoryWire
+from guidance.links.evaders.global_position import GlobalPositionInt
+from guidance.links.evaders.mavlink_source import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.shared_wire import share
-from guidance.links.targets.global_position import GlobalPositionInt
-from guidance.links.targets.mavlink_source import MavlinkTarget
-from guidance.service.asked_target import ASK_AGAIN_S, AskedTarget
+from guidance.service.asked_evader import ASK_AGAIN_S, AskedEvader
 from guidance.service.clock import VirtualClock
 from sitl_mock import Home, MockVehicle
 
@@ -17,9 +17,9 @@ class Rover:
         self.vehicle = MockVehicle("rover", system_id=2, home=home, noise=False, ready_after_s=0.5)
         ours, self._end = MemoryWire.pair(self.clock.now_s)
         reports, asks = share(ours, 2)
-        source = MavlinkTarget(reports, GlobalPositionInt(), system_id=2)
+        source = MavlinkEvader(reports, GlobalPositionInt(), system_id=2)
         link = PymavlinkLink(asks, self.clock.now_s, system_id=2, own_system_id=255)
-        self.target = AskedTarget(source, link, self.clock.now_s, message_id=33, rate_hz=20.0)
+        self.evader = AskedEvader(source, link, self.clock.now_s, message_id=33, rate_hz=20.0)
         self.silent = False
 
     def run(self, seconds):
@@ -29,28 +29,28 @@ class Rover:
             for frame in self.vehicle.step(self.clock.now_s(), [frame for _, frame in self._end.receive()]):
                 if not self.silent:
                     self._end.send(frame)
-            reports += self.target.receive()
+            reports += self.evader.receive()
         return reports
 
 
-def test_a_target_that_is_asked_reports_at_the_rate_it_was_asked_for():
+def test_an_evader_that_is_asked_reports_at_the_rate_it_was_asked_for():
     rover = Rover()
     rover.run(2.0)
     assert 38 <= len(rover.run(2.0)) <= 42
-    asked = rover.target.counters()["requests_sent"]
+    asked = rover.evader.counters()["requests_sent"]
     rover.run(10.0)
-    assert rover.target.counters()["requests_sent"] == asked  # while it reports, nothing is asked again
+    assert rover.evader.counters()["requests_sent"] == asked  # while it reports, nothing is asked again
 
 
-def test_a_target_that_fell_silent_is_asked_again_until_it_is_back():
+def test_an_evader_that_fell_silent_is_asked_again_until_it_is_back():
     rover = Rover()
     rover.run(3.0)
-    asked = rover.target.counters()["requests_sent"]
+    asked = rover.evader.counters()["requests_sent"]
     rover.silent = True
     assert rover.run(2.0 * ASK_AGAIN_S) == []
-    assert rover.target.counters()["requests_sent"] > asked
+    assert rover.evader.counters()["requests_sent"] > asked
     rover.silent = False
     assert rover.run(2.0)
-    rover.target.close()
-    rover.target.close()
-    assert rover.target.receive() == []
+    rover.evader.close()
+    rover.evader.close()
+    assert rover.evader.receive() == []

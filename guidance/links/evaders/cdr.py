@@ -6,7 +6,7 @@ Four bytes of encapsulation header, then values aligned to their own size, count
 import struct
 from typing import Final
 
-from guidance.links.targets.refusal import Refused
+from guidance.links.evaders.refusal import Refused
 
 _ORDERS: Final = {b"\x00\x00": ">", b"\x00\x01": "<"}  # CDR_BE, CDR_LE
 LONGEST_STRING: Final = 256

@@ -1,6 +1,6 @@
 """ODOMETRY of another vehicle: a pose in its own local frame, so the frame's origin has to be told.
 
-* Position: metres in MAV_FRAME_LOCAL_NED about the origin given here (the target's GPS_GLOBAL_ORIGIN, altitude above
+* Position: metres in MAV_FRAME_LOCAL_NED about the origin given here (the evader's GPS_GLOBAL_ORIGIN, altitude above
   mean sea level). Other frames are refused: LOCAL_FRD does not know where north is.
 * Velocity: in `child_frame_id`, LOCAL_NED as it is, BODY_FRD turned by the attitude; unknown in any other.
 * Accuracy: the largest of the three axes' variances, NaN for unknown, which is what MAVLink says with NaN or zero.
@@ -12,9 +12,9 @@ from typing import ClassVar, Final
 
 from guidance.frames import LocalFrame
 from guidance.links.codec import Fields, finite, number
-from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
-from guidance.links.targets.rotation import rotate
-from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
+from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
+from guidance.links.evaders.rotation import rotate
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
 
 MAV_FRAME_LOCAL_NED: Final = 1
 MAV_FRAME_BODY_FRD: Final = 12
@@ -23,12 +23,12 @@ _DIAGONAL: Final = (0, 6, 11)  # of the upper right triangle of a 6 x 6 matrix, 
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """Carrier of ODOMETRY; `frame` is the target's local frame."""
+    """Carrier of ODOMETRY; `frame` is the evader's local frame."""
 
     frame: LocalFrame
     message: ClassVar[str] = "ODOMETRY"
 
-    def report(self, fields: Fields, received_s: float) -> TargetReport:
+    def report(self, fields: Fields, received_s: float) -> EvaderReport:
         """Turn the message into a report."""
         if fields["frame_id"] != MAV_FRAME_LOCAL_NED:
             raise Refused("frame")
@@ -37,7 +37,7 @@ class Odometry:
             raise Refused("position")
         latitude, longitude, altitude = self.frame.wgs84_from_ned(position)
         pose, velocity = fields["pose_covariance"], fields["velocity_covariance"]
-        return TargetReport(
+        return EvaderReport(
             received_s=received_s,
             sent_s=fields["time_usec"] / 1e6,
             source=self.message,

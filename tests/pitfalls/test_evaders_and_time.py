@@ -1,4 +1,4 @@
-"""Pitfalls 20, 22, 26, 28, 30: what a target's report means, when it was true, whose it is, and whose time it is."""
+"""Pitfalls 20, 22, 26, 28, 30: what an evader's report means, when it was true, whose it is, and whose time it is."""
 
 import ast
 import math
@@ -12,8 +12,8 @@ import guidance
 from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
+from guidance.links.evaders.follow_target import FollowTarget
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.targets.follow_target import FollowTarget
 from guidance.service.clock import VirtualClock
 from guidance.telemetry import Heartbeat
 
@@ -28,23 +28,23 @@ def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():
 
 def test_20_the_estimate_observes_a_velocity_that_the_reports_do_not_give(sortie, monkeypatch):
     flight = sortie("px4").standing_by()
-    real = flight.world.target.receive
+    real = flight.world.evader_source.receive
     unknown = (math.nan,) * 3
     monkeypatch.setattr(
-        flight.world.target, "receive", lambda: [report._replace(velocity_ned_m_s=unknown) for report in real()]
+        flight.world.evader_source, "receive", lambda: [report._replace(velocity_ned_m_s=unknown) for report in real()]
     )
     flight.evader_plays = True
     flight.run(8.0)
-    target = flight.flight.tracking.target(flight.now_s)
+    evader = flight.flight.tracking.evader(flight.now_s)
     truth = flight.rover.truth.velocity_ned_m_s
-    assert math.dist(target.velocity_ned_m_s[:2], truth[:2]) < 0.5
+    assert math.dist(evader.velocity_ned_m_s[:2], truth[:2]) < 0.5
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.3, 1.0])
 def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch):
     flight = sortie("px4").engaged()
     waiting = deque()
-    real = flight.world.target.receive
+    real = flight.world.evader_source.receive
 
     def late():
         waiting.extend(real())
@@ -54,10 +54,10 @@ def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch
             due.append(report._replace(received_s=flight.now_s))
         return due
 
-    monkeypatch.setattr(flight.world.target, "receive", late)
+    monkeypatch.setattr(flight.world.evader_source, "receive", late)
     flight.run(6.0)
     frame = flight.flight.tracking.game_frame
-    believed = frame.position_from_ned(flight.flight.tracking.target(flight.now_s).position_ned_m)
+    believed = frame.position_from_ned(flight.flight.tracking.evader(flight.now_s).position_ned_m)
     told = flight.evader.position_game_m()
     # Without the sender's clock compared (TIMESYNC) a constant delay cannot be seen: the error is at most what the
     # evader runs in it. With constant velocity the estimate still lies on its course.
@@ -68,15 +68,15 @@ def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch
 @pytest.mark.parametrize("skew_s", [-4000.0, 12.5, 3e6])
 def test_22_a_senders_clock_that_is_wrong_or_drifts_changes_nothing(sortie, skew_s, monkeypatch):
     flight = sortie("px4").engaged()
-    real = flight.world.target.receive
+    real = flight.world.evader_source.receive
     monkeypatch.setattr(
-        flight.world.target,
+        flight.world.evader_source,
         "receive",
         lambda: [report._replace(sent_s=report.sent_s * (1.0 + 2e-4) + skew_s) for report in real()],
     )
     flight.run(8.0)
     frame = flight.flight.tracking.game_frame
-    believed = frame.position_from_ned(flight.flight.tracking.target(flight.now_s).position_ned_m)
+    believed = frame.position_from_ned(flight.flight.tracking.evader(flight.now_s).position_ned_m)
     assert math.dist(believed[:2], flight.evader.position_game_m()[:2]) < 0.6
 
 
@@ -103,7 +103,7 @@ def test_28_the_core_reads_no_clock_and_never_sleeps():
     package = Path(guidance.__file__).parent
     core = ["game", "flight", "limits", "estimate"]
     files = [path for name in core for path in (package / name).rglob("*.py")]
-    files += [package / f"{name}.py" for name in ("tick", "frames", "vehicle", "telemetry", "autopilots")]
+    files += [package / f"{name}.py" for name in ("cycle", "frames", "vehicle", "telemetry", "autopilots")]
     assert len(files) > 30
     for path in files:
         for node in ast.walk(ast.parse(path.read_text())):

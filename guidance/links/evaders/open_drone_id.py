@@ -13,10 +13,10 @@ from typing import ClassVar, Final
 
 from guidance.frames import Ellipsoid, LocalFrame
 from guidance.links.codec import Fields, degrees, number
-from guidance.links.targets.course import velocity_over_ground
-from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
-from guidance.links.targets.sender_clock import SenderClock
-from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
+from guidance.links.evaders.course import velocity_over_ground
+from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
+from guidance.links.evaders.sender_clock import SenderClock
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
 
 UNKNOWN_DIRECTION_CDEG: Final = 36100
 UNKNOWN_SPEED_CM_S: Final = 25500
@@ -62,7 +62,7 @@ class OpenDroneIdLocation:
         """
         self.frame.amsl(Ellipsoid(0.0))
 
-    def report(self, fields: Fields, received_s: float) -> TargetReport:
+    def report(self, fields: Fields, received_s: float) -> EvaderReport:
         """Turn the message into a report."""
         if self.id_or_mac is not None and bytes(fields["id_or_mac"]) != self.id_or_mac.ljust(20, b"\0"):
             raise Refused("other_id")
@@ -70,7 +70,7 @@ class OpenDroneIdLocation:
         geodetic_m = number(fields["altitude_geodetic"])
         if not geodetic_m > UNKNOWN_ALTITUDE_M:
             raise Refused("altitude")
-        return TargetReport(
+        return EvaderReport(
             received_s=received_s,
             sent_s=self._sent(number(fields["timestamp"])),
             source=self.message,

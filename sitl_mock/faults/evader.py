@@ -1,4 +1,4 @@
-"""Faults of a target's reports: what a pursuer hears of another vehicle is slow, old, twice, or from another clock."""
+"""Faults of an evader's reports: what a pursuer hears of another vehicle is slow, old, twice, or from another clock."""
 
 from __future__ import annotations
 
@@ -102,27 +102,27 @@ def _jump(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _as_target(kind: str, meaning: str) -> Kind:
-    """Return an impairment of links, on a target's reports only."""
+def _as_evader(kind: str, meaning: str) -> Kind:
+    """Return an impairment of links, on an evader's reports only."""
     link = LINK_KINDS[kind]
-    return Kind(Group.TARGET, meaning, link.make, link.options, _SCOPE)
+    return Kind(Group.EVADER, meaning, link.make, link.options, _SCOPE)
 
 
-TARGET_KINDS: Mapping[str, Kind] = MappingProxyType(
+EVADER_KINDS: Mapping[str, Kind] = MappingProxyType(
     {
-        "target_slow": Kind(
-            Group.TARGET,
+        "evader_slow": Kind(
+            Group.EVADER,
             "reports come in steps, once a second",
             _slow,
             {"period_s": Option("seconds between two", 1.0, number(0.0, 60.0))},
             _SCOPE,
         ),
-        "target_duplicates": _as_target("duplicate", "reports come twice"),
-        "target_out_of_order": _as_target("reorder", "reports are overtaken by later ones"),
-        "target_late": _as_target("delay", "reports come late"),
-        "target_clock": Kind(
-            Group.TARGET,
-            "the target's clock has an offset and a drift",
+        "evader_duplicates": _as_evader("duplicate", "reports come twice"),
+        "evader_out_of_order": _as_evader("reorder", "reports are overtaken by later ones"),
+        "evader_late": _as_evader("delay", "reports come late"),
+        "evader_clock": Kind(
+            Group.EVADER,
+            "the evader's clock has an offset and a drift",
             _clock,
             {
                 "offset_s": Option("seconds ahead", 0.0, number(-1e6, 1e6)),
@@ -130,15 +130,15 @@ TARGET_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             _SCOPE,
         ),
-        "target_stale": Kind(
-            Group.TARGET,
+        "evader_stale": Kind(
+            Group.EVADER,
             "no news: the last report is repeated, old time and all, or nothing comes",
             _stale,
             {"as": Option("repeats or silence", "repeats", choice("repeats", "silence"))},
             _SCOPE,
         ),
-        "target_jump": Kind(
-            Group.TARGET,
+        "evader_jump": Kind(
+            Group.EVADER,
             "reported positions are displaced",
             _jump,
             {"north": _JUMP, "east": _JUMP, "down": _JUMP},

@@ -1,4 +1,4 @@
-"""A target's report as JSON, for anyone who can publish on Zenoh. The schema is generated from the model below."""
+"""An evader's report as JSON, for anyone who can publish on Zenoh. The schema is generated from the model below."""
 
 import math
 from typing import Any, Literal
@@ -7,8 +7,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from guidance.errors import ConfigError
 from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative
-from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused
-from guidance.telemetry import AltitudeSaid, Datum, TargetReport
+from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport
 
 ENCODING = "application/json"
 _DATUMS: dict[str, type[Amsl] | type[Ellipsoid] | type[Relative]] = {
@@ -19,9 +19,9 @@ _DATUMS: dict[str, type[Amsl] | type[Ellipsoid] | type[Relative]] = {
 
 
 class JsonReport(BaseModel):
-    """One report of a target's position, and of its velocity where that is known."""
+    """One report of an evader's position, and of its velocity where that is known."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, title="guidance.TargetReport", strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, title="guidance.EvaderReport", strict=True)
 
     sent_s: FiniteFloat | None = Field(
         default=None, description="When it was measured, seconds of the sender's own steady clock; null if it has none"
@@ -44,11 +44,11 @@ class JsonReport(BaseModel):
 
 
 def schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) that is published in `config/zenoh/target_report.schema.json`."""
+    """The JSON Schema (2020-12) that is published in `config/zenoh/evader_report.schema.json`."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **JsonReport.model_json_schema()}
 
 
-def report(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> TargetReport:
+def report(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> EvaderReport:
     """Turn a payload into a report.
 
     Raises:
@@ -65,7 +65,7 @@ def report(payload: bytes, received_s: float, *, frame: LocalFrame, source: str)
         above_sea = frame.amsl(altitude)
     except ConfigError as error:
         raise Refused("datum") from error
-    return TargetReport(
+    return EvaderReport(
         received_s=received_s,
         sent_s=_or_nan(given.sent_s),
         source=source,

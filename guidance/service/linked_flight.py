@@ -1,10 +1,10 @@
-"""One cycle of the daemon: read everything once, step the flight, say what it decided, and keep a record of it all."""
+"""A flight with its links: read everything once, step the flight, say what it decided, keep a record of it all."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from guidance.flight import Event, Flight, Inputs, Outputs
-from guidance.links.port import TargetSource, VehicleLink
+from guidance.links.port import EvaderSource, VehicleLink
 from guidance.service.record import BEGUN, Record
 from guidance.service.timing import Timing
 
@@ -18,13 +18,13 @@ class Stopped(NamedTuple):
     reason: str
 
 
-class Cycle:
-    """The loop's body, the same in real and in virtual time."""
+class LinkedFlight:
+    """A flight with its links and its record: the loop's body, the same in real and in virtual time."""
 
-    def __init__(self, flight: Flight, link: VehicleLink, target: TargetSource, recorder: Record | None) -> None:
+    def __init__(self, flight: Flight, link: VehicleLink, evader: EvaderSource, recorder: Record | None) -> None:
         self.flight = flight
         self._link = link
-        self._target = target
+        self._evader = evader
         self._recorder = recorder
         self._heartbeat_s = float("-inf")
         self.setpoints_sent = 0
@@ -36,7 +36,7 @@ class Cycle:
         self, now_s: float, orders: Sequence[Event] = (), refusals: Sequence[str] = (), timing: Timing | None = None
     ) -> Outputs:
         """Run one cycle at `now_s`; `inputs` is then what it has seen."""
-        inputs = self.inputs = Inputs(now_s, self._link.receive(), self._target.receive(), orders, refusals)
+        inputs = self.inputs = Inputs(now_s, self._link.receive(), self._evader.receive(), orders, refusals)
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
@@ -59,7 +59,7 @@ class Cycle:
             recorder.event(inputs.now_s, BEGUN)
         for report in inputs.reports:
             recorder.report(report)
-        recorder.tick(inputs.now_s, row(inputs, outputs, timing))
+        recorder.cycle(inputs.now_s, row(inputs, outputs, timing))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"
             if happening.event is Event.FAULT:

@@ -1,4 +1,4 @@
-"""Targets carried by MAVLink: units, datum, clock and every way of saying "unknown"."""
+"""Evaders carried by MAVLink: units, datum, clock and every way of saying "unknown"."""
 
 import itertools
 import math
@@ -9,18 +9,18 @@ from links_peer import Peer
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
-from guidance.estimate import Observer, TrackSettings, observe, target_at
+from guidance.estimate import Observer, TrackSettings, evader_at, observe
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.targets import (
+from guidance.links.evaders import (
     AdsbVehicle,
     FollowTarget,
     GlobalPositionInt,
-    MavlinkTarget,
+    MavlinkEvader,
     Odometry,
     OpenDroneIdLocation,
 )
-from guidance.telemetry import AltitudeSaid, Datum, GlobalPosition, TargetReport
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, GlobalPosition
 
 UNDULATION_M = 47.3
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), undulation_m=UNDULATION_M)
@@ -32,9 +32,9 @@ class World:
         self.now_s = 5.0
         ours, theirs = MemoryWire.pair(lambda: self.now_s)
         self.peer = Peer(theirs.send, system_id=9)
-        self.source = MavlinkTarget(ours, carrier, **({"system_id": 9} | pins))
+        self.source = MavlinkEvader(ours, carrier, **({"system_id": 9} | pins))
 
-    def report(self, message, **say) -> TargetReport | None:
+    def report(self, message, **say) -> EvaderReport | None:
         self.peer.say(message, **say)
         reports = self.source.receive()
         assert len(reports) <= 1
@@ -57,7 +57,7 @@ def is_unknown(velocity) -> bool:
 
 def test_follow_target_is_amsl_north_east_down_and_milliseconds_since_boot():
     report = World(FollowTarget()).report(follow())
-    assert report == TargetReport(
+    assert report == EvaderReport(
         5.0,
         1.5,
         "FOLLOW_TARGET",
@@ -98,7 +98,7 @@ def test_a_follow_target_of_no_place_is_refused_and_counted(lat, alt):
     assert sum(world.refused().values()) == 1
 
 
-def test_only_the_pinned_system_is_the_target_even_when_it_falls_silent():
+def test_only_the_pinned_system_is_the_evader_even_when_it_falls_silent():
     world = World(FollowTarget())
     assert world.report(follow(), system_id=255, component_id=190) is None
     assert world.report(follow(), system_id=8) is None
@@ -166,7 +166,7 @@ def odometry(*, frame=1, child=1, position=(100.0, 50.0, -20.0), q=(1.0, 0.0, 0.
     )
 
 
-def test_odometry_is_metres_about_the_targets_own_origin():
+def test_odometry_is_metres_about_the_evaders_own_origin():
     report = World(Odometry(FRAME)).report(odometry(pose=0.25))
     assert FRAME.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)) == (
         pytest.approx((100.0, 50.0, -20.0), abs=1e-3)
@@ -337,15 +337,15 @@ def global_position(ms: int):
 
 
 class AskedWorld(World):
-    """A target whose boot was at our 2 s, and whose way to us takes 30 ms each way."""
+    """An evader whose boot was at our 2 s, and whose way to us takes 30 ms each way."""
 
     def __init__(self, carrier, **pins) -> None:
         super().__init__(carrier, **pins)
         ours, self.theirs = MemoryWire.pair(lambda: self.now_s)
         self.peer = Peer(self.theirs.send, system_id=9)
-        self.source = MavlinkTarget(ours, carrier, system_id=9, clock=lambda: self.now_s)
+        self.source = MavlinkEvader(ours, carrier, system_id=9, clock=lambda: self.now_s)
 
-    def second(self, message=global_position, *, boot_s: float = 2.0, answer_as: int = 9) -> list[TargetReport]:
+    def second(self, message=global_position, *, boot_s: float = 2.0, answer_as: int = 9) -> list[EvaderReport]:
         reports = []
         for _ in range(10):
             sent_s = self.now_s
@@ -362,7 +362,7 @@ class AskedWorld(World):
         return reports
 
 
-def test_the_targets_clock_is_asked_for_and_goes_along_with_a_report():
+def test_the_evaders_clock_is_asked_for_and_goes_along_with_a_report():
     world = AskedWorld(GlobalPositionInt())
     reports = [report for _ in range(3) for report in world.second()]
     answers = [report.timesync for report in reports if report.timesync is not None]
@@ -373,7 +373,7 @@ def test_the_targets_clock_is_asked_for_and_goes_along_with_a_report():
     assert world.source.counters()["clock_answers"] == len(answers)
 
 
-def test_answers_of_somebody_else_say_nothing_of_the_targets_clock():
+def test_answers_of_somebody_else_say_nothing_of_the_evaders_clock():
     world = AskedWorld(GlobalPositionInt())
     assert all(report.timesync is None for _ in range(3) for report in world.second(answer_as=1))
 
@@ -386,7 +386,7 @@ def test_an_answer_by_another_clock_than_the_reports_is_not_used():
 
 def test_a_source_without_a_clock_never_sends():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
-    source = MavlinkTarget(ours, GlobalPositionInt(), system_id=9)
+    source = MavlinkEvader(ours, GlobalPositionInt(), system_id=9)
     Peer(theirs.send, system_id=9).say(global_position(5))
     assert len(source.receive()) == 1
     assert theirs.receive() == []
@@ -400,7 +400,7 @@ def test_garbage_and_other_messages_are_nothing():
     assert world.source.counters()["garbage_bytes"] > 0
 
 
-def test_the_estimate_needs_no_guess_of_the_delay_once_the_targets_clock_is_known():
+def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_known():
     settings = TrackSettings(declared_speed_m_s=3.0, latency_s=0.5)
     world = AskedWorld(GlobalPositionInt())
     observer = Observer()
@@ -408,5 +408,5 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_targets_clock_is_know
     for _ in range(3):
         for report in world.second():
             observer = observe(observer, report, FRAME, settings)
-        ages.append(target_at(observer, world.now_s, settings).age_s)
+        ages.append(evader_at(observer, world.now_s, settings).age_s)
     assert ages[-1] == pytest.approx(0.1, abs=0.03)  # the last report was true when it was sent, 0.1 s ago

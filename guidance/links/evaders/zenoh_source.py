@@ -1,4 +1,4 @@
-"""Reports of a target from a Zenoh key, whatever the payload: JSON, or ROS 2's CDR."""
+"""Reports of an evader from a Zenoh key, whatever the payload: JSON, or ROS 2's CDR."""
 
 import contextlib
 from collections import Counter
@@ -8,15 +8,15 @@ import zenoh
 
 from guidance.errors import ConfigError
 from guidance.links.arrivals import Arrivals, Clock
-from guidance.links.targets.refusal import Refused
+from guidance.links.evaders.refusal import Refused
 from guidance.links.zenoh_session import open_session
-from guidance.telemetry import TargetReport
+from guidance.telemetry import EvaderReport
 
-Reader = Callable[[bytes, float], TargetReport]
+Reader = Callable[[bytes, float], EvaderReport]
 
 
-class ZenohTarget:
-    """`TargetSource` on one key expression. Opens its own session unless it is given one."""
+class ZenohEvader:
+    """`EvaderSource` on one key expression. Opens its own session unless it is given one."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class ZenohTarget:
             allowed_origin=zenoh.Locality.REMOTE,
         )
 
-    def receive(self) -> Sequence[TargetReport]:
+    def receive(self) -> Sequence[EvaderReport]:
         """All reports since the last call, in order of arrival."""
         reports = []
         for received_s, payload in self._arrivals.take():

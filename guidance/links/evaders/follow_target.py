@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 from guidance.links.codec import Fields, degrees, number
-from guidance.links.targets.refusal import UNKNOWN_VELOCITY, finite_altitude, standard_deviation
-from guidance.links.targets.sender_clock import SenderClock, boot_ms_clock
-from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
+from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, finite_altitude, standard_deviation
+from guidance.links.evaders.sender_clock import SenderClock, boot_ms_clock
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
 
 CAPABILITY_VELOCITY: Final = 1 << 1
 
@@ -26,11 +26,11 @@ class FollowTarget:
     message: ClassVar[str] = "FOLLOW_TARGET"
     clock: SenderClock = field(default_factory=boot_ms_clock)
 
-    def report(self, fields: Fields, received_s: float) -> TargetReport:
+    def report(self, fields: Fields, received_s: float) -> EvaderReport:
         """Turn the message into a report."""
         latitude, longitude = degrees(fields["lat"], fields["lon"])
         deviations = (number(value) for value in fields["position_cov"])
-        return TargetReport(
+        return EvaderReport(
             received_s=received_s,
             sent_s=self.clock.unwrap(fields["timestamp"] % 2**32) / 1e3,
             source=self.message,

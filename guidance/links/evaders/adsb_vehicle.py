@@ -12,9 +12,9 @@ from typing import ClassVar, Final
 
 from guidance.frames import Amsl, Ellipsoid, LocalFrame
 from guidance.links.codec import Fields, degrees
-from guidance.links.targets.course import velocity_over_ground
-from guidance.links.targets.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
-from guidance.telemetry import AltitudeSaid, Datum, TargetReport, Vector
+from guidance.links.evaders.course import velocity_over_ground
+from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
+from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
 
 VALID_COORDINATES: Final = 1
 VALID_ALTITUDE: Final = 2
@@ -41,7 +41,7 @@ class AdsbVehicle:
         """
         self.frame.amsl(Ellipsoid(0.0))
 
-    def report(self, fields: Fields, received_s: float) -> TargetReport:
+    def report(self, fields: Fields, received_s: float) -> EvaderReport:
         """Turn the message into a report."""
         if fields["ICAO_address"] != self.icao_address:
             raise Refused("other_id")
@@ -55,7 +55,7 @@ class AdsbVehicle:
         given_m = fields["altitude"] / 1e3
         geometric = fields["altitude_type"] == ALTITUDE_GEOMETRIC
         altitude = Ellipsoid(given_m) if geometric else Amsl(given_m)
-        return TargetReport(
+        return EvaderReport(
             received_s=received_s,
             sent_s=math.nan,
             source=self.message,

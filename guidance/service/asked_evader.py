@@ -1,24 +1,24 @@
-"""A target that has to be asked: autopilots of the ArduPilot family send nothing but HEARTBEAT until they are."""
+"""An evader that has to be asked: autopilots of the ArduPilot family send nothing but HEARTBEAT until they are."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.autopilots import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.links.arrivals import Clock
-from guidance.links.port import TargetSource, VehicleLink
-from guidance.telemetry import Command, TargetReport
+from guidance.links.port import EvaderSource, VehicleLink
+from guidance.telemetry import Command, EvaderReport
 
 ASK_AGAIN_S: Final = 3.0
-"""Asked again after this long without a report: a target may have been switched off and on."""
+"""Asked again after this long without a report: an evader may have been switched off and on."""
 
 HEARTBEAT_S: Final = 1.0
 
 
-class AskedTarget:
-    """`TargetSource` around another, which asks the target for its reports by a link of its own to it."""
+class AskedEvader:
+    """`EvaderSource` around another, which asks the evader for its reports by a link of its own to it."""
 
     def __init__(
-        self, source: TargetSource, link: VehicleLink, clock: Clock, *, message_id: int, rate_hz: float
+        self, source: EvaderSource, link: VehicleLink, clock: Clock, *, message_id: int, rate_hz: float
     ) -> None:
         self._source = source
         self._link = link
@@ -27,7 +27,7 @@ class AskedTarget:
         self._request = Command(MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0))
         self._asked_s = self._beat_s = float("-inf")
 
-    def receive(self) -> Sequence[TargetReport]:
+    def receive(self) -> Sequence[EvaderReport]:
         """As the source's; asks meanwhile."""
         reports = self._source.receive()
         self._link.receive()
