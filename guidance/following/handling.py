@@ -50,10 +50,8 @@ PX4 = Handling(
             drag_learning_per_s2=2.0,
             trim_learning_per_s2=0.3,
         ),
-        # It brakes before the stand-off's wall does: a wall that acts takes the fed acceleration away, drag's share too.
-        approach=Approach(
-            braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1
-        ),
+        # It brakes before the stand-off does: a limit that acts takes the fed acceleration away, drag's share too.
+        approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1),
         catch_up=CatchUp(),
     ),
     acceleration=Acceleration(ground_m_s2=3.0, vertical_m_s2=3.0),
