@@ -8,6 +8,7 @@ without a URL, as here, each kind of flight is flown on a mock over UDP.
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -26,6 +27,9 @@ STEPS = {
     "acceptance": [sys.executable, "-m", "tests.acceptance"],
 }
 
+TOGETHER = (("format",), ("lint",), ("types", "layers"), ("tests",), ("real time", "acceptance"))
+"""Which steps run at the same time: those that wait more than they work, and those of one processor."""
+
 ASKED_FOR = {
     "coverage": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-report=term"],
 }
@@ -41,18 +45,32 @@ def main() -> int:
     if unknown:
         print(f"unknown step {', '.join(sorted(unknown))}: allowed are {', '.join(steps)}", file=sys.stderr)
         return 2
-    for name in chosen:
-        command = [str(part) for part in steps[name]]
-        print(f"── {name}: {' '.join(command[1:] if command[0] == sys.executable else command)}", flush=True)
-        started = time.perf_counter()
-        code = subprocess.run(command, cwd=ROOT, check=False).returncode
-        print(
-            f"── {name}: {'ok' if code == 0 else f'failed ({code})'} in {time.perf_counter() - started:.1f} s",
-            flush=True,
-        )
-        if code:
-            return code
+    groups = [group for group in (tuple(name for name in named if name in chosen) for named in TOGETHER) if group]
+    for group in (*groups, *((name,) for name in chosen if name in ASKED_FOR)):
+        with ThreadPoolExecutor(len(group)) as executor:
+            codes = list(executor.map(_run, group, [len(group) > 1] * len(group)))
+        if any(codes):
+            return next(code for code in codes if code)
     return 0
+
+
+def _run(name: str, beside_another: bool) -> int:
+    """Run one step; what it prints comes at its end where another one runs beside it."""
+    command = [str(part) for part in (STEPS | ASKED_FOR)[name]]
+    shown = " ".join(command[1:] if command[0] == sys.executable else command)
+    print(f"── {name}: {shown}", flush=True)
+    started = time.perf_counter()
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        check=False,
+        stdout=subprocess.PIPE if beside_another else None,
+        stderr=subprocess.STDOUT if beside_another else None,
+    )
+    passed_s = time.perf_counter() - started
+    verdict = "ok" if done.returncode == 0 else f"failed ({done.returncode})"
+    print((done.stdout or b"").decode(errors="replace") + f"── {name}: {verdict} in {passed_s:.1f} s", flush=True)
+    return done.returncode
 
 
 if __name__ == "__main__":
