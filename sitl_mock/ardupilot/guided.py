@@ -56,17 +56,12 @@ def _read(craft: Craft, target: Target) -> Setpoint | None:
     position = IGNORED if mask & IGNORE_POSITION else _placed(craft, target)
     velocity = _axes(craft, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
     acceleration = _axes(craft, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
-    given = [
-        value
-        for vector, ignored in (
-            (position, mask & IGNORE_POSITION),
-            (velocity, mask & IGNORE_VELOCITY),
-            (acceleration, mask & IGNORE_ACCELERATION),
-        )
-        if not ignored
-        for value in vector
-    ]
-    if not given or not all(math.isfinite(value) for value in given):
+    given = (
+        *(() if mask & IGNORE_POSITION else position),
+        *(() if mask & IGNORE_VELOCITY else velocity),
+        *(() if mask & IGNORE_ACCELERATION else acceleration),
+    )
+    if not given or not math.isfinite(sum(given)):
         return STOP
     if not mask & IGNORE_VELOCITY and math.hypot(*velocity) > _FASTEST_M_S:
         return STOP

@@ -136,19 +136,20 @@ def attitude_of(body: Body) -> Euler:
 
     The rates are those of the lean vector seen along the body's axes: exact at small tilt, within cos(tilt) otherwise.
     """
-    lean_rad = math.hypot(body.lean_n_rad, body.lean_e_rad)
+    _, _, _, lean_n, lean_e, rate_n, rate_e, yaw_rad, yaw_rate, _, _ = body
+    lean_rad = math.hypot(lean_n, lean_e)
     scale = math.sin(lean_rad) / lean_rad if lean_rad > 1e-9 else 1.0
-    cos_yaw, sin_yaw = math.cos(body.yaw_rad), math.sin(body.yaw_rad)
-    forward = scale * (body.lean_n_rad * cos_yaw + body.lean_e_rad * sin_yaw)
-    right = scale * (body.lean_e_rad * cos_yaw - body.lean_n_rad * sin_yaw)
+    cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+    forward = scale * (lean_n * cos_yaw + lean_e * sin_yaw)
+    right = scale * (lean_e * cos_yaw - lean_n * sin_yaw)
     up = math.cos(lean_rad)
     return Euler(
-        roll_rad=math.asin(max(-1.0, min(1.0, right))),
-        pitch_rad=math.atan2(-forward, up),
-        yaw_rad=body.yaw_rad,
-        roll_rate_rad_s=body.lean_rate_e_rad_s * cos_yaw - body.lean_rate_n_rad_s * sin_yaw,
-        pitch_rate_rad_s=-(body.lean_rate_n_rad_s * cos_yaw + body.lean_rate_e_rad_s * sin_yaw),
-        yaw_rate_rad_s=body.yaw_rate_rad_s,
+        math.asin(max(-1.0, min(1.0, right))),
+        math.atan2(-forward, up),
+        yaw_rad,
+        rate_e * cos_yaw - rate_n * sin_yaw,
+        -(rate_n * cos_yaw + rate_e * sin_yaw),
+        yaw_rate,
     )
 
 

@@ -8,6 +8,7 @@ in 75 s), while reported height and the integral of reported vz part (measured: 
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from random import Random
 from typing import NamedTuple
 
@@ -35,24 +36,29 @@ class Wander:
     position_sd_ned_m: Ned
     time_s: float = 8.0
 
-    def correction_1_s(self, axis: int) -> float:
-        """Rate at which the position error is drawn back, from the two standard deviations.
+    @cached_property
+    def correction_1_s(self) -> Ned:
+        """Rate at which the position error is drawn back, per axis, from the two standard deviations.
 
         Stationary: var(p) = var(v) T / (k (1 + k T)), solved for k.
         """
-        ratio = self.velocity_sd_ned_m_s[axis] / self.position_sd_ned_m[axis]
-        return (math.sqrt(1.0 + 4.0 * (ratio * self.time_s) ** 2) - 1.0) / (2.0 * self.time_s)
+        north, east, down = (
+            (math.sqrt(1.0 + 4.0 * (velocity_sd / position_sd * self.time_s) ** 2) - 1.0) / (2.0 * self.time_s)
+            for velocity_sd, position_sd in zip(self.velocity_sd_ned_m_s, self.position_sd_ned_m, strict=True)
+        )
+        return north, east, down
 
     def after(self, errors: Errors, random: Random, dt_s: float) -> Errors:
         """The errors `dt_s` later; the same seed and steps give the same errors."""
         keep = math.exp(-dt_s / self.time_s)
         spread = math.sqrt(1.0 - keep * keep)
+        corrections = self.correction_1_s
         position, velocity = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         for axis in range(3):
             v = errors.velocity_ned_m_s[axis] * keep
             v += self.velocity_sd_ned_m_s[axis] * spread * random.gauss(0.0, 1.0)
-            drawn = math.exp(-self.correction_1_s(axis) * dt_s)
-            settled = v / self.correction_1_s(axis)
+            drawn = math.exp(-corrections[axis] * dt_s)
+            settled = v / corrections[axis]
             velocity[axis] = v
             position[axis] = settled + (errors.position_ned_m[axis] - settled) * drawn
         return Errors((position[0], position[1], position[2]), (velocity[0], velocity[1], velocity[2]))

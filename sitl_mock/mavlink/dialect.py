@@ -104,31 +104,24 @@ def _array_packer(
 def _number_packer(
     wire: struct.Struct, to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
 ) -> Callable[[Sequence[Any]], bytes]:
-    """Packer for a message with arrays of numbers and no text: flatten run by run, reorder, then one struct call."""
-    lengths = dict(zip(to_wire, (length for _, length in kinds), strict=True))
+    """Packer for a message with arrays of numbers and no text: joined run by run in the wire's order, then one call."""
     runs: list[slice | int] = []
-    starts: list[int] = []
-    at = 0
-    for index in range(len(to_wire)):
-        starts.append(at)
-        at += lengths[index] or 1
-        if lengths[index]:
+    for index, (_, length) in zip(to_wire, kinds, strict=True):
+        if length:
             runs.append(index)
         elif runs and isinstance(runs[-1], slice) and runs[-1].stop == index:
             runs[-1] = slice(runs[-1].start, index + 1)
         else:
             runs.append(slice(index, index + 1))
-    plan, count, total = tuple(runs), len(to_wire), at
-    reorder = itemgetter(*(starts[index] + offset for index in to_wire for offset in range(lengths[index] or 1)))
-    pack = wire.pack
+    plan, count, pack = tuple(runs), len(to_wire), wire.pack
 
     def pack_runs(values: Sequence[Any]) -> bytes:
+        if len(values) != count:
+            raise struct.error(f"{count} values expected, {len(values)} given")
         flat: list[Any] = []
         for run in plan:
             flat += values[run]
-        if len(values) != count or len(flat) != total:
-            raise struct.error(f"{count} values expected, {len(values)} given, or an array of another length")
-        return pack(*reorder(flat))
+        return pack(*flat)
 
     return pack_runs
 

@@ -65,7 +65,3 @@ class EventProtocol:
             gone = ("RESPONSE_EVENT_ERROR", *source_of(message), sequence, self._log.oldest, _UNAVAILABLE)
             replies.append(gone if kept is None else kept)
         return replies
-
-    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Return nothing: events go out when they happen."""
-        return []

@@ -134,10 +134,6 @@ class FtpProtocol:
             for number, (at, data) in enumerate(pieces)
         ]
 
-    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Return nothing."""
-        return []
-
     def _serve(self, request: _Request) -> list[tuple[int, bytes]]:
         """Return what an ACK carries: offset and data of each frame."""
         served = self._served.get(request.opcode)

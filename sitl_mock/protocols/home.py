@@ -67,10 +67,6 @@ class HomeProtocol:
             return []
         return [gps_global_origin(place, now_s)] if self._set_origin(now_s, place) else []
 
-    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Return nothing: home is a stream of the vehicle."""
-        return []
-
 
 def on_earth(place: Place) -> bool:
     """Whether a place is one where a vehicle can be; false for anything that is not finite."""

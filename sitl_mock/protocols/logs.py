@@ -20,7 +20,3 @@ class LogProtocol:
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
         """Take LOG_REQUEST_LIST; requests for the data of a log that is not there are not answered."""
         return [NO_LOG] if message.get_type() == "LOG_REQUEST_LIST" else []
-
-    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Return nothing."""
-        return []

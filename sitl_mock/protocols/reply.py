@@ -1,13 +1,13 @@
 """What protocol pieces take and give: decoded messages in, plain tuples out.
 
-A piece knows no link and no clock. It is asked with ``handle(now_s, message)`` when a message has come and with
-``advance(now_s)`` once in every cycle, and answers with replies for the link that it serves. Each link has pieces of
+A piece knows no link and no clock. It is asked with ``handle(now_s, message)`` when a message has come and, if it has
+something to say later, with ``advance(now_s)`` once in every cycle; it answers with replies for the link that it serves. Each link has pieces of
 its own (transfers, pacing and rates belong to a link); what belongs to the vehicle is in the stores they share.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
@@ -25,6 +25,11 @@ class Piece(Protocol):
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take a message meant for this vehicle and return what is to be sent at once."""
         ...
+
+
+@runtime_checkable
+class LatePiece(Piece, Protocol):
+    """One protocol on one link that also speaks without being asked at that moment."""
 
     def advance(self, now_s: float) -> list[Reply]:
         """Return what is due by now: late answers, paced lists, re-requests."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sitl_mock.protocols.reply import Piece, Reply, addressed
+from sitl_mock.protocols.reply import LatePiece, Piece, Reply, addressed
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
@@ -56,7 +56,7 @@ class Session:
     ) -> None:
         self._ids = (system_id, component_id)
         self._own_id_only = frozenset(kind for name in own_id_only for kind in MESSAGES[name])
-        self._pieces: tuple[Piece, ...] = tuple(pieces.values())
+        self._late = [piece for piece in pieces.values() if isinstance(piece, LatePiece)]
         self._by_message = {kind: piece for name, piece in pieces.items() for kind in MESSAGES[name]}
 
     def handle(self, now_s: float, message: Message) -> list[Reply] | None:
@@ -71,4 +71,4 @@ class Session:
 
     def advance(self, now_s: float) -> list[Reply]:
         """Return what is due by now from all protocols."""
-        return [reply for piece in self._pieces for reply in piece.advance(now_s)]
+        return [reply for piece in self._late for reply in piece.advance(now_s)]

@@ -31,7 +31,3 @@ class SigningSetup:
             key = bytes(message.secret_key)
             self._signing.set_key(key if any(key) else None, message.initial_timestamp)
         return []
-
-    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Return nothing."""
-        return []

@@ -133,10 +133,6 @@ class Streams:
             )
         return []
 
-    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece; ``due`` names what the vehicle has to pack
-        """Return nothing: the vehicle asks ``due`` and packs its own state."""
-        return []
-
     def _start(self, now_s: float) -> None:
         self._started = True
         for index, name in enumerate(self._interval_s):

@@ -48,10 +48,6 @@ class TimeProtocol:
             return [("PING", message.time_usec, message.seq, *source_of(message))]
         return []
 
-    def advance(self, now_s: float) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Return nothing: the vehicle's own questions are streams."""
-        return []
-
     def _timesync(self, now_s: float, message: Message) -> list[Reply]:
         if message.tc1 == 0:
             return [("TIMESYNC", int(self._clock(now_s) * NS), message.ts1)]

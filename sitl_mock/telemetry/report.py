@@ -57,6 +57,8 @@ class Report:
 
 def int16(value: float) -> int:
     """Round into a signed 16-bit field, clipped."""
+    if -_INT16 <= value <= _INT16:
+        return int(value)
     return int(min(max(value, -_INT16), _INT16))
 
 
