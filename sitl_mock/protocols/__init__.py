@@ -38,7 +38,7 @@ from sitl_mock.protocols.rates import (
     PX4_ONBOARD_HZ,
     PX4_STREAM_RULES,
 )
-from sitl_mock.protocols.reply import Piece, Reply, addressed, source_of
+from sitl_mock.protocols.reply import LatePiece, Piece, Reply, addressed, source_of
 from sitl_mock.protocols.session import MESSAGES, PX4_OWN_ID_ONLY, Session
 from sitl_mock.protocols.signing_setup import SigningSetup
 from sitl_mock.protocols.standard_modes import (
@@ -79,6 +79,7 @@ __all__ = [
     "FtpProtocol",
     "HomeProtocol",
     "Identity",
+    "LatePiece",
     "LogProtocol",
     "MissionProtocol",
     "MissionResult",

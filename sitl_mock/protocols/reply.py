@@ -1,8 +1,9 @@
 """What protocol pieces take and give: decoded messages in, plain tuples out.
 
 A piece knows no link and no clock. It is asked with ``handle(now_s, message)`` when a message has come and, if it has
-something to say later, with ``advance(now_s)`` once in every cycle; it answers with replies for the link that it serves. Each link has pieces of
-its own (transfers, pacing and rates belong to a link); what belongs to the vehicle is in the stores they share.
+something to say later, with ``advance(now_s)`` once in every cycle. It answers with replies for the link that it
+serves. Each link has pieces of its own (transfers, pacing and rates belong to a link); what belongs to the vehicle is
+in the stores they share.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.protocols import LatePiece
 
 
 class Wire:
@@ -38,7 +39,8 @@ class Wire:
         came = []
         for _ in range(round(seconds / step_s)):
             self.now_s += step_s
-            came += self.read(self.piece.advance(self.now_s))
+            if isinstance(self.piece, LatePiece):
+                came += self.read(self.piece.advance(self.now_s))
         return came
 
     def read(self, replies):
