@@ -11,7 +11,7 @@ from enum import StrEnum
 
 from guidance.errors import ConfigError
 from guidance.frames import Projection
-from guidance.telemetry import Command
+from guidance.messages import Command
 
 MAV_CMD_NAV_LAND = 21
 MAV_CMD_NAV_TAKEOFF = 22

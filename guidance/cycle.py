@@ -21,9 +21,9 @@ from guidance.game import Game, Reason, Solution, SpeedSet, StandOff, Winner, gu
 from guidance.game.game import horizontal_speed
 from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
 from guidance.limits import Memory as LimitMemory
+from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, pursue
 from guidance.strategies import Memory as StrategyMemory
-from guidance.telemetry import Setpoint
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from guidance.telemetry import (
+from guidance.messages import (
     Attitude,
     EvaderReport,
     FenceItem,

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from guidance.frames import Amsl, LocalFrame, Projection
-from guidance.plausible import FARTHEST_M, is_plausible
-from guidance.telemetry import (
+from guidance.frames import Amsl, LocalFrame, Projection, Vector
+from guidance.messages import (
     Attitude,
     CommandAck,
     Heartbeat,
@@ -18,8 +17,8 @@ from guidance.telemetry import (
     Odometry,
     Origin,
     StatusText,
-    Vector,
 )
+from guidance.plausible import FARTHEST_M, is_plausible
 
 LANDED_ON_GROUND = 1
 

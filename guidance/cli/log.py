@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from guidance.telemetry import EvaderReport
+    from guidance.messages import EvaderReport
 
 log = typer.Typer(no_args_is_help=True, help="Look into a flight record, and export it for other tools.")
 

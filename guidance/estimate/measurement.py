@@ -8,8 +8,8 @@ import numpy as np
 from guidance.estimate.motion import Array
 from guidance.estimate.settings import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.messages import EvaderReport
 from guidance.plausible import is_plausible
-from guidance.telemetry import EvaderReport
 
 _LARGEST = 1e8
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)

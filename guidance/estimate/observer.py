@@ -9,7 +9,7 @@ from guidance.estimate.measurement import measure
 from guidance.estimate.settings import TrackSettings
 from guidance.estimate.track import Track, update
 from guidance.frames import LocalFrame
-from guidance.telemetry import EvaderReport, Timesync
+from guidance.messages import EvaderReport, Timesync
 
 
 class Observer(NamedTuple):

@@ -1,7 +1,7 @@
 """What a cycle remembers of its own place, after the vehicle's position has jumped without the vehicle having moved."""
 
 from guidance.cycle import CycleMemory
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 
 def carried(memory: CycleMemory, jump_ned_m: Vector) -> CycleMemory:

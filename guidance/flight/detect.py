@@ -9,7 +9,8 @@ from guidance.cycle import Certificate
 from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import OUR_MODES, TRANSITIONS, Event, State
-from guidance.telemetry import Heartbeat, LocalPosition, SystemStatus, Vector
+from guidance.frames import Vector
+from guidance.messages import Heartbeat, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
 LATE_LOOP_S = 0.25

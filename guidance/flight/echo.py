@@ -9,7 +9,8 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from guidance.telemetry import Message, PositionTarget, Setpoint, Vector
+from guidance.frames import Vector
+from guidance.messages import Message, PositionTarget, Setpoint
 
 REMEMBERED_S: Final = 1.5
 """Longest time from our sending a setpoint to the autopilot's report of it."""

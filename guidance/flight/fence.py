@@ -1,8 +1,7 @@
 """A fence that is given on the map, put about home: its corners are degrees, the limits work in metres."""
 
-from guidance.frames import LocalFrame
+from guidance.frames import LocalFrame, Vector
 from guidance.limits import Polygon
-from guidance.telemetry import Vector
 
 Corners = tuple[tuple[float, float], ...]
 """Latitude and longitude of each corner, degrees."""

@@ -20,11 +20,11 @@ from guidance.flight.requests import requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, Event, State, next_state
 from guidance.flight.tracking import Tracking
-from guidance.frames import LocalFrame
+from guidance.frames import LocalFrame, Vector
 from guidance.game.game import horizontal_speed
 from guidance.limits import Envelope
+from guidance.messages import EvaderReport, Heartbeat, LocalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm, Guarantee, watch
-from guidance.telemetry import EvaderReport, Heartbeat, LocalPosition, Message, Request, Setpoint, Vector
 from guidance.vehicle import VehicleState, observe
 
 BEAT_EVERY_S = 0.1

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from guidance.autopilots import AutopilotProfile, Mode
-from guidance.telemetry import Heartbeat, Message, Request
+from guidance.messages import Heartbeat, Message, Request
 
 REPEAT_S: Final = 1.5
 """A request whose effect is not seen is made again after this time, and only in a cycle in which a HEARTBEAT came.

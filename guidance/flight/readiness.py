@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from guidance.autopilots import AutopilotProfile
-from guidance.telemetry import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
+from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
 # MAV_SYS_STATUS_SENSOR: what must be present and healthy where the autopilot reports it at all.

@@ -4,7 +4,7 @@ from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, Mode
 from guidance.flight.settings import EngageOn, FlightSettings
 from guidance.flight.table import State
 from guidance.frames import Amsl
-from guidance.telemetry import Home, Request
+from guidance.messages import Home, Request
 from guidance.vehicle import VehicleState
 
 _MODE_OF_STATE = {

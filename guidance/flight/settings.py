@@ -9,7 +9,7 @@ from guidance.autopilots import AutopilotProfile
 from guidance.cycle import CycleSettings
 from guidance.flight.fence import Corners
 from guidance.flight.table import State
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 
 class AfterCapture(StrEnum):

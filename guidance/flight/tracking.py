@@ -8,7 +8,7 @@ from guidance.cycle import CycleSettings, EvaderEstimate
 from guidance.estimate import Observer, Outcome, TrackSettings, evader_at, moved, observe
 from guidance.flight.zero import Zero
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
-from guidance.telemetry import EvaderReport, Home
+from guidance.messages import EvaderReport, Home
 from guidance.vehicle import VehicleState
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Final
 
 from guidance.frames import Amsl, LocalFrame, Projection, Vector
-from guidance.telemetry import GlobalPosition, LocalPosition
+from guidance.messages import GlobalPosition, LocalPosition
 from guidance.vehicle import VehicleState, local_frame
 
 NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)

@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from guidance.frames import Vector
 from guidance.limits.stopping import approach_speed
-from guidance.telemetry import Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

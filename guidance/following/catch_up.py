@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 OVER = 0.02
 """Share of the limit by which a vehicle may be faster before it is told to fly slower: what estimates scatter by."""

@@ -10,7 +10,7 @@ the difference from the two, and is no slower than the error itself.
 import math
 from typing import NamedTuple
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 SETTLE_S = 1.2
 LARGEST_M_S = 0.6

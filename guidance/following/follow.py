@@ -11,7 +11,7 @@ from guidance.following.approach import Approach, Gaps, approach
 from guidance.following.catch_up import CatchUp, catch_up
 from guidance.following.drift import Drift, observe_drift
 from guidance.following.servo import ServoGains, ServoMemory, serve
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ flies faster than u begins in front. Over the ground and vertically it is the sa
 import math
 from dataclasses import dataclass
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 _ZERO: Vector = (0.0, 0.0, 0.0)
 _LONGEST_STEP_S = 0.1

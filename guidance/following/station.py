@@ -6,7 +6,7 @@ one's error (PX4: some 0.2 m/s); the drift is therefore taken out first, and the
 
 import math
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 GAIN_PER_S = 0.8
 LARGEST_M_S = 0.5

@@ -30,7 +30,7 @@ from guidance.limits.shaping import clamp_acceleration, clamp_speed, next_accele
 from guidance.limits.situation import Situation, is_usable, usable, without_unknowns
 from guidance.limits.space import full_speed_walls, keep_within
 from guidance.limits.wall import Wall, shrink, slide
-from guidance.telemetry import Setpoint
+from guidance.messages import Setpoint
 
 _LONGEST_STEP_S = 0.1
 NOTED = 0.05

@@ -9,8 +9,8 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
-from guidance.plausible import is_plausible
-from guidance.telemetry import (
+from guidance.frames import Vector
+from guidance.messages import (
     Attitude,
     CommandAck,
     FenceCount,
@@ -27,8 +27,8 @@ from guidance.telemetry import (
     Parameter,
     PositionTarget,
     SystemStatus,
-    Vector,
 )
+from guidance.plausible import is_plausible
 
 Fields = Mapping[str, Any]
 Decoded = TypeVar("Decoded", bound=Message)

@@ -12,7 +12,7 @@ from guidance.links import encode, status_text
 from guidance.links.codec import DECODERS, Fields, decode, meant, parameter
 from guidance.links.requests import RequestQueue
 from guidance.links.timesync import TimesyncPeer
-from guidance.telemetry import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
+from guidance.messages import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
 
 Send = Callable[[str, dict[str, Any]], None]
 

@@ -5,15 +5,7 @@ import struct
 from typing import Any, Final
 
 from guidance.links.codec import INT32_MAX, MAV_MISSION_TYPE_FENCE, is_bytewise
-from guidance.telemetry import (
-    Command,
-    FenceReceived,
-    FenceRequest,
-    ParameterRequest,
-    ParameterSet,
-    Request,
-    Setpoint,
-)
+from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Setpoint
 
 Packed = tuple[str, dict[str, Any]]
 

@@ -29,7 +29,7 @@ from guidance.links.framing import Framer
 from guidance.links.mavsdk_log import route_to_logging
 from guidance.links.mavsdk_parameters import IntegerParameters
 from guidance.links.port import Wire
-from guidance.telemetry import Message, Request, Setpoint
+from guidance.messages import Message, Request, Setpoint
 
 _LOOK_EVERY_S: Final = 0.02
 _WANTED: Final = frozenset(IDS[name] for name in (*HEARD, "AUTOPILOT_VERSION"))

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from guidance.links.arrivals import Handler
-from guidance.telemetry import EvaderReport, Message, Request, Setpoint
+from guidance.messages import EvaderReport, Message, Request, Setpoint
 
 
 class VehicleLink(Protocol):

@@ -15,7 +15,7 @@ from guidance.links.dialect import CRC_EXTRA, IDS, NAMES
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire
 from guidance.links.signing import SigningKey
-from guidance.telemetry import Message, Request, Setpoint
+from guidance.messages import Message, Request, Setpoint
 
 MAV_TYPE_ONBOARD_CONTROLLER: Final = 18
 MAV_AUTOPILOT_INVALID: Final = 8

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request
+from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request
 
 REPEAT_S: Final = 0.5
 MOST_SENDS: Final = 4

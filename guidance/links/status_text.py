@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from guidance.links.codec import Fields
-from guidance.telemetry import StatusText
+from guidance.messages import StatusText
 
 CHUNK_BYTES = 50
 PATIENCE_S = 1.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from guidance.links.codec import Fields
-from guidance.telemetry import Timesync
+from guidance.messages import Timesync
 
 ASK_EVERY_S: Final = 1.0
 

@@ -8,10 +8,10 @@ from typing import Final
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
 from guidance.limits import Polygon
+from guidance.messages import Home
 from guidance.preflight.row import Row, Verdict
 from guidance.preflight.uploaded import Area, Uploaded
 from guidance.preflight.wants import Wants
-from guidance.telemetry import Home
 
 Point = tuple[float, float]
 

@@ -4,10 +4,10 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
+from guidance.messages import ParameterSet
 from guidance.preflight.row import Verdict
 from guidance.preflight.rule import Judgement, Parameters, Rule
 from guidance.preflight.wants import Wants
-from guidance.telemetry import ParameterSet
 
 _MOST_ROUNDS: Final = 4
 _REAL32: Final = 9

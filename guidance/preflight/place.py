@@ -8,9 +8,9 @@ import math
 from collections.abc import Iterator
 
 from guidance.frames import Amsl, LocalFrame, Projection, Vector
+from guidance.messages import GlobalPosition, Home, LocalPosition, Origin
 from guidance.preflight.row import Row, Verdict
 from guidance.preflight.wants import Facts, Wants
-from guidance.telemetry import GlobalPosition, Home, LocalPosition, Origin
 
 _AGREEMENT_M = 5.0
 _HOME_HEIGHT_M = 3.0

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.autopilots import PX4, AutopilotProfile
+from guidance.messages import Home
 from guidance.preflight import arducopter, fence, place, px4, streams
 from guidance.preflight.mending import ParameterChange, mend
 from guidance.preflight.row import Row, Verdict
 from guidance.preflight.rule import UPLOADED, Rule, judge
 from guidance.preflight.wants import Facts, Wants
-from guidance.telemetry import Home
 from guidance.vehicle import local_frame
 
 _RULES: Final[Mapping[str, Sequence[Rule]]] = {"px4": px4.RULES, "arducopter": arducopter.RULES}

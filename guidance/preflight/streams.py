@@ -11,9 +11,9 @@ from guidance.autopilots import (
     POSITION_TARGET_LOCAL_NED,
     AutopilotProfile,
 )
+from guidance.messages import Attitude, GlobalPosition, LocalPosition, Message, Odometry, PositionTarget
 from guidance.preflight.row import Row, Verdict
 from guidance.preflight.wants import Facts
-from guidance.telemetry import Attitude, GlobalPosition, LocalPosition, Message, Odometry, PositionTarget
 
 
 class _Stream(NamedTuple):

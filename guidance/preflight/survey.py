@@ -4,9 +4,9 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
+from guidance.messages import EvaderReport, Heartbeat, Message, Parameter, ParameterRequest, Request
 from guidance.preflight.uploaded import Reading
 from guidance.preflight.wants import Facts
-from guidance.telemetry import EvaderReport, Heartbeat, Message, Parameter, ParameterRequest, Request
 from guidance.vehicle import VehicleState
 
 ASK_AGAIN_S: Final = 5.0

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from guidance.telemetry import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Message
+from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Message
 
 MOST_ITEMS: Final = 1000
 READ_AGAIN_S: Final = 15.0

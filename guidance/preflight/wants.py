@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from guidance.messages import Message
 from guidance.preflight.uploaded import Uploaded
-from guidance.telemetry import Message
 from guidance.vehicle import VehicleState
 
 

@@ -7,9 +7,9 @@ from typing import Final
 from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
+from guidance.messages import Setpoint
 from guidance.records.reading import Survey
 from guidance.records.replay import Comparison, Step, compare, replay
-from guidance.telemetry import Setpoint
 
 _AXES: Final = ("north", "east", "down")
 COLUMNS: Final = (

@@ -6,9 +6,7 @@ from typing import Any, Final, NamedTuple, get_type_hints
 import pyarrow as pa
 
 from guidance.cycle import Certificate
-from guidance.records.rows import Row
-from guidance.service.schemas import inside
-from guidance.telemetry import (
+from guidance.messages import (
     AltitudeSaid,
     Attitude,
     EvaderReport,
@@ -19,6 +17,8 @@ from guidance.telemetry import (
     Setpoint,
     SystemStatus,
 )
+from guidance.records.rows import Row
+from guidance.service.schemas import inside
 
 _AXES: Final = {"_ned": ("north", "east", "down"), "_game": ("east", "north", "up")}
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from guidance.flight import FlightSettings
 from guidance.frames import Amsl, LocalFrame
+from guidance.messages import GlobalPosition, Home
 from guidance.records.reading import Survey
 from guidance.records.rows import rows_of
-from guidance.telemetry import GlobalPosition, Home
 from guidance.vehicle import VehicleState, observe
 
 Place = tuple[float, float, float]

@@ -14,12 +14,13 @@ from typing import Any, Final, NamedTuple
 
 from guidance.errors import ConfigError
 from guidance.flight import Flight, FlightSettings, Inputs, Outputs
+from guidance.frames import Vector
+from guidance.messages import PositionTarget
 from guidance.records.reading import Survey, scan
 from guidance.records.rows import Row, event_of, row_of
 from guidance.records.settings import CONFIG, flight_settings
 from guidance.service.known import known
 from guidance.service.record import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
-from guidance.telemetry import PositionTarget, Vector
 
 COMPARED: Final = ("setpoint", "state", "requests")
 

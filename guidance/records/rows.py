@@ -8,11 +8,11 @@ from typing import Any, Final, NamedTuple, get_args
 from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs
+from guidance.messages import EvaderReport, Message, Setpoint
 from guidance.monitor import Alarm
 from guidance.records.reading import Item, Survey, scan
 from guidance.records.typed import decoder
 from guidance.service.record import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
-from guidance.telemetry import EvaderReport, Message, Setpoint
 
 _MESSAGES: Final = {kind.__name__: decoder(kind) for kind in get_args(Message)}
 _REPORT: Final = decoder(EvaderReport)

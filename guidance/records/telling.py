@@ -10,8 +10,8 @@ from guidance.flight.fence import polygon_about_home
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.limits import Envelope
+from guidance.messages import EvaderReport, LocalPosition, Timesync
 from guidance.records.rows import Row
-from guidance.telemetry import EvaderReport, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
 _NOWHERE = (math.nan, math.nan, math.nan)

@@ -9,8 +9,8 @@ from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, ROVER, Mode
 from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
 from guidance.game import Game
 from guidance.links.port import VehicleLink
+from guidance.messages import GlobalPosition, Heartbeat, LocalPosition, Message, Setpoint
 from guidance.strategies import Memory, Strategy, evade
-from guidance.telemetry import GlobalPosition, Heartbeat, LocalPosition, Message, Setpoint
 from guidance.vehicle import VehicleState, local_frame, observe
 
 REPEAT_S = 1.0

@@ -10,6 +10,7 @@ from typing import Protocol
 from guidance.frames import Amsl, LocalFrame, Vector, ned_from_game
 from guidance.links.port import Wire
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.messages import Home
 from guidance.scenarios.evader import EvaderPilot
 from guidance.scenarios.faulting import faulted_fleet, faults_after
 from guidance.scenarios.fleet import EVADER, EVADER_ID
@@ -17,7 +18,6 @@ from guidance.scenarios.model import Scenario, Site, Wind
 from guidance.scenarios.settings import evader_settings
 from guidance.scenarios.stepped import SteppedMock
 from guidance.service.clock import Clock
-from guidance.telemetry import Home
 
 
 class Evader(Protocol):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from guidance.cycle import Certificate
 from guidance.flight import Flight, Happening, Outputs, State
 from guidance.frames import Vector
+from guidance.messages import LocalPosition
 from guidance.monitor import Alarm
 from guidance.scenarios.director import Director
 from guidance.scenarios.evader import EvaderPilot
@@ -19,7 +20,6 @@ from guidance.service.clock import Clock
 from guidance.service.linked_flight import LinkedFlight, Stopped
 from guidance.service.record import Record
 from guidance.service.timing import Timing
-from guidance.telemetry import LocalPosition
 
 CYCLE_S = 0.02
 """50 Hz: the rate at which setpoints are computed and sent."""

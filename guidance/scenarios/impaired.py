@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping, Sequence
 from guidance.estimate import TrackSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.port import EvaderSource
+from guidance.messages import EvaderReport, Timesync
 from guidance.scenarios.hearing import DROPOUT_STREAM, PERFECT, POSITION_STREAM, VELOCITY_STREAM
 from guidance.scenarios.model import Sensor
 from guidance.strategies import normal, uniform
-from guidance.telemetry import EvaderReport, Timesync
 
 _SLACK_S = 1e-9
 _UNSAID = TrackSettings(declared_speed_m_s=1.0)

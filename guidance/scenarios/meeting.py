@@ -9,9 +9,9 @@ from guidance.flight import State
 from guidance.frames import LocalFrame
 from guidance.links.finding import Found
 from guidance.links.port import VehicleLink
+from guidance.messages import Heartbeat, Home, LandedState, Message, Origin, StatusText
 from guidance.scenarios.fly import Progress
 from guidance.service.clock import Clock
-from guidance.telemetry import Heartbeat, Home, LandedState, Message, Origin, StatusText
 from guidance.vehicle import VehicleState, local_frame, observe
 
 PLACED_WITHIN_S: Final = 120.0

@@ -12,6 +12,7 @@ from typing import Final
 from guidance.errors import FlightError
 from guidance.flight import Event, State
 from guidance.frames import Vector
+from guidance.messages import CommandAck, Home, StatusText
 from guidance.preflight import advice, refusals
 from guidance.scenarios.director import PATIENCE_S, Director
 from guidance.scenarios.evader_here import Evader
@@ -22,7 +23,6 @@ from guidance.service.daemon import Daemon
 from guidance.service.leaving import ON_GROUND
 from guidance.service.mailbox import Mailbox
 from guidance.service.reasons import missing
-from guidance.telemetry import CommandAck, Home, StatusText
 
 READY_WITHIN_S: Final = 120.0
 """Longest wait for a vehicle that is fit to fly; an ArduCopter takes 40 s from its start."""

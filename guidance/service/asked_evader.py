@@ -6,7 +6,7 @@ from typing import Final
 from guidance.autopilots import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.links.arrivals import Clock
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.telemetry import Command, EvaderReport
+from guidance.messages import Command, EvaderReport
 
 ASK_AGAIN_S: Final = 3.0
 """Asked again after this long without a report: an evader may have been switched off and on."""

@@ -5,8 +5,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from guidance.messages import EvaderReport
 from guidance.service.record import Recorder
-from guidance.telemetry import EvaderReport
 
 MOST_WAITING: Final = 4096
 _LOOK_EVERY_S: Final = 0.03

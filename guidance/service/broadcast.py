@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import zenoh
 
+from guidance.messages import EvaderReport
 from guidance.service.known import in_bytes
 from guidance.service.record import RELOADED, Record
-from guidance.telemetry import EvaderReport
 
 MOST_WAITING: Final = 256
 """Five seconds of cycles: what finds no room is dropped and counted."""

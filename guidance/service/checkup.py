@@ -7,6 +7,16 @@ from typing import Final, NamedTuple
 from guidance.config import find
 from guidance.errors import FlightError
 from guidance.links.port import EvaderSource, VehicleLink
+from guidance.messages import (
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Origin,
+    Parameter,
+    ParameterRequest,
+)
 from guidance.preflight import ParameterChange, Row, Verdict, changes
 from guidance.preflight.mending import single
 from guidance.preflight.survey import COUNTED_S
@@ -20,16 +30,6 @@ from guidance.service.metrics import Metrics
 from guidance.service.notify import Notifier
 from guidance.service.opening import open_all
 from guidance.service.plan_fence import load_vehicle
-from guidance.telemetry import (
-    GlobalPosition,
-    Heartbeat,
-    Home,
-    LandedState,
-    LocalPosition,
-    Origin,
-    Parameter,
-    ParameterRequest,
-)
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0

@@ -8,6 +8,7 @@ from typing import Any, Final
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
+from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Row, Survey, Wants, parameter_names, refusals, rows
 from guidance.service.broadcast import Records
 from guidance.service.leaving import ON_GROUND, Leaving
@@ -20,7 +21,6 @@ from guidance.service.reasons import is_done, missing, not_engageable, refusal
 from guidance.service.record import RELOADED, STOPPED, Record
 from guidance.service.status import status
 from guidance.service.timing import Timing
-from guidance.telemetry import LocalPosition, Message
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0

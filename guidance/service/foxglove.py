@@ -7,7 +7,7 @@ metres, x east, y north, z up; a time is seconds and nanoseconds of the record's
 import math
 from typing import Final, NamedTuple
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 
 class Time(NamedTuple):

@@ -8,7 +8,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, star
 
 from guidance.errors import LinkError
 from guidance.flight import Flight, Outputs, State
-from guidance.telemetry import Heartbeat, LocalPosition
+from guidance.messages import Heartbeat, LocalPosition
 
 _OF_THE_GAME: Final = (
     "value",

@@ -20,11 +20,11 @@ from typing import Any, Protocol
 from mcap.writer import CompressionType, Writer
 from typing_extensions import Buffer
 
+from guidance.messages import EvaderReport
 from guidance.service.commit import PACKAGE, commit
 from guidance.service.known import in_bytes
 from guidance.service.scene import Scene
 from guidance.service.schemas import SCHEMAS
-from guidance.telemetry import EvaderReport
 
 CHUNK_BYTES = 8 * 1024
 CHUNK_S = 0.1

@@ -5,9 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from guidance.cycle import Certificate
+from guidance.frames import Vector
+from guidance.messages import EvaderReport, GlobalPosition
 from guidance.service import foxglove
 from guidance.service.foxglove import Color, SceneEntity, SceneUpdate, Time
-from guidance.telemetry import EvaderReport, GlobalPosition, Vector
 
 EVERY_S: Final = 0.1
 SCENE_EVERY_S: Final = 0.2

@@ -13,10 +13,10 @@ from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
 from guidance.cycle import Certificate
 from guidance.flight import Event, State
+from guidance.messages import EvaderReport, Message, Request, Setpoint
 from guidance.monitor import Alarm
 from guidance.service.scene import TYPES as DRAWN
 from guidance.service.timing import Timing
-from guidance.telemetry import EvaderReport, Message, Request, Setpoint
 
 Schema = dict[str, Any]
 

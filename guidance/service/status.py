@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from guidance.flight import Flight, Outputs
+from guidance.messages import Heartbeat, LocalPosition
 from guidance.preflight import Row, refusals
 from guidance.service.record import plain
-from guidance.telemetry import Heartbeat, LocalPosition
 
 
 def status(

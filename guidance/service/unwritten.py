@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from guidance.telemetry import EvaderReport
+from guidance.messages import EvaderReport
 
 
 class UnwrittenRecord:

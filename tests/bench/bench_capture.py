@@ -25,8 +25,8 @@ from rich.table import Table
 
 from guidance.flight import FlightSettings
 from guidance.following.handling import HANDLING
+from guidance.messages import Setpoint
 from guidance.strategies import Strategy
-from guidance.telemetry import Setpoint
 
 Change = Callable[[FlightSettings], FlightSettings]
 

@@ -141,7 +141,7 @@ def url_of(wire: str, port: int) -> str:
 def our_end(kind: str, wire: str, port: int) -> None:
     """One setpoint for each position, woken by the arrival, until standard input closes."""
     from guidance.links.opening import open_vehicle_link
-    from guidance.telemetry import LocalPosition, Setpoint
+    from guidance.messages import LocalPosition, Setpoint
 
     woken, over = threading.Event(), until_closed()
     link = open_vehicle_link(

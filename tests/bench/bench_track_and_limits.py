@@ -15,7 +15,7 @@ from rich.table import Table
 
 from guidance.estimate import Measurement, Track, TrackSettings, predict, update
 from guidance.limits import Envelope, Polygon, Situation, StandOff, limit
-from guidance.telemetry import Setpoint
+from guidance.messages import Setpoint
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # filterpy's, on import

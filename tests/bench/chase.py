@@ -13,13 +13,13 @@ from guidance.flight import AfterCapture, Event, Flight, FlightSettings, State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.messages import EvaderReport, Setpoint
 from guidance.monitor import Alarm
 from guidance.scenarios.loading import load_scenario
 from guidance.scenarios.model import Scenario, Target
 from guidance.scenarios.settings import flight_settings
 from guidance.service.clock import VirtualClock
 from guidance.service.linked_flight import LinkedFlight
-from guidance.telemetry import EvaderReport, Setpoint
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home
 

@@ -1,7 +1,7 @@
 """An envelope wide open but for what a test closes, and a command that has been flown all along."""
 
 from guidance.limits import Envelope, Memory, Situation, limit
-from guidance.telemetry import Setpoint
+from guidance.messages import Setpoint
 
 DT_S = 0.02
 OPEN = Envelope(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from guidance.estimate import ClockOffset, Observer, Outcome, TrackSettings, compare_clocks, evader_at, observe
 from guidance.estimate.clock_offset import hear, synchronise
 from guidance.frames import Amsl, LocalFrame
-from guidance.telemetry import EvaderReport, Timesync
+from guidance.messages import EvaderReport, Timesync
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 FRAME = LocalFrame(47.0, 8.0, Amsl(400.0))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.limits import AltitudeHold, Envelope, Limiter, Memory, Polygon, Situation, StandOff, hold_altitude, limit
 from guidance.limits.last_word import NOTED
-from guidance.telemetry import Setpoint
+from guidance.messages import Setpoint
 
 TOLERANCE = 1e-6
 # A polygon with an inward corner, a circle that cuts its far corners, and a stand-off.

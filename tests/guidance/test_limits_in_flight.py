@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from guidance.limits import Envelope, Limiter, Polygon, Situation, StandOff, hold_altitude, limit
-from guidance.telemetry import Setpoint
+from guidance.messages import Setpoint
 
 DT_S = 0.02
 ROUNDING_M = 1e-6

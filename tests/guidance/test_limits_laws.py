@@ -18,7 +18,7 @@ from guidance.limits import (
 from guidance.limits.last_word import NOTED
 from guidance.limits.shaping import next_yaw
 from guidance.limits.stopping import approach_speed
-from guidance.telemetry import Setpoint
+from guidance.messages import Setpoint
 
 
 @settings(deadline=None)

@@ -12,18 +12,9 @@ from guidance.autopilots import profile
 from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Heartbeat, Home, Origin
 from guidance.preflight import Facts, Survey, Verdict, Wants, rows
 from guidance.preflight.uploaded import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
-from guidance.telemetry import (
-    FenceCount,
-    FenceItem,
-    FenceReceived,
-    FenceRefused,
-    FenceRequest,
-    Heartbeat,
-    Home,
-    Origin,
-)
 from guidance.vehicle import VehicleState, observe
 from sitl_mock import MockVehicle
 

@@ -6,9 +6,7 @@ import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4
 from guidance.frames import Amsl, LocalFrame, Projection
-from guidance.preflight import Facts, Survey, Verdict, Wants, rows
-from guidance.preflight.survey import ASK_AGAIN_S
-from guidance.telemetry import (
+from guidance.messages import (
     Attitude,
     EvaderReport,
     FenceRequest,
@@ -22,6 +20,8 @@ from guidance.telemetry import (
     ParameterRequest,
     PositionTarget,
 )
+from guidance.preflight import Facts, Survey, Verdict, Wants, rows
+from guidance.preflight.survey import ASK_AGAIN_S
 from guidance.vehicle import VehicleState, observe
 
 WANTS = Wants(

@@ -4,7 +4,7 @@ import pytest
 
 from guidance.autopilots import PX4
 from guidance.frames import Projection
-from guidance.telemetry import Attitude, CommandAck, Heartbeat, Home, LandedState, LocalPosition, Odometry, Origin
+from guidance.messages import Attitude, CommandAck, Heartbeat, Home, LandedState, LocalPosition, Odometry, Origin
 from guidance.vehicle import VehicleState, local_frame, observe
 
 

@@ -7,6 +7,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.config import load
 from guidance.flight import Event, Flight, State
+from guidance.messages import LocalPosition
 from guidance.scenarios.evader import EvaderPilot
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import CYCLE_S
@@ -14,7 +15,6 @@ from guidance.scenarios.model import Scenario
 from guidance.scenarios.settings import evader_settings, flight_settings
 from guidance.service.clock import VirtualClock
 from guidance.service.linked_flight import LinkedFlight
-from guidance.telemetry import LocalPosition
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 

@@ -14,8 +14,8 @@ from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.evaders.follow_target import FollowTarget
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.messages import Heartbeat
 from guidance.service.clock import VirtualClock
-from guidance.telemetry import Heartbeat
 
 
 def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from guidance.flight import Event, State
-from guidance.telemetry import LocalPosition
+from guidance.messages import LocalPosition
 
 PILOT_MODES = {"px4": ["POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"], "arducopter": ["LOITER", "ALT_HOLD", "RTL", "LAND"]}
 CASES = [(autopilot, mode) for autopilot, modes in PILOT_MODES.items() for mode in modes]

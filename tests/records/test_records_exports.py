@@ -26,6 +26,7 @@ from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.limits import Polygon
+from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
 from guidance.records import Teller, flight_settings, metadata_of, reports_of, rows_of, scan, survey_of
 from guidance.records.columns import SCHEMA
 from guidance.records.export import EXPORTS, export
@@ -33,7 +34,6 @@ from guidance.records.maps import write_geojson
 from guidance.records.places import Feature, features_of
 from guidance.records.tlog import started_unix_s, write_tlog
 from guidance.service.record import EVADER_TOPIC, Recorder
-from guidance.telemetry import GlobalPosition, Heartbeat, Home, LocalPosition
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from guidance.cycle import Certificate
+from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
 from guidance.records import reports_of, rows_of, scan
 from guidance.records.reading import Item
@@ -20,7 +21,6 @@ from guidance.service.known import known
 from guidance.service.record import CYCLE_TOPIC, EVADER_TOPIC
 from guidance.service.scene import EVERY_S, disc
 from guidance.service.timing import Timing
-from guidance.telemetry import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 
 RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 

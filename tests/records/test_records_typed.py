@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs, Outputs, State
+from guidance.messages import AltitudeSaid, Datum, EvaderReport, Message, Setpoint, Timesync
 from guidance.records.rows import inputs_of
 from guidance.records.typed import decoder
 from guidance.service.known import known
 from guidance.service.linked_flight import row
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Message, Setpoint, Timesync
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 VALUES = {

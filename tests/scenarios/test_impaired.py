@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from guidance.config import parse
 from guidance.estimate import Observer, TrackSettings, evader_at, observe
 from guidance.frames import Amsl, LocalFrame
+from guidance.messages import EvaderReport
 from guidance.records import compare, flight_settings, metadata_of
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.flown import outcome_of_flight
@@ -19,7 +20,6 @@ from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.model import Scenario, Sensor
 from guidance.service.clock import VirtualClock
 from guidance.service.record import Recorder
-from guidance.telemetry import EvaderReport
 
 HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))
 PERIOD_S = 0.1

@@ -9,10 +9,10 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
+from guidance.messages import Heartbeat, Setpoint
 from guidance.service.clock import MonotonicClock
 from guidance.service.model import Config
 from guidance.service.opening import open_all, signing_key
-from guidance.telemetry import Heartbeat, Setpoint
 
 
 @pytest.fixture

@@ -10,11 +10,11 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from guidance.frames import Amsl, Ellipsoid, LocalFrame
+from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
 from guidance.links.codec import Fields, degrees
 from guidance.links.evaders.course import velocity_over_ground
 from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
+from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 VALID_COORDINATES: Final = 1
 VALID_ALTITUDE: Final = 2

@@ -2,7 +2,7 @@
 
 import math
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 
 def velocity_over_ground(*, course_cdeg: float, speed_cm_s: float, climb_cm_s: float) -> Vector:

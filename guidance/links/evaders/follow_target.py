@@ -11,10 +11,11 @@ import math
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
+from guidance.frames import Vector
 from guidance.links.codec import Fields, degrees, number
 from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, finite_altitude, standard_deviation
 from guidance.links.evaders.sender_clock import SenderClock, boot_ms_clock
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
+from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 CAPABILITY_VELOCITY: Final = 1 << 1
 

@@ -13,7 +13,7 @@ from typing import ClassVar
 from guidance.links.codec import Fields, decode
 from guidance.links.evaders.refusal import Refused, finite_altitude
 from guidance.links.evaders.sender_clock import SenderClock, boot_ms_clock
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, GlobalPosition
+from guidance.messages import AltitudeSaid, Datum, EvaderReport, GlobalPosition
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from guidance.errors import ConfigError
 from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative
 from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport
+from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 ENCODING = "application/json"
 _DATUMS: dict[str, type[Amsl] | type[Ellipsoid] | type[Relative]] = {

@@ -18,7 +18,7 @@ from guidance.links.evaders.refusal import Refused
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire
 from guidance.links.timesync import TimesyncPeer
-from guidance.telemetry import EvaderReport, Timesync
+from guidance.messages import EvaderReport, Timesync
 
 OWN_COMPONENT_ID: Final = 195
 _CLOCKS_AGREE_S: Final = 0.1

@@ -10,11 +10,11 @@
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from guidance.frames import LocalFrame
+from guidance.frames import LocalFrame, Vector
 from guidance.links.codec import Fields, finite, number
 from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
 from guidance.links.evaders.rotation import rotate
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
+from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 MAV_FRAME_LOCAL_NED: Final = 1
 MAV_FRAME_BODY_FRD: Final = 12

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from guidance.telemetry import Vector
+from guidance.frames import Vector
 
 UNKNOWN_VELOCITY: Final[Vector] = (math.nan, math.nan, math.nan)
 

@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from guidance.frames import LocalFrame, ned_from_game
+from guidance.frames import LocalFrame, Vector, ned_from_game
 from guidance.links.evaders.cdr import CdrReader
 from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude, standard_deviation
 from guidance.links.evaders.rotation import rotate
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, Vector
+from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
 ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"

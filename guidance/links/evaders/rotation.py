@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from guidance.frames import Vector
 from guidance.links.evaders.refusal import UNKNOWN_VELOCITY
-from guidance.telemetry import Vector
 
 Quaternion = tuple[float, float, float, float]
 

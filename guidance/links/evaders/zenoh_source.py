@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.links.arrivals import Arrivals, Clock
 from guidance.links.evaders.refusal import Refused
 from guidance.links.zenoh_session import open_session
-from guidance.telemetry import EvaderReport
+from guidance.messages import EvaderReport
 
 Reader = Callable[[bytes, float], EvaderReport]
 

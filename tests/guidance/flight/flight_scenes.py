@@ -9,8 +9,8 @@ from guidance.flight.detect import Scene
 from guidance.following.late_start import Acceleration
 from guidance.game import Ball, StandOff
 from guidance.limits import Envelope
+from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.strategies import Strategy
-from guidance.telemetry import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState, observe
 
 NOW_S = 100.0

@@ -13,7 +13,7 @@ from flight_scenes import (
 
 from guidance.autopilots import Mode
 from guidance.flight import Event, Flight, Inputs, State
-from guidance.telemetry import Attitude, EvaderReport, LandedState
+from guidance.messages import Attitude, EvaderReport, LandedState
 
 CYCLE_S = 0.02
 START_S = 50.0

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.flight.echo import IN_A_ROW, REMEMBERED_S, TOLERANCE_M_S, Echo
-from guidance.telemetry import PositionTarget, Setpoint
+from guidance.messages import PositionTarget, Setpoint
 
 
 def reported(now_s, velocity):

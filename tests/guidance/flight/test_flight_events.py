@@ -11,7 +11,7 @@ from guidance.flight import TRANSITIONS, AfterCapture, EngageOn, Event, State
 from guidance.flight.detect import events, fit
 from guidance.flight.readiness import checks
 from guidance.flight.table import OUR_MODES
-from guidance.telemetry import Attitude, Heartbeat, Home, LandedState, LocalPosition
+from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition
 from guidance.vehicle import VehicleState, observe
 
 FLYING = sorted({state for state, event in TRANSITIONS if event is Event.REBOOTED})

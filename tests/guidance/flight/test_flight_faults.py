@@ -10,8 +10,8 @@ from flown import SET_MODE, Flown, commands
 from guidance.autopilots import Mode
 from guidance.flight import FINAL, Event, State
 from guidance.flight.parting import REPEAT_S
+from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
 from guidance.plausible import is_plausible
-from guidance.telemetry import Attitude, EvaderReport, Home, LocalPosition, Message
 
 BAD = (math.nan, math.inf, -math.inf, 1e38, -1e38)
 PLAIN = {float: 0.5, int: 3, bool: True, str: "word"}

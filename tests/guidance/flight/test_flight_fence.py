@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs
 from guidance.flight.fence import polygon_about_home
 from guidance.frames import Amsl, LocalFrame
-from guidance.telemetry import Home, Origin
+from guidance.messages import Home, Origin
 
 SQUARE_M = ((-30.0, -40.0), (-30.0, 40.0), (50.0, 40.0), (50.0, -40.0))
 

@@ -15,7 +15,7 @@ from guidance.autopilots import PX4
 from guidance.flight import Event, Flight, Inputs, State
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame
-from guidance.telemetry import EvaderReport, GlobalPosition, Heartbeat, Home, LocalPosition, Odometry, Origin
+from guidance.messages import EvaderReport, GlobalPosition, Heartbeat, Home, LocalPosition, Odometry, Origin
 from guidance.vehicle import VehicleState, observe
 
 ZERO = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=PX4.projection)

@@ -21,8 +21,8 @@ from guidance.flight.machine import INVITE_AFTER_S
 from guidance.flight.requests import requests_in
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
 from guidance.frames import Amsl
+from guidance.messages import LandedState, Odometry, PositionTarget
 from guidance.monitor import Broken
-from guidance.telemetry import LandedState, Odometry, PositionTarget
 from guidance.vehicle import VehicleState, observe
 
 

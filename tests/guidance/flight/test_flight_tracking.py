@@ -9,7 +9,7 @@ from flight_scenes import HOME_DOWN_M, SETTINGS, home
 from guidance.autopilots import PX4
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl
-from guidance.telemetry import EvaderReport, Home, Origin
+from guidance.messages import EvaderReport, Home, Origin
 from guidance.vehicle import VehicleState, observe
 
 HERE = (47.397742, 8.545594)

@@ -17,7 +17,7 @@ from guidance.links import MemoryWire
 from guidance.links.opening import open_vehicle_link, wait_until_heard
 from guidance.links.port import VehicleLink
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.telemetry import Heartbeat, Timesync
+from guidance.messages import Heartbeat, Timesync
 
 SPEED = 10.0  # the injected clock runs fast, so that half-second repeats take a twentieth
 _namespaces = itertools.count()

@@ -20,7 +20,7 @@ from guidance.links.evaders import (
     Odometry,
     OpenDroneIdLocation,
 )
-from guidance.telemetry import AltitudeSaid, Datum, EvaderReport, GlobalPosition
+from guidance.messages import AltitudeSaid, Datum, EvaderReport, GlobalPosition
 
 UNDULATION_M = 47.3
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), undulation_m=UNDULATION_M)

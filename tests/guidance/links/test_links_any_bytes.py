@@ -23,7 +23,7 @@ from guidance.links.evaders import (
     OpenDroneIdLocation,
 )
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.telemetry import Attitude, GlobalPosition, Home, LocalPosition, Origin
+from guidance.messages import Attitude, GlobalPosition, Home, LocalPosition, Origin
 
 FRAME = LocalFrame(47.0, 8.0, Amsl(488.0), undulation_m=47.0)
 CARRIERS = [FollowTarget, GlobalPositionInt, lambda: Odometry(FRAME), lambda: OpenDroneIdLocation(FRAME)]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links.codec import DECODERS, decode, parameter
-from guidance.telemetry import (
+from guidance.messages import (
     FenceCount,
     FenceItem,
     FenceRefused,

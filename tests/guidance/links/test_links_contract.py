@@ -11,7 +11,7 @@ from links_rigs import RIGS, SPEED, Rig, clock
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links.conversation import MOST_KEPT
-from guidance.telemetry import (
+from guidance.messages import (
     Command,
     CommandAck,
     Heartbeat,

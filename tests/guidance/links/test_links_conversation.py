@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.links import MemoryWire
 from guidance.links.conversation import MOST_KEPT
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.telemetry import CommandAck, LocalPosition, StatusText, Timesync
+from guidance.messages import CommandAck, LocalPosition, StatusText, Timesync
 
 
 class World:

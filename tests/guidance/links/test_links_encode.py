@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.links import MemoryWire, encode
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Setpoint
+from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Setpoint
 
 VELOCITY = (1.5, -2.25, 0.5)
 ACCELERATION = (0.125, 0.25, -0.5)

@@ -7,7 +7,7 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, AutopilotProfile, Mode
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.telemetry import (
+from guidance.messages import (
     CommandAck,
     GlobalPosition,
     Heartbeat,

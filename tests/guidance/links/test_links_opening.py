@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import ConfigError, LinkError
 from guidance.links import SigningKey, parse
 from guidance.links.opening import open_vehicle_link, open_wire
-from guidance.telemetry import Setpoint
+from guidance.messages import Setpoint
 
 
 class FastClock:

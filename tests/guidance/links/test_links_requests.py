@@ -1,7 +1,7 @@
 import pytest
 
 from guidance.links.requests import RequestQueue
-from guidance.telemetry import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet
+from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet
 
 ZEROS = (0.0,) * 7
 ARM = Command(400, (1.0, *ZEROS[1:]))

@@ -5,7 +5,7 @@ from guidance.links import MemoryWire
 from guidance.links.evaders import FollowTarget, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.shared_wire import MOST_WAITING, share
-from guidance.telemetry import Heartbeat, Setpoint
+from guidance.messages import Heartbeat, Setpoint
 
 
 def test_a_vehicle_and_its_evader_are_heard_on_one_wire():

@@ -8,7 +8,7 @@ from guidance.errors import ConfigError
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signing import ticks
-from guidance.telemetry import LocalPosition, Setpoint
+from guidance.messages import LocalPosition, Setpoint
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(range(1, 33))
 UNIX_S = 1_800_000_000.0

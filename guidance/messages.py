@@ -7,7 +7,7 @@ of our own clock at which it arrived; `time_boot_s` is the sender's clock where 
 from enum import StrEnum
 from typing import NamedTuple
 
-Vector = tuple[float, float, float]
+from guidance.frames import Vector
 
 
 class Heartbeat(NamedTuple):
