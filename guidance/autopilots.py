@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from guidance.errors import ConfigError
-from guidance.frames import Projection
+from guidance.frames import MapProjection
 from guidance.messages import Command
 
 MAV_CMD_NAV_LAND = 21
@@ -62,7 +62,7 @@ class AutopilotProfile:
     custom_modes: Mapping[Mode, int]
     mode_parameters: Mapping[Mode, tuple[int, int]]
     arming_mode: Mode
-    projection: Projection
+    projection: MapProjection
     unused: float
     takeoff_frame: int
     stream_before_guided: bool
@@ -159,7 +159,7 @@ PX4 = AutopilotProfile(
         Mode.LAND: (4, 6),
     },
     arming_mode=Mode.HOLD,
-    projection=Projection.PX4,
+    projection=MapProjection.PX4,
     unused=_NAN,
     takeoff_frame=MAV_FRAME_GLOBAL,
     stream_before_guided=True,
@@ -175,7 +175,7 @@ ARDUCOPTER = AutopilotProfile(
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_parameters={Mode.GUIDED: (4, 0), Mode.HOLD: (17, 0), Mode.RETURN: (6, 0), Mode.LAND: (9, 0)},
     arming_mode=Mode.GUIDED,
-    projection=Projection.ARDUPILOT,
+    projection=MapProjection.ARDUPILOT,
     unused=0.0,
     takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
     stream_before_guided=False,
@@ -191,7 +191,7 @@ ROVER = AutopilotProfile(
     custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
     mode_parameters={Mode.GUIDED: (15, 0), Mode.HOLD: (4, 0), Mode.RETURN: (11, 0)},
     arming_mode=Mode.GUIDED,
-    projection=Projection.ARDUPILOT,
+    projection=MapProjection.ARDUPILOT,
     unused=0.0,
     takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
     stream_before_guided=False,

@@ -15,15 +15,13 @@ from guidance.following.boundary import keep_inside
 from guidance.following.drift import observe_drift
 from guidance.following.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
 from guidance.following.late_start import Acceleration, late_start
-from guidance.following.station import Place, keep_station
+from guidance.following.station import NorthEast, keep_station
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
 from guidance.game import Game, Reason, Solution, SpeedSet, StandOff, Winner, guaranteed_age_s, solve
 from guidance.game.game import horizontal_speed
-from guidance.limits import AltitudeHold, Envelope, Limited, Situation, hold_altitude, limit
-from guidance.limits import Memory as LimitMemory
+from guidance.limits import AltitudeHold, Envelope, Limited, LimitMemory, Situation, hold_altitude, limit
 from guidance.messages import Setpoint
-from guidance.strategies import OPTIMAL, Strategy, pursue
-from guidance.strategies import Memory as StrategyMemory
+from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +87,7 @@ class CycleMemory(NamedTuple):
     limits: LimitMemory | None = None
     height: AltitudeHold | None = None
     yaw_rad: float | None = None
-    place: Place | None = None
+    place: NorthEast | None = None
     strategy: StrategyMemory = StrategyMemory()
     optimal_game_m_s: Vector | None = None
 

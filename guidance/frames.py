@@ -47,7 +47,7 @@ class Relative:
 Altitude = Amsl | Ellipsoid | Relative
 
 
-class Projection(StrEnum):
+class MapProjection(StrEnum):
     """How latitude and longitude become metres. An autopilot's own map must be used beside its local position.
 
     The autopilots take the Earth for a sphere, so that their metres differ from WGS-84's by up to 0.5 %.
@@ -74,7 +74,7 @@ class LocalFrame:
     altitude: Amsl
     home: Amsl | None = None
     undulation_m: float | None = None
-    projection: Projection = Projection.WGS84
+    projection: MapProjection = MapProjection.WGS84
 
     def __post_init__(self) -> None:
         if not abs(self.latitude_deg) < 90.0:  # at a pole north has no direction
@@ -107,11 +107,11 @@ class LocalFrame:
         """Position in metres, north-east-down about the origin; NaN in gives NaN out."""
         down_m = self.altitude.metres - self.amsl(altitude).metres
         match self.projection:
-            case Projection.WGS84:
+            case MapProjection.WGS84:
                 north_m, east_m = self._tangent_plane(latitude_deg, longitude_deg)
-            case Projection.PX4:
+            case MapProjection.PX4:
                 north_m, east_m = self._azimuthal(latitude_deg, longitude_deg)
-            case Projection.ARDUPILOT:
+            case MapProjection.ARDUPILOT:
                 north_m, east_m = self._equirectangular(latitude_deg, longitude_deg)
         return (north_m, east_m, down_m)
 
@@ -119,11 +119,11 @@ class LocalFrame:
         """Latitude and longitude in degrees and the altitude of a position; the inverse of `ned_from_wgs84`."""
         north_m, east_m, down_m = position_ned_m
         match self.projection:
-            case Projection.WGS84:
+            case MapProjection.WGS84:
                 latitude, longitude = self._tangent_plane_inverse(north_m, east_m)
-            case Projection.PX4:
+            case MapProjection.PX4:
                 latitude, longitude = self._azimuthal_inverse(north_m, east_m)
-            case Projection.ARDUPILOT:
+            case MapProjection.ARDUPILOT:
                 latitude, longitude = self._equirectangular_inverse(north_m, east_m)
         return latitude, _wrap_deg(longitude), Amsl(self.altitude.metres - down_m)
 

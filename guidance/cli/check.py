@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from guidance.preflight import ParameterChange, Row
+    from guidance.preflight import Finding, ParameterChange
     from guidance.service.checkup import Applied, Checkup
 
 _STYLE = {"pass": "green", "warn": "yellow", "refuse": "bold red"}
@@ -82,7 +82,9 @@ def _checkup(
     return checkup_of(name)
 
 
-def _apply(checkup: "Checkup", rows: "Sequence[Row]", *, advised: bool, yes: bool, quiet: bool) -> "Sequence[Row]":
+def _apply(
+    checkup: "Checkup", rows: "Sequence[Finding]", *, advised: bool, yes: bool, quiet: bool
+) -> "Sequence[Finding]":
     wanted = checkup.changes(advised=advised)
     if not wanted:
         if not quiet:
@@ -106,7 +108,7 @@ def _print_changes(wanted: "Sequence[ParameterChange]") -> None:
     _print_table(("name", "now", "then", "as it is", "why"), lines, style=3)
 
 
-def _print_rows(rows: "Sequence[Row]") -> None:
+def _print_rows(rows: "Sequence[Finding]") -> None:
     lines = [(row.name, row.value, row.wanted, str(row.verdict), row.advice) for row in rows]
     _print_table(("name", "value", "wanted", "verdict", "how to set it"), lines, style=3)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from guidance.records import Step
+    from guidance.records import ReplayedCycle
     from guidance.records.replay import Apart
 
 
@@ -63,7 +63,7 @@ def _apart(what: str, apart: "Apart") -> str:
     )
 
 
-def _shown(step: "Step") -> str:
+def _shown(step: "ReplayedCycle") -> str:
     from guidance.service.record import plain  # noqa: PLC0415
 
     recorded, present = step.row.json, step.outputs._asdict()
@@ -74,7 +74,7 @@ def _shown(step: "Step") -> str:
     return "\n".join([*lines, "  inputs", *_inputs(step)])
 
 
-def _inputs(step: "Step") -> list[str]:
+def _inputs(step: "ReplayedCycle") -> list[str]:
     shown = []
     for name, value in step.row.json["inputs"].items():
         shown += [f"    {name}  {json.dumps(one)}" for one in value]

@@ -35,7 +35,7 @@ def view(
     - `guidance view --live`: the daemon on this computer
     """
     from guidance.errors import ConfigError  # noqa: PLC0415 - with numpy, for this only
-    from guidance.view import Place, Seen  # noqa: PLC0415
+    from guidance.view import Destination, Seen  # noqa: PLC0415
     from guidance.view import view as show  # noqa: PLC0415
 
     if live == (file is not None):
@@ -46,7 +46,7 @@ def view(
     if with_parent:
         threading.Thread(target=_end_with_parent, args=(ended,), daemon=True).start()
     seen = Seen(file, follow, endpoint, name, token_file)
-    count = show(seen, Place(save, port, web_port), typer.echo, ended)
+    count = show(seen, Destination(save, port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 

@@ -5,7 +5,7 @@ from guidance.estimate.evader_state import EvaderState, predict
 from guidance.estimate.measurement import Measurement
 from guidance.estimate.moving import moved
 from guidance.estimate.observer import Observer, compare_clocks, evader_at, observe
-from guidance.estimate.outcome import TAKEN, Outcome
+from guidance.estimate.outcome import TAKEN, ReportOutcome
 from guidance.estimate.settings import TrackSettings
 from guidance.estimate.track import Track, update
 
@@ -15,7 +15,7 @@ __all__ = [
     "EvaderState",
     "Measurement",
     "Observer",
-    "Outcome",
+    "ReportOutcome",
     "Track",
     "TrackSettings",
     "compare_clocks",

@@ -3,7 +3,7 @@
 from enum import StrEnum
 
 
-class Outcome(StrEnum):
+class ReportOutcome(StrEnum):
     """The last report's fate. The first five changed the estimate."""
 
     STARTED = "started"
@@ -20,4 +20,12 @@ class Outcome(StrEnum):
     OUTLIER = "outlier"
 
 
-TAKEN = frozenset({Outcome.STARTED, Outcome.ACCEPTED, Outcome.REORDERED, Outcome.JUMPED, Outcome.REACQUIRED})
+TAKEN = frozenset(
+    {
+        ReportOutcome.STARTED,
+        ReportOutcome.ACCEPTED,
+        ReportOutcome.REORDERED,
+        ReportOutcome.JUMPED,
+        ReportOutcome.REACQUIRED,
+    }
+)

@@ -15,7 +15,7 @@ from guidance.estimate import imm
 from guidance.estimate.height import Height
 from guidance.estimate.imm import Modes
 from guidance.estimate.measurement import Measurement
-from guidance.estimate.outcome import Outcome
+from guidance.estimate.outcome import ReportOutcome
 from guidance.estimate.settings import TrackSettings
 
 # χ² at a probability of 1e-6, by the number of things measured. No tighter: at 1 Hz a sharp turn lies in the tails of
@@ -54,8 +54,8 @@ class Track:
 
     history: tuple[Accepted, ...] = ()
     rival: "Track | None" = None
-    outcome: Outcome | None = None
-    counts: Mapping[Outcome, int] = field(default_factory=dict)
+    outcome: ReportOutcome | None = None
+    counts: Mapping[ReportOutcome, int] = field(default_factory=dict)
     nis: float = float("nan")
 
     @property
@@ -71,9 +71,9 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         return _ended(track, refused)
     estimate = track.estimate
     if estimate is None:
-        return _ended(_begun(track, measurement, settings), Outcome.STARTED)
+        return _ended(_begun(track, measurement, settings), ReportOutcome.STARTED)
     if measurement.received_s - estimate.received_s > settings.silence_s:
-        return _ended(_begun(track, measurement, settings), Outcome.REACQUIRED)
+        return _ended(_begun(track, measurement, settings), ReportOutcome.REACQUIRED)
 
     earlier = len(track.history)
     while track.history[earlier - 1].measurement.time_s > measurement.time_s:
@@ -82,7 +82,7 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     if taken is None:
         return _outlier(replace(track, nis=nis), measurement, settings)
     history = _replayed((*track.history[:earlier], Accepted(measurement, taken)), track.history[earlier:], settings)
-    outcome = Outcome.REORDERED if earlier < len(track.history) else Outcome.ACCEPTED
+    outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
     return Track(_recent(history, settings), None, outcome, _counted(track, outcome), nis)
 
 
@@ -99,28 +99,28 @@ def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estim
     )
 
 
-def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) -> Outcome | None:
+def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) -> ReportOutcome | None:
     velocity = measurement.velocity_ned_m_s
     if not measurement.is_usable():
-        return Outcome.UNUSABLE
+        return ReportOutcome.UNUSABLE
     if velocity is not None and math.hypot(*velocity) > settings.largest_speed_m_s:
-        return Outcome.IMPLAUSIBLE
+        return ReportOutcome.IMPLAUSIBLE
     age_s = measurement.received_s - measurement.time_s
     if age_s > settings.stale_s:
-        return Outcome.STALE
+        return ReportOutcome.STALE
     if age_s < -settings.future_s:
-        return Outcome.FUTURE
+        return ReportOutcome.FUTURE
     return _repetition(track, measurement)
 
 
-def _repetition(track: Track, measurement: Measurement) -> Outcome | None:
+def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
     for one in reversed(track.history):
         since_s = measurement.time_s - one.measurement.time_s
         if abs(since_s) < _SAME_TIME_S:
-            return Outcome.DUPLICATE
+            return ReportOutcome.DUPLICATE
         if since_s > 0.0:
             return None
-    return Outcome.TOO_OLD if track.history else None
+    return ReportOutcome.TOO_OLD if track.history else None
 
 
 def _replayed(
@@ -176,17 +176,17 @@ def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) ->
     rival = track.rival
     if rival is not None:
         rival = update(rival, measurement, settings)
-    if rival is None or rival.outcome is not Outcome.ACCEPTED:
+    if rival is None or rival.outcome is not ReportOutcome.ACCEPTED:
         rival = _begun(Track(), measurement, settings)
     lasting_s = rival.history[-1].measurement.time_s - rival.history[0].measurement.time_s
     if len(rival.history) < settings.jump_reports and lasting_s < settings.jump_s:
-        return _ended(replace(track, rival=rival), Outcome.OUTLIER)
-    return _ended(replace(track, history=rival.history, rival=None), Outcome.JUMPED)
+        return _ended(replace(track, rival=rival), ReportOutcome.OUTLIER)
+    return _ended(replace(track, history=rival.history, rival=None), ReportOutcome.JUMPED)
 
 
-def _ended(track: Track, outcome: Outcome) -> Track:
+def _ended(track: Track, outcome: ReportOutcome) -> Track:
     return replace(track, outcome=outcome, counts=_counted(track, outcome))
 
 
-def _counted(track: Track, outcome: Outcome) -> Mapping[Outcome, int]:
+def _counted(track: Track, outcome: ReportOutcome) -> Mapping[ReportOutcome, int]:
     return {**track.counts, outcome: track.counts.get(outcome, 0) + 1}

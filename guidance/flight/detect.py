@@ -20,7 +20,7 @@ _AT_HEIGHT_M = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class EventContext:
     """Everything an event may be read from, at one cycle."""
 
     now_s: float
@@ -52,119 +52,121 @@ class Scene:
         return heartbeat is not None and heartbeat.received_s > self.since_s
 
 
-def events(scene: Scene) -> Iterator[Event]:
+def events(context: EventContext) -> Iterator[Event]:
     """Yield what happened, the gravest first; asked is only what the table has an answer to in this state."""
-    return (event for event, happened in _QUESTIONS.items() if (scene.state, event) in TRANSITIONS and happened(scene))
+    return (
+        event for event, happened in _QUESTIONS.items() if (context.state, event) in TRANSITIONS and happened(context)
+    )
 
 
-def fit(scene: Scene) -> bool:
+def fit(context: EventContext) -> bool:
     """True when every readiness check passes and preflight refuses nothing."""
-    settings = scene.settings
-    rows = checks(scene.vehicle, settings.profile, scene.now_s, battery_minimum=settings.battery_minimum)
-    return not scene.refusals and all(row.passed for row in rows)
+    settings = context.settings
+    rows = checks(context.vehicle, settings.profile, context.now_s, battery_minimum=settings.battery_minimum)
+    return not context.refusals and all(row.passed for row in rows)
 
 
-def _telemetry_lost(scene: Scene) -> bool:
-    vehicle = scene.vehicle
-    if vehicle.age_s(Heartbeat, scene.now_s) > HEARTBEAT_LIMIT_S:
+def _telemetry_lost(context: EventContext) -> bool:
+    vehicle = context.vehicle
+    if vehicle.age_s(Heartbeat, context.now_s) > HEARTBEAT_LIMIT_S:
         return True
     # Before the checks pass, the streams have only just been asked for.
-    flying = scene.state not in {State.CHECKING, State.READY}
-    return flying and vehicle.age_s(LocalPosition, scene.now_s) > TELEMETRY_LIMIT_S
+    flying = context.state not in {State.CHECKING, State.READY}
+    return flying and vehicle.age_s(LocalPosition, context.now_s) > TELEMETRY_LIMIT_S
 
 
-def _another_hand(scene: Scene) -> bool:
-    ours = OUR_MODES.get(scene.state)
-    if _waiting_for_the_pilot(scene):
+def _another_hand(context: EventContext) -> bool:
+    ours = OUR_MODES.get(context.state)
+    if _waiting_for_the_pilot(context):
         return False  # who flies here, in whichever mode, is to choose the guided one
-    return ours is not None and scene.mode is not None and scene.mode not in ours
+    return ours is not None and context.mode is not None and context.mode not in ours
 
 
-def _waiting_for_the_pilot(scene: Scene) -> bool:
-    return scene.state is State.STANDING_BY and scene.settings.engage_on is EngageOn.PILOT_MODE
+def _waiting_for_the_pilot(context: EventContext) -> bool:
+    return context.state is State.STANDING_BY and context.settings.engage_on is EngageOn.PILOT_MODE
 
 
-def _invited(scene: Scene) -> bool:
+def _invited(context: EventContext) -> bool:
     # A change, not a mode that the vehicle was left in.
-    return _waiting_for_the_pilot(scene) and scene.other_mode_seen and scene.mode is Mode.GUIDED
+    return _waiting_for_the_pilot(context) and context.other_mode_seen and context.mode is Mode.GUIDED
 
 
-def _armed(scene: Scene) -> bool:
+def _armed(context: EventContext) -> bool:
     # Both in one HEARTBEAT: armed, and in a mode of ours, so that the climb is not mistaken for a pilot's.
-    return scene.vehicle.armed and scene.mode in OUR_MODES[State.CLIMBING]
+    return context.vehicle.armed and context.mode in OUR_MODES[State.CLIMBING]
 
 
-def _at_height(scene: Scene) -> bool:
-    local, home_ned_m = scene.vehicle.last(LocalPosition), scene.home_ned_m
+def _at_height(context: EventContext) -> bool:
+    local, home_ned_m = context.vehicle.last(LocalPosition), context.home_ned_m
     if local is None or home_ned_m is None:
         return False
     height_m = home_ned_m[2] - local.position_ned_m[2]
-    return height_m > scene.settings.takeoff_height_m - _AT_HEIGHT_M and scene.mode is not Mode.TAKEOFF
+    return height_m > context.settings.takeoff_height_m - _AT_HEIGHT_M and context.mode is not Mode.TAKEOFF
 
 
-def _at_start(scene: Scene) -> bool:
-    if scene.start_ned_m is None:
+def _at_start(context: EventContext) -> bool:
+    if context.start_ned_m is None:
         return True
-    local = scene.vehicle.last(LocalPosition)
+    local = context.vehicle.last(LocalPosition)
     return (
         local is not None
-        and math.dist(local.position_ned_m, scene.start_ned_m) < _AT_START_M
+        and math.dist(local.position_ned_m, context.start_ned_m) < _AT_START_M
         and math.hypot(*local.velocity_ned_m_s) < _AT_START_M_S
     )
 
 
-def _battery_low(scene: Scene) -> bool:
-    status = scene.vehicle.last(SystemStatus)
-    return status is not None and status.battery_remaining < scene.settings.battery_minimum
+def _battery_low(context: EventContext) -> bool:
+    status = context.vehicle.last(SystemStatus)
+    return status is not None and status.battery_remaining < context.settings.battery_minimum
 
 
-def _evader_lost(scene: Scene) -> bool:
-    return scene.evader_silence_s > scene.settings.cycle.evader_timeout_s
+def _evader_lost(context: EventContext) -> bool:
+    return context.evader_silence_s > context.settings.cycle.evader_timeout_s
 
 
-def _clear(scene: Scene) -> bool:
-    waited = scene.now_s - scene.since_s >= scene.settings.settle_s
-    settled = scene.now_s - scene.vehicle.reset_s >= scene.settings.settle_s
-    return waited and settled and not (_evader_lost(scene) or _telemetry_lost(scene))
+def _clear(context: EventContext) -> bool:
+    waited = context.now_s - context.since_s >= context.settings.settle_s
+    settled = context.now_s - context.vehicle.reset_s >= context.settings.settle_s
+    return waited and settled and not (_evader_lost(context) or _telemetry_lost(context))
 
 
-def _reset(scene: Scene) -> bool:
-    return scene.vehicle.resets != scene.resets_seen
+def _reset(context: EventContext) -> bool:
+    return context.vehicle.resets != context.resets_seen
 
 
-def _timed_out(scene: Scene) -> bool:
-    return scene.now_s - scene.since_s > scene.settings.limits_s.get(scene.state, math.inf)
+def _timed_out(context: EventContext) -> bool:
+    return context.now_s - context.since_s > context.settings.limits_s.get(context.state, math.inf)
 
 
-def _certified(scene: Scene, name: str) -> bool:
-    return scene.certificate is not None and bool(getattr(scene.certificate, name))
+def _certified(context: EventContext, name: str) -> bool:
+    return context.certificate is not None and bool(getattr(context.certificate, name))
 
 
-_QUESTIONS: Mapping[Event, Callable[[Scene], bool]] = {
+_QUESTIONS: Mapping[Event, Callable[[EventContext], bool]] = {
     Event.PILOT: _another_hand,
-    Event.REBOOTED: lambda scene: scene.vehicle.reboots != scene.reboots_seen,
+    Event.REBOOTED: lambda context: context.vehicle.reboots != context.reboots_seen,
     Event.TELEMETRY_LOST: _telemetry_lost,
-    Event.DISARMED: lambda scene: scene.heard_since_entry and not scene.vehicle.armed,
-    Event.LOOP_STOPPED: lambda scene: scene.dt_s >= scene.settings.profile.setpoint_timeout_s,
-    Event.FOREIGN: lambda scene: scene.foreign,
-    Event.FENCE: lambda scene: _certified(scene, "outside_fence"),
+    Event.DISARMED: lambda context: context.heard_since_entry and not context.vehicle.armed,
+    Event.LOOP_STOPPED: lambda context: context.dt_s >= context.settings.profile.setpoint_timeout_s,
+    Event.FOREIGN: lambda context: context.foreign,
+    Event.FENCE: lambda context: _certified(context, "outside_fence"),
     Event.BATTERY_LOW: _battery_low,
     Event.ESTIMATOR_RESET: _reset,
-    Event.LOOP_LATE: lambda scene: scene.dt_s > LATE_LOOP_S,
+    Event.LOOP_LATE: lambda context: context.dt_s > LATE_LOOP_S,
     Event.EVADER_LOST: _evader_lost,
-    Event.NO_GAME: lambda scene: _certified(scene, "no_game"),
-    Event.ESCAPED: lambda scene: _certified(scene, "evader_arrived"),
-    Event.CAPTURED: lambda scene: _certified(scene, "captured"),
+    Event.NO_GAME: lambda context: _certified(context, "no_game"),
+    Event.ESCAPED: lambda context: _certified(context, "evader_arrived"),
+    Event.CAPTURED: lambda context: _certified(context, "captured"),
     Event.INVITED: _invited,
-    Event.DONE: lambda scene: scene.settings.after_capture is AfterCapture.RETURN,
-    Event.STRAYED: lambda scene: _certified(scene, "strayed"),
-    Event.HEARD: lambda scene: scene.vehicle.age_s(Heartbeat, scene.now_s) <= HEARTBEAT_LIMIT_S,
+    Event.DONE: lambda context: context.settings.after_capture is AfterCapture.RETURN,
+    Event.STRAYED: lambda context: _certified(context, "strayed"),
+    Event.HEARD: lambda context: context.vehicle.age_s(Heartbeat, context.now_s) <= HEARTBEAT_LIMIT_S,
     Event.FIT: fit,
-    Event.UNFIT: lambda scene: not fit(scene),
+    Event.UNFIT: lambda context: not fit(context),
     Event.ARMED: _armed,
     Event.AT_HEIGHT: _at_height,
     Event.AT_START: _at_start,
-    Event.GUIDED: lambda scene: scene.heard_since_entry and scene.mode is Mode.GUIDED,
+    Event.GUIDED: lambda context: context.heard_since_entry and context.mode is Mode.GUIDED,
     Event.CLEAR: _clear,
     Event.TIMED_OUT: _timed_out,
 }

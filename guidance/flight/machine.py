@@ -11,7 +11,7 @@ from typing import NamedTuple
 from guidance.autopilots import HEARTBEAT, Mode
 from guidance.cycle import Certificate, CycleInputs, CycleMemory, hover, play
 from guidance.flight.carrying import carried, difference
-from guidance.flight.detect import Scene, events
+from guidance.flight.detect import EventContext, events
 from guidance.flight.echo import Echo
 from guidance.flight.fence import polygon_about_home
 from guidance.flight.parting import REPEAT_S, Parting
@@ -207,8 +207,8 @@ class Flight:
     def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
         for order in inputs.orders:
             yield self._change(inputs.now_s, self._order(order))
-        scene = self._scene(inputs.now_s, dt_s, inputs.refusals)
-        for event in events(scene):
+        context = self._context(inputs.now_s, dt_s, inputs.refusals)
+        for event in events(context):
             yield self._change(inputs.now_s, event)
             return  # the gravest only: the state it leads to is judged by the next cycle
 
@@ -229,8 +229,8 @@ class Flight:
                 self._guarantee = Guarantee()  # the promise is kept: an evader that gets away begins a new one
         return Happening(now_s, event, before, after)
 
-    def _scene(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> Scene:
-        return Scene(
+    def _context(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> EventContext:
+        return EventContext(
             now_s=now_s,
             dt_s=dt_s,
             state=self.state,

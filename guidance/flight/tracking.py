@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from guidance.autopilots import AutopilotProfile
 from guidance.cycle import CycleSettings, EvaderEstimate
-from guidance.estimate import Observer, Outcome, TrackSettings, evader_at, moved, observe
+from guidance.estimate import Observer, ReportOutcome, TrackSettings, evader_at, moved, observe
 from guidance.flight.zero import Zero
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.messages import EvaderReport, Home
@@ -50,7 +50,7 @@ class Tracking:
         return self._zero.held_back_ned_m
 
     @property
-    def counts(self) -> Mapping[Outcome, int]:
+    def counts(self) -> Mapping[ReportOutcome, int]:
         """How many reports of the evader were taken in, and how many dropped, and why."""
         return self._observer.track.counts
 

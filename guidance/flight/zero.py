@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from guidance.frames import Amsl, LocalFrame, Projection, Vector
+from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
 from guidance.messages import GlobalPosition, LocalPosition
 from guidance.vehicle import VehicleState, local_frame
 
@@ -27,7 +27,7 @@ _JUDGE_AGE_S: Final = 1.0
 class Zero:
     """The zero as believed. `held_back_ned_m` is a jump of the position of which nobody knows yet what it means."""
 
-    def __init__(self, projection: Projection) -> None:
+    def __init__(self, projection: MapProjection) -> None:
         self._projection = projection
         self._frame: LocalFrame | None = None
         self._jumped: Vector = (0.0, 0.0, 0.0)

@@ -3,7 +3,7 @@
 from guidance.following.boundary import keep_inside
 from guidance.following.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
 from guidance.following.handling import HANDLING, Handling, handling
-from guidance.following.station import Place, keep_station
+from guidance.following.station import NorthEast, keep_station
 
 __all__ = [
     "HANDLING",
@@ -11,7 +11,7 @@ __all__ = [
     "Following",
     "Handling",
     "Motion",
-    "Place",
+    "NorthEast",
     "follow",
     "handling",
     "keep_inside",

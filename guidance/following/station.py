@@ -13,10 +13,12 @@ LARGEST_M_S = 0.5
 AT_REST_M_S = 0.5
 AWAY_M = 1.5
 
-Place = tuple[float, float]
+NorthEast = tuple[float, float]
 
 
-def keep_station(place: Place | None, position_ned_m: Vector, flown_ned_m_s: Vector) -> tuple[Place, Place | None]:
+def keep_station(
+    place: NorthEast | None, position_ned_m: Vector, flown_ned_m_s: Vector
+) -> tuple[NorthEast, NorthEast | None]:
     """Return the velocity over the ground that stops and holds, (north, east) in m/s, and the place for the next call.
 
     Args:

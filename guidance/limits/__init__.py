@@ -1,10 +1,10 @@
 """The envelope and the last word before the wire: `limit` turns any command into a setpoint that may be sent."""
 
 from guidance.limits.altitude_hold import AltitudeHold, Held, hold_altitude
-from guidance.limits.envelope import Envelope, StandOff
+from guidance.limits.envelope import Envelope, StandOffLimit
 from guidance.limits.last_word import Limited, limit
 from guidance.limits.limiter import Limiter
-from guidance.limits.memory import Memory, start
+from guidance.limits.memory import LimitMemory, start
 from guidance.limits.polygon import Polygon
 from guidance.limits.situation import Situation
 from guidance.limits.speeds import SpeedLimits, Speeds
@@ -13,14 +13,14 @@ __all__ = [
     "AltitudeHold",
     "Envelope",
     "Held",
+    "LimitMemory",
     "Limited",
     "Limiter",
-    "Memory",
     "Polygon",
     "Situation",
     "SpeedLimits",
     "Speeds",
-    "StandOff",
+    "StandOffLimit",
     "hold_altitude",
     "limit",
     "start",

@@ -12,7 +12,7 @@ _SMALLEST, _LARGEST = 1e-3, 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandOff:
+class StandOffLimit:
     """The space about the evader that is never entered: an upright cylinder from the ground to a height above it.
 
     Give it a little less than the disc that the game is played to (radius and height), so that it binds only when
@@ -56,7 +56,7 @@ class Envelope:
     fence_radius_m: float | None = None
     fence_polygon: Polygon | None = None
     fence_margin_m: float = 0.0
-    stand_off: StandOff | None = None
+    stand_off: StandOffLimit | None = None
 
     def __post_init__(self) -> None:
         optional = {"fence_radius_m"} if self.fence_radius_m is None else set()

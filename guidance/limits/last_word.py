@@ -25,7 +25,7 @@ from guidance.frames import Vector, wrap_rad
 from guidance.limits.envelope import Envelope
 from guidance.limits.height import cut_height
 from guidance.limits.limiter import Limiter
-from guidance.limits.memory import STILL, Memory, restored
+from guidance.limits.memory import STILL, LimitMemory, restored
 from guidance.limits.shaping import clamp_acceleration, clamp_speed, next_acceleration, next_yaw, slew
 from guidance.limits.situation import Situation, is_usable, usable, without_unknowns
 from guidance.limits.space import full_speed_walls, keep_within
@@ -46,10 +46,12 @@ class Limited(NamedTuple):
 
     setpoint: Setpoint
     acted: tuple[Limiter, ...]
-    memory: Memory
+    memory: LimitMemory
 
 
-def limit(command: Setpoint, situation: Situation, envelope: Envelope, memory: Memory | None, dt_s: float) -> Limited:
+def limit(
+    command: Setpoint, situation: Situation, envelope: Envelope, memory: LimitMemory | None, dt_s: float
+) -> Limited:
     """Turn a command into a setpoint that the envelope allows. Never raises, and never returns a NaN.
 
     Args:
@@ -61,7 +63,7 @@ def limit(command: Setpoint, situation: Situation, envelope: Envelope, memory: M
     """
     memory = restored(memory, situation, envelope)
     if not is_usable(situation):
-        return Limited(Setpoint(STILL), (Limiter.SITUATION,), Memory(STILL, yaw_rad=memory.yaw_rad))
+        return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
     situation = without_unknowns(situation)
     acted: list[Limiter] = []
     command = _numbers_only(command, memory, acted)
@@ -75,7 +77,7 @@ def limit(command: Setpoint, situation: Situation, envelope: Envelope, memory: M
     at_speed = full_speed_walls(velocity, situation.velocity_ned_m_s, envelope)
     feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*forbidden, *at_speed), envelope, dt_s, acted)
     yaw_rad = _yaw(command.yaw_rad, memory, envelope, dt_s, acted)
-    sent = Memory(
+    sent = LimitMemory(
         velocity,
         _stripped(acceleration, (*forbidden, *(one.forbidding_all() for one in at_speed))),
         feed_forward or STILL,
@@ -84,7 +86,7 @@ def limit(command: Setpoint, situation: Situation, envelope: Envelope, memory: M
     return Limited(Setpoint(velocity, feed_forward, down_m, yaw_rad), tuple(acted), sent)
 
 
-def _numbers_only(command: Setpoint, memory: Memory, acted: list[Limiter]) -> Setpoint:
+def _numbers_only(command: Setpoint, memory: LimitMemory, acted: list[Limiter]) -> Setpoint:
     given = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()))
     if usable(*given, *(number for number in (command.down_m, command.yaw_rad) if number is not None)):
         return command
@@ -100,7 +102,7 @@ def _step(dt_s: float, acted: list[Limiter]) -> float:
 
 
 def _shape(
-    wanted: Vector, memory: Memory, envelope: Envelope, dt_s: float, acted: list[Limiter]
+    wanted: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float, acted: list[Limiter]
 ) -> tuple[Vector, Vector]:
     allowed = clamp_speed(wanted, envelope)
     _note(acted, Limiter.SPEED, allowed[:2], wanted[:2])
@@ -126,7 +128,7 @@ def _height(
 
 
 def _yaw(
-    wanted_rad: float | None, memory: Memory, envelope: Envelope, dt_s: float, acted: list[Limiter]
+    wanted_rad: float | None, memory: LimitMemory, envelope: Envelope, dt_s: float, acted: list[Limiter]
 ) -> float | None:
     if wanted_rad is None:
         return None
@@ -137,7 +139,7 @@ def _yaw(
 
 def _feed_forward(
     wanted: Vector | None,
-    memory: Memory,
+    memory: LimitMemory,
     walls: tuple[Wall, ...],
     envelope: Envelope,
     dt_s: float,

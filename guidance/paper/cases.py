@@ -21,7 +21,7 @@ SYMBOLS = {"optimal": ("u*", "v*")}
 """How the paper writes the optimal strategy of pursuer and evader; the others keep their names."""
 
 
-class Cell(NamedTuple):
+class TableRow(NamedTuple):
     """One row of a published table."""
 
     pursuer_policy: str
@@ -30,16 +30,16 @@ class Cell(NamedTuple):
 
 
 TABLE_1 = (
-    Cell("pure_pursuit", "optimal", "11.05"),
-    Cell("optimal", "pure_evade", "10.43"),
-    Cell("optimal", "optimal", "10.43"),
+    TableRow("pure_pursuit", "optimal", "11.05"),
+    TableRow("optimal", "pure_evade", "10.43"),
+    TableRow("optimal", "optimal", "10.43"),
 )
 TABLE_2 = (
-    Cell("optimal", "task_oriented", "4.2341"),
-    Cell("optimal", "pure_evade", "19.4309"),
-    Cell("optimal", "optimal", "4.1481"),
-    Cell("pure_pursuit", "optimal", "3.2272"),
-    Cell("task_oriented", "optimal", "0.0046"),
+    TableRow("optimal", "task_oriented", "4.2341"),
+    TableRow("optimal", "pure_evade", "19.4309"),
+    TableRow("optimal", "optimal", "4.1481"),
+    TableRow("pure_pursuit", "optimal", "3.2272"),
+    TableRow("task_oriented", "optimal", "0.0046"),
 )
 
 
@@ -104,7 +104,9 @@ def tables() -> tuple[Table, Table]:
     return pe, tad
 
 
-def _case(cell: Cell, pursuer: tuple[float, ...], evader: tuple[float, ...], target: tuple[float, ...] | None) -> Case:
+def _case(
+    cell: TableRow, pursuer: tuple[float, ...], evader: tuple[float, ...], target: tuple[float, ...] | None
+) -> Case:
     state = [np.asarray(pursuer), np.asarray(evader), None if target is None else np.asarray(target)]
     play = partial(rollout, GAME, *state, pursuer_policy=cell.pursuer_policy, evader_policy=cell.evader_policy)
     stepped, exact = play(stepping=Paper()), play(keep_path=True)

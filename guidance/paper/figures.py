@@ -24,7 +24,7 @@ RATIO = 2.0
 DPI = 200
 
 
-class Track(NamedTuple):
+class PlayedTrack(NamedTuple):
     """Where a play went: positions of P and E, (samples, 3), m."""
 
     pursuer: NDArray[np.float64]
@@ -48,8 +48,8 @@ def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
     return paths
 
 
-def _track(case: Case) -> Track:
-    return Track(
+def _track(case: Case) -> PlayedTrack:
+    return PlayedTrack(
         np.stack([sample.pursuer_m for sample in case.path]), np.stack([sample.evader_m for sample in case.path])
     )
 

@@ -2,15 +2,15 @@
 
 from guidance.preflight.mending import ParameterChange
 from guidance.preflight.report import advice, changes, parameter_names, refusals, rows
-from guidance.preflight.row import Row, Verdict
-from guidance.preflight.survey import Survey
+from guidance.preflight.row import Finding, Verdict
+from guidance.preflight.survey import PreflightMemory
 from guidance.preflight.wants import Facts, Wants
 
 __all__ = [
     "Facts",
+    "Finding",
     "ParameterChange",
-    "Row",
-    "Survey",
+    "PreflightMemory",
     "Verdict",
     "Wants",
     "advice",

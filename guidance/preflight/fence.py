@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
 from guidance.limits import Polygon
 from guidance.messages import Home
-from guidance.preflight.row import Row, Verdict
+from guidance.preflight.row import Finding, Verdict
 from guidance.preflight.uploaded import Area, Uploaded
 from guidance.preflight.wants import Wants
 
@@ -29,18 +29,18 @@ def about_home(wants: Wants, home: Home | None, frame: LocalFrame | None) -> Wan
     return replace(wants, fence_corners_ne_m=corners, fence_radius_m=min(wants.fence_radius_m, farthest_m))
 
 
-def home_row(wants: Wants) -> Iterator[Row]:
+def home_row(wants: Wants) -> Iterator[Finding]:
     """A vehicle whose home is outside its fence could not begin."""
     if wants.fence_corners_ne_m is None:
         return
     inside = Polygon(wants.fence_corners_ne_m).contains((0.0, 0.0))
     found, verdict = ("inside", Verdict.PASS) if inside else ("outside", Verdict.REFUSE)
-    yield Row("home in our fence", found, "inside", verdict, "" if inside else "another field? See limits.fence_*")
+    yield Finding("home in our fence", found, "inside", verdict, "" if inside else "another field? See limits.fence_*")
 
 
 def uploaded_row(
     uploaded: Uploaded, wants: Wants, home: Home | None, frame: LocalFrame | None, *, in_use: bool, any_inclusion: bool
-) -> Row:
+) -> Finding:
     """Judge the uploaded fence: where ours is not within it, the autopilot would act inside ours.
 
     Args:
@@ -54,22 +54,22 @@ def uploaded_row(
     wanted = "ours within it, where there is one"
     if uploaded.areas is None:
         advice = "it cannot be known whether it would act inside ours; asked for again every few seconds"
-        return Row(_NAME, uploaded.words, wanted, Verdict.WARN, advice)
+        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, advice)
     if not uploaded.areas or not in_use:
-        return Row(_NAME, uploaded.words if in_use else f"{uploaded.words}, not in use", wanted, Verdict.PASS)
+        return Finding(_NAME, uploaded.words if in_use else f"{uploaded.words}, not in use", wanted, Verdict.PASS)
     if home is None or frame is None:
-        return Row(_NAME, uploaded.words, wanted, Verdict.WARN, "home is not known yet")
+        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, "home is not known yet")
     try:
         areas = [(area, _shape(area, home, frame)) for area in uploaded.areas]
     except ConfigError as error:
-        return Row(_NAME, uploaded.words, wanted, Verdict.WARN, f"it cannot be judged: {error}")
+        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, f"it cannot be judged: {error}")
     outside = [point for point in outline(wants) if not _allowed(point, areas, any_inclusion=any_inclusion)]
     if not outside:
-        return Row(_NAME, uploaded.words, wanted, Verdict.PASS)
+        return Finding(_NAME, uploaded.words, wanted, Verdict.PASS)
     north, east = outside[0]
     verdict = Verdict.REFUSE if wants.fence_required else Verdict.WARN
     advice = f"it would act inside ours, as at {north:.0f} m north, {east:.0f} m east of home: upload a wider one"
-    return Row(_NAME, uploaded.words, wanted, verdict, advice)
+    return Finding(_NAME, uploaded.words, wanted, verdict, advice)
 
 
 def outline(wants: Wants) -> list[Point]:

@@ -7,16 +7,16 @@ needed to notice is to ask the vehicle the same thing twice.
 import math
 from collections.abc import Iterator
 
-from guidance.frames import Amsl, LocalFrame, Projection, Vector
+from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
 from guidance.messages import GlobalPosition, Home, LocalPosition, Origin
-from guidance.preflight.row import Row, Verdict
+from guidance.preflight.row import Finding, Verdict
 from guidance.preflight.wants import Facts, Wants
 
 _AGREEMENT_M = 5.0
 _HOME_HEIGHT_M = 3.0
 
 
-def rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Row]:
+def rows(facts: Facts, projection: MapProjection, wants: Wants) -> Iterator[Finding]:
     """Judge origin, home, position and datum."""
     vehicle = facts.vehicle
     origin, home = vehicle.last(Origin), vehicle.last(Home)
@@ -24,7 +24,7 @@ def rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Row]:
         missing = " and ".join(
             name for name, one in (("GPS_GLOBAL_ORIGIN", origin), ("HOME_POSITION", home)) if one is None
         )
-        yield Row("local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for the vehicle's position")
+        yield Finding("local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for the vehicle's position")
         return
     frame = LocalFrame(
         origin.latitude_deg,
@@ -37,52 +37,54 @@ def rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Row]:
     yield _home(frame, home)
     position, local = vehicle.last(GlobalPosition), vehicle.last(LocalPosition)
     if position is None or local is None:
-        yield Row("position", "unknown", "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard", Verdict.REFUSE)
+        yield Finding("position", "unknown", "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard", Verdict.REFUSE)
         return
     yield _position(frame, position, local)
     yield _datum(home, position)
     yield _evader(facts, home, wants)
 
 
-def _origin(frame: LocalFrame, home: Home, wants: Wants) -> Row:
+def _origin(frame: LocalFrame, home: Home, wants: Wants) -> Finding:
     north, east, _ = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
     distance_m = math.hypot(north, east)
     limit_m = wants.origin_distance_limit_m
     return _within("frame origin", distance_m, limit_m, "m from home", "restart the autopilot here: its origin is old")
 
 
-def _home(frame: LocalFrame, home: Home) -> Row:
+def _home(frame: LocalFrame, home: Home) -> Finding:
     reckoned = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
     return _agree("home in the frame", reckoned, home.position_ned_m, "home was set in another frame: set it again")
 
 
-def _position(frame: LocalFrame, position: GlobalPosition, local: LocalPosition) -> Row:
+def _position(frame: LocalFrame, position: GlobalPosition, local: LocalPosition) -> Finding:
     reckoned = frame.ned_from_wgs84(position.latitude_deg, position.longitude_deg, Amsl(position.altitude_amsl_m))
     advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
     return _agree("local = global", reckoned, local.position_ned_m, advice)
 
 
-def _datum(home: Home, position: GlobalPosition) -> Row:
+def _datum(home: Home, position: GlobalPosition) -> Finding:
     home_amsl_m = position.altitude_amsl_m - position.altitude_above_home_m
     difference_m = abs(home_amsl_m - home.altitude_amsl_m)
     advice = "altitudes are counted from different zeros (sea level, ellipsoid, home?)"
     return _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
 
 
-def _evader(facts: Facts, home: Home, wants: Wants) -> Row:
+def _evader(facts: Facts, home: Home, wants: Wants) -> Finding:
     limit_m = wants.evader_height_limit_m
     if facts.evader_amsl_m is None:
-        return Row("evader's altitude", "not heard", f"within {limit_m:g} m of home", Verdict.WARN, "is it sending?")
+        return Finding(
+            "evader's altitude", "not heard", f"within {limit_m:g} m of home", Verdict.WARN, "is it sending?"
+        )
     difference_m = abs(facts.evader_amsl_m - home.altitude_amsl_m)
     advice = "another zero of altitude? About 50 m is the geoid above the ellipsoid: see evader.frame.undulation_m"
     return _within("evader's altitude", difference_m, limit_m, "m from home's", advice)
 
 
-def _agree(name: str, one: Vector, other: Vector, advice: str) -> Row:
+def _agree(name: str, one: Vector, other: Vector, advice: str) -> Finding:
     return _within(name, math.dist(one, other), _AGREEMENT_M, "m apart", advice)
 
 
-def _within(name: str, found: float, limit: float, what: str, advice: str) -> Row:
+def _within(name: str, found: float, limit: float, what: str, advice: str) -> Finding:
     passed = found <= limit
     verdict = Verdict.PASS if passed else Verdict.REFUSE
-    return Row(name, f"{found:.1f} {what}", f"at most {limit:g} m", verdict, "" if passed else advice)
+    return Finding(name, f"{found:.1f} {what}", f"at most {limit:g} m", verdict, "" if passed else advice)

@@ -7,7 +7,7 @@ from guidance.autopilots import PX4, AutopilotProfile
 from guidance.messages import Home
 from guidance.preflight import arducopter, fence, place, px4, streams
 from guidance.preflight.mending import ParameterChange, mend
-from guidance.preflight.row import Row, Verdict
+from guidance.preflight.row import Finding, Verdict
 from guidance.preflight.rule import UPLOADED, Rule, judge
 from guidance.preflight.wants import Facts, Wants
 from guidance.vehicle import local_frame
@@ -20,7 +20,7 @@ def parameter_names(profile: AutopilotProfile) -> tuple[str, ...]:
     return tuple(rule.name for rule in _RULES[profile.name])
 
 
-def rows(facts: Facts, profile: AutopilotProfile, wants: Wants) -> tuple[Row, ...]:
+def rows(facts: Facts, profile: AutopilotProfile, wants: Wants) -> tuple[Finding, ...]:
     """Judge everything."""
     home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, profile.projection)
     wants, parameters = fence.about_home(wants, home, frame), _judged(facts)
@@ -61,12 +61,12 @@ def _judged(facts: Facts) -> dict[str, float]:
     return parameters
 
 
-def refusals(rows: Sequence[Row]) -> tuple[str, ...]:
+def refusals(rows: Sequence[Finding]) -> tuple[str, ...]:
     """Name the rows that keep the vehicle from becoming ready."""
     return tuple(row.name for row in rows if row.verdict is Verdict.REFUSE)
 
 
-def advice(rows: Sequence[Row]) -> str:
+def advice(rows: Sequence[Finding]) -> str:
     """Say in one line what is refused and how to mend it."""
     refused = (row for row in rows if row.verdict is Verdict.REFUSE)
     return "; ".join(f"{row.name} is {row.value}, wanted {row.wanted} ({row.advice})" for row in refused)

@@ -12,7 +12,7 @@ class Verdict(StrEnum):
     REFUSE = "refuse"  # the vehicle does not become ready
 
 
-class Row(NamedTuple):
+class Finding(NamedTuple):
     """One condition: what was found, what is wanted, and how to come from one to the other (empty if it is)."""
 
     name: str

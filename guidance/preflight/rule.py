@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from guidance.preflight.row import Row, Verdict
+from guidance.preflight.row import Finding, Verdict
 from guidance.preflight.wants import Wants
 
 Parameters = Mapping[str, float]
@@ -30,21 +30,21 @@ class Rule(NamedTuple):
     needed: bool = True
 
 
-def judge(rules: Sequence[Rule], parameters: Parameters, wants: Wants) -> tuple[Row, ...]:
+def judge(rules: Sequence[Rule], parameters: Parameters, wants: Wants) -> tuple[Finding, ...]:
     """Apply every rule."""
     return tuple(_row(rule, parameters, wants) for rule in rules)
 
 
-def _row(rule: Rule, parameters: Parameters, wants: Wants) -> Row:
+def _row(rule: Rule, parameters: Parameters, wants: Wants) -> Finding:
     value = parameters.get(rule.name)
     if value is None:
         if rule.needed:
-            return Row(rule.name, "not read", "to be read", Verdict.REFUSE, "asked for again every few seconds")
-        return Row(rule.name, "not read", "to be read", Verdict.WARN, "this autopilot may not have it")
+            return Finding(rule.name, "not read", "to be read", Verdict.REFUSE, "asked for again every few seconds")
+        return Finding(rule.name, "not read", "to be read", Verdict.WARN, "this autopilot may not have it")
     verdict, wanted, set_to, why = rule.judge(value, wants, parameters)
     passed = verdict is Verdict.PASS
     command = "" if passed or set_to is None else f"param set {rule.name} {set_to:.9g}"
-    return Row(rule.name, rule.read(value), wanted, verdict, "; ".join(filter(None, (command, why))))
+    return Finding(rule.name, rule.read(value), wanted, verdict, "; ".join(filter(None, (command, why))))
 
 
 def passes(

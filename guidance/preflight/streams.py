@@ -12,7 +12,7 @@ from guidance.autopilots import (
     AutopilotProfile,
 )
 from guidance.messages import Attitude, GlobalPosition, LocalPosition, Message, Odometry, PositionTarget
-from guidance.preflight.row import Row, Verdict
+from guidance.preflight.row import Finding, Verdict
 from guidance.preflight.wants import Facts
 
 
@@ -41,7 +41,7 @@ _STREAMS: Final = (
 )
 
 
-def rows(facts: Facts, profile: AutopilotProfile) -> Iterator[Row]:
+def rows(facts: Facts, profile: AutopilotProfile) -> Iterator[Finding]:
     """Judge the rates of all streams that this autopilot is asked for."""
     for stream in _STREAMS:
         asked_hz = profile.streams_hz.get(stream.message_id)
@@ -50,7 +50,7 @@ def rows(facts: Facts, profile: AutopilotProfile) -> Iterator[Row]:
             continue
         rate_hz = facts.rates_hz.get(stream.kind, 0.0)
         passed = rate_hz >= stream.least_hz
-        yield Row(
+        yield Finding(
             stream.name,
             f"{rate_hz:.1f} Hz",
             f"at least {stream.least_hz:g} Hz ({asked_hz:g} asked for)",

@@ -16,7 +16,7 @@ COUNTED_S: Final = 2.0
 """Rates are counted over this time."""
 
 
-class Survey:
+class PreflightMemory:
     """The memory of one vehicle's preflight."""
 
     def __init__(self, names: Sequence[str]) -> None:

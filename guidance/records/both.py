@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.messages import Setpoint
 from guidance.records.reading import Survey
-from guidance.records.replay import Comparison, Step, compare, replay
+from guidance.records.replay import Comparison, ReplayedCycle, compare, replay
 
 _AXES: Final = ("north", "east", "down")
 COLUMNS: Final = (
@@ -46,7 +46,7 @@ def compare_into(path: Path, settings: FlightSettings, out: Path | None, *, what
     return comparison, survey
 
 
-def _cells(step: Step) -> list[object]:
+def _cells(step: ReplayedCycle) -> list[object]:
     row, outputs = step.row, step.outputs
     recorded, replayed = (row.certificate, row.setpoint), (outputs.certificate, outputs.setpoint)
     return [row.now_s, row.state, *_velocities(*recorded), *_velocities(*replayed)]

@@ -17,7 +17,7 @@ from guidance.messages import (
     Setpoint,
     SystemStatus,
 )
-from guidance.records.rows import Row
+from guidance.records.rows import CycleRow
 from guidance.service.schemas import inside
 
 _AXES: Final = {"_ned": ("north", "east", "down"), "_game": ("east", "north", "up")}
@@ -78,13 +78,13 @@ SCHEMA: Final = pa.schema(
 """Null where nothing was heard, sent or played."""
 
 
-class Heard:
+class LastHeard:
     """The last message of every kind and the last report, each kept until the next."""
 
     def __init__(self) -> None:
         self._parts: dict[str, Message | EvaderReport | AltitudeSaid | None] = {}
 
-    def flat(self, row: Row) -> dict[str, Any]:
+    def flat(self, row: CycleRow) -> dict[str, Any]:
         """Take in one cycle and return it as column -> value.
 
         Raises:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
 
-from guidance.records.places import Feature, Place
+from guidance.records.places import Coordinates, Feature
 
 _KML: Final = "http://www.opengis.net/kml/2.2"
 _GEOMETRY: Final = {"track": "LineString", "place": "Point", "area": "Polygon"}
@@ -82,7 +82,7 @@ def _add(parent: ElementTree.Element, name: str, text: str | None = None) -> Ele
     return child
 
 
-def _rounded(place: Place) -> list[float]:
+def _rounded(place: Coordinates) -> list[float]:
     """A centimetre is 1e-7 degrees; an altitude that is not known is left out."""
     longitude_deg, latitude_deg, altitude_m = place
     flat = [round(longitude_deg, 8), round(latitude_deg, 8)]

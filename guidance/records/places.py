@@ -13,7 +13,7 @@ from guidance.records.reading import Survey
 from guidance.records.rows import rows_of
 from guidance.vehicle import VehicleState, observe
 
-Place = tuple[float, float, float]
+Coordinates = tuple[float, float, float]
 """Longitude and latitude in degrees, altitude above mean sea level in metres."""
 
 _CIRCLE_CORNERS = 72
@@ -24,7 +24,7 @@ class Feature(NamedTuple):
 
     name: str
     shape: str
-    places: tuple[Place, ...]
+    places: tuple[Coordinates, ...]
     properties: Mapping[str, Any]
 
 
@@ -39,7 +39,7 @@ def features_of(path: Path, settings: FlightSettings | None, survey: Survey | No
     Raises:
         ConfigError: If the record cannot be read.
     """
-    tracks: dict[str, list[tuple[float, Place]]] = {"pursuer": []}
+    tracks: dict[str, list[tuple[float, Coordinates]]] = {"pursuer": []}
     changes: list[Feature] = []
     vehicle, home = VehicleState(), None
     state = ""
@@ -60,7 +60,7 @@ def features_of(path: Path, settings: FlightSettings | None, survey: Survey | No
     return [*drawn, *changes, *(_around(settings, home) if settings is not None else ())]
 
 
-def _track(name: str, track: list[tuple[float, Place]]) -> Feature:
+def _track(name: str, track: list[tuple[float, Coordinates]]) -> Feature:
     times_s = [round(now_s, 3) for now_s, _ in track]
     return Feature(name, "track", tuple(place for _, place in track), {"times_s": times_s})
 
@@ -89,23 +89,23 @@ def _fence(settings: FlightSettings, home: Home) -> Iterator[Feature]:
         yield _polygon([_placed(frame, north_m, east_m) for north_m, east_m in envelope.fence_polygon.corners_ne_m])
 
 
-def _polygon(corners: list[Place]) -> Feature:
+def _polygon(corners: list[Coordinates]) -> Feature:
     """A closed edge, anticlockwise as RFC 7946 wants an outer one."""
     closed = [*corners, corners[0]]
     turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(closed))
     return Feature("fence, polygon", "area", tuple(closed if turning > 0.0 else reversed(closed)), {})
 
 
-def _on_circle(frame: LocalFrame, radius_m: float, corner: int) -> Place:
+def _on_circle(frame: LocalFrame, radius_m: float, corner: int) -> Coordinates:
     """A corner of the circle, counted anticlockwise as RFC 7946 wants an outer edge."""
     angle = 2.0 * math.pi * corner / _CIRCLE_CORNERS
     return _placed(frame, radius_m * math.sin(angle), radius_m * math.cos(angle))
 
 
-def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Place:
+def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
     latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned((north_m, east_m, 0.0))
     return (longitude_deg, latitude_deg, amsl.metres)
 
 
-def _place(said: Any) -> Place:  # noqa: ANN401 - a GlobalPosition or an EvaderReport
+def _place(said: Any) -> Coordinates:  # noqa: ANN401 - a GlobalPosition or an EvaderReport
     return (said.longitude_deg, said.latitude_deg, said.altitude_amsl_m)

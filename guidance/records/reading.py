@@ -151,7 +151,7 @@ def _records(path: Path, seen: Survey, idle: Idle | None) -> Iterator[McapRecord
     """Yield the file's records, one after the other, up to its end or to where it is torn."""
     try:
         with path.open("rb") as file:
-            stream: Any = _Bounded(file if idle is None else _Growing(file, idle))
+            stream: Any = _BoundedFile(file if idle is None else _Growing(file, idle))
             reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LONGEST_RECORD_BYTES)
             yield from _untorn(reader, seen)
     except InvalidMagic as error:
@@ -160,7 +160,7 @@ def _records(path: Path, seen: Survey, idle: Idle | None) -> Iterator[McapRecord
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-class _Bounded:
+class _BoundedFile:
     """A file of which nothing longer than a record is read at once, whatever a length inside a record says."""
 
     def __init__(self, file: Any) -> None:  # noqa: ANN401 - a file, or what waits for one

@@ -17,7 +17,7 @@ from guidance.flight import Flight, FlightSettings, Inputs, Outputs
 from guidance.frames import Vector
 from guidance.messages import PositionTarget
 from guidance.records.reading import Survey, scan
-from guidance.records.rows import Row, event_of, row_of
+from guidance.records.rows import CycleRow, event_of, row_of
 from guidance.records.settings import CONFIG, flight_settings
 from guidance.service.known import known
 from guidance.service.record import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
@@ -25,10 +25,10 @@ from guidance.service.record import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 COMPARED: Final = ("setpoint", "state", "requests")
 
 
-class Step(NamedTuple):
+class ReplayedCycle(NamedTuple):
     """One cycle: as recorded and as the present code has it."""
 
-    row: Row
+    row: CycleRow
     outputs: Outputs
     differing: tuple[str, ...]
 
@@ -62,11 +62,11 @@ class Comparison:
     cycles: int = 0
     setpoints: int = 0
     differing: int = 0
-    first: Step | None = None
+    first: ReplayedCycle | None = None
     wanted: Apart = field(default_factory=Apart)
     commanded: Apart = field(default_factory=Apart)
 
-    def add(self, step: Step) -> None:
+    def add(self, step: ReplayedCycle) -> None:
         """Count one cycle."""
         self.cycles += 1
         self.setpoints += step.row.json.get("setpoint") is not None
@@ -82,7 +82,7 @@ class Comparison:
 
 def replay(
     path: Path, settings: FlightSettings, survey: Survey | None = None, *, what_if: bool = False
-) -> Iterator[Step]:
+) -> Iterator[ReplayedCycle]:
     """Run the present code over a record, cycle by cycle.
 
     Args:
@@ -112,7 +112,7 @@ def replay(
             raise ConfigError(
                 f"{path}: the cycle at {row.now_s:.3f} s was written by another version: {error}"
             ) from error
-        yield Step(row, outputs, tuple(_differing(row.json, outputs)))
+        yield ReplayedCycle(row, outputs, tuple(_differing(row.json, outputs)))
 
 
 def compare(path: Path, settings: FlightSettings, *, what_if: bool = False) -> tuple[Comparison, Survey]:

@@ -30,7 +30,7 @@ class EventRow(NamedTuple):
     detail: str
 
 
-class Row(NamedTuple):
+class CycleRow(NamedTuple):
     """One cycle as recorded, still JSON; the functions below type it, so that nothing is typed in vain."""
 
     now_s: float
@@ -80,7 +80,7 @@ def inputs_of(inputs: Mapping[str, Any], now_s: float) -> Inputs:
     )
 
 
-def rows_of(path: Path, survey: Survey | None = None) -> Iterator[Row]:
+def rows_of(path: Path, survey: Survey | None = None) -> Iterator[CycleRow]:
     """Yield the cycles of a record.
 
     Raises:
@@ -91,7 +91,7 @@ def rows_of(path: Path, survey: Survey | None = None) -> Iterator[Row]:
             yield row_of(item, path)
 
 
-def row_of(item: Item, path: Path) -> Row:
+def row_of(item: Item, path: Path) -> CycleRow:
     """Read a cycle's JSON.
 
     Raises:
@@ -100,7 +100,7 @@ def row_of(item: Item, path: Path) -> Row:
     row = _document(item, path)
     if not {"now_s", "state", "inputs"} <= row.keys():
         raise ConfigError(f"{path}: the cycle at {item.now_s:.3f} s has only {', '.join(sorted(row))}")
-    return Row(float(row["now_s"]), row)
+    return CycleRow(float(row["now_s"]), row)
 
 
 def events_of(path: Path) -> Iterator[EventRow]:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from guidance.records.columns import SCHEMA, Heard
+from guidance.records.columns import SCHEMA, LastHeard
 from guidance.records.rows import rows_of
 
 _ROWS_AT_ONCE: Final = 4096
@@ -45,7 +45,7 @@ def _write(path: Path, writer: Any) -> int:  # noqa: ANN401 - either of pyarrow'
 
 
 def _batches(path: Path) -> Iterator[pa.RecordBatch]:
-    heard = Heard()
+    heard = LastHeard()
     rows = (heard.flat(row) for row in rows_of(path))
     while some := list(islice(rows, _ROWS_AT_ONCE)):
         yield pa.RecordBatch.from_pylist(some, schema=SCHEMA)

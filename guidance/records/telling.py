@@ -11,7 +11,7 @@ from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.limits import Envelope
 from guidance.messages import EvaderReport, LocalPosition, Timesync
-from guidance.records.rows import Row
+from guidance.records.rows import CycleRow
 from guidance.vehicle import VehicleState, observe
 
 _NOWHERE = (math.nan, math.nan, math.nan)
@@ -55,7 +55,7 @@ class Teller:
         self.home_m: Vector | None = None
         self.envelope: Envelope = settings.cycle.envelope
 
-    def cycle(self, row: Row) -> Cycle:
+    def cycle(self, row: CycleRow) -> Cycle:
         """Fold one row."""
         inputs = row.inputs
         self._vehicle = observe(self._vehicle, inputs.messages)

@@ -10,7 +10,7 @@ from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
 from guidance.game import Game
 from guidance.links.port import VehicleLink
 from guidance.messages import GlobalPosition, Heartbeat, LocalPosition, Message, Setpoint
-from guidance.strategies import Memory, Strategy, evade
+from guidance.strategies import Strategy, StrategyMemory, evade
 from guidance.vehicle import VehicleState, local_frame, observe
 
 REPEAT_S = 1.0
@@ -97,7 +97,7 @@ class EvaderPilot:
             np.array(pursuer_game_m),
             np.array((evader_game_m[0], evader_game_m[1], 0.0)),
             None if target is None else np.array(target),
-            Memory(None, played_s),
+            StrategyMemory(None, played_s),
         )
         x, y, _ = (float(part) for part in velocity)
         return ned_from_game((x, y, 0.0))

@@ -20,7 +20,7 @@ from guidance.scenarios.stepped import SteppedMock
 from guidance.service.clock import Clock
 
 
-class Evader(Protocol):
+class EvaderPlayer(Protocol):
     """What a run needs of an evader that it plays itself."""
 
     @property
@@ -42,7 +42,7 @@ class Evader(Protocol):
 
 
 class EvaderHere:
-    """`Evader` in this process, stepped from the run's own loop.
+    """`EvaderPlayer` in this process, stepped from the run's own loop.
 
     Args:
         scenario: What it plays, and where on Earth.

@@ -40,7 +40,7 @@ class Range(Section):
         return " and ".join(part for part in parts if part)
 
 
-class Verdict(NamedTuple):
+class CheckedExpectation(NamedTuple):
     """One expectation and what became of it."""
 
     column: str
@@ -89,7 +89,7 @@ class Expectations(Section):
         if wins is not None and self.winner is not None and self.winner != wins:
             raise ValueError(f"expect.winner = {self.winner!r} contradicts expect.end = {self.end!r}: {wins} wins then")
 
-    def verdicts(self, outcome: dict[str, Any]) -> list[Verdict]:
+    def verdicts(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
         """Hold the expectations against the columns of an outcome."""
         found = []
         for column in Expectations.model_fields:
@@ -98,10 +98,11 @@ class Expectations(Section):
                 continue
             value = outcome[column]
             held = expected.holds(value) if isinstance(expected, Range) else expected == value
-            found.append(Verdict(column, str(expected), value, held))
+            found.append(CheckedExpectation(column, str(expected), value, held))
         happened = outcome["events"]
         found.extend(
-            Verdict("events", f"has {event!r}", ", ".join(happened), event in happened) for event in self.events
+            CheckedExpectation("events", f"has {event!r}", ", ".join(happened), event in happened)
+            for event in self.events
         )
         return found
 
@@ -117,7 +118,7 @@ class Expect(Expectations):
         for part in (self, self.maths, self.flown):
             part.check(game)
 
-    def of(self, outcome: dict[str, Any]) -> list[Verdict]:
+    def of(self, outcome: dict[str, Any]) -> list[CheckedExpectation]:
         """Hold an outcome against what is expected of its kind of run."""
         own = self.maths if outcome["run"] == "maths" else self.flown
         return [*self.verdicts(outcome), *own.verdicts(outcome)]

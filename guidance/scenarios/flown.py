@@ -13,7 +13,7 @@ import numpy as np
 from guidance.flight import Event, Happening, State
 from guidance.game import solve
 from guidance.scenarios.batch import stack
-from guidance.scenarios.fly import FlightResult, Sample
+from guidance.scenarios.fly import FlightResult, FlightSample
 from guidance.scenarios.maths import game_of
 from guidance.scenarios.model import Scenario, Wind
 from guidance.scenarios.outcome import Outcome, final_distance_m, outcome_of, winner_name
@@ -119,5 +119,5 @@ def _predicted(result: FlightResult) -> tuple[float, str]:
     return float(solution.value[0]), winner_name(int(solution.winner[0]))
 
 
-def _beside_m(sample: Sample) -> float:
+def _beside_m(sample: FlightSample) -> float:
     return math.dist(sample.pursuer_m[:2], sample.evader_m[:2])

@@ -39,7 +39,7 @@ class Progress(NamedTuple):
     waiting: str = ""
 
 
-class Sample(NamedTuple):
+class FlightSample(NamedTuple):
     """One point of both tracks, in the game frame."""
 
     now_s: float
@@ -74,7 +74,7 @@ class FlightResult:
     cycles: int = 0
     duration_s: float = 0.0
     wall_s: float = 0.0
-    samples: list[Sample] = field(default_factory=list)
+    samples: list[FlightSample] = field(default_factory=list)
     happenings: list[Happening] = field(default_factory=list)
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
@@ -153,7 +153,7 @@ def note(
     if outputs.alarm is not None:
         result.alarms.append((now_s, outputs.alarm))
     if pursuer_m is not None and evader_m is not None:
-        result.samples.append(Sample(now_s, outputs.state, pursuer_m, evader_m))
+        result.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
     certificate = outputs.certificate
     if certificate is None:
         return

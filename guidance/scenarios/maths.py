@@ -21,7 +21,7 @@ from guidance.scenarios.batch import Array, Batch, keep, kind_of, stack, starts
 from guidance.scenarios.hearing import PERFECT, TIMEOUT_S, Heard, Known, begin, known, listen, next_event_s
 from guidance.scenarios.model import Scenario
 from guidance.scenarios.outcome import Outcome, final_distance_m, outcome_of, winner_name
-from guidance.strategies import OPTIMAL, Memory, evade, pursue
+from guidance.strategies import OPTIMAL, StrategyMemory, evade, pursue
 
 CYCLE_S = 0.02
 """How long velocities are held at most: the cycle of a flight."""
@@ -212,7 +212,7 @@ def _velocities(batch: Batch, moment: Moment, seen: Known, *, exact: bool) -> tu
     if exact and batch.agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
         solution = solve(game, P, E, T, evader_velocity_m_s=seen.velocity_m_s)
         return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
-    memory = Memory(moment.flown_m_s, moment.now_s)
+    memory = StrategyMemory(moment.flown_m_s, moment.now_s)
     flown = pursue(batch.pursuer, game, P, seen.position_m, T, seen.velocity_m_s, memory, dt_s=moment.step_s)
     run = evade(batch.evader, game_of(batch, batch.evader_speed_m_s), P, E, T, memory)
     return flown, run

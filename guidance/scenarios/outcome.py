@@ -159,12 +159,12 @@ def rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
     return [outcome._asdict() for outcome in outcomes]
 
 
-class Row(Protocol):
+class OutcomeRow(Protocol):
     """A named tuple of columns."""
 
     def _asdict(self) -> dict[str, Any]: ...
 
 
-def outcome_json(outcome: Row) -> dict[str, Any]:
+def outcome_json(outcome: OutcomeRow) -> dict[str, Any]:
     """An outcome as JSON has it: null where there is no number."""
     return {name: None if value != value else value for name, value in outcome._asdict().items()}  # noqa: PLR0124 - NaN

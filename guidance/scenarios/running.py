@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.errors import ConfigError
-from guidance.scenarios.expect import Verdict
+from guidance.scenarios.expect import CheckedExpectation
 from guidance.scenarios.loading import load_any
 from guidance.scenarios.maths import play
 from guidance.scenarios.model import Scenario
@@ -133,7 +133,7 @@ def _said(value: Any, unit: str) -> str:  # noqa: ANN401 - any column
     return str(value) or "-"
 
 
-def _expectation_table(verdicts: Sequence[Verdict]) -> Table:
+def _expectation_table(verdicts: Sequence[CheckedExpectation]) -> Table:
     table = Table(title="expected", title_justify="left", box=None, pad_edge=False)
     for heading in ("column", "expected", "came out", ""):
         table.add_column(heading)

@@ -10,8 +10,7 @@ from guidance.flight import AfterCapture, FlightSettings
 from guidance.following.handling import handling
 from guidance.frames import Amsl
 from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
-from guidance.limits import Envelope
-from guidance.limits import StandOff as StandOffLimit
+from guidance.limits import Envelope, StandOffLimit
 from guidance.scenarios.courses import evader_strategy, pursuer_strategy
 from guidance.scenarios.evader import EvaderSettings
 from guidance.scenarios.model import Scenario

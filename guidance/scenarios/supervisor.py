@@ -15,7 +15,7 @@ from guidance.frames import Vector
 from guidance.messages import CommandAck, Home, StatusText
 from guidance.preflight import advice, refusals
 from guidance.scenarios.director import PATIENCE_S, Director
-from guidance.scenarios.evader_here import Evader
+from guidance.scenarios.evader_here import EvaderPlayer
 from guidance.scenarios.fly import CYCLE_S, FlightResult, Progress, conclude, note, pursuer_game_m
 from guidance.scenarios.impaired import ImpairedEvader
 from guidance.scenarios.model import Scenario
@@ -65,7 +65,7 @@ class Supervisor:
         *,
         engage: bool,
         on_terminate: Event,
-        evader: Evader | None = None,
+        evader: EvaderPlayer | None = None,
         end_with: Event | None = None,
         show: Callable[[Progress], None] = lambda _: None,
         ready_within_s: float = READY_WITHIN_S,

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from guidance.config import Section
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game
-from guidance.scenarios.expect import Range, Verdict
+from guidance.scenarios.expect import CheckedExpectation, Range
 from guidance.scenarios.model import Point2, Point3, Target
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _NEEDS_TARGET = "task_oriented"
 
 
-class Group(Section):
+class PlayerGroup(Section):
     """Players alike: one, or several about a place."""
 
     count: int = Field(1, ge=1, le=50, description="how many players this table stands for")
@@ -38,13 +38,13 @@ class Group(Section):
         return self
 
 
-class PursuerGroup(Group):
+class PursuerGroup(PlayerGroup):
     """Pursuers in space."""
 
     position_m: Point3
 
 
-class EvaderGroup(Group):
+class EvaderGroup(PlayerGroup):
     """Evaders in the plane."""
 
     position_m: Point2
@@ -58,11 +58,11 @@ class TeamExpect(Section):
     total: Range | None = Field(None, description="sum of the predicted values")
     worst_regret: Range | None = Field(None, description="largest regret of the evaders' rows")
 
-    def verdicts(self, summary: dict[str, Any]) -> list[Verdict]:
+    def verdicts(self, summary: dict[str, Any]) -> list[CheckedExpectation]:
         """Hold the expectations against the columns of a game's summary."""
         wanted = ((column, getattr(self, column)) for column in TeamExpect.model_fields)
         return [
-            Verdict(column, str(range_), summary[column], range_.holds(summary[column]))
+            CheckedExpectation(column, str(range_), summary[column], range_.holds(summary[column]))
             for column, range_ in wanted
             if range_ is not None
         ]
@@ -146,7 +146,7 @@ def teams_of(scenario: TeamScenario) -> Teams:
     return Teams(P, E, u, v, target, plays, flees)
 
 
-def _players(groups: Sequence[Group], seed: int, side: int) -> tuple[Array, Array, tuple[str, ...]]:
+def _players(groups: Sequence[PlayerGroup], seed: int, side: int) -> tuple[Array, Array, tuple[str, ...]]:
     places, speeds, policies = [], [], []
     for number, group in enumerate(groups):
         draws = np.random.default_rng([seed, side, number])

@@ -11,7 +11,7 @@ from rich.console import Console
 from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.flight import Event
-from guidance.scenarios.evader_here import Evader
+from guidance.scenarios.evader_here import EvaderPlayer
 from guidance.scenarios.flown import outcome_of_flight
 from guidance.scenarios.fly import FlightResult, Progress
 from guidance.scenarios.impaired import ImpairedEvader
@@ -22,7 +22,7 @@ from guidance.scenarios.supervisor import Supervisor
 from guidance.scenarios.vehicle_settings import vehicle_config, vehicle_flight
 from guidance.service.bus import ControlBus
 from guidance.service.clock import MonotonicClock
-from guidance.service.daemon import Daemon, Plan
+from guidance.service.daemon import Daemon, FlightPlan
 from guidance.service.leaving import ORDER_OF
 from guidance.service.log import Log
 from guidance.service.loop import Signals, run
@@ -41,7 +41,7 @@ class Reached(NamedTuple):
     """A vehicle and its evader as they were opened, and what is flown by there."""
 
     own: Config
-    plan: Plan
+    plan: FlightPlan
     opened: Opened
     clock: MonotonicClock
 
@@ -51,7 +51,7 @@ class Conduct(NamedTuple):
 
     engage: bool
     on_terminate: Event
-    evader: Evader | None = None
+    evader: EvaderPlayer | None = None
     end_with: Event | None = None
     show: Callable[[Progress], None] = lambda _: None
 
@@ -94,14 +94,14 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
     return outcome_of_flight(result, "vehicle")
 
 
-def plan_of(scenario: Scenario, own: Config) -> Plan:
+def plan_of(scenario: Scenario, own: Config) -> FlightPlan:
     """Return what a scenario is flown by on a vehicle.
 
     Raises:
         ConfigError: If the two contradict each other.
     """
     merged = vehicle_config(scenario, own)
-    return Plan(flight=vehicle_flight(scenario, own), wants=wants(merged), document=merged.model_dump_json())
+    return FlightPlan(flight=vehicle_flight(scenario, own), wants=wants(merged), document=merged.model_dump_json())
 
 
 def conducted(

@@ -17,12 +17,12 @@ from guidance.messages import (
     Parameter,
     ParameterRequest,
 )
-from guidance.preflight import ParameterChange, Row, Verdict, changes
+from guidance.preflight import Finding, ParameterChange, Verdict, changes
 from guidance.preflight.mending import single
 from guidance.preflight.survey import COUNTED_S
 from guidance.service.clock import Clock, MonotonicClock
 from guidance.service.command import plan_of
-from guidance.service.daemon import Daemon, Plan
+from guidance.service.daemon import Daemon, FlightPlan
 from guidance.service.log import Log
 from guidance.service.loop import PERIOD_S
 from guidance.service.mailbox import Mailbox
@@ -50,7 +50,7 @@ class Checkup:
     """One vehicle on the ground: read, judged, set and judged again. Nothing is armed and no mode is asked for."""
 
     def __init__(
-        self, name: str, plan: Plan, link: VehicleLink, evader: EvaderSource, clock: Clock, *, log: Log
+        self, name: str, plan: FlightPlan, link: VehicleLink, evader: EvaderSource, clock: Clock, *, log: Log
     ) -> None:
         self._plan = plan
         self._link = link
@@ -67,7 +67,7 @@ class Checkup:
             notifier=Notifier(None, None),
         )
 
-    def rows(self, limit_s: float = SURVEY_LIMIT_S) -> Sequence[Row]:
+    def rows(self, limit_s: float = SURVEY_LIMIT_S) -> Sequence[Finding]:
         """Hear everything that is judged, for so long at most, and return the rows, the flight's own checks besides."""
         daemon, clock = self._daemon, self._clock
         begun_s = complete_s = clock.now_s()
@@ -126,11 +126,11 @@ class Checkup:
         self._due_s = max(self._due_s + PERIOD_S, now_s)
         self._daemon.step(now_s)
 
-    def _readiness(self, now_s: float) -> Iterator[Row]:
+    def _readiness(self, now_s: float) -> Iterator[Finding]:
         """The flight's own checks, as rows: they may still come true, so that none of them is refused here."""
         for check in self._daemon.flight.checks(now_s):
             verdict = Verdict.PASS if check.passed else Verdict.WARN
-            yield Row(f"ready: {check.name}", check.found, "before start", verdict)
+            yield Finding(f"ready: {check.name}", check.found, "before start", verdict)
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from guidance.service.background import BackgroundRecorder
 from guidance.service.broadcast import Broadcast
 from guidance.service.bus import ControlBus
 from guidance.service.clock import MonotonicClock
-from guidance.service.daemon import Daemon, Plan
+from guidance.service.daemon import Daemon, FlightPlan
 from guidance.service.leaving import ORDER_OF
 from guidance.service.log import Log
 from guidance.service.loop import Signals, run
@@ -108,21 +108,21 @@ def run_vehicle(name: str) -> None:
         log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 
 
-def plan_of(config: Config) -> Plan:
+def plan_of(config: Config) -> FlightPlan:
     """Return what a flight of this configuration is flown by.
 
     Raises:
         ConfigError: If something in it contradicts itself.
     """
-    return Plan(flight=flight_settings(config), wants=wants(config), document=config.model_dump_json())
+    return FlightPlan(flight=flight_settings(config), wants=wants(config), document=config.model_dump_json())
 
 
-def plan_name(plan: Plan) -> str:
+def plan_name(plan: FlightPlan) -> str:
     """Name the autopilot that is expected."""
     return plan.flight.profile.name
 
 
-def reload(path: Path, before: Config) -> Plan:
+def reload(path: Path, before: Config) -> FlightPlan:
     """Read the configuration again.
 
     Raises:

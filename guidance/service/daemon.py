@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.messages import LocalPosition, Message
-from guidance.preflight import Facts, Row, Survey, Wants, parameter_names, refusals, rows
+from guidance.preflight import Facts, Finding, PreflightMemory, Wants, parameter_names, refusals, rows
 from guidance.service.broadcast import Records
 from guidance.service.leaving import ON_GROUND, Leaving
 from guidance.service.linked_flight import LinkedFlight
@@ -35,7 +35,7 @@ _GRAVE: Final = frozenset({
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class FlightPlan:
     """What a flight is flown by; may be exchanged on the ground. `document` is its configuration, as JSON."""
 
     flight: FlightSettings
@@ -49,7 +49,7 @@ class Daemon:
     def __init__(
         self,
         name: str,
-        plan: Plan,
+        plan: FlightPlan,
         link: VehicleLink,
         evader: EvaderSource,
         *,
@@ -71,24 +71,24 @@ class Daemon:
         self._broadcast = broadcast
         self._record_lost = False
         self._leaving: Leaving | None = None
-        self._rows: tuple[Row, ...] = ()
+        self._rows: tuple[Finding, ...] = ()
         self._judged_s = self._shown_s = float("-inf")
         self._refused: tuple[str, ...] = ()
         self.outputs: Outputs | None = None
         self.finished = False
         self._begin(plan)
 
-    def _begin(self, plan: Plan) -> None:
+    def _begin(self, plan: FlightPlan) -> None:
         self._plan = plan
         self.flight = Flight(plan.flight)
-        self._survey = Survey(parameter_names(plan.flight.profile))
+        self._survey = PreflightMemory(parameter_names(plan.flight.profile))
         kept = [one for one in (self._record, self._broadcast) if one is not None]
         self._linked = LinkedFlight(self.flight, self._link, self._evader, Records(kept) if kept else None)
         self._judged_s = float("-inf")
         self._rows = ()
 
     @property
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[Finding, ...]:
         """Preflight's rows as last judged."""
         return self._rows
 
@@ -165,7 +165,7 @@ class Daemon:
         self._notifier.stopping()
         self._leaving = Leaving(order, now_s)
 
-    def exchange(self, load: Callable[[], Plan], now_s: float) -> None:
+    def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
         """Take another plan, on the ground only; in flight it is refused, and said so."""
         if self.in_flight:
             self._log.say(logging.WARNING, "configuration not read again: refused in flight", state=self.flight.state)

@@ -15,7 +15,7 @@ MOST_WAITING: Final = 1000
 STOP_LIMIT_S: Final = 2.0
 
 
-class _Bounded(QueueHandler):
+class _BoundedQueue(QueueHandler):
     """Drops a line rather than wait for a terminal or a journal that stands still."""
 
     dropped = 0
@@ -87,7 +87,7 @@ class Log:
         writing = logging.StreamHandler(stream if stream is not None else sys.stderr)
         writing.setFormatter(JsonLines() if form == "json" else ConsoleLines())
         room: queue.Queue[logging.LogRecord | None] = queue.Queue(MOST_WAITING)
-        self._handler = _Bounded(room)
+        self._handler = _BoundedQueue(room)
         self._listener = _Patient(room, writing)
         self._logger = logging.getLogger(LOGGER)
         self._logger.setLevel(level.upper())

@@ -14,7 +14,7 @@ from typing import Final
 from guidance.flight import Event
 from guidance.links.tap import Passed
 from guidance.service.clock import Clock
-from guidance.service.daemon import Daemon, Plan
+from guidance.service.daemon import Daemon, FlightPlan
 from guidance.service.metrics import Metrics
 from guidance.service.record import Record
 from guidance.service.tidying import Tidying
@@ -68,7 +68,7 @@ def run(
     signals: Signals,
     metrics: Metrics,
     on_terminate: Event,
-    load: Callable[[], Plan],
+    load: Callable[[], FlightPlan],
     drain: Callable[[], Sequence[Passed]],
     record: Record | None,
     tidying: Tidying,

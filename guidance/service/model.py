@@ -158,7 +158,7 @@ def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:
         )
 
 
-class Limits(SpeedLimits):
+class LimitsSection(SpeedLimits):
     """What the flight never leaves. Heights are above home, distances from home; speeds are those of every command."""
 
     floor_m: float = Field(5.0, ge=1.0)
@@ -238,20 +238,20 @@ class Control(Section):
         return endpoint
 
 
-class Log(Section):
+class LogSection(Section):
     """The log, on standard error."""
 
     format: Literal["console", "json"] = "console"
     level: Literal["debug", "info", "warning", "error"] = "info"
 
 
-class Metrics(Section):
+class MetricsSection(Section):
     """Prometheus, on loopback."""
 
     port: int | None = Field(None, ge=1, le=65535, description="of 127.0.0.1; none by default")
 
 
-class Record(Section):
+class RecordSection(Section):
     """The flight record."""
 
     folder: Path | None = Field(None, description="where each start begins an MCAP record; none by default")
@@ -266,13 +266,13 @@ class Config(Section):
     vehicle: Vehicle
     evader: EvaderSection
     game: GameSection
-    limits: Limits = Limits()
+    limits: LimitsSection = LimitsSection()
     flight: FlightSection = FlightSection()
     preflight: Preflight = Preflight()
     control: Control = Control()
-    log: Log = Log()
-    metrics: Metrics = Metrics()
-    record: Record = Record()
+    log: LogSection = LogSection()
+    metrics: MetricsSection = MetricsSection()
+    record: RecordSection = RecordSection()
 
     @property
     def speed_limits(self) -> Speeds:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.flight import FINAL, TRANSITIONS, Event, Flight, State
-from guidance.preflight import Row, advice
+from guidance.preflight import Finding, advice
 
 _WHY: Final[Mapping[State, str]] = {
     State.CONNECTING: "the vehicle is not heard",
@@ -27,7 +27,7 @@ def is_done(order: Event, state: State) -> bool:
     return any(event is order and after is state for (_, event), after in TRANSITIONS.items())
 
 
-def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Row]) -> str:
+def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
     """Say why `order` changed nothing."""
     state = flight.state
     if flight.fault is not None:
@@ -48,7 +48,7 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Row]) -> 
     return _WHY[state]
 
 
-def missing(flight: Flight, now_s: float, rows: Sequence[Row]) -> str:
+def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
     """Name every check that fails and every preflight row that is refused."""
     checks = [f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed]
     return "; ".join(filter(None, (", ".join(checks), advice(rows)))) or "the checks have just passed, order again"

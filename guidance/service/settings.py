@@ -11,8 +11,7 @@ from guidance.flight.settings import LIMITS_S
 from guidance.following.handling import handling
 from guidance.frames import Amsl
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
-from guidance.limits import Envelope, Polygon
-from guidance.limits import StandOff as StandOffLimit
+from guidance.limits import Envelope, Polygon, StandOffLimit
 from guidance.preflight import Wants
 from guidance.service.model import Config, GameSection
 from guidance.strategies import COURSES, PURSUER_STRATEGIES, Strategy

@@ -5,12 +5,12 @@ from typing import Any
 
 from guidance.flight import Flight, Outputs
 from guidance.messages import Heartbeat, LocalPosition
-from guidance.preflight import Row, refusals
+from guidance.preflight import Finding, refusals
 from guidance.service.record import plain
 
 
 def status(
-    name: str, now_s: float, flight: Flight, outputs: Outputs | None, rows: Sequence[Row], *, recording: str
+    name: str, now_s: float, flight: Flight, outputs: Outputs | None, rows: Sequence[Finding], *, recording: str
 ) -> dict[str, Any]:
     """Lay out where the flight stands. NaN and infinities become null."""
     vehicle = flight.vehicle

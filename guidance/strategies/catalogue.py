@@ -47,7 +47,7 @@ class Strategy:
             raise ConfigError(f"policy = {self.name!r}: a course is needed for {', '.join(COURSES)}, and for no other")
 
 
-class Memory(NamedTuple):
+class StrategyMemory(NamedTuple):
     """What a strategy remembers: its last command (..., 3), None at the begin, and for how long it has played (...)."""
 
     velocity_m_s: Array | None = None
@@ -61,7 +61,7 @@ def pursue(
     evader: Array,
     target: Array | None,
     seen_m_s: Array,
-    memory: Memory,
+    memory: StrategyMemory,
     *,
     dt_s: Array | float,
 ) -> Array:
@@ -75,7 +75,9 @@ def pursue(
     return _FEEDBACK[strategy.name](game, pursuer, evader, target, seen_m_s)
 
 
-def evade(strategy: Strategy, game: Game, pursuer: Array, evader: Array, target: Array | None, memory: Memory) -> Array:
+def evade(
+    strategy: Strategy, game: Game, pursuer: Array, evader: Array, target: Array | None, memory: StrategyMemory
+) -> Array:
     """Return the evader's velocity, (..., 3), m/s."""
     if strategy.course is not None:
         return bounded(strategy.course.velocity_m_s(memory.played_s, evader), game.evader_speed_m_s)

@@ -20,7 +20,7 @@ NICE: Final = 10
 """A live view gives way to the loop that it looks at."""
 
 
-class Place(NamedTuple):
+class Destination(NamedTuple):
     """Where the picture goes: into a file, or to a page, on two ports of loopback (0 picks a free one)."""
 
     save: Path | None = None
@@ -38,7 +38,7 @@ class Seen(NamedTuple):
     token_file: Path | None = None
 
 
-def view(seen: Seen, place: Place, say: Callable[[str], None], ended: threading.Event) -> int:
+def view(seen: Seen, place: Destination, say: Callable[[str], None], ended: threading.Event) -> int:
     """Show a flight until `ended` is set; where it is saved, until all is written. Return how many cycles were shown.
 
     Raises:
@@ -65,7 +65,7 @@ def require_rerun() -> None:
 
 
 def _record(
-    seen: Seen, place: Place, say: Callable[[str], None], ended: threading.Event, closing: contextlib.ExitStack
+    seen: Seen, place: Destination, say: Callable[[str], None], ended: threading.Event, closing: contextlib.ExitStack
 ) -> "Painter":
     from guidance.view.opening import opened  # noqa: PLC0415 - Rerun takes a second
 
@@ -83,7 +83,7 @@ def _record(
 
 
 def _daemon(
-    seen: Seen, place: Place, say: Callable[[str], None], ended: threading.Event, closing: contextlib.ExitStack
+    seen: Seen, place: Destination, say: Callable[[str], None], ended: threading.Event, closing: contextlib.ExitStack
 ) -> "Painter":
     from guidance.view.live import LiveFlight  # noqa: PLC0415 - Zenoh and Rerun take a second
     from guidance.view.opening import opened  # noqa: PLC0415

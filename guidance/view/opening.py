@@ -8,7 +8,7 @@ import rerun as rr
 
 from guidance.errors import ConfigError
 from guidance.records import flight_settings, title_of
-from guidance.view.command import Place
+from guidance.view.command import Destination
 from guidance.view.layout import layout
 from guidance.view.painter import Painter
 from guidance.view.serving import WebPage, free_port, recording_server
@@ -17,7 +17,11 @@ APPLICATION = "guidance"
 
 
 def opened(
-    metadata: Mapping[str, str], source: str, place: Place, say: Callable[[str], None], closing: contextlib.ExitStack
+    metadata: Mapping[str, str],
+    source: str,
+    place: Destination,
+    say: Callable[[str], None],
+    closing: contextlib.ExitStack,
 ) -> Painter:
     """Open a recording and say where it can be seen.
 
@@ -44,7 +48,7 @@ def _file(path: Path) -> rr.FileSink:
     return rr.FileSink(path)
 
 
-def _served(place: Place, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:
+def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:
     port, web_port = _port("--port", place.port), _port("--web-port", place.web_port)
     sink = recording_server(port)
     page = WebPage(web_port, sink.uri, port)

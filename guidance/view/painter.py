@@ -12,7 +12,7 @@ from guidance.cycle import Certificate
 from guidance.drawing.shapes import circle, fence_edges, isochron_at
 from guidance.flight import FlightSettings
 from guidance.game import Winner
-from guidance.records import Cycle, Item, Row, Teller, flight_settings
+from guidance.records import Cycle, CycleRow, Item, Teller, flight_settings
 from guidance.records.rows import event_of, row_of
 from guidance.records.settings import CONFIG
 from guidance.service.record import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
@@ -100,7 +100,7 @@ class Painter:
         for name in (names.DISC, names.ISOCHRON, names.MEETING):
             self._log(now_s, name, rr.Clear(recursive=False))
 
-    def _cycle(self, row: Row) -> None:
+    def _cycle(self, row: CycleRow) -> None:
         cycle, certificate = self._teller.cycle(row), row.certificate
         self.cycles += 1
         self._cycles.append((cycle, certificate))

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.estimate import Measurement, Track, TrackSettings, predict, update
-from guidance.limits import Envelope, Polygon, Situation, StandOff, limit
+from guidance.limits import Envelope, Polygon, Situation, StandOffLimit, limit
 from guidance.messages import Setpoint
 
 with warnings.catch_warnings():
@@ -35,7 +35,7 @@ ENVELOPE = Envelope(
     yaw_rate_rad_s=1.0,
     fence_radius_m=200.0,
     fence_polygon=Polygon(((-150.0, -150.0), (150.0, -150.0), (150.0, 150.0), (-150.0, 150.0))),
-    stand_off=StandOff(radius_m=2.0, height_m=4.0),
+    stand_off=StandOffLimit(radius_m=2.0, height_m=4.0),
 )
 
 

@@ -1,6 +1,6 @@
 """An envelope wide open but for what a test closes, and a command that has been flown all along."""
 
-from guidance.limits import Envelope, Memory, Situation, limit
+from guidance.limits import Envelope, LimitMemory, Situation, limit
 from guidance.messages import Setpoint
 
 DT_S = 0.02
@@ -23,4 +23,4 @@ HOVER = Situation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 def settled(velocity, situation=HOVER, envelope=OPEN, **command):
     """Limit a command that has been flown all along, so that acceleration does not act."""
-    return limit(Setpoint(velocity, **command), situation, envelope, Memory(velocity), DT_S)
+    return limit(Setpoint(velocity, **command), situation, envelope, LimitMemory(velocity), DT_S)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimate import ClockOffset, Observer, Outcome, TrackSettings, compare_clocks, evader_at, observe
+from guidance.estimate import ClockOffset, Observer, ReportOutcome, TrackSettings, compare_clocks, evader_at, observe
 from guidance.estimate.clock_offset import hear, synchronise
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, Timesync
@@ -187,4 +187,4 @@ def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
 @pytest.mark.parametrize("report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)])
 def test_a_report_that_says_no_number_is_dropped_and_counted(report):
     observer = observe(Observer(), report, FRAME, SETTINGS)
-    assert observer.track.counts == {Outcome.UNUSABLE: 1}
+    assert observer.track.counts == {ReportOutcome.UNUSABLE: 1}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from guidance.estimate import Measurement, Outcome, Track, TrackSettings, predict, update
+from guidance.estimate import Measurement, ReportOutcome, Track, TrackSettings, predict, update
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 SPEED_SD_M_S = 2.0  # of the evaders, north and east each: an evader of about 3 m/s
@@ -97,7 +97,7 @@ def test_nees_and_nis_are_within_their_chi_square_bounds(rate_hz, with_velocity,
         )
         nees.append(one)
         nis.extend(several)
-        refused += counts.get(Outcome.OUTLIER, 0) + counts.get(Outcome.JUMPED, 0)
+        refused += counts.get(ReportOutcome.OUTLIER, 0) + counts.get(ReportOutcome.JUMPED, 0)
     # χ² of all runs together at 1 in 1000, and a tenth beyond: a mixture is no Gaussian, its tails are heavier.
     low, high = stats.chi2.ppf([5e-4, 1.0 - 5e-4], 4 * RUNS) / RUNS
     assert 0.9 * low <= np.mean(nees) <= 1.1 * high

@@ -10,7 +10,7 @@ import pytest
 from track_scenes import SETTINGS, measured, straight, tracked
 
 from guidance.errors import ConfigError
-from guidance.estimate import Outcome, Track, predict, update
+from guidance.estimate import ReportOutcome, Track, predict, update
 
 
 def test_nothing_is_known_before_the_first_report():
@@ -25,7 +25,7 @@ def test_a_straight_course_is_followed_and_predicted_through_the_delay():
     assert evader.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.01)
     assert evader.age_s == pytest.approx(0.5)
     assert evader.silence_s == pytest.approx(0.0, abs=1e-9)
-    assert track.counts == {Outcome.STARTED: 1, Outcome.ACCEPTED: 49}
+    assert track.counts == {ReportOutcome.STARTED: 1, ReportOutcome.ACCEPTED: 49}
 
 
 def test_age_is_since_it_was_true_and_silence_since_it_arrived():

@@ -10,32 +10,32 @@ from hypothesis import strategies as st
 from scipy import stats
 from track_scenes import SETTINGS, measured, straight, tracked
 
-from guidance.estimate import TAKEN, Measurement, Outcome, Track, predict, update
+from guidance.estimate import TAKEN, Measurement, ReportOutcome, Track, predict, update
 
 
 @pytest.mark.parametrize(
     ("report", "outcome"),
     [
-        (measured(5.0, (math.nan, 0.0, 0.0)), Outcome.UNUSABLE),
-        (measured(5.0, (0.0, 0.0, 0.0), (0.0, math.inf, 0.0)), Outcome.UNUSABLE),
-        (measured(math.nan, (0.0, 0.0, 0.0)), Outcome.UNUSABLE),
-        (measured(5.0, (0.0, 0.0, 0.0), received_s=math.nan), Outcome.UNUSABLE),
-        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=math.inf), Outcome.UNUSABLE),
-        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=0.0), Outcome.UNUSABLE),
-        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=-1.0), Outcome.UNUSABLE),
-        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=1e-3), Outcome.UNUSABLE),
-        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=1e5), Outcome.UNUSABLE),
-        (measured(5.0, (25.0, 1e9, 0.0)), Outcome.UNUSABLE),
-        (measured(5.0, (25.0, 15.0, 0.0), (60.0, 10.0, 0.0)), Outcome.IMPLAUSIBLE),
-        (measured(5.0, (25.0, 15.0, 0.0), received_s=7.1), Outcome.STALE),
-        (measured(5.0, (25.0, 15.0, 0.0), received_s=4.7), Outcome.FUTURE),
-        (measured(4.9, (24.7, 15.1, 0.0), received_s=5.0), Outcome.DUPLICATE),
-        (measured(4.85, (24.7, 15.1, 0.0), received_s=5.0), Outcome.REORDERED),
-        (measured(3.5, (20.5, 16.5, 0.0), received_s=5.0), Outcome.DUPLICATE),
-        (measured(1.0, (13.0, 19.0, 0.0), received_s=2.5), Outcome.TOO_OLD),
-        (measured(5.0, (80.0, 15.0, 0.0)), Outcome.OUTLIER),
-        (measured(5.0, (25.0, 15.0, 0.0), (-30.0, 0.0, 0.0)), Outcome.OUTLIER),
-        (measured(5.0, (25.0, 15.0, 0.0), (3.0, -1.0, 0.0)), Outcome.ACCEPTED),
+        (measured(5.0, (math.nan, 0.0, 0.0)), ReportOutcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), (0.0, math.inf, 0.0)), ReportOutcome.UNUSABLE),
+        (measured(math.nan, (0.0, 0.0, 0.0)), ReportOutcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), received_s=math.nan), ReportOutcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=math.inf), ReportOutcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=0.0), ReportOutcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=-1.0), ReportOutcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), position_sd_m=1e-3), ReportOutcome.UNUSABLE),
+        (measured(5.0, (0.0, 0.0, 0.0), velocity_sd_m_s=1e5), ReportOutcome.UNUSABLE),
+        (measured(5.0, (25.0, 1e9, 0.0)), ReportOutcome.UNUSABLE),
+        (measured(5.0, (25.0, 15.0, 0.0), (60.0, 10.0, 0.0)), ReportOutcome.IMPLAUSIBLE),
+        (measured(5.0, (25.0, 15.0, 0.0), received_s=7.1), ReportOutcome.STALE),
+        (measured(5.0, (25.0, 15.0, 0.0), received_s=4.7), ReportOutcome.FUTURE),
+        (measured(4.9, (24.7, 15.1, 0.0), received_s=5.0), ReportOutcome.DUPLICATE),
+        (measured(4.85, (24.7, 15.1, 0.0), received_s=5.0), ReportOutcome.REORDERED),
+        (measured(3.5, (20.5, 16.5, 0.0), received_s=5.0), ReportOutcome.DUPLICATE),
+        (measured(1.0, (13.0, 19.0, 0.0), received_s=2.5), ReportOutcome.TOO_OLD),
+        (measured(5.0, (80.0, 15.0, 0.0)), ReportOutcome.OUTLIER),
+        (measured(5.0, (25.0, 15.0, 0.0), (-30.0, 0.0, 0.0)), ReportOutcome.OUTLIER),
+        (measured(5.0, (25.0, 15.0, 0.0), (3.0, -1.0, 0.0)), ReportOutcome.ACCEPTED),
     ],
 )
 def test_every_report_has_its_outcome_and_is_counted(report, outcome):
@@ -52,8 +52,8 @@ def test_every_report_has_its_outcome_and_is_counted(report, outcome):
 @pytest.mark.parametrize(
     ("report", "outcome"),
     [
-        (measured(0.0, (math.nan, 0.0, 0.0)), Outcome.UNUSABLE),
-        (measured(0.0, (0.0, 0.0, 0.0), received_s=9.0), Outcome.STALE),
+        (measured(0.0, (math.nan, 0.0, 0.0)), ReportOutcome.UNUSABLE),
+        (measured(0.0, (0.0, 0.0, 0.0), received_s=9.0), ReportOutcome.STALE),
     ],
 )
 def test_a_first_report_that_is_no_good_starts_nothing(report, outcome):
@@ -84,7 +84,7 @@ def test_a_report_heard_twice_counts_once(seed, index):
         *reports[index + 1 :],
     ]
     once, again = tracked(reports), tracked(twice)
-    assert again.counts == {**once.counts, Outcome.DUPLICATE: 1}
+    assert again.counts == {**once.counts, ReportOutcome.DUPLICATE: 1}
     assert predict(again, 3.5, SETTINGS).covariance == pytest.approx(predict(once, 3.5, SETTINGS).covariance)
 
 
@@ -148,10 +148,10 @@ def test_no_reports_at_all_break_a_track(reports):
 def test_a_single_outlier_moves_nothing():
     track = tracked(straight(50))
     wild_one = update(track, measured(5.0, (500.0, 0.0, 0.0), (3.0, -1.0, 0.2)), SETTINGS)
-    assert wild_one.outcome is Outcome.OUTLIER
+    assert wild_one.outcome is ReportOutcome.OUTLIER
     assert wild_one.nis > 33.38
     back = update(wild_one, measured(5.1, (25.3, 14.9, 0.02), (3.0, -1.0, 0.2)), SETTINGS)
-    assert back.outcome is Outcome.ACCEPTED
+    assert back.outcome is ReportOutcome.ACCEPTED
     assert back.rival is None
 
 
@@ -164,9 +164,15 @@ def test_a_jump_is_believed_once_three_reports_agree_on_it(known):
         velocity = (0.0, 2.0, 0.0) if known else None
         track = update(track, measured(time_s, (300.0, 2.0 * time_s, 0.0), velocity), SETTINGS)
         outcomes.append(track.outcome)
-    assert outcomes == [Outcome.OUTLIER, Outcome.OUTLIER, Outcome.JUMPED, Outcome.ACCEPTED, Outcome.ACCEPTED]
+    assert outcomes == [
+        ReportOutcome.OUTLIER,
+        ReportOutcome.OUTLIER,
+        ReportOutcome.JUMPED,
+        ReportOutcome.ACCEPTED,
+        ReportOutcome.ACCEPTED,
+    ]
     assert predict(track, 5.4, SETTINGS).position_ned_m[:2] == pytest.approx((300.0, 10.8), abs=0.3)
-    assert track.counts[Outcome.JUMPED] == 1
+    assert track.counts[ReportOutcome.JUMPED] == 1
 
 
 def test_at_one_report_a_second_two_that_agree_are_enough():
@@ -175,7 +181,7 @@ def test_at_one_report_a_second_two_that_agree_are_enough():
     for time_s in (20.0, 21.0, 22.0):
         track = update(track, measured(time_s, (300.0, 2.0 * time_s, 0.0), (0.0, 2.0, 0.0)), SETTINGS)
         outcomes.append(track.outcome)
-    assert outcomes == [Outcome.OUTLIER, Outcome.JUMPED, Outcome.ACCEPTED]
+    assert outcomes == [ReportOutcome.OUTLIER, ReportOutcome.JUMPED, ReportOutcome.ACCEPTED]
 
 
 @pytest.mark.parametrize(("known", "gate"), [(False, 27.63), (True, 33.38)])
@@ -187,8 +193,8 @@ def test_the_gate_is_chi_square_at_one_in_a_million(known, gate):
         place = (25.0 + offset_m, 15.0, 0.0)
         after = update(track, measured(5.0, place, (3.0, -1.0, 0.2) if known else None), SETTINGS)
         judged[after.nis] = after.outcome
-    assert all((outcome is Outcome.OUTLIER) == (nis > gate) for nis, outcome in judged.items())
-    assert set(judged.values()) == {Outcome.ACCEPTED, Outcome.OUTLIER}
+    assert all((outcome is ReportOutcome.OUTLIER) == (nis > gate) for nis, outcome in judged.items())
+    assert set(judged.values()) == {ReportOutcome.ACCEPTED, ReportOutcome.OUTLIER}
 
 
 def test_outliers_that_do_not_agree_never_take_over():
@@ -196,7 +202,7 @@ def test_outliers_that_do_not_agree_never_take_over():
     for step in range(12):
         place = (1000.0 * (-1.0) ** step, 500.0 * step, 0.0)
         track = update(track, measured(5.0 + 0.1 * step, place, (0.0, 0.0, 0.0)), SETTINGS)
-    assert track.counts[Outcome.OUTLIER] == 12
+    assert track.counts[ReportOutcome.OUTLIER] == 12
     assert predict(track, 6.1, SETTINGS).position_ned_m == pytest.approx((28.3, 13.9, 0.22), abs=0.05)
 
 
@@ -207,29 +213,29 @@ def test_a_good_report_between_outliers_ends_the_rival():
         time_s = 5.0 + 0.1 * step
         place = (10.0 + 3.0 * time_s, 20.0 - time_s, -1.0 + 0.2 * time_s) if good else (300.0, 0.0, 0.0)
         track = update(track, measured(time_s, place, (3.0, -1.0, 0.2) if good else (0.0, 0.0, 0.0)), SETTINGS)
-    assert Outcome.JUMPED not in track.counts
+    assert ReportOutcome.JUMPED not in track.counts
 
 
 def test_after_a_long_silence_the_track_starts_anew():
     track = tracked(straight(50))
     found = update(track, measured(20.0, (400.0, 0.0, 0.0)), SETTINGS)
-    assert found.outcome is Outcome.REACQUIRED
+    assert found.outcome is ReportOutcome.REACQUIRED
     assert not predict(found, 20.0, SETTINGS).velocity_known
     assert len(found.history) == 1
 
 
 def test_a_late_report_that_contradicts_the_track_is_an_outlier():
     late = update(tracked(straight(50)), measured(4.75, (90.0, 0.0, 0.0), received_s=5.0), SETTINGS)
-    assert late.outcome is Outcome.OUTLIER
+    assert late.outcome is ReportOutcome.OUTLIER
 
 
 def test_a_report_that_no_longer_fits_once_an_earlier_one_is_known_is_left_out():
     # Without velocities the second report could be anything; a late first witness shows that it was wild.
     options = replace(SETTINGS, history_s=10.0)
     begun = tracked([measured(0.0, (0.0, 0.0, 0.0)), measured(3.0, (60.0, 0.0, 0.0))], options)
-    assert begun.counts == {Outcome.STARTED: 1, Outcome.ACCEPTED: 1}
+    assert begun.counts == {ReportOutcome.STARTED: 1, ReportOutcome.ACCEPTED: 1}
     late = update(begun, measured(2.9, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), received_s=3.1, velocity_sd_m_s=0.05), options)
-    assert late.outcome is Outcome.REORDERED
+    assert late.outcome is ReportOutcome.REORDERED
     assert [one.measurement.time_s for one in late.history] == [0.0, 2.9]
 
 

@@ -7,7 +7,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from guidance.limits import AltitudeHold, Envelope, Limiter, Memory, Polygon, Situation, StandOff, hold_altitude, limit
+from guidance.limits import (
+    AltitudeHold,
+    Envelope,
+    Limiter,
+    LimitMemory,
+    Polygon,
+    Situation,
+    StandOffLimit,
+    hold_altitude,
+    limit,
+)
 from guidance.limits.last_word import NOTED
 from guidance.messages import Setpoint
 
@@ -32,7 +42,7 @@ ENVELOPE = Envelope(
     fence_radius_m=65.0,
     fence_polygon=Polygon(CORNERS),
     fence_margin_m=1.0,
-    stand_off=StandOff(radius_m=3.0, height_m=5.0),
+    stand_off=StandOffLimit(radius_m=3.0, height_m=5.0),
 )
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -59,8 +69,8 @@ near_situations = situations.flatmap(
         offsets,
     )
 )
-memories = st.none() | st.builds(Memory, speeds, speeds, speeds, st.floats(-4.0, 4.0))
-wild_memories = st.none() | st.builds(Memory, wild_vectors, wild_vectors, wild_vectors, wild)
+memories = st.none() | st.builds(LimitMemory, speeds, speeds, speeds, st.floats(-4.0, 4.0))
+wild_memories = st.none() | st.builds(LimitMemory, wild_vectors, wild_vectors, wild_vectors, wild)
 steps = st.floats(0.0, 0.1)
 
 
@@ -237,7 +247,7 @@ def test_acceleration_and_jerk_hold_wherever_no_wall_acts(command, situation, me
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps)
 def test_standing_still_is_never_turned_into_motion(command, situation, memory, dt):
-    still = Memory((0.0, 0.0, 0.0))
+    still = LimitMemory((0.0, 0.0, 0.0))
     limited = limit(Setpoint((0.0, 0.0, 0.0)), situation, ENVELOPE, still, dt)
     assert limited.setpoint.velocity_ned_m_s == (0.0, 0.0, 0.0)
     assert limited.acted == ()
@@ -289,7 +299,7 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
             evader_velocity_ned_m_s=turned(situation.evader_velocity_ned_m_s),
         ),
         round_envelope,
-        memory and Memory(*(turned(part) for part in memory[:3]), memory.yaw_rad),
+        memory and LimitMemory(*(turned(part) for part in memory[:3]), memory.yaw_rad),
         dt,
     )
     assert other.setpoint.velocity_ned_m_s == pytest.approx(turned(plain.setpoint.velocity_ned_m_s), abs=1e-6)

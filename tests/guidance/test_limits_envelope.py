@@ -12,7 +12,7 @@ from guidance.errors import ConfigError
 from guidance.limits import (
     Envelope,
     Polygon,
-    StandOff,
+    StandOffLimit,
 )
 
 
@@ -59,7 +59,7 @@ def test_limits_that_contradict_each_other_are_refused_by_name(values, words):
 @pytest.mark.parametrize("values", [{"radius_m": 0.0, "height_m": 5.0}, {"radius_m": 3.0, "height_m": math.nan}])
 def test_a_stand_off_without_size_is_refused_by_name(values):
     with pytest.raises(ConfigError, match=r"stand_off\.(radius_m = 0.0|height_m = nan): allowed"):
-        StandOff(**values)
+        StandOffLimit(**values)
 
 
 @pytest.mark.parametrize(

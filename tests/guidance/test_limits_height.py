@@ -10,11 +10,11 @@ from guidance.limits import (
     AltitudeHold,
     Limiter,
     Situation,
-    StandOff,
+    StandOffLimit,
     hold_altitude,
 )
 
-ZONE = replace(OPEN, stand_off=StandOff(radius_m=3.0, height_m=5.0))
+ZONE = replace(OPEN, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
 
 
 @pytest.mark.parametrize(

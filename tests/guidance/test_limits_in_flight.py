@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from guidance.limits import Envelope, Limiter, Polygon, Situation, StandOff, hold_altitude, limit
+from guidance.limits import Envelope, Limiter, Polygon, Situation, StandOffLimit, hold_altitude, limit
 from guidance.messages import Setpoint
 
 DT_S = 0.02
@@ -149,7 +149,7 @@ def test_heights_are_above_home_and_not_above_the_origin():
 @pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0, 30.0])
 def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
     # Its velocity is believed to be what it was: an estimate needs a moment, and here it never comes to know.
-    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
+    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (8.0, 0.0, 0.0),
         envelope,
@@ -163,7 +163,7 @@ def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
 
 @pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0])
 def test_an_evader_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid(stops_at_s):
-    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
+    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
     rows = fly(
         (8.0, 0.0, 1.5),
         envelope,
@@ -178,7 +178,7 @@ def test_an_evader_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid
 
 
 def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
-    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
+    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (8.0, 0.0, 0.0),
         envelope,
@@ -193,7 +193,7 @@ def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
 
 
 def test_an_evader_that_comes_nearer_does_not_push_the_vehicle():
-    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
+    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
     rows = fly(
         (0.0, 0.0, 0.0),
         envelope,
@@ -207,7 +207,7 @@ def test_an_evader_that_comes_nearer_does_not_push_the_vehicle():
 @pytest.mark.parametrize("bearing_deg", range(0, 360, 45))
 @pytest.mark.parametrize("height_m", [4.5, 7.0, 20.0])
 def test_a_dive_at_the_evader_ends_on_the_rim_or_the_lid_of_the_stand_off(bearing_deg, height_m):
-    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
+    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
     bearing = math.radians(bearing_deg)
 
     def at_evader(_now, vehicle):
@@ -222,7 +222,7 @@ def test_a_dive_at_the_evader_ends_on_the_rim_or_the_lid_of_the_stand_off(bearin
 
 
 def test_hovering_noise_at_the_rim_does_not_shake_the_setpoint():
-    envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=2.0, height_m=4.0))
+    envelope = replace(ENVELOPE, stand_off=StandOffLimit(radius_m=2.0, height_m=4.0))
     noise, memory, sent = random.Random(5), None, []
     for _ in range(1000):  # the game holds at R = 3 m, h = 5 m; the estimate is noisy, the law pulls towards the evader
         position = (-3.0 + noise.gauss(0.0, 0.1), noise.gauss(0.0, 0.1), -5.0 + noise.gauss(0.0, 0.1))

@@ -10,7 +10,7 @@ from limits_scenes import DT_S, HOVER, OPEN, settled
 
 from guidance.limits import (
     Limiter,
-    Memory,
+    LimitMemory,
     Situation,
     limit,
     start,
@@ -37,26 +37,26 @@ def test_a_command_within_the_envelope_passes_untouched():
 @pytest.mark.parametrize(("change", "named"), [(0.9, ()), (1.1, (Limiter.SPEED,))])
 def test_a_limiter_is_named_for_a_change_that_a_vehicle_could_tell(change, named):
     wanted = (10.0 + change * NOTED, 0.0, 0.0)
-    limited = limit(Setpoint(wanted), HOVER, OPEN, Memory((10.0, 0.0, 0.0)), DT_S)
+    limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory((10.0, 0.0, 0.0)), DT_S)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((10.0, 0.0, 0.0))
     assert limited.acted == named
 
 
 def test_a_ground_velocity_is_scaled_and_keeps_its_direction():
-    limited = limit(Setpoint((300.0, -400.0, 1.0)), HOVER, OPEN, Memory((6.0, -8.0, 1.0)), DT_S)
+    limited = limit(Setpoint((300.0, -400.0, 1.0)), HOVER, OPEN, LimitMemory((6.0, -8.0, 1.0)), DT_S)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((6.0, -8.0, 1.0))
     assert limited.acted == (Limiter.SPEED,)
 
 
 @pytest.mark.parametrize(("down", "allowed"), [(50.0, 2.0), (-50.0, -4.0)])
 def test_climb_and_descent_have_their_own_limits_and_cost_no_ground_speed(down, allowed):
-    limited = limit(Setpoint((6.0, 8.0, down)), HOVER, OPEN, Memory((6.0, 8.0, allowed)), DT_S)
+    limited = limit(Setpoint((6.0, 8.0, down)), HOVER, OPEN, LimitMemory((6.0, 8.0, allowed)), DT_S)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((6.0, 8.0, allowed))
     assert limited.acted == (Limiter.VERTICAL_SPEED,)
 
 
 def test_acceleration_is_limited_on_the_ground_as_a_vector_and_vertically_on_its_own():
-    limited = limit(Setpoint((3.0, 4.0, -2.0)), HOVER, OPEN, Memory((0.0, 0.0, 0.0)), DT_S)
+    limited = limit(Setpoint((3.0, 4.0, -2.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), DT_S)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((3.0 * DT_S, 4.0 * DT_S, -3.0 * DT_S))
     assert limited.memory.acceleration_ned_m_s2 == pytest.approx((3.0, 4.0, -3.0))
     assert limited.acted == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
@@ -64,7 +64,7 @@ def test_acceleration_is_limited_on_the_ground_as_a_vector_and_vertically_on_its
 
 def test_jerk_limits_the_rise_of_acceleration():
     soft = replace(OPEN, jerk_m_s3=10.0)
-    memory, accelerations = Memory((0.0, 0.0, 0.0)), []
+    memory, accelerations = LimitMemory((0.0, 0.0, 0.0)), []
     for _ in range(5):
         memory = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, soft, memory, DT_S).memory
         accelerations.append(memory.acceleration_ned_m_s2[0])
@@ -77,7 +77,7 @@ def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk, a
     def along(speed):
         return (0.0, speed, 0.0) if axis else (speed, 0.0, 0.0)
 
-    soft, memory = replace(OPEN, jerk_m_s3=jerk), Memory(along(before))
+    soft, memory = replace(OPEN, jerk_m_s3=jerk), LimitMemory(along(before))
     low, high = min(before, wanted) - 1e-9, max(before, wanted) + 1e-9
     for _ in range(500):
         memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
@@ -103,7 +103,7 @@ NAN = math.nan
     ],
 )
 def test_a_command_that_is_no_number_becomes_a_smooth_stop(command):
-    limited = limit(command, HOVER, OPEN, Memory((4.0, 0.0, 0.0), yaw_rad=0.3), DT_S)
+    limited = limit(command, HOVER, OPEN, LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.3), DT_S)
     assert limited.acted == (Limiter.COMMAND, Limiter.ACCELERATION)
     assert limited.setpoint == Setpoint((pytest.approx(4.0 - 5.0 * DT_S), 0.0, 0.0), yaw_rad=pytest.approx(0.3))
 
@@ -118,19 +118,22 @@ def test_a_command_that_is_no_number_becomes_a_smooth_stop(command):
     ],
 )
 def test_a_place_that_is_not_known_stops_the_vehicle_at_once(situation):
-    limited = limit(Setpoint((4.0, 0.0, 0.0), yaw_rad=1.0), situation, OPEN, Memory((4.0, 0.0, 0.0), yaw_rad=0.2), DT_S)
-    assert limited == (Setpoint((0.0, 0.0, 0.0)), (Limiter.SITUATION,), Memory((0.0, 0.0, 0.0), yaw_rad=0.2))
+    limited = limit(
+        Setpoint((4.0, 0.0, 0.0), yaw_rad=1.0), situation, OPEN, LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.2), DT_S
+    )
+    assert limited == (Setpoint((0.0, 0.0, 0.0)), (Limiter.SITUATION,), LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.2))
 
 
 @pytest.mark.parametrize(("dt_s", "counted"), [(5.0, 0.1), (math.inf, 0.1), (-1.0, 0.0), (NAN, 0.0)])
 def test_a_late_or_impossible_step_is_not_made_up_for(dt_s, counted):
-    limited = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, OPEN, Memory((0.0, 0.0, 0.0)), dt_s)
+    limited = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), dt_s)
     assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(5.0 * counted)
     assert limited.acted == (Limiter.CLOCK, Limiter.ACCELERATION)
 
 
 @pytest.mark.parametrize(
-    "memory", [None, Memory((NAN, 0.0, 0.0)), Memory((1.0, 0.0, 0.0), yaw_rad=math.inf), Memory((0.0, 0.0, 1e9))]
+    "memory",
+    [None, LimitMemory((NAN, 0.0, 0.0)), LimitMemory((1.0, 0.0, 0.0), yaw_rad=math.inf), LimitMemory((0.0, 0.0, 1e9))],
 )
 def test_without_a_usable_memory_the_vehicle_s_own_motion_is_the_start(memory):
     moving = Situation((0.0, 0.0, 0.0), (3.0, 4.0, -1.0), 0.7)
@@ -142,15 +145,15 @@ def test_without_a_usable_memory_the_vehicle_s_own_motion_is_the_start(memory):
 def test_a_start_from_nothing_known_is_at_rest_and_says_nothing_of_the_heading():
     still = (0.0, 0.0, 0.0)
     unknown = Situation((0.0, 0.0, -20.0), (math.nan, 0.0, 0.0), 1.0)
-    assert start(unknown, OPEN) == Memory(still, still, still, 0.0)
+    assert start(unknown, OPEN) == LimitMemory(still, still, still, 0.0)
     assert Situation(still, still) == Situation(still, still, 0.0, None, None)
     moving = Situation((0.0, 0.0, -20.0), (1.0, 2.0, 0.5), 1.0)
-    assert start(moving, OPEN) == Memory((1.0, 2.0, 0.5), still, still, 1.0)
+    assert start(moving, OPEN) == LimitMemory((1.0, 2.0, 0.5), still, still, 1.0)
 
 
 def test_a_start_in_a_gale_is_within_the_envelope():
-    assert start(Situation((0.0, 0.0, 0.0), (30.0, 40.0, 9.0), 0.7), OPEN) == Memory((6.0, 8.0, 2.0), yaw_rad=0.7)
-    assert start(Situation((0.0, 0.0, 0.0), (NAN, 0.0, 0.0), 0.7), OPEN) == Memory((0.0, 0.0, 0.0))
+    assert start(Situation((0.0, 0.0, 0.0), (30.0, 40.0, 9.0), 0.7), OPEN) == LimitMemory((6.0, 8.0, 2.0), yaw_rad=0.7)
+    assert start(Situation((0.0, 0.0, 0.0), (NAN, 0.0, 0.0), 0.7), OPEN) == LimitMemory((0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -166,7 +169,9 @@ def test_a_start_in_a_gale_is_within_the_envelope():
 )
 def test_yaw_turns_the_short_way_at_the_turn_rate(before, wanted, after):
     assert next_yaw(wanted, before, OPEN, DT_S) == pytest.approx(after)
-    limited = limit(Setpoint((0.0, 0.0, 0.0), yaw_rad=wanted), HOVER, OPEN, Memory((0.0,) * 3, yaw_rad=before), DT_S)
+    limited = limit(
+        Setpoint((0.0, 0.0, 0.0), yaw_rad=wanted), HOVER, OPEN, LimitMemory((0.0,) * 3, yaw_rad=before), DT_S
+    )
     assert limited.setpoint.yaw_rad == limited.memory.yaw_rad == pytest.approx(after)
     assert (Limiter.YAW in limited.acted) == (abs(math.remainder(after - wanted, math.tau)) > 1e-6)
 
@@ -188,7 +193,7 @@ def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
 
 def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
     soft = replace(OPEN, jerk_m_s3=10.0)
-    memory = Memory((1.0, 0.0, 0.0), feed_forward_ned_m_s2=(0.5, 0.0, 0.0))
+    memory = LimitMemory((1.0, 0.0, 0.0), feed_forward_ned_m_s2=(0.5, 0.0, 0.0))
     limited = limit(Setpoint((1.0, 0.0, 0.0), (3.0, 0.0, 2.0)), HOVER, soft, memory, DT_S)
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.7, 0.0, 0.2))
     assert limited.memory.feed_forward_ned_m_s2 == limited.setpoint.acceleration_ned_m_s2

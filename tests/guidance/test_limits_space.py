@@ -10,7 +10,7 @@ from guidance.limits import (
     Limiter,
     Polygon,
     Situation,
-    StandOff,
+    StandOffLimit,
 )
 from guidance.limits.stand_off import COVER_M
 
@@ -171,7 +171,7 @@ def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(limits, vel
     assert limited.acted == (limiter,)
 
 
-ZONE = replace(OPEN, stand_off=StandOff(radius_m=3.0, height_m=5.0))
+ZONE = replace(OPEN, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
 
 
 @pytest.mark.parametrize(

@@ -9,17 +9,17 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import profile
-from guidance.frames import Amsl, LocalFrame, Projection
+from guidance.frames import Amsl, LocalFrame, MapProjection
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Heartbeat, Home, Origin
-from guidance.preflight import Facts, Survey, Verdict, Wants, rows
+from guidance.preflight import Facts, PreflightMemory, Verdict, Wants, rows
 from guidance.preflight.uploaded import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
 from guidance.vehicle import VehicleState, observe
 from sitl_mock import MockVehicle
 
 HERE = (47.397742, 8.545594)
-FRAME = LocalFrame(*HERE, Amsl(488.0), Amsl(488.0), projection=Projection.PX4)
+FRAME = LocalFrame(*HERE, Amsl(488.0), Amsl(488.0), projection=MapProjection.PX4)
 WANTS = Wants(
     speed_m_s=6.0, limit_speed_m_s=9.0, climb_m_s=2.0, descent_m_s=1.5, fence_required=True, fence_radius_m=100.0,
     ceiling_m=60.0, fence_circle_m=100.0,
@@ -220,7 +220,7 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
     ground = mavlink.MAVLink(None, 255, 190)
     corners = square(150.0)
     waiting = [mavlink.MAVLink_mission_count_message(1, 1, 4, 1).pack(ground)]
-    survey, heard = Survey([]), []
+    survey, heard = PreflightMemory([]), []
     for cycle in range(500):
         now[0] = 0.02 * cycle
         out = vehicle.step(now[0], [*(frame for _, frame in theirs.receive()), *waiting])

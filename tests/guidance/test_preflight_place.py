@@ -5,7 +5,7 @@ import math
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4
-from guidance.frames import Amsl, LocalFrame, Projection
+from guidance.frames import Amsl, LocalFrame, MapProjection
 from guidance.messages import (
     Attitude,
     EvaderReport,
@@ -20,7 +20,7 @@ from guidance.messages import (
     ParameterRequest,
     PositionTarget,
 )
-from guidance.preflight import Facts, Survey, Verdict, Wants, rows
+from guidance.preflight import Facts, PreflightMemory, Verdict, Wants, rows
 from guidance.preflight.survey import ASK_AGAIN_S
 from guidance.vehicle import VehicleState, observe
 
@@ -29,7 +29,7 @@ WANTS = Wants(
     ceiling_m=60.0,
 )  # fmt: skip
 ORIGIN = Origin(0.0, 47.397742, 8.545594, 488.0)
-FRAME = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=Projection.PX4)
+FRAME = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=MapProjection.PX4)
 REST = (0.0, 0.0, 0.0)
 
 
@@ -114,7 +114,7 @@ def streamed(rates_hz, seconds=4.0):
 
 
 def test_rates_are_those_that_arrive():
-    survey = Survey([])
+    survey = PreflightMemory([])
     survey.observe(streamed({LocalPosition: 50.0, Attitude: 20.0, Odometry: 2.0}), [])
     facts = survey.facts(VehicleState(), 3.99)
     assert facts.rates_hz[LocalPosition] == pytest.approx(50.0, abs=1.0)
@@ -126,9 +126,9 @@ def test_rates_are_those_that_arrive():
 
 
 def test_a_position_stream_that_is_slow_or_has_stopped_is_refused():
-    slow = Survey([])
+    slow = PreflightMemory([])
     slow.observe(streamed({LocalPosition: 4.0, Attitude: 20.0}), [])
-    stopped = Survey([])
+    stopped = PreflightMemory([])
     stopped.observe(streamed({LocalPosition: 50.0, Attitude: 20.0}), [])
     for survey, now_s in ((slow, 4.0), (stopped, 7.0)):
         found = {row.name: row.verdict for row in rows(survey.facts(VehicleState(), now_s), ARDUCOPTER, WANTS)}
@@ -142,7 +142,7 @@ def heard(now_s=0.0):
 
 
 def test_parameters_are_asked_for_once_the_vehicle_is_heard_and_again_while_they_are_missing():
-    survey = Survey(["A", "B"])
+    survey = PreflightMemory(["A", "B"])
     assert survey.requests(0.0) == ()
     survey.observe([heard()], [])
     assert survey.requests(1.0) == (ParameterRequest("A"), ParameterRequest("B"))
@@ -158,14 +158,14 @@ def test_parameters_are_asked_for_once_the_vehicle_is_heard_and_again_while_they
 
 
 def test_a_parameter_that_the_autopilot_announces_as_changed_is_taken_over():
-    survey = Survey(["A"])
+    survey = PreflightMemory(["A"])
     survey.observe([heard(), Parameter(0.0, "A", 1.0)], [])
     survey.observe([Parameter(5.0, "A", 7.0)], [])
     assert survey.facts(VehicleState(), 5.0).parameters == {"A": 7.0}
 
 
 def test_the_evaders_last_altitude_is_kept():
-    survey = Survey([])
+    survey = PreflightMemory([])
     nan = math.nan
     report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, (nan, nan, nan), nan, nan)
     survey.observe([], [report, report._replace(altitude_amsl_m=491.0)])

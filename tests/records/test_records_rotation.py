@@ -12,7 +12,7 @@ from guidance.records.replay import Comparison
 from guidance.scenarios.fast import FastWorld
 from guidance.scenarios.fly import fly
 from guidance.service.clock import VirtualClock
-from guidance.service.model import Record
+from guidance.service.model import RecordSection
 from guidance.service.record import CYCLE_TOPIC, Recorder, part_path
 
 
@@ -107,7 +107,7 @@ def test_what_a_writer_remembers_does_not_grow_from_file_to_file(tmp_path):
 @pytest.mark.parametrize(("key", "value"), [("rotate_s", 1.0), ("rotate_mb", 0.1)])
 def test_files_of_no_length_are_refused(key, value):
     with pytest.raises(ValueError, match=key):
-        Record(**{key: value})
+        RecordSection(**{key: value})
 
 
 def test_a_later_file_without_the_first_is_no_record_of_the_whole(tmp_path):

@@ -25,7 +25,7 @@ from guidance.scenarios.settings import evader_settings
 from guidance.scenarios.supervisor import Supervisor
 from guidance.scenarios.vehicle_settings import vehicle_config, vehicle_flight
 from guidance.service.clock import VirtualClock
-from guidance.service.daemon import Daemon, Plan
+from guidance.service.daemon import Daemon, FlightPlan
 from guidance.service.log import Log
 from guidance.service.mailbox import Mailbox
 from guidance.service.metrics import Metrics
@@ -81,7 +81,7 @@ class Sortie:
         heard = ImpairedEvader(self.world.evader_source, flown.sensor, flown.seed, self.clock.now_s)
         self.daemon = Daemon(
             "uav1",
-            Plan(flight=vehicle_flight(flown, config), wants=wants(vehicle_config(flown, config))),
+            FlightPlan(flight=vehicle_flight(flown, config), wants=wants(vehicle_config(flown, config))),
             self.world.pursuer,
             heard,
             mailbox=self.mailbox,
@@ -162,7 +162,7 @@ def test_a_start_outside_of_the_fence_about_home_is_refused_on_the_ground(sortie
     somewhere = {"latitude_deg": 47.5, "longitude_deg": 8.545594, "altitude_amsl_m": 488.0}
     elsewhere = sortie(own(), scenario())
     elsewhere.daemon.exchange(
-        lambda: Plan(flight=vehicle_flight(scenario(site=somewhere), own()), wants=wants(own())), 0.0
+        lambda: FlightPlan(flight=vehicle_flight(scenario(site=somewhere), own()), wants=wants(own())), 0.0
     )
     with pytest.raises(FlightError, match=r"pursuer.position_m is 11\d{3} m from the vehicle's home"):
         elsewhere.run(60.0)

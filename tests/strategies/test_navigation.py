@@ -3,7 +3,7 @@ import pytest
 
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, StandOff
-from guidance.strategies import OPTIMAL, Course, Memory, Strategy, evade, pursue
+from guidance.strategies import OPTIMAL, Course, Strategy, StrategyMemory, evade, pursue
 from guidance.strategies.navigation import lead_pursuit, proportional_navigation
 
 POINT = Game(Ball(2.0), 1.0)
@@ -115,7 +115,7 @@ def test_a_name_that_is_no_strategy_and_a_course_that_does_not_fit_are_refused()
 
 def test_a_course_is_flown_no_faster_than_the_speed_set_allows():
     course = Course(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 9.0], [30.0, 40.0, -30.0]]))
-    place, memory = np.array([0.0, 0.0, 9.0]), Memory(None, 0.0)
+    place, memory = np.array([0.0, 0.0, 9.0]), StrategyMemory(None, 0.0)
     strategy = Strategy("recorded", course)
     v = pursue(strategy, COPTER, place, place, None, place, memory, dt_s=0.02)
     np.testing.assert_allclose(v, [2.4, 3.2, -1.0])

@@ -23,7 +23,7 @@ from guidance.records import Item, events_of, flight_settings, metadata_of, rows
 from guidance.service.model import Config
 from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.service.settings import flight_settings as of_config
-from guidance.view import Place, Seen, view
+from guidance.view import Destination, Seen, view
 from guidance.view import command as commands
 from guidance.view.painter import DRAWN_EVERY_S, Painter
 from guidance.view.plots import PLOTS
@@ -149,7 +149,7 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
             return False
 
     monkeypatch.setattr(commands.os, "nice", lambda _: None)
-    count = view(Seen(growing, follow=True), Place(tmp_path / "g.rrd"), print, Ended())
+    count = view(Seen(growing, follow=True), Destination(tmp_path / "g.rrd"), print, Ended())
     followed = Seeing(tmp_path / "g.rrd")
     assert count == sum(item.topic == CYCLE_TOPIC for item in scan(record))
     for entity in ("/game/pursuer", "/game/evader"):
@@ -211,7 +211,7 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
 def test_without_rerun_the_extra_is_named(record, monkeypatch, tmp_path):
     monkeypatch.setattr(commands, "find_spec", lambda _: None)
     with pytest.raises(ConfigError, match=r"pip install 'pursuit-guidance\[viz\]'"):
-        view(Seen(record), Place(tmp_path / "a.rrd"), print, threading.Event())
+        view(Seen(record), Destination(tmp_path / "a.rrd"), print, threading.Event())
     run = CliRunner().invoke(app, ["fly", "--view"])
     assert isinstance(run.exception, ConfigError)
 

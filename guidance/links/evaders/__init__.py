@@ -8,7 +8,7 @@ from guidance.links.evaders.adsb_vehicle import AdsbVehicle
 from guidance.links.evaders.follow_target import FollowTarget
 from guidance.links.evaders.global_position import GlobalPositionInt
 from guidance.links.evaders.mavlink_source import MavlinkEvader
-from guidance.links.evaders.odometry import Odometry
+from guidance.links.evaders.odometry import OdometryCarrier
 from guidance.links.evaders.open_drone_id import OpenDroneIdLocation
 from guidance.links.evaders.refusal import Refused
 from guidance.links.evaders.ros_pose import RosPose, rmw_key
@@ -18,7 +18,7 @@ __all__ = [
     "FollowTarget",
     "GlobalPositionInt",
     "MavlinkEvader",
-    "Odometry",
+    "OdometryCarrier",
     "OpenDroneIdLocation",
     "Refused",
     "RosPose",

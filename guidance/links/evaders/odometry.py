@@ -22,7 +22,7 @@ _DIAGONAL: Final = (0, 6, 11)  # of the upper right triangle of a 6 x 6 matrix, 
 
 
 @dataclass(frozen=True, slots=True)
-class Odometry:
+class OdometryCarrier:
     """Carrier of ODOMETRY; `frame` is the evader's local frame."""
 
     frame: LocalFrame

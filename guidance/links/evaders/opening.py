@@ -13,7 +13,7 @@ from guidance.links.evaders.adsb_vehicle import AdsbVehicle
 from guidance.links.evaders.follow_target import FollowTarget
 from guidance.links.evaders.global_position import GlobalPositionInt
 from guidance.links.evaders.mavlink_source import Carrier, MavlinkEvader
-from guidance.links.evaders.odometry import Odometry
+from guidance.links.evaders.odometry import OdometryCarrier
 from guidance.links.evaders.open_drone_id import OpenDroneIdLocation
 from guidance.links.evaders.ros_pose import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_key
 from guidance.links.evaders.zenoh_source import Reader, ZenohEvader
@@ -39,7 +39,7 @@ def _adsb(frame: LocalFrame, identity: EvaderIdentity) -> Carrier:
 MAVLINK: Final[Mapping[str, Callable[[LocalFrame, EvaderIdentity], Carrier]]] = {
     "follow_target": lambda _frame, _identity: FollowTarget(),
     "global_position": lambda _frame, _identity: GlobalPositionInt(),
-    "odometry": lambda frame, _identity: Odometry(frame),
+    "odometry": lambda frame, _identity: OdometryCarrier(frame),
     "open_drone_id": lambda frame, identity: OpenDroneIdLocation(frame, identity.id_or_mac),
     "adsb": _adsb,
 }

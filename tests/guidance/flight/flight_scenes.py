@@ -1,11 +1,11 @@
-"""A flight by hand: settings, messages of a vehicle that is well, and the scene that events are read from."""
+"""A flight by hand: settings, messages of a vehicle that is well, and the context that events are read from."""
 
 from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.cycle import Certificate, CycleSettings
 from guidance.flight import FlightSettings
-from guidance.flight.detect import Scene
+from guidance.flight.detect import EventContext
 from guidance.following.late_start import Acceleration
 from guidance.game import Ball, StandOff
 from guidance.limits import Envelope
@@ -98,8 +98,8 @@ def well(*changes, at_s=NOW_S):
     return observe(VehicleState(), [*said, *changes])
 
 
-def scene(state, **changes):
-    """A scene in which nothing happens but what the changes say."""
+def context(state, **changes):
+    """A context in which nothing happens but what the changes say."""
     given = {
         "now_s": NOW_S,
         "dt_s": 0.02,
@@ -117,7 +117,7 @@ def scene(state, **changes):
         "foreign": False,
         "other_mode_seen": False,
     }
-    return Scene(**(given | changes))
+    return EventContext(**(given | changes))
 
 
 BOTH = (PX4, ARDUCOPTER)

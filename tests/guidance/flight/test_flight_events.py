@@ -4,7 +4,20 @@ import math
 from dataclasses import replace
 
 import pytest
-from flight_scenes import BOTH, HOME_DOWN_M, NOW_S, PREARM, QUIET, SETTINGS, heartbeat, home, local, scene, status, well
+from flight_scenes import (
+    BOTH,
+    HOME_DOWN_M,
+    NOW_S,
+    PREARM,
+    QUIET,
+    SETTINGS,
+    context,
+    heartbeat,
+    home,
+    local,
+    status,
+    well,
+)
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import TRANSITIONS, AfterCapture, EngageOn, Event, State
@@ -20,19 +33,19 @@ GUIDED = well(heartbeat(mode=Mode.GUIDED))
 
 
 def happens(event, state, **changes):
-    return event in set(events(scene(state, **changes)))
+    return event in set(events(context(state, **changes)))
 
 
 def test_in_quiet_flight_nothing_happens():
     for state in (State.ENGAGED, State.PAUSED, State.ON_STATION):
-        assert list(events(scene(state, vehicle=GUIDED, settings=replace(SETTINGS, settle_s=60.0)))) == []
-    assert list(events(scene(State.STANDING_BY))) == []
+        assert list(events(context(state, vehicle=GUIDED, settings=replace(SETTINGS, settle_s=60.0)))) == []
+    assert list(events(context(State.STANDING_BY))) == []
 
 
 def test_only_what_the_table_answers_is_asked():
     wild = {"dt_s": 99.0, "vehicle": VehicleState(), "evader_silence_s": math.inf, "foreign": True}
     for state in State:
-        assert {(state, event) for event in events(scene(state, **wild))} <= set(TRANSITIONS)
+        assert {(state, event) for event in events(context(state, **wild))} <= set(TRANSITIONS)
 
 
 @pytest.mark.parametrize(("age_s", "heard"), [(0.0, True), (3.0, True), (3.01, False)])
@@ -261,30 +274,30 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         Event.BATTERY_LOW,
     ]
     engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.EVADER_LOST, Event.NO_GAME]
-    assert list(events(scene(State.ENGAGED, **worst))) == [*gravest, *engaged, Event.ESCAPED, Event.CAPTURED]
-    assert list(events(scene(State.ON_STATION, **worst))) == [*gravest, *engaged, Event.DONE, Event.STRAYED]
-    assert list(events(scene(State.PAUSED, **worst))) == [*gravest, Event.TIMED_OUT]
+    assert list(events(context(State.ENGAGED, **worst))) == [*gravest, *engaged, Event.ESCAPED, Event.CAPTURED]
+    assert list(events(context(State.ON_STATION, **worst))) == [*gravest, *engaged, Event.DONE, Event.STRAYED]
+    assert list(events(context(State.PAUSED, **worst))) == [*gravest, Event.TIMED_OUT]
     back = {"vehicle": GUIDED, "since_s": NOW_S - 60.0}
-    assert list(events(scene(State.PAUSED, **back))) == [Event.CLEAR, Event.TIMED_OUT]
-    assert list(events(scene(State.ENTERING, **back))) == [Event.GUIDED, Event.TIMED_OUT]
-    assert list(events(scene(State.ARMING, since_s=0.0))) == [Event.ARMED, Event.TIMED_OUT]
+    assert list(events(context(State.PAUSED, **back))) == [Event.CLEAR, Event.TIMED_OUT]
+    assert list(events(context(State.ENTERING, **back))) == [Event.GUIDED, Event.TIMED_OUT]
+    assert list(events(context(State.ARMING, since_s=0.0))) == [Event.ARMED, Event.TIMED_OUT]
 
 
 def test_what_is_done_in_time_has_not_taken_too_long():
     late = {"since_s": NOW_S - 1e3, "evader_silence_s": 0.0}
-    assert list(events(scene(State.CONNECTING, **late))) == [Event.HEARD, Event.TIMED_OUT]
-    assert list(events(scene(State.CHECKING, **late))) == [Event.FIT, Event.TIMED_OUT]
-    assert list(events(scene(State.CLIMBING, **late))) == [Event.AT_HEIGHT, Event.TIMED_OUT]
-    assert list(events(scene(State.POSITIONING, **late))) == [Event.AT_START, Event.TIMED_OUT]
+    assert list(events(context(State.CONNECTING, **late))) == [Event.HEARD, Event.TIMED_OUT]
+    assert list(events(context(State.CHECKING, **late))) == [Event.FIT, Event.TIMED_OUT]
+    assert list(events(context(State.CLIMBING, **late))) == [Event.AT_HEIGHT, Event.TIMED_OUT]
+    assert list(events(context(State.POSITIONING, **late))) == [Event.AT_START, Event.TIMED_OUT]
 
 
 def test_fit_is_every_check_and_no_refusal():
-    assert fit(scene(State.CHECKING))
-    assert list(events(scene(State.READY))) == []
+    assert fit(context(State.CHECKING))
+    assert list(events(context(State.READY))) == []
     for unfit in ({"refusals": ("COM_OF_LOSS_T",)}, {"vehicle": well(status(healthy=0))}):
-        assert not fit(scene(State.CHECKING, **unfit))
-        assert list(events(scene(State.CHECKING, **unfit))) == []
-        assert list(events(scene(State.READY, **unfit))) == [Event.UNFIT]
+        assert not fit(context(State.CHECKING, **unfit))
+        assert list(events(context(State.CHECKING, **unfit))) == []
+        assert list(events(context(State.READY, **unfit))) == [Event.UNFIT]
 
 
 def row(name, vehicle, profile=PX4):

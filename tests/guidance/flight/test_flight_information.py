@@ -14,7 +14,7 @@ from guidance.frames import GameFrame
 from guidance.game import Game, Reason, solve
 from guidance.monitor import Broken, Guarantee, watch
 from guidance.service.model import GameSection
-from guidance.strategies import Memory
+from guidance.strategies import StrategyMemory
 
 PURSUER_NED, EVADER_NED = (-30.0, 5.0, -20.0), (10.0, -4.0, 0.0)
 
@@ -22,7 +22,7 @@ PURSUER_NED, EVADER_NED = (-30.0, 5.0, -20.0), (10.0, -4.0, 0.0)
 def cycle(age_s=0.1, *, settings=CYCLE, played_s=0.0, at=EVADER_NED):
     evader = EvaderEstimate(at, (1.0, 2.0, 0.0), 3.0, age_s)
     inputs = CycleInputs(0.02, PURSUER_NED, (0.0, 0.0, 0.0), 0.0, evader, GameFrame((0.0, 0.0, 0.0)))
-    return play(inputs, settings, CycleMemory(strategy=Memory(None, played_s))).certificate
+    return play(inputs, settings, CycleMemory(strategy=StrategyMemory(None, played_s))).certificate
 
 
 def in_game(ned):

@@ -17,7 +17,7 @@ from guidance.links.evaders import (
     FollowTarget,
     GlobalPositionInt,
     MavlinkEvader,
-    Odometry,
+    OdometryCarrier,
     OpenDroneIdLocation,
 )
 from guidance.messages import AltitudeSaid, Datum, EvaderReport, GlobalPosition
@@ -167,7 +167,7 @@ def odometry(*, frame=1, child=1, position=(100.0, 50.0, -20.0), q=(1.0, 0.0, 0.
 
 
 def test_odometry_is_metres_about_the_evaders_own_origin():
-    report = World(Odometry(FRAME)).report(odometry(pose=0.25))
+    report = World(OdometryCarrier(FRAME)).report(odometry(pose=0.25))
     assert FRAME.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)) == (
         pytest.approx((100.0, 50.0, -20.0), abs=1e-3)
     )
@@ -181,25 +181,25 @@ def test_odometry_is_metres_about_the_evaders_own_origin():
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, 180.0, 270.0])
 def test_a_body_velocity_is_turned_by_the_attitude(heading_deg):
     half = math.radians(heading_deg) / 2.0
-    report = World(Odometry(FRAME)).report(odometry(child=12, q=(math.cos(half), 0.0, 0.0, math.sin(half))))
+    report = World(OdometryCarrier(FRAME)).report(odometry(child=12, q=(math.cos(half), 0.0, 0.0, math.sin(half))))
     heading = math.radians(heading_deg)
     assert report.velocity_ned_m_s == pytest.approx((3 * math.cos(heading), 3 * math.sin(heading), 0.0), abs=1e-6)
 
 
 def test_a_body_that_pitches_down_flies_down():
     half = math.radians(-90.0) / 2.0
-    report = World(Odometry(FRAME)).report(odometry(child=12, q=(math.cos(half), 0.0, math.sin(half), 0.0)))
+    report = World(OdometryCarrier(FRAME)).report(odometry(child=12, q=(math.cos(half), 0.0, math.sin(half), 0.0)))
     assert report.velocity_ned_m_s == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("bad", [{"child": 20}, {"child": 12, "q": (0.0, 0.0, 0.0, 0.0)}, {"v": (NAN, 0.0, 0.0)}])
 def test_an_odometry_velocity_that_cannot_be_turned_is_unknown(bad):
-    assert is_unknown(World(Odometry(FRAME)).report(odometry(**bad)).velocity_ned_m_s)
+    assert is_unknown(World(OdometryCarrier(FRAME)).report(odometry(**bad)).velocity_ned_m_s)
 
 
 @pytest.mark.parametrize("bad", [{"frame": 20}, {"frame": 4}, {"position": (NAN, 0.0, 0.0)}, {"position": (1e9, 0, 0)}])
 def test_an_odometry_in_another_frame_or_nowhere_is_refused(bad):
-    world = World(Odometry(FRAME))
+    world = World(OdometryCarrier(FRAME))
     assert world.report(odometry(**bad)) is None
     assert sum(world.refused().values()) == 1
 

@@ -19,14 +19,14 @@ from guidance.links.evaders import (
     FollowTarget,
     GlobalPositionInt,
     MavlinkEvader,
-    Odometry,
+    OdometryCarrier,
     OpenDroneIdLocation,
 )
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Attitude, GlobalPosition, Home, LocalPosition, Origin
 
 FRAME = LocalFrame(47.0, 8.0, Amsl(488.0), undulation_m=47.0)
-CARRIERS = [FollowTarget, GlobalPositionInt, lambda: Odometry(FRAME), lambda: OpenDroneIdLocation(FRAME)]
+CARRIERS = [FollowTarget, GlobalPositionInt, lambda: OdometryCarrier(FRAME), lambda: OpenDroneIdLocation(FRAME)]
 CARRIERS += [lambda: AdsbVehicle(FRAME, 0)]
 
 
