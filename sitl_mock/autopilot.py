@@ -1,18 +1,16 @@
-"""The autopilot of one vehicle: body, beliefs and brain, moved on a fixed grid; no I/O, time is an argument."""
+"""The autopilot of one vehicle: body, beliefs and commander, moved on a fixed grid; no I/O, time is an argument."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from random import Random
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sitl_mock.conditions import Conditions
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, Wind, attitude_of
 from sitl_mock.errors import ConfigError
 from sitl_mock.estimator import STEP_S as ESTIMATOR_S
 from sitl_mock.estimator import Estimator
-from sitl_mock.events import EVENTS
 from sitl_mock.flavour import Flavour
 from sitl_mock.mavlink import Message, Signing
 from sitl_mock.pilot import Sticks
@@ -29,10 +27,11 @@ from sitl_mock.protocols import (
 from sitl_mock.reception import take
 from sitl_mock.sensors import EXACT, Sensors
 from sitl_mock.telemetry import BUILDERS, Report
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, Vector, wrap_pi
 
 if TYPE_CHECKING:
-    from sitl_mock.brain import Brain
+    from sitl_mock.commander import Commander
 
 TICK_S: Final = 0.01
 MOVE_TICKS: Final = 2
@@ -75,8 +74,8 @@ class Autopilot:
     """One vehicle without its links.
 
     Attributes:
-        craft: State that every flavour shares; new after each boot.
-        brain: The flavour's decisions; new after each boot.
+        state: State that every flavour shares; new after each boot.
+        commander: The flavour's decisions; new after each boot.
         report: What telemetry is made from; new after each boot.
         boots: How often it has been switched on.
     """
@@ -110,8 +109,8 @@ class Autopilot:
         self._gust: Vector = ZERO
         self.time_jump_s = 0.0
         self.boots = 0
-        self.craft: Craft
-        self.brain: Brain
+        self.state: VehicleState
+        self.commander: Commander
         self.boot(0.0)
 
     def boot(self, now_s: float) -> None:
@@ -122,7 +121,8 @@ class Autopilot:
         self.boots += 1
         self.time_jump_s = 0.0
         body = self.motion.body
-        self.craft = Craft(
+        self.state = VehicleState(
+            system_id=self.system_id,
             frame=self.frame,
             parameters=self.parameters,
             body=body,
@@ -144,8 +144,8 @@ class Autopilot:
             booted_s=now_s,
             now_s=now_s,
         )
-        self.brain = self.flavour.brain(self.craft, self.plans)
-        self.report = Report(self.flavour, self.craft, self.brain, Setpoint(Kind.STOPPED), self.events)
+        self.commander = self.flavour.commander(self.state, self.plans)
+        self.report = Report(self.flavour, self.state, self.commander, Setpoint(Kind.STOPPED), self.events)
         self._renew_times(now_s)
 
     def tick(self, now_s: float, count: int) -> None:
@@ -153,9 +153,9 @@ class Autopilot:
         conditions = self.conditions
         if conditions.events:
             for name, value in conditions.take():
-                EVENTS[name](self, now_s, value)
-        craft = self.craft
-        craft.now_s = now_s
+                _EVENTS[name](self, now_s, value)
+        state = self.state
+        state.now_s = now_s
         if count % _SLOW_TICKS == 0:
             self._slowly(now_s)
         if count % MOVE_TICKS == 0:
@@ -163,19 +163,19 @@ class Autopilot:
                 self._hear_radio(now_s)
             if count:
                 self._move()
-            self.report.setpoint = self.brain.tick(now_s)
+            self.report.setpoint = self.commander.tick(now_s)
         else:
             self._carry_on()
         self._renew_times(now_s)
 
     def take(self, now_s: float, message: Message) -> None:
         """Take a message that belongs to no protocol."""
-        take(self, now_s, message)
+        take(self.state, self.commander, now_s, message)
 
     def announcements(self) -> Announcements:
         """Return what is to be said without having been asked for."""
-        texts, reached = self.craft.texts, self.brain.mission.reached
-        if not texts and not reached and not self.craft.news:
+        texts, reached = self.state.texts, self.commander.mission.reached
+        if not texts and not reached and not self.state.news:
             return _NOTHING
         said: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
@@ -184,55 +184,55 @@ class Autopilot:
             event = self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None
             if event is not None:
                 everywhere.append(self.events.add(self.report.boot_ms, *event))
-        for name in dict.fromkeys(self.craft.news):
+        for name in dict.fromkeys(self.state.news):
             fields = BUILDERS[name](self.report)
             if fields is not None:
                 everywhere.append((name, *fields))
-        self.craft.news.clear()
+        self.state.news.clear()
         texts.clear()
         reached.clear()
         return Announcements(everywhere, said)
 
     def set_mission_item(self, _now_s: float, seq: int) -> list[Reply]:
         """MISSION_SET_CURRENT: go on there; MISSION_CURRENT follows at its own rate."""
-        self.brain.mission.set_current(seq)
+        self.commander.mission.set_current(seq)
         return []
 
     def home_place(self) -> Place:
         """Where home is; zeros while there is none."""
-        home_m = self.craft.home_m
-        return Place(0.0, 0.0, 0.0) if home_m is None else Place(*self.craft.frame.to_geodetic(*home_m))
+        home_m = self.state.home_m
+        return Place(0.0, 0.0, 0.0) if home_m is None else Place(*self.state.frame.to_geodetic(*home_m))
 
     def guide(self, now_s: float, item: PlanItem) -> bool:
         """A mission item that is an order."""
-        return self.brain.guide(now_s, item)
+        return self.commander.guide(now_s, item)
 
     def set_origin(self, _now_s: float, place: Place) -> bool:
         """SET_GPS_GLOBAL_ORIGIN: disarmed, the local frame moves there; armed it stays."""
-        if self.craft.armed:
+        if self.state.armed:
             return False
-        body, craft, old = self.motion.body, self.craft, self.frame
-        self.frame = craft.frame = LocalFrame(Home(*place))
+        body, state, old = self.motion.body, self.state, self.frame
+        self.frame = state.frame = LocalFrame(Home(*place))
         here = self.frame.to_local(*old.to_geodetic(*body.position_ned_m))
-        self.ground_m = craft.ground_m = here[2]
+        self.ground_m = state.ground_m = here[2]
         self.motion = self.plant.initial(here, body.yaw_rad)
-        craft.body = self.motion.body
-        craft.position_m = here
-        if craft.home_m is not None:
-            moved = self.frame.to_local(*old.to_geodetic(*craft.home_m))
-            craft.set_home(moved, attitude=craft.home_attitude, given=craft.home_given)
+        state.body = self.motion.body
+        state.position_m = here
+        if state.home_m is not None:
+            moved = self.frame.to_local(*old.to_geodetic(*state.home_m))
+            state.set_home(moved, attitude=state.home_attitude, given=state.home_given)
         return True
 
     def set_home(self, _now_s: float, place: Place) -> bool:
         """SET_HOME_POSITION."""
-        self.craft.set_home(self.frame.to_local(*place), given=True)
+        self.state.set_home(self.frame.to_local(*place), given=True)
         return True
 
     def _slowly(self, now_s: float) -> None:
         """What changes slowly: the estimator, gusts, the battery, the parameters of the dynamics."""
-        craft, conditions = self.craft, self.conditions
-        craft.estimator.advance(now_s, conditions, flying=not craft.body.on_ground)
-        craft.battery.advance(ESTIMATOR_S, craft.body.thrust_m_s2 / 9.80665)
+        state, conditions = self.state, self.conditions
+        state.estimator.advance(now_s, conditions, flying=not state.body.on_ground)
+        state.battery.advance(ESTIMATOR_S, state.body.thrust_m_s2 / 9.80665)
         self._gust = (
             Wind(gust_sd_m_s=conditions.gust_m_s).gust_after(self._gust, self._random, ESTIMATOR_S)
             if conditions.gust_m_s
@@ -244,7 +244,7 @@ class Autopilot:
 
     def _move(self) -> None:
         """One step of the body under the last decision, and what the estimator makes of it."""
-        craft, estimator = self.craft, self.craft.estimator
+        state, estimator = self.state, self.state.estimator
         wind, gust = self.conditions.wind_m_s, self._gust
         around = Surroundings(
             (wind[0] + gust[0], wind[1] + gust[1], wind[2] + gust[2]),
@@ -255,23 +255,23 @@ class Autopilot:
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
         body = self.motion.body
         self.report.reference = self.plant.reference(self.motion)
-        craft.body = body
-        craft.sensors.advance(craft.now_s, body)
-        craft.position_m, craft.velocity_m_s = self.plant.estimate(body, around)
-        craft.attitude = attitude_of(body)
+        state.body = body
+        state.sensors.advance(state.now_s, body)
+        state.position_m, state.velocity_m_s = self.plant.estimate(body, around)
+        state.attitude = attitude_of(body)
         if estimator.yaw_error_rad:
-            craft.attitude = craft.attitude._replace(yaw_rad=wrap_pi(body.yaw_rad + estimator.yaw_error_rad))
-        craft.track_landing()
+            state.attitude = state.attitude._replace(yaw_rad=wrap_pi(body.yaw_rad + estimator.yaw_error_rad))
+        state.track_landing()
 
     def _carry_on(self) -> None:
         """Half way between two moves: position and attitude by their rates."""
-        craft = self.craft
-        if craft.body.on_ground and not self.flavour.ground_vehicle:
+        state = self.state
+        if state.body.on_ground and not self.flavour.ground_vehicle:
             return
-        (n, e, d), (v_n, v_e, v_d) = craft.position_m, craft.velocity_m_s
-        craft.position_m = (n + v_n * TICK_S, e + v_e * TICK_S, d + v_d * TICK_S)
-        roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = craft.attitude
-        craft.attitude = Euler(
+        (n, e, d), (v_n, v_e, v_d) = state.position_m, state.velocity_m_s
+        state.position_m = (n + v_n * TICK_S, e + v_e * TICK_S, d + v_d * TICK_S)
+        roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
+        state.attitude = Euler(
             roll + roll_rate * TICK_S,
             pitch + pitch_rate * TICK_S,
             yaw + yaw_rate * TICK_S,
@@ -282,7 +282,7 @@ class Autopilot:
 
     def since_boot_s(self, now_s: float) -> float:
         """The vehicle's own clock, by which telemetry and TIMESYNC count."""
-        return now_s - self.craft.booted_s + self.time_jump_s
+        return now_s - self.state.booted_s + self.time_jump_s
 
     def _renew_times(self, now_s: float) -> None:
         report = self.report
@@ -291,7 +291,7 @@ class Autopilot:
         report.unix_us = self.settings.unix_us + int(now_s * 1e6)
 
     def _hear_radio(self, now_s: float) -> None:
-        conditions, pilot = self.conditions, self.craft.pilot
+        conditions, pilot = self.conditions, self.state.pilot
         if conditions.rc is False:
             return
         pilot.radio_s = now_s
@@ -299,3 +299,48 @@ class Autopilot:
             pilot.hear(now_s, Sticks(*conditions.sticks))
         elif conditions.rc:
             pilot.hear(now_s, pilot.sticks)
+
+
+# What conditions that happen once do when their time has come
+
+
+def _switch(autopilot: Autopilot, now_s: float, mode: str) -> None:
+    autopilot.commander.switch(now_s, mode)
+
+
+def _jump(autopilot: Autopilot, _now_s: float, by_m: Vector) -> None:
+    autopilot.state.estimator.jump(by_m)
+
+
+def _jump_yaw(autopilot: Autopilot, _now_s: float, by_deg: float) -> None:
+    autopilot.state.estimator.jump_yaw(math.radians(by_deg))
+
+
+def _set_battery(autopilot: Autopilot, _now_s: float, share: float) -> None:
+    autopilot.state.battery.remaining = share
+
+
+def _push(autopilot: Autopilot, _now_s: float, by_m_s: Vector) -> None:
+    body = autopilot.motion.body
+    n, e, d = body.velocity_ned_m_s
+    pushed = body._replace(velocity_ned_m_s=(n + by_m_s[0], e + by_m_s[1], d + by_m_s[2]))
+    autopilot.motion = autopilot.motion._replace(body=pushed)
+
+
+def _reboot(autopilot: Autopilot, now_s: float, _value: object) -> None:
+    autopilot.boot(now_s)
+
+
+def _jump_time(autopilot: Autopilot, _now_s: float, by_s: float) -> None:
+    autopilot.time_jump_s += by_s
+
+
+_EVENTS: Final[dict[str, Callable[[Autopilot, float, Any], None]]] = {
+    "pilot_mode": _switch,
+    "ekf_jump_m": _jump,
+    "ekf_yaw_jump_deg": _jump_yaw,
+    "battery": _set_battery,
+    "push_m_s": _push,
+    "reboot": _reboot,
+    "time_jump_s": _jump_time,
+}

@@ -1,10 +1,9 @@
-"""What does not change in a vehicle: who it is, its rates, its parameters, its dynamics and its brain."""
+"""What does not change in a vehicle: who it is, its rates, its parameters, its dynamics and its commander."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from sitl_mock.brain import Brain
-from sitl_mock.craft import Craft
+from sitl_mock.commander import Commander
 from sitl_mock.dynamics import Vehicle, Wander
 from sitl_mock.files import FileTree
 from sitl_mock.modes import ModeTable
@@ -19,6 +18,7 @@ from sitl_mock.protocols import (
     StreamRules,
 )
 from sitl_mock.sensors import EXACT, SensorNoise
+from sitl_mock.vehicle_state import VehicleState
 
 
 def no_files(_parameters: ParameterStore, _plans: PlanStore) -> Files:
@@ -43,7 +43,7 @@ class Flavour:
         rates_hz: Streams without being asked, by kind of link (onboard, gcs).
         identity: AUTOPILOT_VERSION of a vehicle with a number.
         plant: The dynamics under present parameters.
-        brain: Makes the brain of a craft.
+        commander: Makes a vehicle's commander.
         wander: Size of the estimator's error.
         sensors: Noise of its sensors.
         ground_wander: Size of the estimator's error on the ground; None where it rests.
@@ -69,7 +69,7 @@ class Flavour:
     rates_hz: Mapping[str, Mapping[str, float]]
     identity: Callable[[int], Identity]
     plant: Callable[[Mapping[str, float]], Vehicle]
-    brain: Callable[[Craft, PlanStore], Brain]
+    commander: Callable[[VehicleState, PlanStore], Commander]
     wander: Wander
     ready_s: float
     texts: bool | None

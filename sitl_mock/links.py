@@ -141,7 +141,7 @@ class Link:
             command = command._replace(number=_REQUEST_MESSAGE, params=(float(asked), *command.params[1:]))
         handler = _REQUESTS.get(command.number)
         if handler is None:
-            return self.autopilot.brain.execute(now_s, command)
+            return self.autopilot.commander.execute(now_s, command)
         return (CommandAnswer(handler(self, now_s, command)),)
 
     def _set_interval(self, now_s: float, command: Command) -> Result:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from sitl_mock.craft import Craft
 from sitl_mock.protocols import PlanItem, PlanStore
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
 WAYPOINT: Final = 16
@@ -112,12 +112,12 @@ class MissionFlight:
         item = self._item()
         return item is not None and item.command == LAND
 
-    def leg(self, craft: Craft, entered_m: Vector) -> Leg:
+    def leg(self, state: VehicleState, entered_m: Vector) -> Leg:
         """Return the leg to fly now, going on to the next item when one is reached."""
-        stay = Leg(craft.position_m if craft.on_ground else entered_m)
+        stay = Leg(state.position_m if state.on_ground else entered_m)
         if self._revision != self.plans.mission.revision:
             self.start()
-        if self._climbing(craft) and self._climb is not None:
+        if self._climbing(state) and self._climb is not None:
             return self._climb
         for _ in range(self.count + 1):
             item = self._item()
@@ -129,24 +129,24 @@ class MissionFlight:
                 if self.over:
                     return stay
                 continue
-            leg = self._leg_to(craft, item)
-            if not self._reached(craft, item, leg):
+            leg = self._leg_to(state, item)
+            if not self._reached(state, item, leg):
                 return leg
             self._next(item)
         self.over = "finished"
         return stay
 
-    def _climbing(self, craft: Craft) -> bool:
+    def _climbing(self, state: VehicleState) -> bool:
         """Whether the height of the first place has yet to be reached."""
         if not self._climb_judged:
             self._climb_judged = True
             first = next((item for item in self.plans.mission.items[self.current :] if item.command in _PLACES), None)
-            down_m = self._leg_to(craft, first).position_m[2] if first is not None else math.inf
-            if down_m < craft.position_m[2] - _HEIGHT_REACHED_M:
-                north, east, _ = craft.position_m
-                self._climb = Leg((north, east, down_m), speed_m_s=self.speed_m_s, taking_off=craft.on_ground)
+            down_m = self._leg_to(state, first).position_m[2] if first is not None else math.inf
+            if down_m < state.position_m[2] - _HEIGHT_REACHED_M:
+                north, east, _ = state.position_m
+                self._climb = Leg((north, east, down_m), speed_m_s=self.speed_m_s, taking_off=state.on_ground)
         climb = self._climb
-        if climb is not None and craft.flew and craft.position_m[2] - climb.position_m[2] < _HEIGHT_REACHED_M:
+        if climb is not None and state.flew and state.position_m[2] - climb.position_m[2] < _HEIGHT_REACHED_M:
             self._climb = None
         return self._climb is not None
 
@@ -175,34 +175,34 @@ class MissionFlight:
         self._hold_until_s = math.inf
         self.current += 1
 
-    def _leg_to(self, craft: Craft, item: PlanItem) -> Leg:
-        here, origin = craft.position_m, craft.frame.origin
+    def _leg_to(self, state: VehicleState, item: PlanItem) -> Leg:
+        here, origin = state.position_m, state.frame.origin
         altitude = item.z
         if item.frame in _RELATIVE_FRAMES:
-            altitude += origin.alt_amsl_m - (craft.home_m[2] if craft.home_m else 0.0)
-        place = craft.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
+            altitude += origin.alt_amsl_m - (state.home_m[2] if state.home_m else 0.0)
+        place = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
         if not math.isfinite(place[0] + place[1]) or (item.x == 0 and item.y == 0):
             place = (here[0], here[1], place[2])
-        if item.command == TAKEOFF and craft.on_ground:
+        if item.command == TAKEOFF and state.on_ground:
             place = (here[0], here[1], place[2])
         yaw = math.radians(item.param4) if math.isfinite(item.param4) and item.param4 != 0.0 else math.nan
         return Leg(place, yaw, self.speed_m_s, landing=item.command == LAND, taking_off=item.command == TAKEOFF)
 
-    def _reached(self, craft: Craft, item: PlanItem, leg: Leg) -> bool:
+    def _reached(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
         if item.command == LOITER_UNLIMITED:
             return False
         if item.command == LAND:
-            if craft.flew and craft.on_ground and craft.standing_s > 1.0:
+            if state.flew and state.on_ground and state.standing_s > 1.0:
                 self.over = "landed"
                 return True
             return False
-        north, east, down = (a - b for a, b in zip(leg.position_m, craft.position_m, strict=True))
-        default_m = float(craft.parameters.get("NAV_ACC_RAD", _REACHED_M))
+        north, east, down = (a - b for a, b in zip(leg.position_m, state.position_m, strict=True))
+        default_m = float(state.parameters.get("NAV_ACC_RAD", _REACHED_M))
         radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else default_m
         level = (item.command == TAKEOFF and not self.climbs_first) or math.hypot(north, east) < radius_m
-        if not (craft.flew and level and abs(down) < max(_HEIGHT_REACHED_M, min(radius_m, 2.0))):
+        if not (state.flew and level and abs(down) < max(_HEIGHT_REACHED_M, min(radius_m, 2.0))):
             return False
         hold_s = item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0
         if self._hold_until_s == math.inf:
-            self._hold_until_s = craft.now_s + hold_s
-        return craft.now_s >= self._hold_until_s
+            self._hold_until_s = state.now_s + hold_s
+        return state.now_s >= self._hold_until_s

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.craft import Reported
 from sitl_mock.pilot import Sticks
 from sitl_mock.protocols import Place, addressed, on_earth
+from sitl_mock.vehicle_state import Reported
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sitl_mock.autopilot import Autopilot
+    from sitl_mock.commander import Commander
     from sitl_mock.mavlink import Message
+    from sitl_mock.vehicle_state import VehicleState
 
 COMPONENT: Final = 1
 STICK_SOURCE: Final = "COM_RC_IN_MODE"
@@ -24,48 +25,48 @@ _STICKS_AT_REST: Final = {1: 1500, 2: 1500, 3: 1000, 4: 1500}
 _FASTEST_M_S: Final = 1000.0
 
 
-def take(autopilot: Autopilot, now_s: float, message: Message) -> None:
+def take(state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
     """Take one message; those of the vehicle itself and those for others are ignored."""
     handler = _HANDLERS.get(message.get_type())
-    if handler is None or not addressed(message, autopilot.system_id, COMPONENT):
+    if handler is None or not addressed(message, state.system_id, COMPONENT):
         return
-    if message.get_srcSystem() == autopilot.system_id and message.get_srcComponent() == COMPONENT:
+    if message.get_srcSystem() == state.system_id and message.get_srcComponent() == COMPONENT:
         return
-    handler(autopilot, now_s, message)
+    handler(state, commander, now_s, message)
 
 
-def _heartbeat(autopilot: Autopilot, now_s: float, message: Message) -> None:
-    if not autopilot.conditions.gcs_lost:
-        autopilot.craft.peers.hear(now_s, message.type)
+def _heartbeat(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
+    if not state.conditions.gcs_lost:
+        state.peers.hear(now_s, message.type)
 
 
-def _setpoint(autopilot: Autopilot, now_s: float, message: Message) -> None:
-    autopilot.brain.offer(now_s, message)
+def _setpoint(_state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
+    commander.offer(now_s, message)
 
 
-def _set_mode(autopilot: Autopilot, now_s: float, message: Message) -> None:
-    autopilot.brain.set_mode(now_s, message.base_mode, message.custom_mode)
+def _set_mode(_state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
+    commander.set_mode(now_s, message.base_mode, message.custom_mode)
 
 
-def _manual_control(autopilot: Autopilot, now_s: float, message: Message) -> None:
+def _manual_control(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
     """MANUAL_CONTROL: pitch x, roll y, yaw r in [-1000, 1000], throttle z in [0, 1000]."""
-    source = autopilot.parameters.get(STICK_SOURCE, BOTH)
-    if message.target != autopilot.system_id or autopilot.conditions.rc is False or source in {RADIO_ONLY, NO_STICKS}:
+    source = state.parameters.get(STICK_SOURCE, BOTH)
+    if message.target != state.system_id or state.conditions.rc is False or source in {RADIO_ONLY, NO_STICKS}:
         return
     pitch, roll, throttle, yaw = (value / 1000.0 for value in (message.x, message.y, message.z, message.r))
     if max(abs(pitch), abs(roll), abs(throttle), abs(yaw)) <= 1.0:
-        autopilot.craft.pilot.hear(now_s, Sticks(roll, pitch, 2.0 * throttle - 1.0, yaw))
+        state.pilot.hear(now_s, Sticks(roll, pitch, 2.0 * throttle - 1.0, yaw))
 
 
-def _override(autopilot: Autopilot, now_s: float, message: Message) -> None:
+def _override(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
     """RC_CHANNELS_OVERRIDE: pulse widths of channels 1 to 8; 0 releases a channel, 65535 leaves it as it is."""
-    source = autopilot.parameters.get(STICK_SOURCE)
-    if source == NO_STICKS or autopilot.conditions.rc is False:
+    source = state.parameters.get(STICK_SOURCE)
+    if source == NO_STICKS or state.conditions.rc is False:
         return
     raw = {number: getattr(message, f"chan{number}_raw") for number in range(1, 9)}
     if any(value not in {_RELEASED, _UNCHANGED} and not _PWM_LEAST <= value <= _PWM_MOST for value in raw.values()):
         return
-    channels = autopilot.craft.pilot.channels
+    channels = state.pilot.channels
     channels.update((number, value) for number, value in raw.items() if value != _UNCHANGED)
     for number in [number for number, value in channels.items() if value == _RELEASED]:
         del channels[number]
@@ -73,19 +74,18 @@ def _override(autopilot: Autopilot, now_s: float, message: Message) -> None:
         return
     pulses = (channels.get(number, rest) for number, rest in _STICKS_AT_REST.items())
     roll, pitch, throttle, yaw = (min(max((value - 1500) / 500.0, -1.0), 1.0) for value in pulses)
-    autopilot.craft.pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
+    state.pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
 
 
-def _follow_target(autopilot: Autopilot, now_s: float, message: Message) -> None:
+def _follow_target(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
     """FOLLOW_TARGET: a place on Earth and a velocity, whatever est_capabilities says; nonsense is dropped."""
     place = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
     velocity = tuple(message.vel)
     if on_earth(place) and all(abs(value) < _FASTEST_M_S for value in velocity):
-        craft = autopilot.craft
-        craft.target = Reported(now_s, craft.frame.to_local(*place), (velocity[0], velocity[1], velocity[2]))
+        state.target = Reported(now_s, state.frame.to_local(*place), (velocity[0], velocity[1], velocity[2]))
 
 
-_HANDLERS: Final[dict[str, Callable[[Autopilot, float, Message], None]]] = {
+_HANDLERS: Final[dict[str, Callable[[VehicleState, Commander, float, Message], None]]] = {
     "HEARTBEAT": _heartbeat,
     "SET_POSITION_TARGET_LOCAL_NED": _setpoint,
     "SET_POSITION_TARGET_GLOBAL_INT": _setpoint,

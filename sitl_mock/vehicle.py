@@ -133,7 +133,7 @@ class MockVehicle:
     @property
     def mode(self) -> str:
         """Name of the mode that is flown."""
-        return self.autopilot.brain.mode
+        return self.autopilot.commander.mode
 
     @property
     def modes(self) -> Sequence[str]:
@@ -143,7 +143,7 @@ class MockVehicle:
     @property
     def armed(self) -> bool:
         """Whether the motors are armed."""
-        return self.autopilot.craft.armed
+        return self.autopilot.state.armed
 
     @property
     def system_id(self) -> int:

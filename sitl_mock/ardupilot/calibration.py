@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.craft import Severity
 from sitl_mock.protocols import Command, CommandAnswer, Result
+from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
-    from sitl_mock.ardupilot.brain import ArduPilot
+    from sitl_mock.ardupilot.commander import ArduPilot
 
 Answers = Sequence[CommandAnswer]
 
@@ -29,46 +29,46 @@ _ANSWERED: Mapping[int, Result] = MappingProxyType(
 """Without a calibration that has come to its end there is nothing to accept."""
 
 
-def calibrate(brain: ArduPilot, command: Command) -> Answers:
+def calibrate(commander: ArduPilot, command: Command) -> Answers:
     """Answer a calibration command; refused while armed."""
-    if brain.craft.armed:
+    if commander.state.armed:
         compass = command.number != PREFLIGHT
-        brain.craft.say(Severity.NOTICE, f"Disarm to allow {'compass ' if compass else ''}calibration")
+        commander.state.say(Severity.NOTICE, f"Disarm to allow {'compass ' if compass else ''}calibration")
         return (CommandAnswer(Result.FAILED),)
     if command.number != PREFLIGHT:
         return (CommandAnswer(_ANSWERED[command.number]),)
     gyro, _, baro, _, accel, motors, _ = (int(value) if abs(value) < 1e6 else 0 for value in command.params)
     for chosen, answer in ((gyro == 1, _gyro), (baro == 1, _baro), (accel, _accel), (motors == 1, _motors)):
         if chosen:
-            return answer(brain, accel)
+            return answer(commander, accel)
     return (CommandAnswer(Result.UNSUPPORTED),)
 
 
-def _say(brain: ArduPilot, *texts: str) -> None:
+def _say(commander: ArduPilot, *texts: str) -> None:
     for text in texts:
-        brain.craft.say(Severity.INFO, text)
+        commander.state.say(Severity.INFO, text)
 
 
-def _gyro(brain: ArduPilot, _accel: int) -> Answers:
-    _say(brain, "Initialising ArduPilot")
+def _gyro(commander: ArduPilot, _accel: int) -> Answers:
+    _say(commander, "Initialising ArduPilot")
     return (CommandAnswer(Result.ACCEPTED),)
 
 
-def _baro(brain: ArduPilot, _accel: int) -> Answers:
-    _say(brain, "Updating barometer calibration", "Barometer calibration complete")
+def _baro(commander: ArduPilot, _accel: int) -> Answers:
+    _say(commander, "Updating barometer calibration", "Barometer calibration complete")
     return (CommandAnswer(Result.IN_PROGRESS), CommandAnswer(Result.ACCEPTED, delay_s=1.0))
 
 
-def _accel(brain: ArduPilot, accel: int) -> Answers:
+def _accel(commander: ArduPilot, accel: int) -> Answers:
     if accel == _SIMPLE:
         return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
     if accel not in {_ACCEL, _LEVEL}:
         return (CommandAnswer(Result.UNSUPPORTED),)
     last = "Place vehicle level and press any key." if accel == _ACCEL else "Trim OK: roll=0.01 pitch=-0.00 yaw=0.00"
-    _say(brain, "Initialising ArduPilot", last)
+    _say(commander, "Initialising ArduPilot", last)
     return (CommandAnswer(Result.ACCEPTED),)
 
 
-def _motors(brain: ArduPilot, _accel: int) -> Answers:
-    _say(brain, "Starting calibration", "Current")
+def _motors(commander: ArduPilot, _accel: int) -> Answers:
+    _say(commander, "Starting calibration", "Current")
     return (CommandAnswer(Result.ACCEPTED),)

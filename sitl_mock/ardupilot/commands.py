@@ -11,12 +11,12 @@ from sitl_mock.ardupilot import safety
 from sitl_mock.ardupilot.answers import ANSWERED
 from sitl_mock.ardupilot.calibration import CALIBRATIONS, calibrate
 from sitl_mock.ardupilot.yaw import turn_from
-from sitl_mock.craft import Severity
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
+from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
-    from sitl_mock.ardupilot.brain import ArduPilot
+    from sitl_mock.ardupilot.commander import ArduPilot
 
 Answers = Sequence[CommandAnswer]
 
@@ -33,17 +33,17 @@ HIGHEST_M: Final = 100_000.0
 _RELATIVE: Final = frozenset({3, 6})
 
 
-def execute(brain: ArduPilot, now_s: float, command: Command) -> Answers:
+def execute(commander: ArduPilot, now_s: float, command: Command) -> Answers:
     """Obey or refuse a command; what has no effect here is answered as the real one does."""
     number = command.number
-    if not brain.rig.flies and number in _COPTER_ONLY:
+    if not commander.firmware.flies and number in _COPTER_ONLY:
         return UNSUPPORTED
     handler = _HANDLERS.get(number)
     if handler is not None:
-        return handler(brain, now_s, command)
+        return handler(commander, now_s, command)
     if number in CALIBRATIONS:
-        return calibrate(brain, command)
-    result = ANSWERED.get(number) if brain.rig.flies else None
+        return calibrate(commander, command)
+    result = ANSWERED.get(number) if commander.firmware.flies else None
     return UNSUPPORTED if result is None else (CommandAnswer(result),)
 
 
@@ -51,80 +51,80 @@ def _done(done: bool) -> Answers:
     return ACCEPTED if done else FAILED
 
 
-def _set_mode(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _set_mode(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     base, number = command.params[:2]
     if not math.isfinite(base + number) or not int(base) & 1:
         return DENIED
-    mode = brain.by_number.get(int(number))
-    return _done(mode is not None and brain.request(mode.name))
+    mode = commander.by_number.get(int(number))
+    return _done(mode is not None and commander.request(mode.name))
 
 
-def _arm(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _arm(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """COMPONENT_ARM_DISARM; param2 2989 or 21196 forces."""
-    craft = brain.craft
+    state = commander.state
     want, force = command.params[:2]
     if want == 1.0:
-        return _arm_now(brain, forced=force in FORCE_ARM)
+        return _arm_now(commander, forced=force in FORCE_ARM)
     if want != 0.0:
         return UNSUPPORTED
-    if craft.armed and brain.rig.flies and not craft.on_ground and force != FORCE_DISARM:
+    if state.armed and commander.firmware.flies and not state.on_ground and force != FORCE_DISARM:
         return FAILED
-    if craft.armed:
-        craft.say(Severity.INFO, "Disarming motors")
-    brain.disarm()
+    if state.armed:
+        state.say(Severity.INFO, "Disarming motors")
+    commander.disarm()
     return ACCEPTED
 
 
-def _arm_now(brain: ArduPilot, *, forced: bool) -> Answers:
-    craft = brain.craft
-    if craft.armed:
+def _arm_now(commander: ArduPilot, *, forced: bool) -> Answers:
+    state = commander.state
+    if state.armed:
         return ACCEPTED
-    reasons = [] if forced else safety.refusals(brain)
+    reasons = [] if forced else safety.refusals(state, commander.by_name[commander.mode])
     for reason in reasons:
-        craft.say(Severity.CRITICAL, f"Arm: {reason}")
+        state.say(Severity.CRITICAL, f"Arm: {reason}")
     if reasons:
         return FAILED
-    craft.arm()
-    if not craft.home_given:
-        brain.set_home(craft.position_m)
-    craft.say(Severity.INFO, "Arming motors")
+    state.arm()
+    if not state.home_given:
+        commander.set_home(state.position_m)
+    state.say(Severity.INFO, "Arming motors")
     return ACCEPTED
 
 
-def _takeoff(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _takeoff(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """NAV_TAKEOFF: height above home, armed, in GUIDED, on the ground."""
-    craft = brain.craft
+    state = commander.state
     if command.is_int and command.frame not in _RELATIVE:
         return DENIED
     height_m = command.params[6]
-    ready = craft.armed and craft.on_ground and brain.mode in GUIDED_MODES
+    ready = state.armed and state.on_ground and commander.mode in GUIDED_MODES
     if not (ready and 0.0 < height_m < HIGHEST_M):
         return FAILED
-    home = craft.home_m or craft.position_m
-    brain.takeoff_m = home[2] - height_m
-    brain.guided = None
-    brain.entered_m = craft.position_m
+    home = state.home_m or state.position_m
+    commander.takeoff_m = home[2] - height_m
+    commander.guided = None
+    commander.entered_m = state.position_m
     return ACCEPTED
 
 
 def _to(mode: str) -> Callable[[ArduPilot, float, Command], Answers]:
-    def handler(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
-        if mode not in brain.by_name:
+    def handler(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+        if mode not in commander.by_name:
             return UNSUPPORTED
-        return _done(brain.request(mode))
+        return _done(commander.request(mode))
 
     return handler
 
 
-def _set_mission_item(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """DO_SET_MISSION_CURRENT: DENIED where there is no such item; home is none to fly to."""
     seq = command.params[0]
-    if not math.isfinite(seq) or brain.mission.count < 2 or not brain.mission.set_current(int(seq)):
+    if not math.isfinite(seq) or commander.mission.count < 2 or not commander.mission.set_current(int(seq)):
         return DENIED
     return ACCEPTED
 
 
-def _reposition(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """DO_REPOSITION: in GUIDED, or changing to it with param2 bit 0; the speed in param1 is not looked at."""
     _, flags, _, _, lat, lon, alt = command.params
     if not command.is_int:
@@ -132,128 +132,130 @@ def _reposition(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
     if not on_earth(Place(lat, lon, alt)):
         return DENIED
     change = math.isfinite(flags) and int(flags) & 1
-    if brain.mode != "GUIDED" and not (change and brain.request("GUIDED")):
+    if commander.mode != "GUIDED" and not (change and commander.request("GUIDED")):
         return DENIED
-    craft = brain.craft
-    north, east, down = craft.frame.to_local(lat, lon, alt)
+    state = commander.state
+    north, east, down = state.frame.to_local(lat, lon, alt)
     if command.frame in _RELATIVE:
-        down = (craft.home_m or (0.0, 0.0, 0.0))[2] - alt
-    brain.follow(Setpoint(Kind.TRAVEL, (north, east, down)))
+        down = (state.home_m or (0.0, 0.0, 0.0))[2] - alt
+    commander.follow(Setpoint(Kind.TRAVEL, (north, east, down)))
     return ACCEPTED
 
 
-def _change_speed(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _change_speed(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """DO_CHANGE_SPEED: obeyed in the modes that fly by themselves (`set_speed_xy`)."""
     kind, speed_m_s = command.params[:2]
-    if not speed_m_s > 0.0 or brain.mode not in _SPEED_MODES:
+    if not speed_m_s > 0.0 or commander.mode not in _SPEED_MODES:
         return FAILED
-    brain.speeds.change(kind, speed_m_s)
+    commander.speeds.change(kind, speed_m_s)
     if kind <= 1.9:
-        brain.mission.speed_m_s = speed_m_s
+        commander.mission.speed_m_s = speed_m_s
     return ACCEPTED
 
 
-def _yaw(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _yaw(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """CONDITION_YAW."""
     angle, rate, direction, relative = command.params[:4]
     if not 0.0 <= angle <= 360.0 or relative not in {0.0, 1.0}:
         return FAILED
-    slew = float(brain.craft.parameters.get("ATC_SLEW_YAW", 6000.0)) * 0.01
-    yaw_rad = brain.craft.yaw_rad if brain.turn is None else brain.turn.heading_rad
-    brain.turn = turn_from(yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew)
+    slew = float(commander.state.parameters.get("ATC_SLEW_YAW", 6000.0)) * 0.01
+    yaw_rad = commander.state.yaw_rad if commander.turn is None else commander.turn.heading_rad
+    commander.turn = turn_from(yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew)
     return ACCEPTED
 
 
-def _pause(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _pause(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """DO_PAUSE_CONTINUE: 0 stops, 1 goes on, in GUIDED and on the way to a waypoint in AUTO."""
     if command.params[0] not in {0.0, 1.0}:
         return DENIED
     pause = command.params[0] == 0.0
-    under_way = brain.mode == "GUIDED" or (brain.mode == "AUTO" and not brain.craft.on_ground)
+    under_way = commander.mode == "GUIDED" or (commander.mode == "AUTO" and not commander.state.on_ground)
     if not under_way:
-        brain.craft.say(Severity.INFO, f"Failed to {'pause' if pause else 'resume'}")
+        commander.state.say(Severity.INFO, f"Failed to {'pause' if pause else 'resume'}")
         return FAILED
-    brain.paused = pause
+    commander.paused = pause
     return ACCEPTED
 
 
-def _set_home(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
-    craft = brain.craft
+def _set_home(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+    state = commander.state
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0 or (lat == 0.0 and lon == 0.0 and alt == 0.0):
-        if not craft.estimator.position_valid:
+        if not state.estimator.position_valid:
             return FAILED
-        brain.set_home(craft.position_m, given=use_current == 1.0)
+        commander.set_home(state.position_m, given=use_current == 1.0)
         return ACCEPTED
     if not on_earth(Place(lat, lon, alt)):
         return DENIED
-    brain.set_home(craft.frame.to_local(lat, lon, alt), given=True)
+    commander.set_home(state.frame.to_local(lat, lon, alt), given=True)
     return ACCEPTED
 
 
-def _terminate(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _terminate(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     if not command.params[0] > 0.5:
         return FAILED
-    brain.disarm()
-    brain.craft.say(Severity.CRITICAL, "Terminating due to GCS request")
+    commander.disarm()
+    commander.state.say(Severity.CRITICAL, "Terminating due to GCS request")
     return ACCEPTED
 
 
-def _reboot(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
-    if brain.craft.armed or command.params[0] not in {1.0, 3.0}:
+def _reboot(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+    if commander.state.armed or command.params[0] not in {1.0, 3.0}:
         return FAILED
-    brain.craft.conditions.put("reboot", value=True)
+    commander.state.conditions.put("reboot", value=True)
     return ACCEPTED
 
 
-def _prearm(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _prearm(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """RUN_PREARM_CHECKS: the reasons come as texts."""
-    for reason in safety.failing(brain):
-        brain.craft.say(Severity.CRITICAL, f"PreArm: {reason}")
+    for reason in safety.failing(commander.state):
+        commander.state.say(Severity.CRITICAL, f"PreArm: {reason}")
     return ACCEPTED
 
 
-def _tell_home(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _tell_home(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """GET_HOME_POSITION."""
-    if brain.craft.home_m is None:
+    if commander.state.home_m is None:
         return FAILED
-    brain.craft.news += ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
+    commander.state.news += ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
     return ACCEPTED
 
 
-def _land_start(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _land_start(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """DO_LAND_START: the mock's missions have no landing sequence to go to."""
-    brain.craft.say(Severity.WARNING, "Unable to start landing sequence")
-    brain.craft.say(Severity.WARNING, "Mode change to AUTO RTL failed: No landing sequence found")
+    commander.state.say(Severity.WARNING, "Unable to start landing sequence")
+    commander.state.say(Severity.WARNING, "Mode change to AUTO RTL failed: No landing sequence found")
     return FAILED
 
 
-def _storage(brain: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _storage(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """PREFLIGHT_STORAGE: 2 resets all parameters at the next start; what is set is stored anyway."""
     if command.params[0] != 2.0:
         return DENIED
-    brain.craft.say(Severity.WARNING, "All parameters reset, reboot board")
+    commander.state.say(Severity.WARNING, "All parameters reset, reboot board")
     return ACCEPTED
 
 
-def _arm_by_button(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _arm_by_button(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """SOLO_BTN_FLY_HOLD: arms in LOITER on the ground, lands in the air."""
-    if brain.craft.armed:
-        return _done(brain.request("LAND"))
-    return _arm_now(brain, forced=False) if brain.request("LOITER") else FAILED
+    if commander.state.armed:
+        return _done(commander.request("LAND"))
+    return _arm_now(commander, forced=False) if commander.request("LOITER") else FAILED
 
 
-def _disarm_by_button(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _disarm_by_button(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """SOLO_BTN_PAUSE_CLICK and _FLY_CLICK: disarm on the ground."""
-    if brain.craft.armed and brain.craft.on_ground:
-        brain.craft.say(Severity.INFO, "Disarming motors")
-        brain.disarm()
+    if commander.state.armed and commander.state.on_ground:
+        commander.state.say(Severity.INFO, "Disarming motors")
+        commander.disarm()
     return ACCEPTED
 
 
-def _banner(brain: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _banner(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """DO_SEND_BANNER."""
-    brain.craft.say(Severity.INFO, "ArduCopter V4.5.7 (8125b5f9)" if brain.rig.flies else "ArduRover V4.5.7")
+    commander.state.say(
+        Severity.INFO, "ArduCopter V4.5.7 (8125b5f9)" if commander.firmware.flies else "ArduRover V4.5.7"
+    )
     return ACCEPTED
 
 

@@ -4,10 +4,11 @@ import math
 from typing import Final
 
 from sitl_mock.ardupilot import guided
-from sitl_mock.ardupilot.brain import DECIDE_S, ArduPilot
 from sitl_mock.ardupilot.circle import circle_from
+from sitl_mock.ardupilot.commander import DECIDE_S, ArduPilot
+from sitl_mock.ardupilot.commands import execute
+from sitl_mock.ardupilot.firmware import Firmware
 from sitl_mock.ardupilot.modes import COPTER_MODES
-from sitl_mock.ardupilot.rig import Rig
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.setpoints import turned
 
@@ -21,50 +22,52 @@ _DEAD_BAND: Final = 0.2
 _STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
 
 
-def _guided(brain: ArduPilot) -> Setpoint:
+def _guided(commander: ArduPilot) -> Setpoint:
     """A take-off first, then the stream; a velocity alone does not leave the ground."""
-    craft = brain.craft
-    if math.isfinite(brain.takeoff_m):
-        north, east, _ = brain.entered_m
-        if craft.flew and abs(craft.position_m[2] - brain.takeoff_m) < _REACHED_M:
-            brain.guided = Setpoint(Kind.TRAVEL, (north, east, brain.takeoff_m), yaw_rad=brain.entered_yaw_rad)
-            brain.takeoff_m = _NAN
-            brain.just_taken_off = True
+    state = commander.state
+    if math.isfinite(commander.takeoff_m):
+        north, east, _ = commander.entered_m
+        if state.flew and abs(state.position_m[2] - commander.takeoff_m) < _REACHED_M:
+            commander.guided = Setpoint(
+                Kind.TRAVEL, (north, east, commander.takeoff_m), yaw_rad=commander.entered_yaw_rad
+            )
+            commander.takeoff_m = _NAN
+            commander.just_taken_off = True
         else:
-            return Setpoint(Kind.TRAVEL, (north, east, brain.takeoff_m), yaw_rad=brain.entered_yaw_rad)
-    if not craft.on_ground:
-        return brain.guided_setpoint()
-    return _lifting(brain) or brain.idling
+            return Setpoint(Kind.TRAVEL, (north, east, commander.takeoff_m), yaw_rad=commander.entered_yaw_rad)
+    if not state.on_ground:
+        return commander.guided_setpoint()
+    return _lifting(commander) or commander.idling
 
 
-def _lifting(brain: ArduPilot) -> Setpoint | None:
+def _lifting(commander: ArduPilot) -> Setpoint | None:
     """An attitude target with a climb, or a thrust, takes off; no other setpoint does."""
-    wanted = brain.guided
+    wanted = commander.guided
     if wanted is None or wanted.kind is not Kind.ATTITUDE:
         return None
     lifts = wanted.velocity_ned_m_s[2] < 0.0 or wanted.thrust > 0.0
-    return brain.guided_setpoint() if lifts else None
+    return commander.guided_setpoint() if lifts else None
 
 
-def _attitude_only(brain: ArduPilot) -> Setpoint:
+def _attitude_only(commander: ArduPilot) -> Setpoint:
     """GUIDED_NOGPS: level until something is asked for."""
-    if brain.craft.on_ground:
-        return _lifting(brain) or brain.idling
-    return guided.LEVEL if brain.guided is None else brain.guided_setpoint()
+    if commander.state.on_ground:
+        return _lifting(commander) or commander.idling
+    return guided.LEVEL if commander.guided is None else commander.guided_setpoint()
 
 
-def _circle(brain: ArduPilot) -> Setpoint:
-    craft = brain.craft
-    if craft.on_ground:
-        return brain.idling
-    if brain.circle is None:
-        brain.circle = circle_from(craft.position_m, craft.yaw_rad, craft.parameters)
-    return brain.circle.setpoint(_stick_climb(brain), DECIDE_S)
+def _circle(commander: ArduPilot) -> Setpoint:
+    state = commander.state
+    if state.on_ground:
+        return commander.idling
+    if commander.circle is None:
+        commander.circle = circle_from(state.position_m, state.yaw_rad, state.parameters)
+    return commander.circle.setpoint(_stick_climb(commander), DECIDE_S)
 
 
-def _stick_climb(brain: ArduPilot) -> float:
+def _stick_climb(commander: ArduPilot) -> float:
     """Climb rate of the throttle stick: none within the dead band, PILOT_SPEED_UP or _DN at its ends."""
-    parameters, stick = brain.craft.parameters, brain.sticks.throttle
+    parameters, stick = commander.state.parameters, commander.sticks.throttle
     if abs(stick) <= _DEAD_BAND:
         return 0.0
     fastest = (
@@ -73,57 +76,57 @@ def _stick_climb(brain: ArduPilot) -> float:
     return math.copysign((abs(stick) - _DEAD_BAND) / (1.0 - _DEAD_BAND), stick) * float(fastest) * 0.01
 
 
-def _land_over(brain: ArduPilot, north_m: float, east_m: float) -> Setpoint:
-    craft = brain.craft
-    height = craft.ground_m - craft.position_m[2]
-    parameters = craft.parameters
+def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
+    state = commander.state
+    height = state.ground_m - state.position_m[2]
+    parameters = state.parameters
     fast = float(parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]) * 0.01
     speed = fast if height > float(parameters["LAND_ALT_LOW"]) * 0.01 else float(parameters["LAND_SPEED"]) * 0.01
-    return Setpoint(Kind.TRAVEL, (north_m, east_m, _NAN), (_NAN, _NAN, speed), yaw_rad=brain.entered_yaw_rad)
+    return Setpoint(Kind.TRAVEL, (north_m, east_m, _NAN), (_NAN, _NAN, speed), yaw_rad=commander.entered_yaw_rad)
 
 
-def _land(brain: ArduPilot) -> Setpoint:
-    if brain.craft.on_ground:
-        return brain.idling
-    return _land_over(brain, brain.entered_m[0], brain.entered_m[1])
+def _land(commander: ArduPilot) -> Setpoint:
+    if commander.state.on_ground:
+        return commander.idling
+    return _land_over(commander, commander.entered_m[0], commander.entered_m[1])
 
 
-def _return(brain: ArduPilot) -> Setpoint:
+def _return(commander: ArduPilot) -> Setpoint:
     """Climb to RTL_ALT, fly home, wait RTL_LOIT_TIME, land."""
-    craft = brain.craft
-    if craft.on_ground:
-        return brain.idling
-    home = craft.home_m or brain.entered_m
-    north, east, down = craft.position_m
-    height_m = min(home[2] - float(craft.parameters["RTL_ALT"]) * 0.01, brain.entered_m[2])
-    if not brain.stage:
-        brain.stage, brain.stage_s = "climb", craft.now_s
-    climbed = down - height_m < _REACHED_M and craft.now_s - brain.stage_s > _CLIMB_LEAST_S
-    if brain.stage == "climb" and climbed:
-        brain.stage = "return"
-    if brain.stage == "return" and math.hypot(north - home[0], east - home[1]) < 1.0:
-        brain.stage, brain.stage_s = "wait", craft.now_s
-    if brain.stage == "wait" and craft.now_s - brain.stage_s > float(craft.parameters["RTL_LOIT_TIME"]) * 1e-3:
-        brain.stage = "land"
-    if brain.stage == "land":
-        return _land_over(brain, home[0], home[1])
-    place = brain.entered_m if brain.stage == "climb" else home
-    yaw_rad = brain.entered_yaw_rad if int(craft.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
-    speed = float(craft.parameters["RTL_SPEED"]) * 0.01 or _NAN
+    state = commander.state
+    if state.on_ground:
+        return commander.idling
+    home = state.home_m or commander.entered_m
+    north, east, down = state.position_m
+    height_m = min(home[2] - float(state.parameters["RTL_ALT"]) * 0.01, commander.entered_m[2])
+    if not commander.stage:
+        commander.stage, commander.stage_s = "climb", state.now_s
+    climbed = down - height_m < _REACHED_M and state.now_s - commander.stage_s > _CLIMB_LEAST_S
+    if commander.stage == "climb" and climbed:
+        commander.stage = "return"
+    if commander.stage == "return" and math.hypot(north - home[0], east - home[1]) < 1.0:
+        commander.stage, commander.stage_s = "wait", state.now_s
+    if commander.stage == "wait" and state.now_s - commander.stage_s > float(state.parameters["RTL_LOIT_TIME"]) * 1e-3:
+        commander.stage = "land"
+    if commander.stage == "land":
+        return _land_over(commander, home[0], home[1])
+    place = commander.entered_m if commander.stage == "climb" else home
+    yaw_rad = commander.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
+    speed = float(state.parameters["RTL_SPEED"]) * 0.01 or _NAN
     return Setpoint(Kind.TRAVEL, (place[0], place[1], height_m), yaw_rad=yaw_rad, speed_m_s=speed)
 
 
-def _brake(brain: ArduPilot) -> Setpoint:
-    return brain.idling if brain.craft.on_ground else Setpoint(Kind.BRAKE)
+def _brake(commander: ArduPilot) -> Setpoint:
+    return commander.idling if commander.state.on_ground else Setpoint(Kind.BRAKE)
 
 
-def _by_stick(brain: ArduPilot) -> Setpoint:
+def _by_stick(commander: ArduPilot) -> Setpoint:
     """Sticks as velocities. The simulator's radio rests with the throttle stick down, so the copter sinks."""
-    craft = brain.craft
-    sticks, climb = brain.sticks, _stick_climb(brain)
-    if craft.on_ground and climb <= 0.0:
-        return brain.idling
-    level = turned((sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0), craft.yaw_rad)
+    state = commander.state
+    sticks, climb = commander.sticks, _stick_climb(commander)
+    if state.on_ground and climb <= 0.0:
+        return commander.idling
+    level = turned((sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0), state.yaw_rad)
     return Setpoint(
         Kind.TRAVEL,
         velocity_ned_m_s=(level[0], level[1], -climb),
@@ -131,25 +134,26 @@ def _by_stick(brain: ArduPilot) -> Setpoint:
     )
 
 
-def _auto(brain: ArduPilot) -> Setpoint:
-    craft = brain.craft
-    leg = brain.mission.leg(craft, brain.entered_m)
-    if brain.mission.over:
-        brain.mission_over()
-        return _brake(brain)
+def _auto(commander: ArduPilot) -> Setpoint:
+    state = commander.state
+    leg = commander.mission.leg(state, commander.entered_m)
+    if commander.mission.over:
+        commander.mission_over()
+        return _brake(commander)
     if leg.landing:
-        return brain.idling if craft.on_ground else _land_over(brain, leg.position_m[0], leg.position_m[1])
-    if craft.on_ground and not leg.taking_off:
-        return brain.idling
-    if brain.paused:
+        return commander.idling if state.on_ground else _land_over(commander, leg.position_m[0], leg.position_m[1])
+    if state.on_ground and not leg.taking_off:
+        return commander.idling
+    if commander.paused:
         return guided.STOP
     return Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
 
 
-COPTER: Final = Rig(
+COPTER: Final = Firmware[ArduPilot](
     modes=COPTER_MODES,
     first_mode="STABILIZE",
     hold_mode="LAND",
+    execute=execute,
     flights={
         "STABILIZE": _by_stick,
         "ACRO": _by_stick,

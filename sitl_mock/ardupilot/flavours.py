@@ -5,12 +5,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from sitl_mock.ardupilot.brain import ArduPilot
+from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.copter import COPTER
 from sitl_mock.ardupilot.files import files_of
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, ArduGains, Rover, Vehicle, arducopter_quadrotor
 from sitl_mock.estimator import ARDUPILOT_WANDER
 from sitl_mock.flavour import Flavour
@@ -23,6 +22,7 @@ from sitl_mock.protocols import (
     PlanStore,
     ardupilot_identity,
 )
+from sitl_mock.vehicle_state import VehicleState
 
 _GAINS: Final = {
     "xy_p_1_s": "PSC_POSXY_P",
@@ -65,14 +65,14 @@ def rover_plant(parameters: Mapping[str, float]) -> Vehicle:
     )
 
 
-def copter_brain(craft: Craft, plans: PlanStore) -> ArduPilot:
+def copter_commander(state: VehicleState, plans: PlanStore) -> ArduPilot:
     """An ArduCopter."""
-    return ArduPilot(craft, plans, COPTER)
+    return ArduPilot(state, plans, COPTER)
 
 
-def rover_brain(craft: Craft, plans: PlanStore) -> ArduPilot:
+def rover_commander(state: VehicleState, plans: PlanStore) -> ArduPilot:
     """A Rover."""
-    return ArduPilot(craft, plans, ROVER)
+    return ArduPilot(state, plans, ROVER)
 
 
 _RATES: Final = {"onboard": ARDUPILOT_HZ, "gcs": ARDUPILOT_HZ}
@@ -90,7 +90,7 @@ ARDUCOPTER: Final = Flavour(
     rates_hz=_RATES,
     identity=ardupilot_identity,
     plant=copter_plant,
-    brain=copter_brain,
+    commander=copter_commander,
     wander=ARDUPILOT_WANDER,
     ready_s=39.0,
     texts=True,
@@ -111,7 +111,7 @@ ROVER_FLAVOUR: Final = Flavour(
     rates_hz=_RATES,
     identity=ardupilot_identity,
     plant=rover_plant,
-    brain=rover_brain,
+    commander=rover_commander,
     wander=ARDUPILOT_WANDER,
     ready_s=20.0,
     texts=True,

@@ -6,7 +6,6 @@ A field is ignored as a whole when any of its three bits is set. What makes no s
 import math
 from typing import Any, Final
 
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import IGNORED, ZERO, Kind, Setpoint
 from sitl_mock.protocols import PlanItem
 from sitl_mock.setpoints import (
@@ -26,6 +25,7 @@ from sitl_mock.setpoints import (
     read_local,
     turned,
 )
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
 STOP: Final = Setpoint(Kind.STREAM, velocity_ned_m_s=ZERO)
@@ -37,25 +37,25 @@ _FROM_HERE: Final = frozenset({LOCAL_OFFSET_NED, BODY_NED, BODY_OFFSET_NED})
 _LOCAL: Final = frozenset({LOCAL_NED}) | _FROM_HERE
 
 
-def read(craft: Craft, message: Any) -> Setpoint | None:  # noqa: ANN401 - pymavlink has no types
+def read(state: VehicleState, message: Any) -> Setpoint | None:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, STOP where it makes no sense, or None where ArduPilot ignores it."""
     kind = message.get_type()
     if kind == "SET_POSITION_TARGET_LOCAL_NED":
         target = read_local(message)
-        return _read(craft, target) if target.frame in _LOCAL else None
+        return _read(state, target) if target.frame in _LOCAL else None
     if kind == "SET_POSITION_TARGET_GLOBAL_INT":
-        target = read_global(message, craft.frame, craft.home_m)
-        return _read(craft, target) if target.frame in GLOBAL_FRAMES else None
+        target = read_global(message, state.frame, state.home_m)
+        return _read(state, target) if target.frame in GLOBAL_FRAMES else None
     return None
 
 
-def _read(craft: Craft, target: Target) -> Setpoint | None:
+def _read(state: VehicleState, target: Target) -> Setpoint | None:
     mask = target.type_mask
     if mask & FORCE and not mask & IGNORE_ACCELERATION:
         return None
-    position = IGNORED if mask & IGNORE_POSITION else _placed(craft, target)
-    velocity = _axes(craft, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
-    acceleration = _axes(craft, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
+    position = IGNORED if mask & IGNORE_POSITION else _placed(state, target)
+    velocity = _axes(state, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
+    acceleration = _axes(state, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
     given = (
         *(() if mask & IGNORE_POSITION else position),
         *(() if mask & IGNORE_VELOCITY else velocity),
@@ -65,7 +65,7 @@ def _read(craft: Craft, target: Target) -> Setpoint | None:
         return STOP
     if not mask & IGNORE_VELOCITY and math.hypot(*velocity) > _FASTEST_M_S:
         return STOP
-    yaw_rad = _finite(target.yaw_rad) + (craft.yaw_rad if target.frame in _BODY else 0.0)
+    yaw_rad = _finite(target.yaw_rad) + (state.yaw_rad if target.frame in _BODY else 0.0)
     if mask & IGNORE_VELOCITY and not mask & IGNORE_POSITION:
         if not mask & IGNORE_ACCELERATION:
             return STOP
@@ -80,14 +80,14 @@ def _read(craft: Craft, target: Target) -> Setpoint | None:
     )
 
 
-def item_setpoint(craft: Craft, item: PlanItem) -> Setpoint | None:
+def item_setpoint(state: VehicleState, item: PlanItem) -> Setpoint | None:
     """Return where a mission item with current 2 leads, None where it is no waypoint."""
     if item.command != _WAYPOINT:
         return None
     altitude = item.z
     if item.frame in GLOBAL_RELATIVE:
-        altitude += craft.frame.origin.alt_amsl_m - (craft.home_m[2] if craft.home_m is not None else 0.0)
-    place = craft.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
+        altitude += state.frame.origin.alt_amsl_m - (state.home_m[2] if state.home_m is not None else 0.0)
+    place = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
     return Setpoint(Kind.TRAVEL, place) if all(map(math.isfinite, place)) else None
 
 
@@ -95,14 +95,14 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _axes(craft: Craft, target: Target, vector: Vector, ignored: int) -> Vector:
+def _axes(state: VehicleState, target: Target, vector: Vector, ignored: int) -> Vector:
     if ignored:
         return IGNORED
-    return turned(vector, craft.yaw_rad) if target.frame in _BODY else vector
+    return turned(vector, state.yaw_rad) if target.frame in _BODY else vector
 
 
-def _placed(craft: Craft, target: Target) -> Vector:
+def _placed(state: VehicleState, target: Target) -> Vector:
     position = target.position_m
     if target.frame in _BODY:
-        position = turned(position, craft.yaw_rad)
-    return added(position, craft.position_m) if target.frame in _FROM_HERE else position
+        position = turned(position, state.yaw_rad)
+    return added(position, state.position_m) if target.frame in _FROM_HERE else position

@@ -3,63 +3,65 @@
 import math
 from typing import Final
 
-from sitl_mock.ardupilot.brain import ArduPilot
+from sitl_mock.ardupilot.commander import ArduPilot
+from sitl_mock.ardupilot.commands import execute
+from sitl_mock.ardupilot.firmware import Firmware
 from sitl_mock.ardupilot.modes import ROVER_MODES
-from sitl_mock.ardupilot.rig import Rig
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.setpoints import turned
 
 
-def _stand(_brain: ArduPilot) -> Setpoint:
+def _stand(_commander: ArduPilot) -> Setpoint:
     return Setpoint(Kind.BRAKE)
 
 
-def _stay(brain: ArduPilot) -> Setpoint:
-    north, east, _ = brain.entered_m
+def _stay(commander: ArduPilot) -> Setpoint:
+    north, east, _ = commander.entered_m
     return Setpoint(Kind.TRAVEL, (north, east, math.nan))
 
 
-def _manual(brain: ArduPilot) -> Setpoint:
-    sticks, fast = brain.craft.pilot.sticks, float(brain.craft.parameters["CRUISE_SPEED"])
-    velocity = turned((sticks.throttle * fast, 0.0, 0.0), brain.craft.yaw_rad)
+def _manual(commander: ArduPilot) -> Setpoint:
+    sticks, fast = commander.state.pilot.sticks, float(commander.state.parameters["CRUISE_SPEED"])
+    velocity = turned((sticks.throttle * fast, 0.0, 0.0), commander.state.yaw_rad)
     if not any(sticks):
         return Setpoint(Kind.BRAKE)
-    turn = sticks.roll * math.radians(float(brain.craft.parameters["ATC_STR_RAT_MAX"]))
+    turn = sticks.roll * math.radians(float(commander.state.parameters["ATC_STR_RAT_MAX"]))
     return Setpoint(Kind.TRAVEL, velocity_ned_m_s=velocity, yaw_rate_rad_s=turn)
 
 
-def _speed(brain: ArduPilot) -> float:
-    set_m_s = brain.speeds.level_m_s
+def _speed(commander: ArduPilot) -> float:
+    set_m_s = commander.speeds.level_m_s
     return (
         set_m_s
         if set_m_s > 0.0
-        else float(brain.craft.parameters["WP_SPEED"] or brain.craft.parameters["CRUISE_SPEED"])
+        else float(commander.state.parameters["WP_SPEED"] or commander.state.parameters["CRUISE_SPEED"])
     )
 
 
-def _return(brain: ArduPilot) -> Setpoint:
-    home = brain.craft.home_m or brain.entered_m
-    return Setpoint(Kind.TRAVEL, (home[0], home[1], math.nan), speed_m_s=_speed(brain))
+def _return(commander: ArduPilot) -> Setpoint:
+    home = commander.state.home_m or commander.entered_m
+    return Setpoint(Kind.TRAVEL, (home[0], home[1], math.nan), speed_m_s=_speed(commander))
 
 
-def _auto(brain: ArduPilot) -> Setpoint:
-    brain.craft.flew = True
-    leg = brain.mission.leg(brain.craft, brain.entered_m)
-    if brain.mission.over:
-        brain.mission_over()
+def _auto(commander: ArduPilot) -> Setpoint:
+    commander.state.flew = True
+    leg = commander.mission.leg(commander.state, commander.entered_m)
+    if commander.mission.over:
+        commander.mission_over()
         return Setpoint(Kind.BRAKE)
-    speed = leg.speed_m_s if leg.speed_m_s > 0.0 else _speed(brain)
+    speed = leg.speed_m_s if leg.speed_m_s > 0.0 else _speed(commander)
     return Setpoint(Kind.TRAVEL, (leg.position_m[0], leg.position_m[1], math.nan), speed_m_s=speed)
 
 
-def _guided(brain: ArduPilot) -> Setpoint:
-    return brain.guided_setpoint()
+def _guided(commander: ArduPilot) -> Setpoint:
+    return commander.guided_setpoint()
 
 
-ROVER: Final = Rig(
+ROVER: Final = Firmware[ArduPilot](
     modes=ROVER_MODES,
     first_mode="MANUAL",
     hold_mode="HOLD",
+    execute=execute,
     flights={
         "MANUAL": _manual,
         "HOLD": _stand,

@@ -8,7 +8,7 @@ from sitl_mock.faults.contents import CONTENT_KINDS
 from sitl_mock.faults.effect import Kind
 from sitl_mock.faults.evader import EVADER_KINDS
 from sitl_mock.faults.links import LINK_KINDS
-from sitl_mock.faults.strangers import STRANGER_KINDS
+from sitl_mock.faults.other_senders import STRANGER_KINDS
 from sitl_mock.faults.vehicle import FLIGHT_KINDS
 
 KINDS: Mapping[str, Kind] = MappingProxyType(

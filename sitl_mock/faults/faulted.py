@@ -18,8 +18,8 @@ from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
 from sitl_mock.faults.catalogue import KINDS
 from sitl_mock.faults.effect import Direction, Effect, Making
+from sitl_mock.faults.other_senders import GUIDED_OF
 from sitl_mock.faults.script import Fault, FaultScript, parse_fault
-from sitl_mock.faults.strangers import GUIDED_OF
 from sitl_mock.mavlink import SPEC_BY_NAME
 
 if TYPE_CHECKING:
@@ -277,9 +277,9 @@ class Faulted:
 
     def _states(self) -> frozenset[str]:
         vehicle = self.vehicle
-        grounded = vehicle.autopilot.craft.on_ground
+        grounded = vehicle.autopilot.state.on_ground
         states = {vehicle.mode, "ARMED" if vehicle.armed else "DISARMED", "LANDED" if grounded else "AIRBORNE"}
-        if vehicle.autopilot.brain.ready_to_arm:
+        if vehicle.autopilot.commander.ready_to_arm:
             states.add("READY")
         return frozenset(states)
 

@@ -21,7 +21,7 @@ from sitl_mock.faults.effect import (
     number,
     text,
 )
-from sitl_mock.faults.strangers import mode_named
+from sitl_mock.faults.other_senders import mode_named
 from sitl_mock.pilot import Sticks
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ def _radio(making: Making, effect: Effect) -> Effect:
 
     def prepare(now_s: float) -> None:
         vehicle.inject("rc", value=True)
-        if not vehicle.autopilot.craft.pilot.known:
-            vehicle.autopilot.craft.pilot.hear(now_s, Sticks())
+        if not vehicle.autopilot.state.pilot.known:
+            vehicle.autopilot.state.pilot.hear(now_s, Sticks())
 
     effect.prepare = prepare
     return effect

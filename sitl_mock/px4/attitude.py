@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import IGNORED, PX4_AIRFRAME, Kind, Setpoint
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of, rotated
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
 _NO_ROLL_RATE, _NO_PITCH_RATE, _NO_YAW_RATE = 1, 2, 4  # ATTITUDE_TARGET_TYPEMASK
@@ -47,11 +47,11 @@ class BodyRates:
         return _pushed(self.attitude, self.thrust)
 
 
-def read_attitude(craft: Craft, message: Any, before: BodyRates | None) -> Setpoint | BodyRates | str:  # noqa: ANN401 - pymavlink has no types
+def read_attitude(state: VehicleState, message: Any, before: BodyRates | None) -> Setpoint | BodyRates | str:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a SET_ATTITUDE_TARGET, or why it is none.
 
     Args:
-        craft: Whose attitude body rates begin at.
+        state: Whose attitude body rates begin at.
         message: The message.
         before: Body rates in force so far.
     """
@@ -71,13 +71,13 @@ def read_attitude(craft: Craft, message: Any, before: BodyRates | None) -> Setpo
     rates = (message.body_roll_rate, message.body_pitch_rate, yaw_rate)
     if not all(map(math.isfinite, rates)):
         return _INVALID
-    attitude = quaternion_of(*craft.attitude[:3]) if before is None else before.attitude
+    attitude = quaternion_of(*state.attitude[:3]) if before is None else before.attitude
     return BodyRates(rates, thrust, attitude)
 
 
-def in_ned(vector: Vector, craft: Craft) -> Vector:
+def in_ned(vector: Vector, state: VehicleState) -> Vector:
     """Turn forward, right, down of the body into north, east, down."""
-    return rotated(quaternion_of(*craft.attitude[:3]), vector)
+    return rotated(quaternion_of(*state.attitude[:3]), vector)
 
 
 def _thrust(message: Any) -> float:  # noqa: ANN401 - as above

@@ -6,7 +6,6 @@ import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.craft import Severity
 from sitl_mock.missions import flyable
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 from sitl_mock.px4 import checks, going
@@ -14,11 +13,12 @@ from sitl_mock.px4.answers import ACCEPTED, DENIED, REFUSED, UNSUPPORTED, Answer
 from sitl_mock.px4.modes import BY_NAME
 from sitl_mock.px4.plain import PLAIN
 from sitl_mock.px4.requests import meant
+from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from sitl_mock.px4.brain import Px4
+    from sitl_mock.px4.commander import Px4
 
 FORCE_MAGIC: Final = 21196
 SECOND_ACK_S: Final = 0.02
@@ -54,32 +54,32 @@ def _arm(px4: Px4, _now_s: float, command: Command) -> Answers:
         return (CommandAnswer(Result.UNSUPPORTED),)
     if want == 1.0:
         return _arm_now(px4)
-    craft = px4.craft
-    if not craft.armed:
+    state = px4.state
+    if not state.armed:
         return ACCEPTED
-    if not craft.on_ground and force != FORCE_MAGIC:
-        craft.say(Severity.CRITICAL, "Disarming denied! Not landed")
+    if not state.on_ground and force != FORCE_MAGIC:
+        state.say(Severity.CRITICAL, "Disarming denied! Not landed")
         return REFUSED
     px4.disarm()
-    craft.say(Severity.INFO, "Disarmed by external command")
+    state.say(Severity.INFO, "Disarmed by external command")
     return ACCEPTED
 
 
 def _arm_now(px4: Px4, by: str = "external command") -> Answers:
-    craft = px4.craft
-    if craft.armed:
+    state = px4.state
+    if state.armed:
         return ACCEPTED
-    px4.there = checks.available(craft, px4.plans, px4.stream_s)
-    reasons = checks.refusals(craft, BY_NAME[px4.intention], px4.there)
+    px4.there = checks.available(state, px4.plans, px4.stream_s)
+    reasons = checks.refusals(state, BY_NAME[px4.intention], px4.there)
     if reasons:
-        craft.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
+        state.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
         for reason in reasons:
-            craft.say(Severity.CRITICAL, reason)
+            state.say(Severity.CRITICAL, reason)
         return REFUSED
-    craft.arm()
-    px4.home.arm(craft, in_mission=px4.mode == "MISSION")
-    craft.pilot.settle()
-    craft.say(Severity.INFO, f"Armed by {by}")
+    state.arm()
+    px4.home.arm(state, in_mission=px4.mode == "MISSION")
+    state.pilot.settle()
+    state.say(Severity.INFO, f"Armed by {by}")
     return ACCEPTED
 
 
@@ -94,7 +94,7 @@ def _to(mode: str, text: str) -> Callable[[Px4, float, Command], Answers]:
     def handler(px4: Px4, now_s: float, _command: Command) -> Answers:
         granted = px4.request(now_s, mode)
         if granted:
-            px4.craft.say(Severity.INFO, text)
+            px4.state.say(Severity.INFO, text)
         return _granted(granted)
 
     return handler
@@ -103,7 +103,7 @@ def _to(mode: str, text: str) -> Callable[[Px4, float, Command], Answers]:
 def _start_mission(px4: Px4, now_s: float, command: Command) -> Answers:
     """MISSION_START: the mode is changed, and the vehicle armed."""
     if not flyable(px4.plans.mission.items):
-        px4.craft.say(Severity.CRITICAL, "Mission start denied! No valid mission")
+        px4.state.say(Severity.CRITICAL, "Mission start denied! No valid mission")
         return DENIED
     first = command.params[0]
     if not (math.isfinite(first) and -1.0 <= first < px4.mission.count):
@@ -122,12 +122,12 @@ def _change_speed(px4: Px4, _now_s: float, command: Command) -> Answers:
 
 
 def _set_home(px4: Px4, _now_s: float, command: Command) -> Answers:
-    craft = px4.craft
+    state = px4.state
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0:
-        craft.set_home(craft.position_m)
+        state.set_home(state.position_m)
     elif on_earth(Place(lat, lon, alt)):
-        craft.set_home(craft.frame.to_local(lat, lon, alt), given=True)
+        state.set_home(state.frame.to_local(lat, lon, alt), given=True)
     else:
         return DENIED
     return ACCEPTED
@@ -135,23 +135,23 @@ def _set_home(px4: Px4, _now_s: float, command: Command) -> Answers:
 
 def _terminate(px4: Px4, _now_s: float, command: Command) -> Answers:
     """DO_FLIGHTTERMINATION: in earnest only while armed."""
-    if not (command.params[0] > 0.5 and px4.craft.armed):
+    if not (command.params[0] > 0.5 and px4.state.armed):
         return DENIED
     px4.mode = px4.intention = "TERMINATION"
-    px4.craft.say(Severity.EMERGENCY, "Flight termination")
+    px4.state.say(Severity.EMERGENCY, "Flight termination")
     return ACCEPTED
 
 
 def _reboot(px4: Px4, _now_s: float, command: Command) -> Answers:
-    if px4.craft.armed:
+    if px4.state.armed:
         return REFUSED
     if command.params[0] in {1.0, 3.0}:
-        px4.craft.conditions.put("reboot", value=True)
+        px4.state.conditions.put("reboot", value=True)
     return ACCEPTED
 
 
 def _calibrate(px4: Px4, _now_s: float, _command: Command) -> Answers:
-    return REFUSED if px4.craft.armed else ACCEPTED
+    return REFUSED if px4.state.armed else ACCEPTED
 
 
 _HANDLERS: Mapping[int, Callable[[Px4, float, Command], Answers]] = MappingProxyType(

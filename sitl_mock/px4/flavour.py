@@ -16,13 +16,17 @@ from sitl_mock.protocols import (
     PX4_OWN_ID_ONLY,
     PX4_PARAMETER_RULES,
     PX4_STREAM_RULES,
+    PlanStore,
     px4_identity,
 )
-from sitl_mock.px4.brain import Px4
+from sitl_mock.px4.commander import Px4
+from sitl_mock.px4.commands import execute
 from sitl_mock.px4.events import event_of
 from sitl_mock.px4.files import files_of
 from sitl_mock.px4.modes import MODES
+from sitl_mock.px4.tasks import fly
 from sitl_mock.sensors import PX4_SENSORS
+from sitl_mock.vehicle_state import VehicleState
 
 _GAINS: Final = {
     "xy_p_1_s": "MPC_XY_P",
@@ -52,6 +56,11 @@ _TRAVEL: Final = {
 }
 
 
+def px4_commander(state: VehicleState, plans: PlanStore) -> Px4:
+    """PX4's decisions, with the commands it obeys and the modes it flies."""
+    return Px4(state, plans, execute, fly)
+
+
 def plant(parameters: Mapping[str, float]) -> Vehicle:
     """The quadrotor under these parameters."""
     gains = {name: float(parameters[parameter]) for name, parameter in _GAINS.items()}
@@ -79,7 +88,7 @@ PX4: Final = Flavour(
     rates_hz={"onboard": PX4_ONBOARD_HZ, "gcs": PX4_GCS_HZ},
     identity=px4_identity,
     plant=plant,
-    brain=Px4,
+    commander=px4_commander,
     wander=PX4_WANDER,
     ready_s=5.0,
     texts=None,

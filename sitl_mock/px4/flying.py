@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.px4.follow import Follow
 from sitl_mock.px4.orbit import Orbit
 from sitl_mock.setpoints import turned
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
 _NAN = math.nan
@@ -45,59 +45,59 @@ class Plan:
     follow: Follow | None = None
 
 
-def hold(craft: Craft, plan: Plan) -> Setpoint:
+def hold(state: VehicleState, plan: Plan) -> Setpoint:
     """Stop and stay, or go where DO_REPOSITION said."""
     if math.isnan(plan.goal_m[0]):
         return Setpoint(Kind.BRAKE, yaw_rad=plan.yaw_rad)
     if not plan.heading_kept:
-        plan.yaw_rad = facing(craft, plan.goal_m, plan.yaw_rad)
-    return Setpoint(Kind.TRAVEL, plan.goal_m, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(craft, plan.speed_m_s))
+        plan.yaw_rad = facing(state, plan.goal_m, plan.yaw_rad)
+    return Setpoint(Kind.TRAVEL, plan.goal_m, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s))
 
 
-def cruise_m_s(craft: Craft, asked_m_s: float) -> float:
+def cruise_m_s(state: VehicleState, asked_m_s: float) -> float:
     """The speed asked for, else MPC_XY_CRUISE."""
-    return asked_m_s if asked_m_s > 0.0 else float(craft.parameters["MPC_XY_CRUISE"])
+    return asked_m_s if asked_m_s > 0.0 else float(state.parameters["MPC_XY_CRUISE"])
 
 
-def facing(craft: Craft, goal_m: Vector, kept_rad: float) -> float:
+def facing(state: VehicleState, goal_m: Vector, kept_rad: float) -> float:
     """The heading towards a goal (MPC_YAW_MODE 0), and the old one near it."""
-    north, east = goal_m[0] - craft.position_m[0], goal_m[1] - craft.position_m[1]
-    far = math.hypot(north, east) > float(craft.parameters["NAV_ACC_RAD"])
-    return math.atan2(east, north) if far and int(craft.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
+    north, east = goal_m[0] - state.position_m[0], goal_m[1] - state.position_m[1]
+    far = math.hypot(north, east) > float(state.parameters["NAV_ACC_RAD"])
+    return math.atan2(east, north) if far and int(state.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
 
 
-def takeoff(craft: Craft, plan: Plan) -> Setpoint:
+def takeoff(state: VehicleState, plan: Plan) -> Setpoint:
     """Climb straight up."""
     north, east, _ = plan.entered_m
-    climb = float(craft.parameters["MPC_TKO_SPEED"])
+    climb = float(state.parameters["MPC_TKO_SPEED"])
     return Setpoint(Kind.TRAVEL, (north, east, plan.height_m), yaw_rad=plan.yaw_rad, climb_m_s=climb)
 
 
-def takeoff_done(craft: Craft, plan: Plan) -> bool:
+def takeoff_done(state: VehicleState, plan: Plan) -> bool:
     """Whether the height is reached."""
-    return craft.flew and craft.position_m[2] - plan.height_m < _HEIGHT_REACHED_M
+    return state.flew and state.position_m[2] - plan.height_m < _HEIGHT_REACHED_M
 
 
-def land(craft: Craft, plan: Plan) -> Setpoint:
+def land(state: VehicleState, plan: Plan) -> Setpoint:
     """Come down over one place: fast, then slow near the ground (MPC_LAND_ALT1, ALT2, SPEED)."""
     north, east, _ = plan.goal_m if math.isfinite(plan.goal_m[0]) else plan.entered_m
     return Setpoint(
         Kind.TRAVEL,
         (north, east, _NAN),
-        (_NAN, _NAN, _descent_m_s(craft)),
+        (_NAN, _NAN, _descent_m_s(state)),
         yaw_rad=plan.yaw_rad,
     )
 
 
-def descend(craft: Craft, plan: Plan) -> Setpoint:
+def descend(state: VehicleState, plan: Plan) -> Setpoint:
     """Come down without a position."""
-    speed = float(craft.parameters["MPC_LAND_SPEED"])
+    speed = float(state.parameters["MPC_LAND_SPEED"])
     return Setpoint(Kind.TRAVEL, velocity_ned_m_s=(0.0, 0.0, speed), yaw_rad=plan.yaw_rad)
 
 
-def _descent_m_s(craft: Craft) -> float:
-    parameters = craft.parameters
-    height = craft.ground_m - craft.position_m[2]
+def _descent_m_s(state: VehicleState) -> float:
+    parameters = state.parameters
+    height = state.ground_m - state.position_m[2]
     fast, slow = float(parameters["MPC_Z_V_AUTO_DN"]), float(parameters["MPC_LAND_SPEED"])
     upper, lower = float(parameters["MPC_LAND_ALT1"]), float(parameters["MPC_LAND_ALT2"])
     if height <= float(parameters["MPC_LAND_ALT3"]):  # SIH has a range finder
@@ -106,26 +106,26 @@ def _descent_m_s(craft: Craft) -> float:
     return slow + (fast - slow) * share
 
 
-def return_home(craft: Craft, plan: Plan) -> Setpoint:
+def return_home(state: VehicleState, plan: Plan) -> Setpoint:
     """Climb, fly home, descend, land; `plan.stage` remembers how far it has come."""
     if not plan.stage:
-        home = craft.home_m or plan.entered_m
+        home = state.home_m or plan.entered_m
         plan.stage = "climb"
-        plan.height_m = _return_height(craft, home, plan)
+        plan.height_m = _return_height(state, home, plan)
         plan.goal_m = home
     home = plan.goal_m
-    north, east, down = craft.position_m
+    north, east, down = state.position_m
     away_m = math.hypot(north - home[0], east - home[1])
     if plan.stage == "climb" and down - plan.height_m < _HEIGHT_REACHED_M:
         plan.stage = "return"
     if plan.stage == "return" and away_m < _PLACE_REACHED_M:
         plan.stage = "land"  # RTL_LAND_DELAY 0: without a stop at RTL_DESCEND_ALT
-    return _RETURN[plan.stage](craft, plan)
+    return _RETURN[plan.stage](state, plan)
 
 
-def _return_height(craft: Craft, home: Vector, plan: Plan) -> float:
+def _return_height(state: VehicleState, home: Vector, plan: Plan) -> float:
     """RTL_RETURN_ALT; within RTL_MIN_DIST lower by the cone (RTL_CONE_ANG), at home lower still, never below itself."""
-    parameters = craft.parameters
+    parameters = state.parameters
     north, east, down = plan.entered_m
     away_m = math.hypot(north - home[0], east - home[1])
     at_home_m = float(parameters["NAV_ACC_RAD"])
@@ -138,29 +138,29 @@ def _return_height(craft: Craft, home: Vector, plan: Plan) -> float:
     return min(home[2] - min(high_m, most_m), down)
 
 
-def _climb(_craft: Craft, plan: Plan) -> Setpoint:
+def _climb(_state: VehicleState, plan: Plan) -> Setpoint:
     return Setpoint(Kind.TRAVEL, (plan.entered_m[0], plan.entered_m[1], plan.height_m), yaw_rad=plan.yaw_rad)
 
 
-def _cross(craft: Craft, plan: Plan) -> Setpoint:
+def _cross(state: VehicleState, plan: Plan) -> Setpoint:
     goal = (plan.goal_m[0], plan.goal_m[1], plan.height_m)
-    plan.yaw_rad = facing(craft, goal, plan.yaw_rad)
-    return Setpoint(Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(craft, plan.speed_m_s))
+    plan.yaw_rad = facing(state, goal, plan.yaw_rad)
+    return Setpoint(Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s))
 
 
-_RETURN: Mapping[str, Callable[[Craft, Plan], Setpoint]] = MappingProxyType(
+_RETURN: Mapping[str, Callable[[VehicleState, Plan], Setpoint]] = MappingProxyType(
     {"climb": _climb, "return": _cross, "land": land}
 )
 
 
-def by_stick(craft: Craft, *, slow: bool = False) -> Setpoint:
+def by_stick(state: VehicleState, *, slow: bool = False) -> Setpoint:
     """POSCTL and the other manual modes: sticks are velocities, and without sticks it stops."""
-    sticks, parameters = craft.pilot.sticks, craft.parameters
+    sticks, parameters = state.pilot.sticks, state.parameters
     fast = float(parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])
     up, down = float(parameters["MPC_Z_VEL_MAX_UP"]), float(parameters["MPC_Z_VEL_MAX_DN"])
     if slow:
         up = down = float(parameters["MC_SLOW_DEF_VVEL"])
-    level = turned((sticks.pitch * fast, sticks.roll * fast, 0.0), craft.yaw_rad)
+    level = turned((sticks.pitch * fast, sticks.roll * fast, 0.0), state.yaw_rad)
     vertical = -sticks.throttle * (up if sticks.throttle > 0.0 else down)
     turn = sticks.yaw * math.radians(float(parameters["MPC_MAN_Y_MAX"]))
     if not any(sticks[:3]):
@@ -168,13 +168,13 @@ def by_stick(craft: Craft, *, slow: bool = False) -> Setpoint:
     return Setpoint(Kind.TRAVEL, velocity_ned_m_s=(level[0], level[1], vertical), yaw_rate_rad_s=turn)
 
 
-def mission(craft: Craft, flight: MissionFlight, plan: Plan) -> Setpoint:
+def mission(state: VehicleState, flight: MissionFlight, plan: Plan) -> Setpoint:
     """Follow the mission's present leg; land where it says so."""
-    leg = flight.leg(craft, plan.entered_m)
+    leg = flight.leg(state, plan.entered_m)
     if leg.landing:
         plan.goal_m = leg.position_m
-        return land(craft, plan)
-    climb = float(craft.parameters["MPC_TKO_SPEED"]) if leg.taking_off else _NAN
-    plan.yaw_rad = leg.yaw_rad if math.isfinite(leg.yaw_rad) else facing(craft, leg.position_m, plan.yaw_rad)
-    speed = cruise_m_s(craft, leg.speed_m_s)
+        return land(state, plan)
+    climb = float(state.parameters["MPC_TKO_SPEED"]) if leg.taking_off else _NAN
+    plan.yaw_rad = leg.yaw_rad if math.isfinite(leg.yaw_rad) else facing(state, leg.position_m, plan.yaw_rad)
+    speed = cruise_m_s(state, leg.speed_m_s)
     return Setpoint(Kind.TRAVEL, leg.position_m, yaw_rad=plan.yaw_rad, speed_m_s=speed, climb_m_s=climb)

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector, wrap_pi
 
 _STALE_S: Final = 3.0
@@ -37,12 +37,12 @@ class Follow:
     _position_m: Vector | None = None
     _velocity_m_s: Vector = (0.0, 0.0, 0.0)
 
-    def fly(self, craft: Craft, dt_s: float) -> Setpoint:
+    def fly(self, state: VehicleState, dt_s: float) -> Setpoint:
         """The setpoint now; without a target it stands."""
-        seen = craft.target
+        seen = state.target
         if seen is None:
             return Setpoint(Kind.BRAKE)
-        age_s = craft.now_s - seen.at_s
+        age_s = state.now_s - seen.at_s
         velocity = seen.velocity_m_s if age_s < _STALE_S else (0.0, 0.0, 0.0)
         carried_s = min(age_s, _STALE_S)
         here = (
@@ -53,7 +53,7 @@ class Follow:
         target, moving = self._smooth(here, velocity, dt_s)
         if min(math.hypot(*velocity[:2]), math.hypot(*moving[:2])) >= _COURSE_M_S:
             self.course_rad = math.atan2(moving[1], moving[0])
-        return self._beside(craft, target, moving, dt_s)
+        return self._beside(state, target, moving, dt_s)
 
     def _smooth(self, position: Vector, velocity: Vector, dt_s: float) -> tuple[Vector, Vector]:
         """A second-order filter, so that a report does not make the vehicle jump."""
@@ -68,8 +68,8 @@ class Follow:
         self._position_m, self._velocity_m_s = (p[0], p[1], p[2]), (v[0], v[1], v[2])
         return self._position_m, self._velocity_m_s
 
-    def _beside(self, craft: Craft, target: Vector, moving: Vector, dt_s: float) -> Setpoint:
-        parameters = craft.parameters
+    def _beside(self, state: VehicleState, target: Vector, moving: Vector, dt_s: float) -> Setpoint:
+        parameters = state.parameters
         distance_m = float(parameters["FLW_TGT_DST"])
         wanted = wrap_pi(self.course_rad + math.radians(float(parameters["FLW_TGT_FA"])))
         if math.isnan(self.angle_rad):
@@ -80,10 +80,10 @@ class Follow:
         n, e = math.cos(self.angle_rad), math.sin(self.angle_rad)
         base = target[2] if int(parameters["FLW_TGT_ALT_M"]) == _TRACKED else self.home_down_m
         down = base - float(parameters["FLW_TGT_HT"])
-        to_n, to_e = target[0] - craft.position_m[0], target[1] - craft.position_m[1]
-        yaw = math.atan2(to_e, to_n) if math.hypot(to_n, to_e) > _FACING_M else craft.yaw_rad
-        if abs(down - craft.position_m[2]) >= _LEVEL_M:
-            return Setpoint(Kind.TRAVEL, (craft.position_m[0], craft.position_m[1], down), yaw_rad=yaw)
+        to_n, to_e = target[0] - state.position_m[0], target[1] - state.position_m[1]
+        yaw = math.atan2(to_e, to_n) if math.hypot(to_n, to_e) > _FACING_M else state.yaw_rad
+        if abs(down - state.position_m[2]) >= _LEVEL_M:
+            return Setpoint(Kind.TRAVEL, (state.position_m[0], state.position_m[1], down), yaw_rad=yaw)
         around = rate * distance_m
         return Setpoint(
             Kind.STREAM,

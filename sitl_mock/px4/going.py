@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sitl_mock.craft import Severity
 from sitl_mock.fence import violated
 from sitl_mock.protocols import Command, Place, on_earth
 from sitl_mock.px4.answers import ACCEPTED, DENIED, REFUSED, UNSUPPORTED, Answers
 from sitl_mock.px4.orbit import Orbit
+from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
-    from sitl_mock.px4.brain import Px4
+    from sitl_mock.px4.commander import Px4
     from sitl_mock.world import Vector
 
 
@@ -27,17 +27,17 @@ def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
     if px4.mode != "HOLD" and not px4.request(now_s, "HOLD"):
         return REFUSED
     px4.intention = "HOLD"
-    if px4.craft.armed:
+    if px4.state.armed:
         _go(px4, command)
     return ACCEPTED
 
 
 def _go(px4: Px4, command: Command) -> None:
     speed, _, _, yaw, _, _, _ = command.params
-    craft, plan = px4.craft, px4.plan
+    state, plan = px4.state, px4.plan
     goal = _goal(px4, command)
-    if violated(px4.plans.fence.items, craft.frame, goal):
-        craft.say(Severity.CRITICAL, "Reposition is outside geofence")
+    if violated(px4.plans.fence.items, state.frame, goal):
+        state.say(Severity.CRITICAL, "Reposition is outside geofence")
         return
     plan.goal_m = goal
     plan.heading_kept = math.isfinite(yaw)
@@ -50,14 +50,14 @@ def _go(px4: Px4, command: Command) -> None:
 def _goal(px4: Px4, command: Command) -> Vector:
     """The place asked for: a height alone keeps the place, and a place alone the height."""
     lat, lon, alt = command.params[4:]
-    craft = px4.craft
-    north, east, down = craft.position_m
+    state = px4.state
+    north, east, down = state.position_m
     if math.isfinite(lat + lon):
-        north, east, _ = craft.frame.to_local(lat, lon, 0.0)
+        north, east, _ = state.frame.to_local(lat, lon, 0.0)
     elif math.isfinite(alt) and math.isfinite(px4.plan.goal_m[0]):
         north, east, _ = px4.plan.goal_m
     if math.isfinite(alt):
-        down = craft.frame.origin.alt_amsl_m - alt
+        down = state.frame.origin.alt_amsl_m - alt
     return north, east, down
 
 
@@ -71,10 +71,10 @@ def orbit(px4: Px4, now_s: float, command: Command) -> Answers:
     """DO_ORBIT: about a place, or about where it is; the radius' sign is the direction."""
     radius, speed, facing, _, lat, lon, alt = command.params
     if px4.mode != "ORBIT" and not px4.request(now_s, "ORBIT"):
-        px4.craft.say(Severity.CRITICAL, "Orbit command rejected")
+        px4.state.say(Severity.CRITICAL, "Orbit command rejected")
         return REFUSED
-    craft, plan = px4.craft, px4.plan
-    plan.orbit = plan.orbit or Orbit(craft.position_m, craft.yaw_rad)
-    if not plan.orbit.change(craft, radius, speed, facing, (lat, lon, alt)):
-        craft.say(Severity.CRITICAL, "Orbit radius limit exceeded")
+    state, plan = px4.state, px4.plan
+    plan.orbit = plan.orbit or Orbit(state.position_m, state.yaw_rad)
+    if not plan.orbit.change(state, radius, speed, facing, (lat, lon, alt)):
+        state.say(Severity.CRITICAL, "Orbit radius limit exceeded")
     return ACCEPTED

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from sitl_mock.craft import Craft, Severity
+from sitl_mock.vehicle_state import Severity, VehicleState
 
 CORRECTED_FOR_S: Final = 120.0
 _LEAST_CORRECTION_M: Final = 1.0
@@ -36,43 +36,43 @@ class HomeKeeper:
     _fix_s: float = -math.inf
     _stood: bool = True
 
-    def update(self, craft: Craft, *, in_mission: bool) -> None:
+    def update(self, state: VehicleState, *, in_mission: bool) -> None:
         """Look at the vehicle; called at every decision."""
-        self._see_take_off(craft, in_mission=in_mission)
-        if craft.sensors.fix.at_s != self._fix_s:
-            since_s, self._fix_s = craft.sensors.fix.at_s - self._fix_s, craft.sensors.fix.at_s
-            if craft.now_s < self.took_off_s + CORRECTED_FOR_S and craft.estimator.gps_ok:
-                self._correct(craft, since_s)
+        self._see_take_off(state, in_mission=in_mission)
+        if state.sensors.fix.at_s != self._fix_s:
+            since_s, self._fix_s = state.sensors.fix.at_s - self._fix_s, state.sensors.fix.at_s
+            if state.now_s < self.took_off_s + CORRECTED_FOR_S and state.estimator.gps_ok:
+                self._correct(state, since_s)
             else:
                 self._climbed_to_m = math.nan
 
-    def arm(self, craft: Craft, *, in_mission: bool) -> None:
+    def arm(self, state: VehicleState, *, in_mission: bool) -> None:
         """The vehicle has been armed."""
-        if not (craft.home_given or in_mission):
-            craft.set_home(craft.position_m)
+        if not (state.home_given or in_mission):
+            state.set_home(state.position_m)
 
-    def follow(self, craft: Craft) -> None:
+    def follow(self, state: VehicleState) -> None:
         """Disarmed on the ground: home is found, and follows a vehicle that is carried away."""
-        if craft.home_m is None:
-            if craft.estimator.global_valid:
-                craft.set_home(craft.position_m)
+        if state.home_m is None:
+            if state.estimator.global_valid:
+                state.set_home(state.position_m)
             return
-        north, east, down = (here - home for here, home in zip(craft.position_m, craft.home_m, strict=True))
+        north, east, down = (here - home for here, home in zip(state.position_m, state.home_m, strict=True))
         moved = math.hypot(north, east) > _MOVED_M or abs(down) > _MOVED_UP_M
-        if moved and craft.on_ground and craft.estimator.global_valid and not craft.home_given:
-            craft.set_home(craft.position_m)
+        if moved and state.on_ground and state.estimator.global_valid and not state.home_given:
+            state.set_home(state.position_m)
 
-    def _see_take_off(self, craft: Craft, *, in_mission: bool) -> None:
-        stood, self._stood = self._stood, craft.on_ground
-        if stood and not craft.on_ground and craft.armed:
-            self.took_off_s = craft.now_s
-            craft.say(Severity.INFO, "Takeoff detected")
-            self.arm(craft, in_mission=in_mission)
+    def _see_take_off(self, state: VehicleState, *, in_mission: bool) -> None:
+        stood, self._stood = self._stood, state.on_ground
+        if stood and not state.on_ground and state.armed:
+            self.took_off_s = state.now_s
+            state.say(Severity.INFO, "Takeoff detected")
+            self.arm(state, in_mission=in_mission)
 
-    def _correct(self, craft: Craft, since_s: float) -> None:
+    def _correct(self, state: VehicleState, since_s: float) -> None:
         """Heights are above the local frame's origin, up."""
-        fix = craft.sensors.fix
-        receiver_m, barometer_m = -fix.position_m[2], -craft.sensors.barometer_down_m
+        fix = state.sensors.fix
+        receiver_m, barometer_m = -fix.position_m[2], -state.sensors.barometer_down_m
         if math.isnan(self._climbed_to_m):
             self._climbed_to_m = receiver_m
             self._offset_m = receiver_m - barometer_m
@@ -83,7 +83,7 @@ class HomeKeeper:
         if agree_m >= abs(barometer_m - seen_m) or agree_m >= abs(self._climbed_to_m - seen_m):
             return
         correction_m = barometer_m - receiver_m - self.applied_m
-        if abs(correction_m) > _LEAST_CORRECTION_M and craft.home_m is not None:
-            north, east, down = craft.home_m
-            craft.set_home((north, east, down + correction_m), attitude=craft.home_attitude)
+        if abs(correction_m) > _LEAST_CORRECTION_M and state.home_m is not None:
+            north, east, down = state.home_m
+            state.set_home((north, east, down + correction_m), attitude=state.home_attitude)
             self.applied_m = barometer_m - receiver_m

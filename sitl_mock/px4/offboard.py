@@ -8,7 +8,6 @@ force (0x200) refuses a message only if it gives an acceleration: older clients 
 import math
 from typing import Any, Final
 
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import IGNORED, Kind, Setpoint
 from sitl_mock.px4.attitude import in_ned
 from sitl_mock.setpoints import (
@@ -24,21 +23,22 @@ from sitl_mock.setpoints import (
     read_local,
     turned,
 )
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
 STAND: Final = Setpoint(Kind.BRAKE)
 
 
-def read(craft: Craft, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
+def read(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, or why it is none."""
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
-        target = read_global(message, craft.frame, craft.home_m)
-        return _judged(craft, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES)
+        target = read_global(message, state.frame, state.home_m)
+        return _judged(state, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES)
     target = read_local(message)
-    return _judged(craft, target, "SET_POSITION_TARGET_LOCAL_NED", target.frame in {LOCAL_NED, BODY_NED})
+    return _judged(state, target, "SET_POSITION_TARGET_LOCAL_NED", target.frame in {LOCAL_NED, BODY_NED})
 
 
-def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpoint | str:
+def _judged(state: VehicleState, target: Target, name: str, frame_known: bool) -> Setpoint | str:
     if not frame_known:
         return f"{name} coordinate frame {target.frame} unsupported"
     position, velocity, acceleration = target.position_m, target.velocity_m_s, target.acceleration_m_s2
@@ -48,8 +48,8 @@ def _judged(craft: Craft, target: Target, name: str, frame_known: bool) -> Setpo
         return f"{name} invalid"
     if target.frame == BODY_NED:
         position = IGNORED
-        velocity = turned(velocity, craft.yaw_rad) if not target.type_mask & IGNORE_VELOCITY else IGNORED
-        acceleration = in_ned(acceleration, craft) if not target.type_mask & IGNORE_ACCELERATION else IGNORED
+        velocity = turned(velocity, state.yaw_rad) if not target.type_mask & IGNORE_VELOCITY else IGNORED
+        acceleration = in_ned(acceleration, state) if not target.type_mask & IGNORE_ACCELERATION else IGNORED
     if not _followable(position, velocity, acceleration):
         return STAND
     return Setpoint(

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from sitl_mock.craft import Craft
 from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
 LEAST_RADIUS_M: Final = 1.0
@@ -46,12 +46,12 @@ class Orbit:
     _around_m_s: float = 0.0
 
     def change(
-        self, craft: Craft, radius_m: float, speed_m_s: float, facing: float, centre: tuple[float, float, float]
+        self, state: VehicleState, radius_m: float, speed_m_s: float, facing: float, centre: tuple[float, float, float]
     ) -> bool:
         """Take DO_ORBIT; NaN keeps what is. False: the radius is beyond MC_ORBIT_RAD_MAX.
 
         Args:
-            craft: Whose frame the centre is turned into.
+            state: Whose frame the centre is turned into.
             radius_m: Negative is counter-clockwise.
             speed_m_s: Along the circle.
             facing: ORBIT_YAW_BEHAVIOUR.
@@ -62,41 +62,41 @@ class Orbit:
             clockwise, radius = radius_m > 0.0, abs(radius_m)
         if math.isfinite(speed_m_s):
             speed = speed_m_s
-        if not LEAST_RADIUS_M <= radius <= float(craft.parameters["MC_ORBIT_RAD_MAX"]):
+        if not LEAST_RADIUS_M <= radius <= float(state.parameters["MC_ORBIT_RAD_MAX"]):
             return False
-        speed = min(abs(speed), float(craft.parameters["MPC_XY_VEL_MAX"]), math.sqrt(_ACCELERATION_M_S2 * radius))
+        speed = min(abs(speed), float(state.parameters["MPC_XY_VEL_MAX"]), math.sqrt(_ACCELERATION_M_S2 * radius))
         self.radius_m, self.speed_m_s = radius, speed if clockwise else -speed
         if math.isfinite(facing) and 0 <= int(facing + 0.5) < Facing.UNCHANGED:
             self.facing = Facing(int(facing + 0.5))
-        self.initial_yaw_rad = craft.yaw_rad
+        self.initial_yaw_rad = state.yaw_rad
         lat, lon, alt = centre
         north, east, down = self.centre_m
         if math.isfinite(lat + lon):
-            north, east, _ = craft.frame.to_local(lat, lon, 0.0)
+            north, east, _ = state.frame.to_local(lat, lon, 0.0)
         if math.isfinite(alt):
-            down = craft.frame.origin.alt_amsl_m - alt
+            down = state.frame.origin.alt_amsl_m - alt
         self.centre_m = (north, east, down)
-        self._approaching = self._approaching or not self._on_circle(craft)
+        self._approaching = self._approaching or not self._on_circle(state)
         return True
 
-    def fly(self, craft: Craft, dt_s: float) -> Setpoint:
+    def fly(self, state: VehicleState, dt_s: float) -> Setpoint:
         """The setpoint now."""
-        if self._approaching and self._on_circle(craft):
+        if self._approaching and self._on_circle(state):
             self._approaching = False
             self._around_m_s = 0.0
-        return self._approach(craft) if self._approaching else self._circle(craft, dt_s)
+        return self._approach(state) if self._approaching else self._circle(state, dt_s)
 
-    def _from_centre(self, craft: Craft) -> tuple[float, float, float]:
-        north, east = craft.position_m[0] - self.centre_m[0], craft.position_m[1] - self.centre_m[1]
+    def _from_centre(self, state: VehicleState) -> tuple[float, float, float]:
+        north, east = state.position_m[0] - self.centre_m[0], state.position_m[1] - self.centre_m[1]
         return north, east, math.hypot(north, east)
 
-    def _on_circle(self, craft: Craft) -> bool:
-        off_m = abs(self._from_centre(craft)[2] - self.radius_m)
-        high_m = abs(craft.position_m[2] - self.centre_m[2])
-        return off_m < _ON_CIRCLE_M and high_m < float(craft.parameters["NAV_MC_ALT_RAD"])
+    def _on_circle(self, state: VehicleState) -> bool:
+        off_m = abs(self._from_centre(state)[2] - self.radius_m)
+        high_m = abs(state.position_m[2] - self.centre_m[2])
+        return off_m < _ON_CIRCLE_M and high_m < float(state.parameters["NAV_MC_ALT_RAD"])
 
-    def _approach(self, craft: Craft) -> Setpoint:
-        north, east, away_m = self._from_centre(craft)
+    def _approach(self, state: VehicleState) -> Setpoint:
+        north, east, away_m = self._from_centre(state)
         unit = (north / away_m, east / away_m) if away_m > 1e-6 else (1.0, 0.0)
         point = (
             self.centre_m[0] + unit[0] * self.radius_m,
@@ -104,12 +104,12 @@ class Orbit:
             self.centre_m[2],
         )
         yaw = math.atan2(-unit[1], -unit[0])
-        return Setpoint(Kind.TRAVEL, point, yaw_rad=yaw, speed_m_s=float(craft.parameters["MPC_XY_CRUISE"]))
+        return Setpoint(Kind.TRAVEL, point, yaw_rad=yaw, speed_m_s=float(state.parameters["MPC_XY_CRUISE"]))
 
-    def _circle(self, craft: Craft, dt_s: float) -> Setpoint:
-        step = float(craft.parameters["MPC_ACC_HOR"]) * dt_s
+    def _circle(self, state: VehicleState, dt_s: float) -> Setpoint:
+        step = float(state.parameters["MPC_ACC_HOR"]) * dt_s
         self._around_m_s += min(max(self.speed_m_s - self._around_m_s, -step), step)
-        north, east, away_m = self._from_centre(craft)
+        north, east, away_m = self._from_centre(state)
         n, e = (north / away_m, east / away_m) if away_m > 1e-6 else (1.0, 0.0)
         outward = self.radius_m - away_m
         inward_m_s2 = self._around_m_s**2 / self.radius_m

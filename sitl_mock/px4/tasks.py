@@ -9,15 +9,15 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.craft import Severity
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.px4 import flying
 from sitl_mock.px4.modes import AFTER, MANUAL_MODES
+from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from sitl_mock.px4.brain import Px4
+    from sitl_mock.px4.commander import Px4
 
 IDLING: Final = Setpoint(Kind.IDLING)
 STEP_S: Final = 0.02
@@ -33,56 +33,41 @@ def fly(px4: Px4) -> Setpoint:
     return _manual(px4) if px4.mode in MANUAL_MODES else Setpoint(Kind.BRAKE)
 
 
-def wants_to_climb(px4: Px4) -> bool:
-    """Whether a stream asks to leave the ground: by height, by climb rate, or by thrust."""
-    if px4.mode != "OFFBOARD":
-        return False
-    setpoint = px4.setpoint
-    if setpoint.kind is Kind.DIRECT:
-        return setpoint.acceleration_ned_m_s2[2] < 0.0
-    to, along, push = (
-        setpoint.position_ned_m[2],
-        setpoint.velocity_ned_m_s[2],
-        setpoint.acceleration_ned_m_s2[2],
-    )
-    return to < px4.craft.position_m[2] or along < 0.0 or push < 0.0
-
-
 def _offboard(px4: Px4) -> Setpoint:
     if px4.rates is not None:
         px4.setpoint = px4.rates.advance(STEP_S)
-    return px4.setpoint if not px4.craft.on_ground or wants_to_climb(px4) else IDLING
+    return px4.setpoint if not px4.state.on_ground or px4.wants_to_climb() else IDLING
 
 
 def _manual(px4: Px4) -> Setpoint:
-    craft = px4.craft
-    if craft.on_ground and craft.pilot.sticks.throttle <= _THROTTLE_WISH:
+    state = px4.state
+    if state.on_ground and state.pilot.sticks.throttle <= _THROTTLE_WISH:
         return IDLING
-    return flying.by_stick(craft, slow=px4.mode == "POSITION_SLOW")
+    return flying.by_stick(state, slow=px4.mode == "POSITION_SLOW")
 
 
 def _takeoff(px4: Px4) -> Setpoint:
-    if flying.takeoff_done(px4.craft, px4.plan):
+    if flying.takeoff_done(px4.state, px4.plan):
         _go_on(px4, "height reached")
-    return flying.takeoff(px4.craft, px4.plan)
+    return flying.takeoff(px4.state, px4.plan)
 
 
 def _mission(px4: Px4) -> Setpoint:
-    craft, flight = px4.craft, px4.mission
-    setpoint = flying.mission(craft, flight, px4.plan)
+    state, flight = px4.state, px4.mission
+    setpoint = flying.mission(state, flight, px4.plan)
     if flight.over == "return":
         px4.intention = "RTL"
     elif flight.over:
-        if not craft.on_ground:
-            craft.say(Severity.INFO, "Mission finished, loitering")
+        if not state.on_ground:
+            state.say(Severity.INFO, "Mission finished, loitering")
         _go_on(px4, "mission finished")
-    down_again = craft.on_ground and craft.flew and (flight.over or flight.landing)
+    down_again = state.on_ground and state.flew and (flight.over or flight.landing)
     return IDLING if down_again else setpoint
 
 
 def _in_the_air(task: Callable[[Px4], Setpoint]) -> Callable[[Px4], Setpoint]:
     def guarded(px4: Px4) -> Setpoint:
-        return IDLING if px4.craft.on_ground else task(px4)
+        return IDLING if px4.state.on_ground else task(px4)
 
     return guarded
 
@@ -92,8 +77,8 @@ def _or_from_the_ground(task: Callable[[Px4], Setpoint]) -> Callable[[Px4], Setp
 
     def guarded(px4: Px4) -> Setpoint:
         setpoint = task(px4)
-        craft = px4.craft
-        return setpoint if not craft.on_ground or setpoint.position_ned_m[2] < craft.position_m[2] - _WISH_M else IDLING
+        state = px4.state
+        return setpoint if not state.on_ground or setpoint.position_ned_m[2] < state.position_m[2] - _WISH_M else IDLING
 
     return guarded
 
@@ -112,28 +97,28 @@ def _go_on(px4: Px4, event: str) -> None:
 
 def _orbit(px4: Px4) -> Setpoint:
     orbit = px4.plan.orbit
-    return Setpoint(Kind.BRAKE, yaw_rad=px4.plan.yaw_rad) if orbit is None else orbit.fly(px4.craft, STEP_S)
+    return Setpoint(Kind.BRAKE, yaw_rad=px4.plan.yaw_rad) if orbit is None else orbit.fly(px4.state, STEP_S)
 
 
 def _follow(px4: Px4) -> Setpoint:
     follow = px4.plan.follow
-    return Setpoint(Kind.BRAKE) if follow is None else follow.fly(px4.craft, STEP_S)
+    return Setpoint(Kind.BRAKE) if follow is None else follow.fly(px4.state, STEP_S)
 
 
 def _hold(px4: Px4) -> Setpoint:
-    return flying.hold(px4.craft, px4.plan)
+    return flying.hold(px4.state, px4.plan)
 
 
 def _return(px4: Px4) -> Setpoint:
-    return flying.return_home(px4.craft, px4.plan)
+    return flying.return_home(px4.state, px4.plan)
 
 
 def _land(px4: Px4) -> Setpoint:
-    return flying.land(px4.craft, px4.plan)
+    return flying.land(px4.state, px4.plan)
 
 
 def _descend(px4: Px4) -> Setpoint:
-    return flying.descend(px4.craft, px4.plan)
+    return flying.descend(px4.state, px4.plan)
 
 
 _TASKS: Final[Mapping[str, Callable[[Px4], Setpoint]]] = MappingProxyType(

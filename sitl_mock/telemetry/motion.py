@@ -21,55 +21,55 @@ _FIELD_GAUSS: Final = (0.21, 0.01, 0.43)
 
 def attitude(report: Report) -> Fields:
     """ATTITUDE."""
-    return (report.boot_ms, *report.craft.attitude)
+    return (report.boot_ms, *report.state.attitude)
 
 
 def attitude_quaternion(report: Report) -> Fields:
     """ATTITUDE_QUATERNION."""
-    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.craft.attitude
+    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.state.attitude
     return (report.boot_ms, *quaternion_of(roll, pitch, yaw), roll_rate, pitch_rate, yaw_rate, _EMPTY_Q)
 
 
 def local_position_ned(report: Report) -> Fields:
     """LOCAL_POSITION_NED."""
-    craft = report.craft
-    return (report.boot_ms, *craft.position_m, *craft.velocity_m_s)
+    state = report.state
+    return (report.boot_ms, *state.position_m, *state.velocity_m_s)
 
 
 def global_position_int(report: Report) -> Fields:
     """GLOBAL_POSITION_INT."""
-    craft = report.craft
-    lat, lon, alt = craft.frame.to_geodetic(*craft.position_m)
-    home = craft.home_m
-    v_n, v_e, v_d = craft.velocity_m_s
+    state = report.state
+    lat, lon, alt = state.frame.to_geodetic(*state.position_m)
+    home = state.home_m
+    v_n, v_e, v_d = state.velocity_m_s
     return (
         report.boot_ms,
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),
-        round(((home[2] if home is not None else 0.0) - craft.position_m[2]) * 1e3),
+        round(((home[2] if home is not None else 0.0) - state.position_m[2]) * 1e3),
         int16(v_n * 100.0),
         int16(v_e * 100.0),
         int16(v_d * 100.0),
-        heading_cdeg(craft.attitude.yaw_rad),
+        heading_cdeg(state.attitude.yaw_rad),
     )
 
 
 def odometry(report: Report) -> Fields:
     """ODOMETRY: position in the local frame, velocity in the body's."""
-    craft = report.craft
-    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = craft.attitude
+    state = report.state
+    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
     w, x, y, z = attitude_q = quaternion_of(roll, pitch, yaw)
-    v_n, v_e, v_d = craft.velocity_m_s
+    v_n, v_e, v_d = state.velocity_m_s
     forward = (w * w + x * x - y * y - z * z) * v_n + 2.0 * (x * y + w * z) * v_e + 2.0 * (x * z - w * y) * v_d
     right = 2.0 * (x * y - w * z) * v_n + (w * w - x * x + y * y - z * z) * v_e + 2.0 * (y * z + w * x) * v_d
     down = 2.0 * (x * z + w * y) * v_n + 2.0 * (y * z - w * x) * v_e + (w * w - x * x - y * y + z * z) * v_d
-    estimator = craft.estimator
+    estimator = state.estimator
     return (
         report.boot_us,
         _LOCAL_NED,
         _BODY_FRD,
-        *craft.position_m,
+        *state.position_m,
         attitude_q,
         forward,
         right,
@@ -87,29 +87,29 @@ def odometry(report: Report) -> Fields:
 
 def altitude(report: Report) -> Fields:
     """ALTITUDE."""
-    craft = report.craft
-    up = -craft.position_m[2]
-    amsl = craft.frame.origin.alt_amsl_m + up
+    state = report.state
+    up = -state.position_m[2]
+    amsl = state.frame.origin.alt_amsl_m + up
     return (report.boot_us, amsl, amsl, up, report.relative_m, _NAN, _NAN)
 
 
 def vfr_hud(report: Report) -> Fields:
     """VFR_HUD."""
-    craft = report.craft
-    v_n, v_e, v_d = craft.velocity_m_s
+    state = report.state
+    v_n, v_e, v_d = state.velocity_m_s
     speed = math.hypot(v_n, v_e)
-    height = craft.frame.origin.alt_amsl_m - craft.position_m[2]
+    height = state.frame.origin.alt_amsl_m - state.position_m[2]
     throttle = min(100, int(100.0 * _throttle(report)))
-    return (speed, speed, heading_cdeg(craft.yaw_rad) // 100, throttle, height, -v_d)
+    return (speed, speed, heading_cdeg(state.yaw_rad) // 100, throttle, height, -v_d)
 
 
 def _throttle(report: Report) -> float:
-    return report.craft.body.thrust_m_s2 * _HOVER_THRUST / GRAVITY_M_S2 if report.craft.armed else 0.0
+    return report.state.body.thrust_m_s2 * _HOVER_THRUST / GRAVITY_M_S2 if report.state.armed else 0.0
 
 
 def attitude_target(report: Report) -> Fields:
     """ATTITUDE_TARGET; the attitude loop's lag is left out."""
-    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.craft.attitude
+    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.state.attitude
     return (
         report.boot_ms,
         0,
@@ -143,9 +143,9 @@ def position_target_global_int(report: Report) -> Fields:
     setpoint = report.setpoint
     north, east, down = (
         here if math.isnan(there) else there
-        for there, here in zip(setpoint.position_ned_m, report.craft.position_m, strict=True)
+        for there, here in zip(setpoint.position_ned_m, report.state.position_m, strict=True)
     )
-    lat, lon, alt = report.craft.frame.to_geodetic(north, east, down)
+    lat, lon, alt = report.state.frame.to_geodetic(north, east, down)
     return (
         report.boot_ms,
         0,
@@ -162,21 +162,21 @@ def position_target_global_int(report: Report) -> Fields:
 
 def _felt(report: Report) -> tuple[float, float, float]:
     """Specific force along the body's axes, with the thrust along -z and the ground's push while standing."""
-    craft = report.craft
-    return (0.0, 0.0, -(GRAVITY_M_S2 if craft.on_ground else craft.body.thrust_m_s2))
+    state = report.state
+    return (0.0, 0.0, -(GRAVITY_M_S2 if state.on_ground else state.body.thrust_m_s2))
 
 
 def highres_imu(report: Report) -> Fields:
     """HIGHRES_IMU."""
-    craft = report.craft
+    state = report.state
     pressure = _pressure_hpa(report)
-    height = craft.frame.origin.alt_amsl_m - craft.position_m[2]
-    rates = craft.attitude[3:]
+    height = state.frame.origin.alt_amsl_m - state.position_m[2]
+    rates = state.attitude[3:]
     return (report.boot_us, *_felt(report), *rates, *_FIELD_GAUSS, pressure, 0.0, height, 25.0, 0xFFF, 0)
 
 
 def _pressure_hpa(report: Report) -> float:
-    return pressure_hpa(report.craft.frame.origin.alt_amsl_m - report.craft.position_m[2])
+    return pressure_hpa(report.state.frame.origin.alt_amsl_m - report.state.position_m[2])
 
 
 def pressure_hpa(height_m: float) -> float:
@@ -187,7 +187,7 @@ def pressure_hpa(height_m: float) -> float:
 def raw_imu(report: Report) -> Fields:
     """RAW_IMU: milli-g, milliradian a second, milligauss."""
     x, y, z = (int16(value * 1000.0 / GRAVITY_M_S2) for value in _felt(report))
-    rates = (int16(value * 1000.0) for value in report.craft.attitude[3:])
+    rates = (int16(value * 1000.0) for value in report.state.attitude[3:])
     return (report.boot_us, x, y, z, *rates, *(int(value * 1000) for value in _FIELD_GAUSS), 0, 2500)
 
 
@@ -203,7 +203,7 @@ def scaled_pressure(report: Report) -> Fields:
 
 def ahrs2(report: Report) -> Fields:
     """AHRS2: the second estimator agrees."""
-    roll, pitch, yaw = report.craft.attitude[:3]
+    roll, pitch, yaw = report.state.attitude[:3]
     lat, lon, alt = report.place
     return (roll, pitch, yaw, alt, round(lat * 1e7), round(lon * 1e7))
 
@@ -215,8 +215,8 @@ def ahrs(_report: Report) -> Fields:
 
 def distance_sensor(report: Report) -> Fields:
     """DISTANCE_SENSOR: a lidar that looks down."""
-    craft = report.craft
-    height_cm = int(min(max((craft.ground_m - craft.body.position_ned_m[2]) * 100.0, 0.0), 65535.0))
+    state = report.state
+    height_cm = int(min(max((state.ground_m - state.body.position_ned_m[2]) * 100.0, 0.0), 65535.0))
     return (report.boot_ms, 10, 5000, height_cm, 0, 0, 25, 255, 0.0, 0.0, _EMPTY_Q, 0)
 
 

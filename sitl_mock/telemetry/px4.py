@@ -35,11 +35,11 @@ _AUTOMATIC: Final = frozenset({"HOLD", "TAKEOFF", "MISSION", "RTL", "LAND", "PRE
 def attitude(report: Report) -> Fields:
     """ATTITUDE: on the ground nothing moves but the sensors' noise."""
     fields = common_attitude(report)
-    craft = report.craft
-    noise = craft.sensors.noise
-    if not (craft.on_ground and noise.attitude_sd_rad):
+    state = report.state
+    noise = state.sensors.noise
+    if not (state.on_ground and noise.attitude_sd_rad):
         return fields
-    gauss, lean, spin = craft.sensors.random.gauss, noise.attitude_sd_rad, noise.gyro_sd_rad_s
+    gauss, lean, spin = state.sensors.random.gauss, noise.attitude_sd_rad, noise.gyro_sd_rad_s
     time_ms, roll, pitch, yaw, *rates = fields
     shaken = (rate + gauss(0.0, spin) for rate in rates)
     return (time_ms, roll + gauss(0.0, lean), pitch + gauss(0.0, lean), yaw + gauss(0.0, 3.0 * lean), *shaken)
@@ -47,20 +47,20 @@ def attitude(report: Report) -> Fields:
 
 def odometry(report: Report) -> Fields:
     """ODOMETRY: everything in the local frame, variances on the diagonals, quality never filled."""
-    craft = report.craft
-    roll, pitch, yaw, *rates = craft.attitude
-    level, high = craft.estimator.eph_m**2 * 0.27, 0.0052 if craft.on_ground else 0.1
+    state = report.state
+    roll, pitch, yaw, *rates = state.attitude
+    level, high = state.estimator.eph_m**2 * 0.27, 0.0052 if state.on_ground else 0.1
     return (
         report.boot_us,
         _LOCAL_NED,
         _LOCAL_NED,
-        *craft.position_m,
+        *state.position_m,
         quaternion_of(roll, pitch, yaw),
-        *craft.velocity_m_s,
+        *state.velocity_m_s,
         *rates,
         _diagonal(level, level, high, 1e-4, 1e-4, 4e-3),
         _diagonal(0.02, 0.02, 0.01, _NAN, _NAN, _NAN),
-        (craft.estimator.reset_counter + _RESETS_AT_START) & 0xFF,
+        (state.estimator.reset_counter + _RESETS_AT_START) & 0xFF,
         3,
         0,
     )
@@ -81,14 +81,14 @@ def _diagonal(x: float, y: float, z: float, roll: float, pitch: float, yaw: floa
 
 def sys_status(report: Report) -> Fields:
     """SYS_STATUS: PREARM is healthy when it may arm, and never present."""
-    craft = report.craft
-    battery, estimator, pilot = craft.battery, craft.estimator, craft.pilot
+    state = report.state
+    battery, estimator, pilot = state.battery, state.estimator, state.pilot
     present = _PRESENT | (_RADIO if pilot.known else 0)
     health = _HEALTHY
     health |= _GPS if estimator.gps_ok else 0
     health |= _POSITION | _AHRS if estimator.position_valid else 0
-    health |= _RADIO if pilot.fresh(craft.now_s, 0.5) else 0
-    health |= _PREARM if craft.armed or report.brain.ready_to_arm else 0
+    health |= _RADIO if pilot.fresh(state.now_s, 0.5) else 0
+    health |= _PREARM if state.armed or report.commander.ready_to_arm else 0
     millivolts = int(battery.voltage_v * 1000.0)
     percent = round(battery.remaining * 100.0)
     return (present, present | _RADIO, health, 120, millivolts, -100, percent, *(0,) * 8, 1)
@@ -99,7 +99,7 @@ def position_target_local_ned(report: Report) -> Fields:
     setpoint = report.setpoint
     yaw = setpoint.yaw_rad
     if setpoint.kind in {Kind.STOPPED, Kind.IDLING}:
-        return (report.boot_ms, _LOCAL_NED, _mask(_STILL), *_STILL, report.craft.yaw_rad, 0.0)
+        return (report.boot_ms, _LOCAL_NED, _mask(_STILL), *_STILL, report.state.yaw_rad, 0.0)
     moving = _trajectory(report)
     return (report.boot_ms, _LOCAL_NED, _mask(moving), *moving, yaw, setpoint.yaw_rate_rad_s)
 
@@ -108,7 +108,7 @@ def _trajectory(report: Report) -> tuple[float, ...]:
     setpoint, reference = report.setpoint, report.reference
     if setpoint.kind in {Kind.TRAVEL, Kind.BRAKE} and reference is not None:
         return (*reference.position_ned_m, *reference.velocity_ned_m_s, *reference.acceleration_ned_m_s2)
-    asked = report.craft.body.acceleration_ned_m_s2
+    asked = report.state.body.acceleration_ned_m_s2
     push = tuple(real if math.isnan(given) else given for given, real in zip(setpoint[3], asked, strict=True))
     return (*setpoint.position_ned_m, *setpoint.velocity_ned_m_s, *push)
 
@@ -120,14 +120,14 @@ def _mask(values: tuple[float, ...]) -> int:
 
 def position_target_global_int(report: Report) -> Fields | None:
     """POSITION_TARGET_GLOBAL_INT: the goal of an automatic mode while armed; else nothing."""
-    craft, setpoint = report.craft, report.setpoint
-    if not craft.armed or report.brain.mode not in _AUTOMATIC:
+    state, setpoint = report.state, report.setpoint
+    if not state.armed or report.commander.mode not in _AUTOMATIC:
         return None
     goal = (
         here if math.isnan(there) else there
-        for there, here in zip(setpoint.position_ned_m, craft.position_m, strict=True)
+        for there, here in zip(setpoint.position_ned_m, state.position_m, strict=True)
     )
-    lat, lon, alt = craft.frame.to_geodetic(*goal)
+    lat, lon, alt = state.frame.to_geodetic(*goal)
     still = setpoint.kind is Kind.IDLING
     moving = _STILL[3:] if still else _trajectory(report)[3:]
     place = (round(lat * 1e7), round(lon * 1e7), alt)
@@ -136,14 +136,14 @@ def position_target_global_int(report: Report) -> Fields | None:
 
 def highres_imu(report: Report) -> Fields:
     """HIGHRES_IMU: specific force, rates, field and pressure with the sensors' noise."""
-    craft = report.craft
-    sensors = craft.sensors
+    state = report.state
+    sensors = state.sensors
     noise = sensors.noise
     scatter = sensors.scatter()
-    push = -(GRAVITY_M_S2 if craft.on_ground else craft.body.thrust_m_s2)
+    push = -(GRAVITY_M_S2 if state.on_ground else state.body.thrust_m_s2)
     a_sd, w_sd, m_sd = noise.accelerometer_sd_m_s2, noise.gyro_sd_rad_s, noise.magnetometer_sd_gauss
-    p, q, r = craft.attitude[3:]
-    height = craft.frame.origin.alt_amsl_m - sensors.barometer_down_m
+    p, q, r = state.attitude[3:]
+    height = state.frame.origin.alt_amsl_m - sensors.barometer_down_m
     return (
         report.boot_us,
         a_sd * scatter[0],
@@ -166,97 +166,97 @@ def highres_imu(report: Report) -> Fields:
 
 def scaled_pressure(report: Report) -> Fields:
     """SCALED_PRESSURE."""
-    craft = report.craft
-    return (report.boot_ms, pressure_hpa(craft.frame.origin.alt_amsl_m - craft.sensors.barometer_down_m), 0.0, 1182, 0)
+    state = report.state
+    return (report.boot_ms, pressure_hpa(state.frame.origin.alt_amsl_m - state.sensors.barometer_down_m), 0.0, 1182, 0)
 
 
 def altitude(report: Report) -> Fields:
     """ALTITUDE: barometer, estimate above sea level, above the origin, above home, of the terrain, above ground."""
-    craft = report.craft
-    origin_m, up = craft.frame.origin.alt_amsl_m, -craft.position_m[2]
-    ground = -craft.ground_m
+    state = report.state
+    origin_m, up = state.frame.origin.alt_amsl_m, -state.position_m[2]
+    ground = -state.ground_m
     return (
         report.boot_us,
-        origin_m - craft.sensors.barometer_down_m,
+        origin_m - state.sensors.barometer_down_m,
         origin_m + up,
         up,
         report.relative_m,
         ground,
-        craft.ground_m - craft.body.position_ned_m[2],
+        state.ground_m - state.body.position_ned_m[2],
     )
 
 
 def distance_sensor(report: Report) -> Fields:
     """DISTANCE_SENSOR: SIH's laser that looks down."""
-    craft = report.craft
-    height_cm = int(min(max((craft.ground_m - craft.body.position_ned_m[2]) * 100.0, 0.0), _LIDAR_CM))
+    state = report.state
+    height_cm = int(min(max((state.ground_m - state.body.position_ned_m[2]) * 100.0, 0.0), _LIDAR_CM))
     return (report.boot_ms, 0, _LIDAR_CM, height_cm, 0, 0, 25, 0, 0.0, 0.0, _EMPTY_Q, 0)
 
 
 def vfr_hud(report: Report) -> Fields:
     """VFR_HUD: without an airspeed."""
-    craft = report.craft
-    v_n, v_e, v_d = craft.velocity_m_s
-    heading = int(math.degrees(craft.yaw_rad) % 360.0)
-    height = craft.frame.origin.alt_amsl_m - craft.position_m[2]
+    state = report.state
+    v_n, v_e, v_d = state.velocity_m_s
+    heading = int(math.degrees(state.yaw_rad) % 360.0)
+    height = state.frame.origin.alt_amsl_m - state.position_m[2]
     return (_NAN, math.hypot(v_n, v_e), heading, int(100.0 * _throttle(report)), height, -v_d)
 
 
 def _throttle(report: Report) -> float:
-    return min(1.0, report.craft.body.thrust_m_s2 / _FULL_M_S2) if report.craft.armed else 0.0
+    return min(1.0, report.state.body.thrust_m_s2 / _FULL_M_S2) if report.state.armed else 0.0
 
 
 def servo_output_raw(report: Report) -> Fields:
     """SERVO_OUTPUT_RAW: four motors, and 900 on every channel that is off."""
-    craft = report.craft
-    pulse = int(_PULSE_IDLE + (_PULSE_FULL - _PULSE_IDLE) * _throttle(report)) if craft.armed else _PULSE_OFF
+    state = report.state
+    pulse = int(_PULSE_IDLE + (_PULSE_FULL - _PULSE_IDLE) * _throttle(report)) if state.armed else _PULSE_OFF
     return (report.boot_us & 0xFFFFFFFF, 0, *(pulse,) * 4, *(_PULSE_OFF,) * 12)
 
 
 def battery_status(report: Report) -> Fields:
     """BATTERY_STATUS: SIH's pack reports its voltage as one cell, and no current."""
-    battery = report.craft.battery
+    battery = report.state.battery
     share = battery.remaining
-    state = 1 if share > 0.15 else 2 if share > 0.07 else 3 if share > 0.05 else 4
+    charge_state = 1 if share > 0.15 else 2 if share > 0.07 else 3 if share > 0.05 else 4
     cells = (int(battery.voltage_v * 1000.0), *(0xFFFF,) * 9)
-    return (0, 1, 1, 32767, cells, -100, -1, -1, round(share * 100.0), 0, state, (0,) * 4, 0, 0)
+    return (0, 1, 1, 32767, cells, -100, -1, -1, round(share * 100.0), 0, charge_state, (0,) * 4, 0, 0)
 
 
 def vibration(report: Report) -> Fields:
     """VIBRATION."""
-    shaken = not report.craft.on_ground
+    shaken = not report.state.on_ground
     return (report.boot_us, 5e-9 if shaken else 1e-10, 0.095 if shaken else 0.011, 1.4 if shaken else 0.11, 0, 0, 0)
 
 
 def estimator_status(report: Report) -> Fields:
     """ESTIMATOR_STATUS."""
-    estimator = report.craft.estimator
+    estimator = report.state.estimator
     flags = 1 | (2 | 4 | 8 | 256 | 512 if estimator.position_valid else 128)
     flags |= 16 if estimator.global_valid else 0
     flags |= 32 | 64 if estimator.altitude_valid else 0
-    flags |= 128 if report.craft.on_ground else 0
-    high_m = 0.07 if report.craft.on_ground else 0.32
+    flags |= 128 if report.state.on_ground else 0
+    high_m = 0.07 if report.state.on_ground else 0.32
     return (report.boot_us, flags, 0.05, 0.04, 0.02, 0.07, 0.005, _NAN, estimator.eph_m * 0.73, high_m)
 
 
 def open_drone_id_location(report: Report) -> Fields:
     """OPEN_DRONE_ID_LOCATION: on the ground or in the air, and how it moves; there is no date."""
-    craft = report.craft
-    v_n, v_e, v_d = craft.velocity_m_s
+    state = report.state
+    v_n, v_e, v_d = state.velocity_m_s
     lat, lon, alt = report.place
-    barometer = craft.frame.origin.alt_amsl_m - craft.sensors.barometer_down_m
+    barometer = state.frame.origin.alt_amsl_m - state.sensors.barometer_down_m
     course = int(math.degrees(math.atan2(v_e, v_n)) % 360.0) * 100
     moving = (course, int(math.hypot(v_n, v_e) * 100.0) & 0xFFFF, int(-v_d * 100.0))
     place = (round(lat * 1e7), round(lon * 1e7), barometer, round(alt), 0, report.relative_m)
-    return (0, 0, _NOBODY, 1 if craft.on_ground else 2, *moving, *place, 12, 5, 0, 3, 65535.0, 0)
+    return (0, 0, _NOBODY, 1 if state.on_ground else 2, *moving, *place, 12, 5, 0, 3, 65535.0, 0)
 
 
 def open_drone_id_system(report: Report) -> Fields | None:
     """OPEN_DRONE_ID_SYSTEM: the operator is at home."""
-    craft = report.craft
-    if craft.home_m is None:
+    state = report.state
+    if state.home_m is None:
         return None
-    lat, lon, alt = craft.frame.to_geodetic(*craft.home_m)
+    lat, lon, alt = state.frame.to_geodetic(*state.home_m)
     operator = (round(lat * 1e7), round(lon * 1e7))
     return (0, 0, _NOBODY, 0, 0, *operator, 1, 0, -1000.0, -1000.0, 0, 0, alt, _NO_TIME_2019_S)
 

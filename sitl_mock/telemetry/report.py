@@ -3,12 +3,12 @@
 import math
 from dataclasses import dataclass
 
-from sitl_mock.brain import Brain
-from sitl_mock.craft import Craft
+from sitl_mock.commander import Commander
 from sitl_mock.dynamics import Setpoint
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.flavour import Flavour
 from sitl_mock.protocols import EventLog
+from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Home
 
 _INT16 = 32767
@@ -20,8 +20,8 @@ class Report:
 
     Attributes:
         flavour: What does not change.
-        craft: Shared state.
-        brain: The flavour's state.
+        state: Shared state.
+        commander: The flavour's state.
         setpoint: What the motors are asked to do.
         events: What has been said as EVENT.
         boot_ms: Time since boot, as it goes on the wire (32 bits).
@@ -33,8 +33,8 @@ class Report:
     """
 
     flavour: Flavour
-    craft: Craft
-    brain: Brain
+    state: VehicleState
+    commander: Commander
     setpoint: Setpoint
     events: EventLog
     boot_ms: int = 0
@@ -46,13 +46,13 @@ class Report:
     @property
     def place(self) -> Home:
         """Estimated place on Earth."""
-        return self.craft.frame.to_geodetic(*self.craft.position_m)
+        return self.state.frame.to_geodetic(*self.state.position_m)
 
     @property
     def relative_m(self) -> float:
         """Estimated height above home."""
-        home = self.craft.home_m
-        return (home[2] if home is not None else 0.0) - self.craft.position_m[2]
+        home = self.state.home_m
+        return (home[2] if home is not None else 0.0) - self.state.position_m[2]
 
 
 def int16(value: float) -> int:

@@ -21,28 +21,28 @@ _HDOP_CENTI, _VDOP_CENTI, _H_ACC_MM, _V_ACC_MM, _SPEED_ACC_MM_S, _SATELLITES = 7
 
 def heartbeat(report: Report) -> Fields:
     """HEARTBEAT."""
-    brain, flavour = report.brain, report.flavour
+    commander, flavour = report.commander, report.flavour
     return (
         flavour.vehicle_type,
         flavour.autopilot,
-        brain.base_mode,
-        brain.custom_mode,
-        brain.system_status,
+        commander.base_mode,
+        commander.custom_mode,
+        commander.system_status,
         3,
     )
 
 
 def sys_status(report: Report) -> Fields:
     """SYS_STATUS: sensors, the GPS bit with the position, the RC bit with the radio, PREARM with the arming checks."""
-    craft = report.craft
-    battery, estimator = craft.battery, craft.estimator
-    present = _SENSORS | _GPS | _BATTERY | _AHRS | _PREARM | (_RC if craft.pilot.known else 0)
+    state = report.state
+    battery, estimator = state.battery, state.estimator
+    present = _SENSORS | _GPS | _BATTERY | _AHRS | _PREARM | (_RC if state.pilot.known else 0)
     health = _SENSORS | _BATTERY
     health |= _GPS if estimator.gps_ok else 0
     health |= _AHRS if estimator.position_valid else 0
-    health |= _RC if craft.pilot.fresh(craft.now_s, 0.5) else 0
-    health |= 0 if craft.conditions.fence_breach else _GEOFENCE
-    health |= _PREARM if report.brain.ready_to_arm else 0
+    health |= _RC if state.pilot.fresh(state.now_s, 0.5) else 0
+    health |= 0 if state.conditions.fence_breach else _GEOFENCE
+    health |= _PREARM if report.commander.ready_to_arm else 0
     return (
         present,
         present,
@@ -57,16 +57,16 @@ def sys_status(report: Report) -> Fields:
 
 def extended_sys_state(report: Report) -> Fields:
     """EXTENDED_SYS_STATE."""
-    return (0, report.brain.landed_state)
+    return (0, report.commander.landed_state)
 
 
 def battery_status(report: Report) -> Fields:
     """BATTERY_STATUS."""
-    battery = report.craft.battery
+    battery = report.state.battery
     cell_mv = int(battery.cell_v * 1000.0)
     voltages = (cell_mv,) * battery.cells + (_NO_CELL,) * (10 - battery.cells)
     share = battery.remaining
-    state = 1 if share > 0.15 else 2 if share > 0.07 else 3 if share > 0.05 else 4
+    charge_state = 1 if share > 0.15 else 2 if share > 0.07 else 3 if share > 0.05 else 4
     return (
         0,
         0,
@@ -78,7 +78,7 @@ def battery_status(report: Report) -> Fields:
         -1,
         round(share * 100.0),
         0,
-        state,
+        charge_state,
         (0, 0, 0, 0),
         0,
         0,
@@ -87,43 +87,43 @@ def battery_status(report: Report) -> Fields:
 
 def home_position(report: Report) -> Fields | None:
     """HOME_POSITION, or nothing while there is no home."""
-    craft = report.craft
-    if craft.home_m is None:
+    state = report.state
+    if state.home_m is None:
         return None
-    lat, lon, alt = craft.frame.to_geodetic(*craft.home_m)
+    lat, lon, alt = state.frame.to_geodetic(*state.home_m)
     return (
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),
-        *craft.home_m,
-        quaternion_of(*craft.home_attitude[:3]),
+        *state.home_m,
+        quaternion_of(*state.home_attitude[:3]),
         0.0,
         0.0,
         0.0,
-        max(0, int((craft.home_s - craft.booted_s) * 1e6)),
+        max(0, int((state.home_s - state.booted_s) * 1e6)),
     )
 
 
 def gps_global_origin(report: Report) -> Fields | None:
     """GPS_GLOBAL_ORIGIN, or nothing while there is no position."""
-    craft = report.craft
-    if not craft.estimator.global_valid and craft.home_m is None:
+    state = report.state
+    if not state.estimator.global_valid and state.home_m is None:
         return None
-    lat, lon, alt = craft.frame.origin
+    lat, lon, alt = state.frame.origin
     return (round(lat * 1e7), round(lon * 1e7), round(alt * 1e3), report.boot_us)
 
 
 def gps_raw_int(report: Report) -> Fields:
     """GPS_RAW_INT: the receiver's last reading, with the accuracies that PX4's simulated one claims."""
-    craft = report.craft
-    if not craft.estimator.gps_ok:
+    state = report.state
+    if not state.estimator.gps_ok:
         return (report.boot_us, 0, 0, 0, 0, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0, 0, 0, 0, 0, 0, 0)
-    fix = craft.sensors.fix
-    lat, lon, alt = craft.frame.to_geodetic(*fix.position_m)
+    fix = state.sensors.fix
+    lat, lon, alt = state.frame.to_geodetic(*fix.position_m)
     v_n, v_e, _ = fix.velocity_m_s
-    worse = min(craft.estimator.eph_m / EPH_M, 500.0)
+    worse = min(state.estimator.eph_m / EPH_M, 500.0)
     return (
-        max(0, report.boot_us - int((craft.now_s - fix.at_s) * 1e6)),
+        max(0, report.boot_us - int((state.now_s - fix.at_s) * 1e6)),
         report.flavour.fix_type,
         round(lat * 1e7),
         round(lon * 1e7),
@@ -144,7 +144,7 @@ def gps_raw_int(report: Report) -> Fields:
 
 def estimator_status(report: Report) -> Fields:
     """ESTIMATOR_STATUS."""
-    estimator = report.craft.estimator
+    estimator = report.state.estimator
     flags = 1  # attitude
     flags |= 2 | 4 | 8 if estimator.position_valid else 0  # velocities and relative position
     flags |= 16 if estimator.global_valid else 0
@@ -155,7 +155,7 @@ def estimator_status(report: Report) -> Fields:
 
 def ekf_status_report(report: Report) -> Fields:
     """EKF_STATUS_REPORT."""
-    estimator = report.craft.estimator
+    estimator = report.state.estimator
     flags = 1 | (32 if estimator.altitude_valid else 0)
     flags |= 2 | 4 | 8 if estimator.position_valid else 128
     flags |= 16 | 512 if estimator.global_valid else 0
@@ -165,7 +165,7 @@ def ekf_status_report(report: Report) -> Fields:
 
 def system_time(report: Report) -> Fields:
     """SYSTEM_TIME."""
-    return (report.unix_us if report.craft.estimator.gps_ok else 0, report.boot_ms)
+    return (report.unix_us if report.state.estimator.gps_ok else 0, report.boot_ms)
 
 
 def ping(report: Report) -> Fields:
@@ -181,27 +181,27 @@ def timesync(report: Report) -> Fields:
 
 def mission_current(report: Report) -> Fields:
     """MISSION_CURRENT."""
-    mission = report.brain.mission
+    mission = report.commander.mission
     count = mission.count
-    active = report.brain.mode in {"MISSION", "AUTO"}
+    active = report.commander.mode in {"MISSION", "AUTO"}
     if not count:
-        state = 1
+        stage = 1
     elif mission.over:
-        state = 5
+        stage = 5
     else:
-        state = 3 if active else 2
-    return (min(mission.current, max(count - 1, 0)), count if count else 0xFFFF, state, 1 if active else 2)
+        stage = 3 if active else 2
+    return (min(mission.current, max(count - 1, 0)), count if count else 0xFFFF, stage, 1 if active else 2)
 
 
 def current_mode(report: Report) -> Fields:
     """CURRENT_MODE, with the intention beside it."""
-    return (0, report.brain.custom_mode, report.brain.intended_mode)
+    return (0, report.commander.custom_mode, report.commander.intended_mode)
 
 
 def rc_channels(report: Report) -> Fields:
     """RC_CHANNELS; no channel while there is no radio."""
-    pilot = report.craft.pilot
-    if not pilot.fresh(report.craft.now_s, 0.5):
+    pilot = report.state.pilot
+    if not pilot.fresh(report.state.now_s, 0.5):
         return (report.boot_ms, 0, *(0xFFFF,) * 18, 255)
     sticks = pilot.sticks
     raw = tuple(round(1500.0 + 500.0 * value) for value in (sticks.roll, sticks.pitch, sticks.throttle, sticks.yaw))
@@ -210,28 +210,28 @@ def rc_channels(report: Report) -> Fields:
 
 def servo_output_raw(report: Report) -> Fields:
     """SERVO_OUTPUT_RAW: the mean throttle on four motors."""
-    craft = report.craft
-    share = min(1.0, 0.5 * craft.body.thrust_m_s2 / GRAVITY_M_S2) if craft.armed else 0.0
+    state = report.state
+    share = min(1.0, 0.5 * state.body.thrust_m_s2 / GRAVITY_M_S2) if state.armed else 0.0
     pulse = int(_PWM_LOW + (_PWM_HIGH - _PWM_LOW) * share)
     return (report.boot_us & 0xFFFFFFFF, 0, *(pulse,) * 4, *(0,) * 12)
 
 
 def wind_cov(report: Report) -> Fields:
     """WIND_COV."""
-    wind = report.craft.conditions.wind_m_s
-    height = report.craft.frame.origin.alt_amsl_m - report.craft.position_m[2]
+    wind = report.state.conditions.wind_m_s
+    height = report.state.frame.origin.alt_amsl_m - report.state.position_m[2]
     return (report.boot_us, *wind, 0.2, 0.2, height, 0.5, 0.5)
 
 
 def wind(report: Report) -> Fields:
     """WIND (ArduPilot): where it comes from."""
-    north, east, down = report.craft.conditions.wind_m_s
+    north, east, down = report.state.conditions.wind_m_s
     return (math.degrees(math.atan2(-east, -north)) % 360.0, math.hypot(north, east), down)
 
 
 def fence_status(report: Report) -> Fields:
     """FENCE_STATUS."""
-    breached = report.craft.conditions.fence_breach
+    breached = report.state.conditions.fence_breach
     return (int(breached), int(breached), 3 if breached else 0, report.boot_ms if breached else 0, 0)
 
 
@@ -242,19 +242,19 @@ def power_status(_report: Report) -> Fields:
 
 def nav_controller_output(report: Report) -> Fields:
     """NAV_CONTROLLER_OUTPUT."""
-    craft = report.craft
-    roll, pitch, yaw = (math.degrees(value) for value in craft.attitude[:3])
+    state = report.state
+    roll, pitch, yaw = (math.degrees(value) for value in state.attitude[:3])
     goal = report.setpoint.position_ned_m
-    north, east = goal[0] - craft.position_m[0], goal[1] - craft.position_m[1]
+    north, east = goal[0] - state.position_m[0], goal[1] - state.position_m[1]
     away = int(min(math.hypot(north, east), 65535.0)) if math.isfinite(north + east) else 0
     bearing = int(math.degrees(math.atan2(east, north))) if away else int(yaw)
-    error = craft.position_m[2] - goal[2]
+    error = state.position_m[2] - goal[2]
     return (roll, pitch, int(yaw), bearing, away, error if math.isfinite(error) else 0.0, 0.0, 0.0)
 
 
 def vibration(report: Report) -> Fields:
     """VIBRATION."""
-    level = 0.02 if report.craft.armed else 0.0
+    level = 0.02 if report.state.armed else 0.0
     return (report.boot_us, level, level, level, 0, 0, 0)
 
 
@@ -265,9 +265,9 @@ def protocol_version(_report: Report) -> Fields:
 
 def flight_information(report: Report) -> Fields:
     """FLIGHT_INFORMATION: since when it has been armed."""
-    craft = report.craft
-    armed_us = report.unix_us - int((craft.now_s - craft.armed_s) * 1e6) if craft.armed else 0
-    return (report.boot_ms, armed_us, armed_us if craft.flew and craft.armed else 0, 0, 0)
+    state = report.state
+    armed_us = report.unix_us - int((state.now_s - state.armed_s) * 1e6) if state.armed else 0
+    return (report.boot_ms, armed_us, armed_us if state.flew and state.armed else 0, 0, 0)
 
 
 def storage_information(report: Report) -> Fields:

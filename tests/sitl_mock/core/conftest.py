@@ -112,7 +112,7 @@ class Flight:
 
     def airborne(self, height=20.0):
         """Arm, take off and wait for the height."""
-        self.until(lambda: self.vehicle.autopilot.brain.ready_to_arm, 60.0)
+        self.until(lambda: self.vehicle.autopilot.commander.ready_to_arm, 60.0)
         if self.flavour == "arducopter":
             assert self.guided() == [0]
         assert self.command(400, 1.0)[-1] == 0

@@ -77,9 +77,9 @@ def test_it_never_fails_stays_above_ground_and_in_its_table(fly, name, events, a
         stream = act(flight, modes, event)
         flight.run(max(0.05, seconds), stream)
         vehicle = flight.vehicle
-        body, craft = vehicle.truth, vehicle.autopilot.craft
+        body, state = vehicle.truth, vehicle.autopilot.state
         assert vehicle.mode in vehicle.modes
-        assert all(map(math.isfinite, (*body.position_ned_m, *body.velocity_ned_m_s, *craft.attitude)))
+        assert all(map(math.isfinite, (*body.position_ned_m, *body.velocity_ned_m_s, *state.attitude)))
         assert body.position_ned_m[2] <= vehicle.autopilot.ground_m + 1e-6
         assert all(link.unsendable == 0 for link in vehicle.links.values())
         if name != "rover" and not vehicle.armed and body.on_ground:

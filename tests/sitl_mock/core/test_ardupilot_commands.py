@@ -33,9 +33,9 @@ def test_reposition_changes_to_guided_only_when_asked_to(fly):
 def test_home_can_be_set_here_or_anywhere_on_earth(fly, flavour):
     flight = fly(flavour).run(1.0)
     assert flight.command(179, 1.0) == [0]
-    assert flight.vehicle.autopilot.craft.home_m == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+    assert flight.vehicle.autopilot.state.home_m == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     assert flight.command(179, 0.0, 0, 0, 0, 47.3978, 8.5456, 490.0) == [0]
-    assert flight.vehicle.autopilot.craft.home_m[2] == pytest.approx(-2.0, abs=0.01)
+    assert flight.vehicle.autopilot.state.home_m[2] == pytest.approx(-2.0, abs=0.01)
     assert flight.command(179, 0.0, 0, 0, 0, math.nan, 8.5456, 490.0) == [2]
     assert flight.command(179, 0.0, 0, 0, 0, 120.0, 8.5456, 490.0) == [2]
 
@@ -150,7 +150,7 @@ def test_battery_failsafes_do_what_their_parameters_say(fly, charge, low, critic
     flight.vehicle.inject("battery", charge)
     flight.run(0.5)
     assert flight.mode == mode
-    assert flight.vehicle.autopilot.brain.system_status == 5
+    assert flight.vehicle.autopilot.commander.system_status == 5
 
 
 def test_a_failsafe_on_the_ground_disarms(fly):

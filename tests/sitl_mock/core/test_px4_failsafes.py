@@ -23,7 +23,7 @@ def test_a_lost_radio_holds_five_seconds_then_returns(fly):
     flight.vehicle.inject("rc", False)
     flight.run(1.0)
     assert flight.mode == "HOLD"
-    assert flight.vehicle.autopilot.brain.system_status == 5
+    assert flight.vehicle.autopilot.commander.system_status == 5
     took_s = flight.until(lambda: flight.mode == "RTL", 8.0)
     assert took_s == pytest.approx(4.6, abs=0.4)
 
@@ -50,10 +50,10 @@ def test_ground_station_loss_does_what_nav_dll_act_says(fly, action, mode):
     flight.send("HEARTBEAT", 6, 8, 0, 0, 4, 3)
     flight.run(9.5)
     assert flight.mode == "HOLD"
-    assert not flight.vehicle.autopilot.brain.in_failsafe
+    assert not flight.vehicle.autopilot.commander.in_failsafe
     flight.run(6.5)
     assert flight.mode == mode
-    assert flight.vehicle.autopilot.brain.in_failsafe == (action > 0)
+    assert flight.vehicle.autopilot.commander.in_failsafe == (action > 0)
 
 
 @pytest.mark.parametrize(("action", "mode"), [(1, "HOLD"), (2, "HOLD"), (3, "RTL"), (5, "LAND")])
@@ -69,10 +69,10 @@ def test_fence_action_ends_when_back_inside(fly):
     flight = fly("px4").airborne()
     flight.vehicle.inject("fence_breach", True)
     flight.run(0.2)
-    assert flight.vehicle.autopilot.brain.in_failsafe
+    assert flight.vehicle.autopilot.commander.in_failsafe
     flight.vehicle.inject("fence_breach", False)
     flight.run(0.2)
-    assert not flight.vehicle.autopilot.brain.in_failsafe
+    assert not flight.vehicle.autopilot.commander.in_failsafe
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
@@ -99,9 +99,9 @@ def test_a_low_battery_refuses_arming(fly):
 
 def test_flying_drains_the_battery(fly):
     flight = fly("px4").airborne()
-    before = flight.vehicle.autopilot.craft.battery.remaining
+    before = flight.vehicle.autopilot.state.battery.remaining
     flight.run(30.0)
-    assert flight.vehicle.autopilot.craft.battery.remaining < before < 1.0
+    assert flight.vehicle.autopilot.state.battery.remaining < before < 1.0
 
 
 def test_gps_loss_shows_at_once_and_takes_the_position_after_five_seconds(fly):
@@ -177,7 +177,7 @@ def test_a_lost_onboard_computer_is_a_warning_only(fly):
     flight.send("HEARTBEAT", 18, 8, 0, 0, 4, 3)
     flight.run(7.0)
     assert flight.mode == "HOLD"
-    assert not flight.vehicle.autopilot.brain.in_failsafe
+    assert not flight.vehicle.autopilot.commander.in_failsafe
     assert "Failsafe: onboard computer lost" in flight.texts()
 
 
@@ -185,7 +185,7 @@ def test_a_lost_onboard_computer_is_a_warning_only(fly):
 def test_com_rc_in_mode_chooses_where_sticks_come_from(fly, source, heard):
     flight = fly("px4", parameters={"COM_RC_IN_MODE": source}).run(1.0)
     flight.send("MANUAL_CONTROL", 1, 0, 0, 500, 0, 0, 0, 0, *[0] * 8)
-    assert flight.vehicle.autopilot.craft.pilot.known == heard
+    assert flight.vehicle.autopilot.state.pilot.known == heard
 
 
 class TestFrameworkAlone:

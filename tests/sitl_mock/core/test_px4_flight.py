@@ -46,9 +46,9 @@ def test_it_does_not_arm_in_return_or_land(fly, mode):
 def test_arming_an_armed_vehicle_is_accepted_and_changes_nothing(fly):
     flight = fly("px4").run(1.0)
     assert flight.command(400, 1.0) == [0]
-    armed_s = flight.vehicle.autopilot.craft.armed_s
+    armed_s = flight.vehicle.autopilot.state.armed_s
     assert flight.command(400, 1.0) == [0]
-    assert flight.vehicle.autopilot.craft.armed_s == armed_s
+    assert flight.vehicle.autopilot.state.armed_s == armed_s
 
 
 def test_it_disarms_by_itself_ten_seconds_after_arming_without_a_take_off(fly):
@@ -63,7 +63,7 @@ def test_take_off_to_20_m_takes_about_17_s_and_ends_in_hold(fly):
     flight.command(400, 1.0)
     start_s = flight.now_s
     assert flight.command(22, *[math.nan] * 6, 488.0 + 20.0) == [0]
-    assert flight.vehicle.autopilot.brain.custom_mode == TAKEOFF
+    assert flight.vehicle.autopilot.commander.custom_mode == TAKEOFF
     flight.run(3.0)
     assert flight.last("EXTENDED_SYS_STATE").landed_state == 3
     flight.until(lambda: flight.mode == "HOLD", 25.0)

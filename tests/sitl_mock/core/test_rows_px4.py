@@ -22,7 +22,7 @@ REAL_ACKS = json.loads((Path(__file__).parents[2] / "data" / "px4_acks.json").re
 def armed(fly, **settings):
     """Ready, and armed in Hold on the ground."""
     flight = fly("px4", **settings)
-    flight.until(lambda: flight.vehicle.autopilot.brain.ready_to_arm, 10.0)
+    flight.until(lambda: flight.vehicle.autopilot.commander.ready_to_arm, 10.0)
     assert flight.command(400, 1.0) == [0]
     return flight
 
@@ -200,7 +200,7 @@ def test_row_07_home_is_set_at_arming_and_at_leaving_the_ground_and_a_given_home
     flight.until(lambda: not flight.vehicle.truth.on_ground, 10.0)
     left_s = flight.now_s
     flight.run(0.06)
-    assert flight.vehicle.autopilot.craft.home_s == pytest.approx(left_s, abs=0.05)
+    assert flight.vehicle.autopilot.state.home_s == pytest.approx(left_s, abs=0.05)
     given = fly("px4", noise=True, seed=7).run(3.0)
     assert given.command_int(179, 0, 0.0, x=473_980_000, y=85_456_000, z=490.0) == [0]
     given.airborne(5.0)

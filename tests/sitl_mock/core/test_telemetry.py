@@ -126,7 +126,7 @@ def test_pulses_that_are_none_are_no_radio(fly):
     flight = fly("px4").run(1.0)
     flight.send("RC_CHANNELS_OVERRIDE", 1, 1, 0, 65535, 1500, 1500, *[65535] * 14)
     flight.send("MANUAL_CONTROL", 1, 5000, 0, 500, 0, 0, 0, 0, *[0] * 8)
-    assert not flight.vehicle.autopilot.craft.pilot.known
+    assert not flight.vehicle.autopilot.state.pilot.known
 
 
 @pytest.mark.parametrize("remaining", [0.9, 0.12, 0.06, 0.03])

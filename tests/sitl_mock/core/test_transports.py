@@ -221,13 +221,13 @@ class TestLoop:
         loop.cycle()
         clock.now_s += 0.5
         loop.cycle()
-        assert vehicle.autopilot.craft.now_s == pytest.approx(100.5)
+        assert vehicle.autopilot.state.now_s == pytest.approx(100.5)
         clock.now_s += 30.0
         loop.cycle()
-        assert vehicle.autopilot.craft.now_s == pytest.approx(100.51)
+        assert vehicle.autopilot.state.now_s == pytest.approx(100.51)
         clock.now_s += 0.5
         loop.cycle()
-        assert vehicle.autopilot.craft.now_s == pytest.approx(101.01)
+        assert vehicle.autopilot.state.now_s == pytest.approx(101.01)
 
     def test_it_runs_until_told_to_stop(self, clock):
         endpoint, cycles = Memory([]), []

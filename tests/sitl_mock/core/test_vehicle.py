@@ -131,10 +131,10 @@ def test_estimation_noise_has_the_measured_size():
     for tick in range(101, 20_000):
         vehicle.step(tick * 0.02, [stream] if tick % 10 == 0 else [])
         if tick > 1000 and tick % 10 == 0:
-            craft, body = vehicle.autopilot.craft, vehicle.truth
+            state, body = vehicle.autopilot.state, vehicle.truth
             errors.append(
-                [a - b for a, b in zip(craft.position_m, body.position_ned_m, strict=True)]
-                + [a - b for a, b in zip(craft.velocity_m_s, body.velocity_ned_m_s, strict=True)]
+                [a - b for a, b in zip(state.position_m, body.position_ned_m, strict=True)]
+                + [a - b for a, b in zip(state.velocity_m_s, body.velocity_ned_m_s, strict=True)]
             )
     for axis, expected in enumerate((0.13, 0.21, 0.31, 0.17, 0.30, 0.16)):
         spread = math.sqrt(sum(row[axis] ** 2 for row in errors) / len(errors))

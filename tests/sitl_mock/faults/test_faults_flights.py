@@ -96,9 +96,9 @@ def test_without_gps_the_fix_goes_first_then_offboard(rig, ned_velocity):
 
 def test_uncertainty_grows_at_its_rate_up_to_its_most(rig):
     flight = rig({"kind": "eph_growth", "rate_m_s": 2.0, "most_m": 8.0, "at_s": 1.0}).run(4.0)
-    assert flight.vehicle.autopilot.craft.estimator.eph_m == pytest.approx(6.0, abs=0.3)
+    assert flight.vehicle.autopilot.state.estimator.eph_m == pytest.approx(6.0, abs=0.3)
     flight.run(4.0)
-    assert flight.vehicle.autopilot.craft.estimator.eph_m == 8.0
+    assert flight.vehicle.autopilot.state.estimator.eph_m == 8.0
 
 
 @pytest.mark.parametrize(

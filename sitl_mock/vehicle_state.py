@@ -1,4 +1,4 @@
-"""What every flavour shares: one vehicle's body, beliefs, power, pilot and voice, for the flavour's brain to rule."""
+"""What every flavour shares: one vehicle's body, estimate, power, pilot and texts, which its commander decides over."""
 
 import math
 from collections.abc import Mapping
@@ -46,10 +46,11 @@ class Reported(NamedTuple):
 
 
 @dataclass(slots=True)
-class Craft:
+class VehicleState:
     """One vehicle.
 
     Attributes:
+        system_id: MAVLink system id.
         frame: The local frame of the estimator.
         parameters: Values by name.
         body: True motion, in the local frame.
@@ -69,6 +70,7 @@ class Craft:
         target: The last FOLLOW_TARGET.
     """
 
+    system_id: int
     frame: LocalFrame
     parameters: Mapping[str, int | float]
     body: Body

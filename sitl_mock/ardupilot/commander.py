@@ -1,4 +1,4 @@
-"""ArduPilot's decisions over one craft, a copter or a rover.
+"""ArduPilot's decisions over one vehicle, a copter or a rover.
 
 There is no intention beside the mode: whatever changes it, a client, the pilot or a failsafe, changes it for good.
 """
@@ -8,20 +8,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
-from sitl_mock.ardupilot import commands, guided, safety
+from sitl_mock.ardupilot import guided, safety
 from sitl_mock.ardupilot.attitude import read_attitude
 from sitl_mock.ardupilot.speeds import Speeds
-from sitl_mock.craft import Craft, Landed, Severity
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
 from sitl_mock.pilot import OVERRIDE_S, Sticks
+from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sitl_mock.ardupilot.circle import Circle
-    from sitl_mock.ardupilot.rig import Rig
+    from sitl_mock.ardupilot.firmware import Firmware
     from sitl_mock.ardupilot.yaw import Turn
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
     from sitl_mock.world import Vector
@@ -37,7 +37,7 @@ _LANDED_S: Final = 1.1
 
 
 class ArduPilot:
-    """The flavour's decisions over one craft.
+    """The flavour's decisions over one vehicle.
 
     Attributes:
         mode: Name of the mode that is flown.
@@ -52,15 +52,15 @@ class ArduPilot:
         handled: Failsafe triggers that have acted; they act again after they have gone.
     """
 
-    def __init__(self, craft: Craft, plans: PlanStore, rig: Rig) -> None:
-        self.craft = craft
+    def __init__(self, state: VehicleState, plans: PlanStore, firmware: Firmware[ArduPilot]) -> None:
+        self.state = state
         self.plans = plans
-        self.rig = rig
+        self.firmware = firmware
         self.mission = MissionFlight(plans, skip_home=True)
-        self.by_name = rig.modes.by_name()
-        self.by_number = rig.modes.by_number()
-        self.after = rig.modes.after()
-        self.mode = rig.first_mode
+        self.by_name = firmware.modes.by_name()
+        self.by_number = firmware.modes.by_number()
+        self.after = firmware.modes.after()
+        self.mode = firmware.first_mode
         self.guided: Setpoint | None = None
         self.stream_s = -math.inf
         self.takeoff_m = math.nan
@@ -69,8 +69,8 @@ class ArduPilot:
         self.turn: Turn | None = None
         self.speeds = Speeds()
         self.switched: int | None = None
-        self.entered_m: Vector = craft.position_m
-        self.entered_yaw_rad = craft.yaw_rad
+        self.entered_m: Vector = state.position_m
+        self.entered_yaw_rad = state.yaw_rad
         self.stage = ""
         self.stage_s = 0.0
         self.circle: Circle | None = None
@@ -94,21 +94,21 @@ class ArduPilot:
     @property
     def base_mode(self) -> int:
         """HEARTBEAT.base_mode."""
-        return self.by_name[self.mode].base_mode | (128 if self.craft.armed else 0)
+        return self.by_name[self.mode].base_mode | (128 if self.state.armed else 0)
 
     @property
     def system_status(self) -> int:
         """HEARTBEAT.system_status: standby on the ground (a rover: disarmed), active, critical."""
         if self.in_failsafe:
             return 5
-        if not self.rig.flies:
-            return 4 if self.craft.armed else 3
-        return 3 if self.craft.on_ground else 4
+        if not self.firmware.flies:
+            return 4 if self.state.armed else 3
+        return 3 if self.state.on_ground else 4
 
     @property
     def landed_state(self) -> int:
         """EXTENDED_SYS_STATE.landed_state."""
-        if self.craft.on_ground:
+        if self.state.on_ground:
             return Landed.ON_GROUND
         if self.mode == "GUIDED" and math.isfinite(self.takeoff_m):
             return Landed.TAKEOFF
@@ -117,13 +117,13 @@ class ArduPilot:
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
-        return not safety.failing(self)
+        return not safety.failing(self.state)
 
     # What comes in
 
     def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
         """Obey or refuse a command."""
-        return commands.execute(self, now_s, command)
+        return self.firmware.execute(self, now_s, command)
 
     def set_mode(self, _now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
@@ -133,14 +133,14 @@ class ArduPilot:
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint, in GUIDED only; it ends a take-off."""
-        if self.craft.conditions.offboard_refused:
+        if self.state.conditions.offboard_refused:
             return
         setpoint = None
         if message.get_type() == "SET_ATTITUDE_TARGET":
-            if self.rig.flies and self.mode in GUIDED_MODES:
-                setpoint = read_attitude(self.craft.parameters, message)
+            if self.firmware.flies and self.mode in GUIDED_MODES:
+                setpoint = read_attitude(self.state.parameters, message)
         elif self.mode == "GUIDED":
-            setpoint = guided.read(self.craft, message)
+            setpoint = guided.read(self.state, message)
         if setpoint is not None:
             self.follow(setpoint)
             self.stream_s = now_s
@@ -158,7 +158,7 @@ class ArduPilot:
         """Take a mission item with current 2, older clients' way to fly somewhere; 3 has no effect."""
         if item.current != _FLY_THERE:
             return True
-        setpoint = guided.item_setpoint(self.craft, item) if self.mode == "GUIDED" else None
+        setpoint = guided.item_setpoint(self.state, item) if self.mode == "GUIDED" else None
         if setpoint is None:
             return False
         self.follow(setpoint)
@@ -175,7 +175,7 @@ class ArduPilot:
         self._look()
         why = self._against(mode)
         if why:
-            self.craft.say(Severity.WARNING, f"Mode change to {mode} failed: {why}")
+            self.state.say(Severity.WARNING, f"Mode change to {mode} failed: {why}")
             return False
         self.enter(mode)
         return True
@@ -183,14 +183,14 @@ class ArduPilot:
     def _against(self, mode: str) -> str:
         """Why a mode cannot be entered, empty if it can."""
         missing = self.by_name[mode].needs - self.there
-        if mode == "GUIDED" and self.craft.conditions.offboard_refused:
+        if mode == "GUIDED" and self.state.conditions.offboard_refused:
             return "init failed"
-        if not self.craft.armed and self.rig.flies:
+        if not self.state.armed and self.firmware.flies:
             return ""
         if missing:
             return "requires position" if missing & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION} else "init failed"
-        if mode == "AUTO" and self.rig.flies and self.craft.on_ground and not self.mission.takes_off:
-            self.craft.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
+        if mode == "AUTO" and self.firmware.flies and self.state.on_ground and not self.mission.takes_off:
+            self.state.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
             return "init failed"
         return ""
 
@@ -206,8 +206,8 @@ class ArduPilot:
         self.circle = None
         self.speeds = Speeds()
         self.stage = ""
-        self.entered_m = self.craft.position_m
-        self.entered_yaw_rad = self.craft.yaw_rad
+        self.entered_m = self.state.position_m
+        self.entered_yaw_rad = self.state.yaw_rad
         if mode == "AUTO":
             self.mission.start()
 
@@ -218,9 +218,9 @@ class ArduPilot:
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
             self._check()
-        if not self.craft.armed:
+        if not self.state.armed:
             return _STOPPED
-        setpoint = self.rig.flights[self.mode](self)
+        setpoint = self.firmware.flights[self.mode](self)
         if self.turn is None:
             return setpoint
         return setpoint._replace(yaw_rad=self.turn.advance(DECIDE_S), yaw_rate_rad_s=math.nan)
@@ -228,20 +228,22 @@ class ArduPilot:
     @property
     def sticks(self) -> Sticks:
         """The pilot's sticks; those of the simulator's radio, throttle down, where nobody moves any."""
-        pilot = self.craft.pilot
-        return pilot.sticks if pilot.fresh(self.craft.now_s, OVERRIDE_S) else AT_REST
+        pilot = self.state.pilot
+        return pilot.sticks if pilot.fresh(self.state.now_s, OVERRIDE_S) else AT_REST
 
     def guided_setpoint(self) -> Setpoint:
         """GUIDED: the last setpoint, or a stop when it is older than the timeout."""
-        rig, craft = self.rig, self.craft
+        firmware, state = self.firmware, self.state
         if self.guided is None:
             return Setpoint(Kind.BRAKE)
         if self.paused:
             return guided.STOP
         if self.guided.kind is Kind.TRAVEL:
             return self.speeds.applied(self.guided)
-        timeout_s = float(craft.parameters[rig.guided_timeout]) if rig.guided_timeout else rig.guided_timeout_s
-        if craft.now_s - self.stream_s > timeout_s:
+        timeout_s = (
+            float(state.parameters[firmware.guided_timeout]) if firmware.guided_timeout else firmware.guided_timeout_s
+        )
+        if state.now_s - self.stream_s > timeout_s:
             return guided.STOP if self.guided.kind is Kind.STREAM else guided.LEVEL
         return self.guided
 
@@ -249,57 +251,84 @@ class ArduPilot:
         """AUTO has come to its end."""
         if self.mission.over == "return":
             self.enter(self.after["AUTO", "mission asks to return"])
-        elif self.mission.over == "finished" and not self.rig.flies:
+        elif self.mission.over == "finished" and not self.firmware.flies:
             self.enter(self.after["AUTO", "mission finished in the air"])
 
     def set_home(self, place_m: Vector, *, given: bool = False) -> None:
         """Put home somewhere, and tell it and the origin to everybody."""
-        self.craft.set_home(place_m, given=given)
-        self.craft.news += ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
+        self.state.set_home(place_m, given=given)
+        self.state.news += ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
 
     def disarm(self) -> None:
         """Motors off."""
-        self.craft.disarm()
+        self.state.disarm()
         self.handled.clear()
         self.in_failsafe = False
         self.takeoff_m = math.nan
 
     def _look(self) -> None:
-        self.there = safety.available(self.craft, self.plans)
+        self.there = safety.available(self.state, self.plans)
 
     def _check(self) -> None:
-        craft = self.craft
-        if craft.home_m is None and craft.estimator.global_valid:
-            self.set_home(craft.position_m)
-            craft.say(Severity.INFO, "EKF3 IMU0 is using GPS")
+        state = self.state
+        if state.home_m is None and state.estimator.global_valid:
+            self.set_home(state.position_m)
+            state.say(Severity.INFO, "EKF3 IMU0 is using GPS")
         self._look()
-        if self.rig.flies:
+        if self.firmware.flies:
             self._hear_switch()
-        if craft.armed:
-            safety.act(self)
+        if state.armed:
+            self._act_on_failsafes()
             self._disarm_by_itself()
 
+    def _act_on_failsafes(self) -> None:
+        """Let new triggers change the mode, once each until they have gone."""
+        state = self.state
+        present = dict(safety.wrong(state, self.plans, flies=self.firmware.flies))
+        self.handled &= present.keys()
+        self.in_failsafe = bool(self.handled)
+        for name, parameter in present.items():
+            choice = int(state.parameters[parameter])
+            if name in self.handled or choice == 0:
+                continue
+            self.handled.add(name)
+            after = self.after.get(("any", f"{name}, {parameter} = {choice}"))
+            if after is None:
+                continue
+            self.in_failsafe = True
+            state.say(Severity.CRITICAL, f"Failsafe: {name}")
+            if state.on_ground and self.firmware.flies:
+                self.disarm()
+                return
+            if self.mode != "LAND":
+                self.enter(self._runnable(after))
+
+    def _runnable(self, mode: str) -> str:
+        while not self.by_name[mode].needs <= self.there:
+            mode = self.after.get((mode, "cannot run"), self.firmware.hold_mode)
+        return mode
+
     def _disarm_by_itself(self) -> None:
-        craft = self.craft
-        if not self.rig.flies or not craft.on_ground:
+        state = self.state
+        if not self.firmware.flies or not state.on_ground:
             return
         landing = self.mode in {"LAND", "RTL", "SMART_RTL", "AUTO"}
-        if craft.flew and landing and craft.standing_s > _LANDED_S:
+        if state.flew and landing and state.standing_s > _LANDED_S:
             self.disarm()
             return
-        delay_s = float(craft.parameters["DISARM_DELAY"])
-        idle_s = craft.now_s - max(craft.armed_s, craft.landed_s)
+        delay_s = float(state.parameters["DISARM_DELAY"])
+        idle_s = state.now_s - max(state.armed_s, state.landed_s)
         if delay_s > 0.0 and idle_s > delay_s and not math.isfinite(self.takeoff_m):
             self.disarm()
 
     def _hear_switch(self) -> None:
         """The mode switch of the transmitter: a new position of its channel asks for that position's mode."""
-        channel = int(self.craft.parameters["FLTMODE_CH"])
-        slot = self.craft.pilot.switch_position(channel)
+        channel = int(self.state.parameters["FLTMODE_CH"])
+        slot = self.state.pilot.switch_position(channel)
         if slot is None or slot == self.switched:
             return
         self.switched = slot
-        mode = self.by_number.get(int(self.craft.parameters[f"FLTMODE{slot}"]))
+        mode = self.by_number.get(int(self.state.parameters[f"FLTMODE{slot}"]))
         if mode is not None:
             self.request(mode.name)
 

@@ -8,8 +8,10 @@ from sitl_mock.missions import MissionFlight
 from sitl_mock.protocols import Command, CommandAnswer, PlanItem
 
 
-class Brain(Protocol):
-    """One flavour's decisions. It has no clock: every call names the time, and all state is in itself and its craft.
+class Commander(Protocol):
+    """One flavour's decisions.
+
+    It has no clock: every call names the time, and all that it knows is in itself and in the vehicle's state.
 
     * `tick` is called every 10 ms and returns what the motors shall do.
     * `execute` answers commands that are the flavour's own (not streams, parameters or transfers).

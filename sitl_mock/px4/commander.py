@@ -5,22 +5,27 @@ then stepped down while it cannot run (table in `modes.py`). The intention outli
 back, so does OFFBOARD.
 """
 
-import math
-from collections.abc import Sequence
-from typing import Any, Final
+from __future__ import annotations
 
-from sitl_mock.craft import Craft, Landed, Severity
+import math
+from typing import TYPE_CHECKING, Any, Final
+
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
-from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
-from sitl_mock.px4 import checks, commands, flying, offboard, tasks
+from sitl_mock.px4 import checks, flying, offboard
 from sitl_mock.px4.attitude import BodyRates, read_attitude
 from sitl_mock.px4.failsafe import MODE_OF, Action, Failsafes
 from sitl_mock.px4.follow import Follow
 from sitl_mock.px4.home import HomeKeeper
 from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES
 from sitl_mock.px4.requests import Unmeant, meant
+from sitl_mock.vehicle_state import Landed, Severity, VehicleState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
 
 CHECK_S: Final = 0.1
 LANDED_S: Final = 2.8
@@ -31,17 +36,32 @@ _LANDING: Final = frozenset({"LAND", "DESCEND", "PRECLAND"})
 
 
 class Px4:
-    """The flavour's decisions over one craft."""
+    """PX4's decisions over one vehicle.
 
-    def __init__(self, craft: Craft, plans: PlanStore) -> None:
-        self.craft: Craft = craft
+    Args:
+        state: The vehicle.
+        plans: Its mission, fence and rally points.
+        execute: Answers commands.
+        fly: The flown mode's setpoint.
+    """
+
+    def __init__(
+        self,
+        state: VehicleState,
+        plans: PlanStore,
+        execute: Callable[[Px4, float, Command], Sequence[CommandAnswer]],
+        fly: Callable[[Px4], Setpoint],
+    ) -> None:
+        self.state: VehicleState = state
+        self._execute = execute
+        self._fly = fly
         self.plans = plans
         self.mission = MissionFlight(plans, climbs_first=True)
         self.failsafes = Failsafes()
         self.home = HomeKeeper()
         self.intention = "HOLD"
         self.mode = "HOLD"
-        self.plan: flying.Plan = flying.Plan(craft.position_m)
+        self.plan: flying.Plan = flying.Plan(state.position_m)
         self.there: frozenset[Need] = frozenset()
         self.setpoint = Setpoint(Kind.BRAKE)
         self.rates: BodyRates | None = None
@@ -67,21 +87,21 @@ class Px4:
     @property
     def base_mode(self) -> int:
         """HEARTBEAT.base_mode."""
-        return BY_NAME[self.mode].base_mode | (128 if self.craft.armed else 0)
+        return BY_NAME[self.mode].base_mode | (128 if self.state.armed else 0)
 
     @property
     def system_status(self) -> int:
         """HEARTBEAT.system_status: not ready, standby, active, critical, flight termination."""
         if self.mode == "TERMINATION":
             return 8
-        if self.craft.armed:
+        if self.state.armed:
             return 5 if self.in_failsafe else 4
         return 3 if self.ready_to_arm else 0
 
     @property
     def landed_state(self) -> int:
         """EXTENDED_SYS_STATE.landed_state."""
-        if self.craft.on_ground and not (self.craft.armed and self.craft.flew and self.craft.standing_s < LANDED_S):
+        if self.state.on_ground and not (self.state.armed and self.state.flew and self.state.standing_s < LANDED_S):
             return Landed.ON_GROUND
         if self.mode == "TAKEOFF":
             return Landed.TAKEOFF
@@ -90,13 +110,13 @@ class Px4:
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
-        return not checks.refusals(self.craft, BY_NAME[self.intention], self.there)
+        return not checks.refusals(self.state, BY_NAME[self.intention], self.there)
 
     # What comes in
 
     def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
         """Obey or refuse a command."""
-        return commands.execute(self, now_s, command)
+        return self._execute(self, now_s, command)
 
     def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
@@ -106,16 +126,16 @@ class Px4:
         """Ask for the mode that a client means; False if it is refused."""
         if isinstance(mode, Unmeant):
             if mode is Unmeant.REFUSED:
-                self.craft.say(Severity.CRITICAL, "Unsupported auto mode")
+                self.state.say(Severity.CRITICAL, "Unsupported auto mode")
             return mode is Unmeant.NOTHING
         return self.request(now_s, mode)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint: proof of life in every mode, followed in OFFBOARD only."""
         by_attitude = message.get_type() == "SET_ATTITUDE_TARGET"
-        setpoint = read_attitude(self.craft, message, self.rates) if by_attitude else offboard.read(self.craft, message)
+        setpoint = read_attitude(self.state, message, self.rates) if by_attitude else offboard.read(self.state, message)
         if isinstance(setpoint, str):
-            self.craft.say(Severity.ERROR, setpoint)
+            self.state.say(Severity.ERROR, setpoint)
             return
         self.stream_s = now_s
         self.rates = setpoint if isinstance(setpoint, BodyRates) else None
@@ -134,13 +154,13 @@ class Px4:
         """Ask for a mode: always granted while disarmed, else only if it can run."""
         if self.mode == "TERMINATION":
             return False
-        self.there = checks.available(self.craft, self.plans, self.stream_s)
-        if self.craft.armed and mode != "LAND" and not self.can_run(mode):
-            self.craft.say(Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available")
+        self.there = checks.available(self.state, self.plans, self.stream_s)
+        if self.state.armed and mode != "LAND" and not self.can_run(mode):
+            self.state.say(Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available")
             return False
         self.intention = mode
-        self.craft.pilot.settle()
-        if self.craft.armed:
+        self.state.pilot.settle()
+        if self.state.armed:
             self.failsafes.answer()
         self.enter(mode)
         self._check_s = now_s
@@ -150,23 +170,37 @@ class Px4:
         """Whether everything a mode needs was there at the last check."""
         return BY_NAME[mode].needs <= self.there
 
+    def wants_to_climb(self) -> bool:
+        """Whether a stream asks to leave the ground: by height, by climb rate, or by thrust."""
+        if self.mode != "OFFBOARD":
+            return False
+        setpoint = self.setpoint
+        if setpoint.kind is Kind.DIRECT:
+            return setpoint.acceleration_ned_m_s2[2] < 0.0
+        to, along, push = (
+            setpoint.position_ned_m[2],
+            setpoint.velocity_ned_m_s[2],
+            setpoint.acceleration_ned_m_s2[2],
+        )
+        return to < self.state.position_m[2] or along < 0.0 or push < 0.0
+
     # What is decided
 
     def tick(self, now_s: float) -> Setpoint:
         """Check when it is time, then say what the motors shall do."""
-        self.home.update(self.craft, in_mission=self.mode == "MISSION" and not self.mission.over)
+        self.home.update(self.state, in_mission=self.mode == "MISSION" and not self.mission.over)
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
             self._check(now_s)
-        if not self.craft.armed or self.mode == "TERMINATION":
+        if not self.state.armed or self.mode == "TERMINATION":
             return _STOPPED
-        return tasks.fly(self)
+        return self._fly(self)
 
     def _check(self, now_s: float) -> None:
-        craft = self.craft
-        self.there = checks.available(craft, self.plans, self.stream_s)
-        if not craft.armed:
-            self.home.follow(craft)
+        state = self.state
+        self.there = checks.available(state, self.plans, self.stream_s)
+        if not state.armed:
+            self.home.follow(state)
             self.failsafes.clear()
             self.in_failsafe = False
             self.pilot_counts = False
@@ -176,10 +210,10 @@ class Px4:
         self.pilot_counts = self.pilot_counts or Need.PILOT in self.there
         self._pilot_takes_over(now_s)
         action, new = self.failsafes.update(
-            now_s, checks.wrong(craft, self.plans, self.intention, pilot_counts=self.pilot_counts), craft.parameters
+            now_s, checks.wrong(state, self.plans, self.intention, pilot_counts=self.pilot_counts), state.parameters
         )
         for name in new:
-            craft.say(Severity.WARNING, f"Failsafe: {name}")
+            state.say(Severity.WARNING, f"Failsafe: {name}")
         if action is Action.DISARM:
             self.disarm()
             return
@@ -197,14 +231,14 @@ class Px4:
         while not self.can_run(mode):
             event = "cannot run"
             if mode == "OFFBOARD":
-                event = f"stream lost, COM_OBL_RC_ACT = {int(self.craft.parameters['COM_OBL_RC_ACT'])}"
+                event = f"stream lost, COM_OBL_RC_ACT = {int(self.state.parameters['COM_OBL_RC_ACT'])}"
             mode = AFTER.get((mode, event), "RTL")
             if mode == "disarmed":
                 self.disarm()
                 return
         failing = mode != self.intention or action >= Action.HOLD
         if failing and not self.in_failsafe:
-            self.craft.say(Severity.CRITICAL, "Failsafe activated")
+            self.state.say(Severity.CRITICAL, "Failsafe activated")
         self.in_failsafe = failing
         self.enter(mode)
 
@@ -213,25 +247,25 @@ class Px4:
         if mode == self.mode:
             return
         self.mode = mode
-        craft = self.craft
-        self.plan = flying.Plan(craft.position_m, yaw_rad=craft.yaw_rad)
+        state = self.state
+        self.plan = flying.Plan(state.position_m, yaw_rad=state.yaw_rad)
         if mode == "TAKEOFF":
             self.plan.height_m = self._takeoff_down_m()
         if mode == "MISSION":
             self.mission.start()
-            if craft.armed:
-                craft.say(Severity.INFO, "Executing Mission")
+            if state.armed:
+                state.say(Severity.INFO, "Executing Mission")
         if mode == "FOLLOW":
-            home = craft.home_m or craft.position_m
+            home = state.home_m or state.position_m
             self.plan.follow = Follow(home[2])
-        craft.pilot.settle()
+        state.pilot.settle()
 
     def _takeoff_down_m(self) -> float:
-        craft = self.craft
-        default = craft.position_m[2] - float(craft.parameters["MIS_TAKEOFF_ALT"])
+        state = self.state
+        default = state.position_m[2] - float(state.parameters["MIS_TAKEOFF_ALT"])
         if math.isnan(self._takeoff_height_m):
             return default
-        return min(craft.frame.origin.alt_amsl_m - self._takeoff_height_m, craft.position_m[2] - 0.5)
+        return min(state.frame.origin.alt_amsl_m - self._takeoff_height_m, state.position_m[2] - 0.5)
 
     def begin_takeoff(self, now_s: float, altitude_amsl_m: float) -> bool:
         """NAV_TAKEOFF: climb to an altitude above sea level, NaN for MIS_TAKEOFF_ALT."""
@@ -243,7 +277,7 @@ class Px4:
 
     def disarm(self) -> None:
         """Motors off; the intention stays, except that a finished take-off or landing is over."""
-        self.craft.disarm()
+        self.state.disarm()
         self.failsafes.clear()
         self.in_failsafe = False
         if self.mode == "TERMINATION":
@@ -253,34 +287,34 @@ class Px4:
         self.enter(self.intention)
 
     def _pilot_takes_over(self, now_s: float) -> None:
-        parameters = self.craft.parameters
+        parameters = self.state.parameters
         mask = int(parameters["COM_RC_OVERRIDE"])
         covered = mask & 2 if self.mode == "OFFBOARD" else mask & 1
         if self.mode in MANUAL_MODES or not covered or Need.PILOT not in self.there or self.mode == "TERMINATION":
             return
-        if self.craft.pilot.moved * 100.0 > float(parameters["COM_RC_STICK_OV"]):
-            self.craft.say(Severity.INFO, "Pilot took over using sticks")
+        if self.state.pilot.moved * 100.0 > float(parameters["COM_RC_STICK_OV"]):
+            self.state.say(Severity.INFO, "Pilot took over using sticks")
             self.request(now_s, AFTER["any", "stick moved, COM_RC_OVERRIDE"])
 
     def _notice_landing(self) -> None:
-        craft = self.craft
-        if self._landing_told_s != craft.landed_s and craft.standing_s >= LANDED_S:
-            self._landing_told_s = craft.landed_s
-            craft.say(Severity.INFO, "Landing detected")
+        state = self.state
+        if self._landing_told_s != state.landed_s and state.standing_s >= LANDED_S:
+            self._landing_told_s = state.landed_s
+            state.say(Severity.INFO, "Landing detected")
 
     def _disarm_by_itself(self, now_s: float) -> None:
-        craft = self.craft
-        if not craft.on_ground:
+        state = self.state
+        if not state.on_ground:
             return
-        if craft.flew:
+        if state.flew:
             self._notice_landing()
-            landed_s = float(craft.parameters["COM_DISARM_LAND"])
-            coming_down = self.mode not in {"TAKEOFF"} and not tasks.wants_to_climb(self)
-            if landed_s > 0.0 and coming_down and craft.standing_s > LANDED_S + landed_s:
-                craft.say(Severity.INFO, "Disarmed by landing")
+            landed_s = float(state.parameters["COM_DISARM_LAND"])
+            coming_down = self.mode not in {"TAKEOFF"} and not self.wants_to_climb()
+            if landed_s > 0.0 and coming_down and state.standing_s > LANDED_S + landed_s:
+                state.say(Severity.INFO, "Disarmed by landing")
                 self.disarm()
             return
-        patience_s = float(craft.parameters["COM_DISARM_PRFLT"])
-        if patience_s > 0.0 and now_s - craft.armed_s > patience_s:
-            craft.say(Severity.INFO, "Disarmed by auto preflight disarming")
+        patience_s = float(state.parameters["COM_DISARM_PRFLT"])
+        if patience_s > 0.0 and now_s - state.armed_s > patience_s:
+            state.say(Severity.INFO, "Disarmed by auto preflight disarming")
             self.disarm()
