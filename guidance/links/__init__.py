@@ -5,9 +5,9 @@
 
 from guidance.links.arrivals import Clock
 from guidance.links.endpoint import Endpoint, parse
-from guidance.links.memory_wire import MemoryWire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.signing import SigningKey
+from guidance.links.wires.memory import MemoryWire
 
 __all__ = [
     "Clock",

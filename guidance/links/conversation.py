@@ -8,10 +8,9 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from guidance.links import encode, status_text
-from guidance.links.codec import DECODERS, Fields, decode, meant, parameter
-from guidance.links.requests import RequestQueue
-from guidance.links.timesync import TimesyncPeer
+from guidance.links import encode
+from guidance.links.decode import DECODERS, Fields, OpenText, decode, expire_text, join_text, meant, parameter
+from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
 
 Send = Callable[[str, dict[str, Any]], None]
@@ -30,7 +29,7 @@ class Conversation:
         self._inbox: deque[Message] = deque()
         self._requests = RequestQueue()
         self._timesync = TimesyncPeer()
-        self._open_text: status_text.OpenText | None = None
+        self._open_text: OpenText | None = None
         self.autopilot = 0
         self.heartbeats = 0
         self.counts: Counter[str] = Counter()
@@ -47,7 +46,7 @@ class Conversation:
         if not self._is_for_us(fields):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
-            self._open_text, texts = status_text.join(self._open_text, fields, received_s)
+            self._open_text, texts = join_text(self._open_text, fields, received_s)
             self._keep(*texts)
         elif name == "TIMESYNC":
             answer, reply = self._timesync.hear(fields, received_s)
@@ -88,7 +87,7 @@ class Conversation:
 
     def tend(self, now_s: float) -> None:
         """Send what is due: requests not answered yet, and our TIMESYNC question once the vehicle was heard."""
-        self._open_text, texts = status_text.expire(self._open_text, now_s)
+        self._open_text, texts = expire_text(self._open_text, now_s)
         self._keep(*texts)
         for request, attempt in self._requests.due(now_s):
             self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._target))

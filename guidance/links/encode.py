@@ -4,7 +4,7 @@ import math
 import struct
 from typing import Any, Final
 
-from guidance.links.codec import INT32_MAX, MAV_MISSION_TYPE_FENCE, is_bytewise
+from guidance.links.decode import INT32_MAX, MAV_MISSION_TYPE_FENCE, is_bytewise
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Setpoint
 
 Packed = tuple[str, dict[str, Any]]

@@ -9,7 +9,9 @@ would fly on. Nothing is called on MAVSDK after it was destroyed, which would be
 """
 
 import contextlib
+import ctypes
 import json
+import logging
 import math
 import threading
 from collections import Counter
@@ -17,16 +19,17 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from mavsdk import Autopilot, Configuration, ConnectionResult, Mavsdk
+from mavsdk.cmavsdk_loader import _cmavsdk_lib
+from mavsdk.logging import LogCallback
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
 from mavsdk.system import System
 
 from guidance.errors import LinkError
 from guidance.links.arrivals import Arrivals, Clock, Wake
-from guidance.links.codec import MAV_AUTOPILOT_PX4, is_bytewise
 from guidance.links.conversation import HEARD, Conversation
+from guidance.links.decode import MAV_AUTOPILOT_PX4, is_bytewise
 from guidance.links.dialect import CRC_EXTRA, IDS
 from guidance.links.framing import Framer
-from guidance.links.mavsdk_log import route_to_logging
 from guidance.links.mavsdk_parameters import IntegerParameters
 from guidance.links.port import Wire
 from guidance.messages import Message, Request, Setpoint
@@ -34,6 +37,28 @@ from guidance.messages import Message, Request, Setpoint
 _LOOK_EVERY_S: Final = 0.02
 _WANTED: Final = frozenset(IDS[name] for name in (*HEARD, "AUTOPILOT_VERSION"))
 """What MAVSDK gets to see: what the link hears, and what MAVSDK itself asks of an autopilot."""
+
+
+LOGGER: Final = logging.getLogger("guidance.links.mavsdk")
+_LEVELS: Final = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.WARNING)  # one lower: MAVSDK's INFO is chatter
+
+
+def _log(level: int, message: bytes | None, _file: bytes | None, _line: int, _user: ctypes.c_void_p) -> bool:
+    LOGGER.log(_LEVELS[min(max(level, 0), 3)], "%s", (message or b"").decode(errors="replace"))
+    return True  # handled: nothing is printed
+
+
+_callback = LogCallback(_log)
+
+
+def route_to_logging() -> None:
+    """Take over MAVSDK's log, for the whole process; calling it again changes nothing.
+
+    The library's own `log_subscribe` is not used since it prints an error when a vehicle sends text that is not UTF-8.
+    """
+    if not any(isinstance(handler, logging.NullHandler) for handler in LOGGER.handlers):
+        LOGGER.addHandler(logging.NullHandler())  # silent unless the program sets logging up
+        _cmavsdk_lib.mavsdk_log_subscribe(_callback, None)
 
 
 class MavsdkLink:

@@ -1,24 +1,35 @@
-"""From a URL to a link that has heard its vehicle. Importing this imports every wire library."""
+"""From a URL to a wire, from a wire to a vehicle that was heard. Importing this imports every wire library."""
 
 import time
 from collections.abc import Callable, Collection
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
+
+from pymavlink.dialects.v20 import common
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.arrivals import Clock, Wake
+from guidance.links.decode import MAV_MODE_FLAG_SAFETY_ARMED
+from guidance.links.dialect import CRC_EXTRA
 from guidance.links.endpoint import parse
+from guidance.links.framing import Frame, Framer
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.serial_wire import SerialWire
 from guidance.links.signing import SigningKey
-from guidance.links.tcp_wire import TcpWire
-from guidance.links.udp_wire import UdpWire
-from guidance.links.zenoh_wire import ZenohWire
+from guidance.links.wires.serial import SerialWire
+from guidance.links.wires.tcp import TcpWire
+from guidance.links.wires.udp import UdpWire
+from guidance.links.wires.zenoh import ZenohWire
 
 KINDS: Final = ("mavsdk", "pymavlink")
 _LOOK_EVERY_S: Final = 0.02
 _HEARTBEAT_EVERY_S: Final = 1.0
+MAV_AUTOPILOT_INVALID: Final = 8
+"""What a ground station, a companion computer or a camera calls itself."""
+
+MAV_TYPE_GCS: Final = 6
+_OWN: Final = (255, 191)
+_HEARTBEAT: Final = 0
 
 Sleep = Callable[[float], None]
 
@@ -160,3 +171,62 @@ def wait_until_heard(link: _Polled, *, clock: Clock, timeout_s: float, sleep: Sl
         link.poll()
         if not link.heartbeats:
             sleep(_LOOK_EVERY_S)
+
+
+class Found(NamedTuple):
+    """An autopilot by its HEARTBEAT: MAV_AUTOPILOT, MAV_TYPE, and whether it is armed."""
+
+    system_id: int
+    component_id: int
+    autopilot: int
+    vehicle_type: int
+    armed: bool
+
+
+def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> Found:
+    """Wait for the first HEARTBEAT of an autopilot. The wire stays open; what else arrived meanwhile is gone.
+
+    Our own HEARTBEAT (a companion computer's) goes out once a second, since a vehicle that is called by UDP answers
+    only then.
+
+    Raises:
+        LinkError: If none came within `timeout_s`.
+    """
+    framer, mavlink = Framer(CRC_EXTRA), common.MAVLink(None, *_OWN)
+    deadline_s, beat_s, others = clock() + timeout_s, clock(), 0
+    while True:
+        if clock() >= beat_s:
+            beat_s += _HEARTBEAT_EVERY_S
+            wire.send(_own_heartbeat(mavlink))
+        for _, data in wire.receive():
+            for frame in framer.feed(data, stream=wire.stream):
+                found = _found(mavlink, frame)
+                if found is not None:
+                    return found
+                others += 1
+        if clock() >= deadline_s:
+            raise LinkError(
+                f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({others} other frames heard); is it running, "
+                "and does it send here?"
+            )
+        sleep(_LOOK_EVERY_S)
+
+
+def _found(mavlink: common.MAVLink, frame: Frame) -> Found | None:
+    if frame.message_id != _HEARTBEAT:
+        return None
+    try:
+        beat = mavlink.decode(bytearray(frame.data))
+    except common.MAVError:
+        return None
+    if beat.autopilot == MAV_AUTOPILOT_INVALID or beat.type == MAV_TYPE_GCS:
+        return None
+    armed = bool(beat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
+    return Found(frame.system_id, frame.component_id, int(beat.autopilot), int(beat.type), armed)
+
+
+def _own_heartbeat(mavlink: common.MAVLink) -> bytes:
+    beat = common.MAVLink_heartbeat_message(common.MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    frame = bytes(beat.pack(mavlink))
+    mavlink.seq = (mavlink.seq + 1) % 256
+    return frame

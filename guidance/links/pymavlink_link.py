@@ -9,8 +9,8 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links import signing
 from guidance.links.arrivals import Clock
-from guidance.links.codec import is_bytewise
 from guidance.links.conversation import HEARD, Conversation
+from guidance.links.decode import is_bytewise
 from guidance.links.dialect import CRC_EXTRA, IDS, NAMES
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire

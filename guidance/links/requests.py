@@ -1,4 +1,6 @@
-"""Requests in flight. Those that only ask are repeated every half second, four times in all, until they are answered.
+"""What we ask and what answers it: requests in flight, and TIMESYNC.
+
+Requests that only ask are repeated every half second, four times in all, until they are answered.
 
 A command that acts on the vehicle (a mode, arming, take-off) is sent once: its acknowledgement may have been lost and a
 pilot may have taken over since, and a blind repeat would take the vehicle back. Whoever wants it repeated has to look
@@ -11,9 +13,10 @@ requests queue behind each other, while any other command takes the place of its
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
-from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request
+from guidance.links.decode import Fields
+from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Timesync
 
 REPEAT_S: Final = 0.5
 MOST_SENDS: Final = 4
@@ -21,6 +24,8 @@ IN_PROGRESS_PATIENCE_S: Final = 10.0
 MOST_QUEUED: Final = 64
 MAV_RESULT_IN_PROGRESS: Final = 5
 _ASKING: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
+
+TIMESYNC_EVERY_S: Final = 1.0
 
 Key = tuple[str, int | str]
 
@@ -120,3 +125,37 @@ class RequestQueue:
         """A PARAM_VALUE came."""
         self.waiting.pop(("parameter", name), None)
         self.waiting.pop(("parameter set", name), None)
+
+
+def _nanoseconds(now_s: float) -> int:
+    return round(now_s * 1e9)
+
+
+@dataclass(slots=True)
+class TimesyncPeer:
+    """TIMESYNC both ways: the other side's questions are answered, and ours are asked once a second.
+
+    Times are our injected clock in nanoseconds. An answer counts only if it mirrors one of the last few times that we
+    sent, so that the answers to other companions on the link are left alone.
+    """
+
+    asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=8))
+    next_ask_s: float = float("-inf")
+
+    def hear(self, fields: Fields, received_s: float) -> tuple[Timesync | None, dict[str, Any] | None]:
+        """(an answer to us, or None; the fields to answer with, or None)."""
+        tc1, ts1 = fields["tc1"], fields["ts1"]
+        if tc1 == 0:
+            return None, {"tc1": _nanoseconds(received_s), "ts1": ts1}
+        if ts1 in self.asked_ns:
+            self.asked_ns.remove(ts1)
+            return Timesync(received_s, remote_ns=tc1, local_ns=ts1), None
+        return None, None
+
+    def ask(self, now_s: float) -> dict[str, Any] | None:
+        """The fields of a question, if one is due. A question at time 0 would read as a reply, so it is never 0."""
+        if now_s < self.next_ask_s:
+            return None
+        self.next_ask_s = now_s + TIMESYNC_EVERY_S
+        self.asked_ns.append(_nanoseconds(now_s) or 1)
+        return {"tc1": 0, "ts1": self.asked_ns[-1]}

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from guidance.links.evaders.global_position import GlobalPositionInt
-from guidance.links.evaders.mavlink_source import MavlinkEvader
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.tap import Passed
+from guidance.links.wires.shared import Passed
 from guidance.scenarios.faulting import faulted_fleet, faults_after
 from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
 from guidance.scenarios.model import Scenario

@@ -6,15 +6,13 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from guidance.links.evaders.global_position import GlobalPositionInt
-from guidance.links.evaders.mavlink_source import MavlinkEvader
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.opening import open_wire, wait_until_heard
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.shared_wire import share
-from guidance.links.tap import Passed, TappedWire
-from guidance.links.zenoh_wire import ZenohWire
+from guidance.links.wires.shared import Passed, TappedWire, share
+from guidance.links.wires.zenoh import ZenohWire
 from guidance.scenarios.faulting import check_faults, faults_after
 from guidance.scenarios.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
 from guidance.scenarios.mock_process import ZENOH, MockProcess

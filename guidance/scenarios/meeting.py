@@ -7,7 +7,7 @@ from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, PROFILES, Auto
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import State
 from guidance.frames import LocalFrame
-from guidance.links.finding import Found
+from guidance.links.opening import Found
 from guidance.links.port import VehicleLink
 from guidance.messages import Heartbeat, Home, LandedState, Message, Origin, StatusText
 from guidance.scenarios.fly import Progress

@@ -13,7 +13,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, Final
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_session import open_session
+from guidance.links.wires.zenoh import open_session
 from guidance.scenarios.faulting import script_toml
 from guidance.scenarios.fleet import EVADER, PURSUER, fleet_toml
 from guidance.scenarios.model import Scenario

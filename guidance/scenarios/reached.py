@@ -11,9 +11,8 @@ from rich.console import Console
 from guidance.autopilots import profile
 from guidance.errors import ConfigError, FlightError
 from guidance.links.endpoint import parse
-from guidance.links.finding import find_autopilot
-from guidance.links.opening import KINDS, open_wire
-from guidance.links.udp_wire import UdpWire
+from guidance.links.opening import KINDS, find_autopilot, open_wire
+from guidance.links.wires.udp import UdpWire
 from guidance.scenarios.evader_here import EvaderHere, laid_about, left_out
 from guidance.scenarios.fleet import EVADER_ID
 from guidance.scenarios.flown import outcome_of_flight

@@ -1,7 +1,7 @@
 """A mock vehicle that is stepped in this process, and the wires that lead to it: whole MAVLink frames to and fro."""
 
 from guidance.links import MemoryWire, Wire
-from guidance.links.tap import TappedWire
+from guidance.links.wires.shared import TappedWire
 from guidance.service.clock import Clock
 from sitl_mock.faults import Faulted
 

@@ -16,7 +16,7 @@ from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.limits import Speeds
-from guidance.links.finding import Found
+from guidance.links.opening import Found
 from guidance.scenarios.courses import pursuer_strategy
 from guidance.scenarios.fleet import EVADER_ID, PURSUER
 from guidance.scenarios.model import Scenario

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.links.tap import Passed
+from guidance.links.wires.shared import Passed
 
 
 class World(Protocol):

@@ -13,7 +13,7 @@ from typing import Any, Final
 import zenoh
 
 from guidance.errors import LinkError
-from guidance.links.zenoh_session import open_session
+from guidance.links.wires.zenoh import open_session
 from guidance.service import control_token
 from guidance.service.control_token import ControlToken
 from guidance.service.mailbox import Mailbox

@@ -12,7 +12,7 @@ from types import FrameType
 from typing import Final
 
 from guidance.flight import Event
-from guidance.links.tap import Passed
+from guidance.links.wires.shared import Passed
 from guidance.service.clock import Clock
 from guidance.service.daemon import Daemon, FlightPlan
 from guidance.service.metrics import Metrics

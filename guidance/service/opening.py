@@ -15,10 +15,9 @@ from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.opening import open_wire, wait_until_heard
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.shared_wire import share
 from guidance.links.signing import SigningKey
-from guidance.links.tap import Passed, TappedWire
-from guidance.links.zenoh_session import open_session
+from guidance.links.wires.shared import Passed, TappedWire, share
+from guidance.links.wires.zenoh import open_session
 from guidance.service.asked_evader import AskedEvader
 from guidance.service.bus import OwnerToken
 from guidance.service.clock import Clock

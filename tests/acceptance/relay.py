@@ -13,10 +13,9 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import PROFILES, AutopilotProfile, Mode
 from guidance.links.dialect import CRC_EXTRA
-from guidance.links.finding import Found, find_autopilot
 from guidance.links.framing import Frame, Framer
-from guidance.links.opening import open_wire
-from guidance.links.udp_wire import UdpWire
+from guidance.links.opening import Found, find_autopilot, open_wire
+from guidance.links.wires.udp import UdpWire
 
 PILOT = (255, 190)
 HEARTBEAT, PARAM_VALUE, LOCAL_POSITION_NED, SET_POSITION_TARGET, HOME_POSITION = 0, 22, 32, 84, 242

@@ -12,7 +12,7 @@ import guidance
 from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.evaders.follow_target import FollowTarget
+from guidance.links.evaders.mavlink import FollowTarget
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat
 from guidance.service.clock import VirtualClock

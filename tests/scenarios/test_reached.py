@@ -17,9 +17,8 @@ from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.flight import Event, State
 from guidance.links import MemoryWire
 from guidance.links.endpoint import parse
-from guidance.links.evaders.global_position import GlobalPositionInt
-from guidance.links.evaders.mavlink_source import MavlinkEvader
-from guidance.links.finding import Found, find_autopilot
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.scenarios.evader_here import EvaderHere, laid_about
 from guidance.scenarios.fleet import EVADER_ID

@@ -10,10 +10,9 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.config import parse
 from guidance.flight import State
 from guidance.links import MemoryWire
-from guidance.links.evaders.global_position import GlobalPositionInt
-from guidance.links.evaders.mavlink_source import MavlinkEvader
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.tap import TappedWire
+from guidance.links.wires.shared import TappedWire
 from guidance.service.clock import VirtualClock
 from guidance.service.command import plan_of
 from guidance.service.daemon import Daemon

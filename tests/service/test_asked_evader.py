@@ -1,8 +1,7 @@
 from guidance.links import MemoryWire
-from guidance.links.evaders.global_position import GlobalPositionInt
-from guidance.links.evaders.mavlink_source import MavlinkEvader
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.shared_wire import share
+from guidance.links.wires.shared import share
 from guidance.service.asked_evader import ASK_AGAIN_S, AskedEvader
 from guidance.service.clock import VirtualClock
 from sitl_mock import Home, MockVehicle

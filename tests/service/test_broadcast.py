@@ -11,7 +11,7 @@ import pytest
 import zenoh
 
 from guidance.flight import State
-from guidance.links.zenoh_session import open_session
+from guidance.links.wires.zenoh import open_session
 from guidance.records.rows import inputs_of
 from guidance.service import broadcast as broadcasts
 from guidance.service.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
@@ -21,7 +21,7 @@ from guidance.view.serving import free_port
 
 ONLOOKER = """
 import signal, sys
-from guidance.links.zenoh_session import open_session
+from guidance.links.wires.zenoh import open_session
 session = open_session(sys.argv[1])
 session.declare_subscriber("guidance/uav1/live/*", lambda sample: None)
 print("ready", flush=True)

@@ -13,8 +13,7 @@ from guidance.autopilots import profile
 from guidance.config import parse
 from guidance.errors import FlightError
 from guidance.links import MemoryWire
-from guidance.links.evaders.global_position import GlobalPositionInt
-from guidance.links.evaders.mavlink_source import MavlinkEvader
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.preflight import refusals
 from guidance.service.checkup import Checkup

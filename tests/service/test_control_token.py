@@ -6,7 +6,7 @@ import socket
 import pytest
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_session import open_session
+from guidance.links.wires.zenoh import open_session
 from guidance.service import control_token
 from guidance.service.bus import ControlBus, join_session
 from guidance.service.mailbox import Mailbox

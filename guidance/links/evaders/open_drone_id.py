@@ -12,10 +12,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 from guidance.frames import Ellipsoid, LocalFrame, Vector
-from guidance.links.codec import Fields, degrees, number
-from guidance.links.evaders.course import velocity_over_ground
-from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
-from guidance.links.evaders.sender_clock import SenderClock
+from guidance.links.decode import Fields, degrees, number
+from guidance.links.evaders.carrier import UNKNOWN_VELOCITY, Refused, SenderClock, finite_altitude, velocity_over_ground
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 UNKNOWN_DIRECTION_CDEG: Final = 36100

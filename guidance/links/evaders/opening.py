@@ -8,15 +8,11 @@ from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
 from guidance.links.arrivals import Clock
 from guidance.links.endpoint import parse
-from guidance.links.evaders import json_report
-from guidance.links.evaders.adsb_vehicle import AdsbVehicle
-from guidance.links.evaders.follow_target import FollowTarget
-from guidance.links.evaders.global_position import GlobalPositionInt
-from guidance.links.evaders.mavlink_source import Carrier, MavlinkEvader
-from guidance.links.evaders.odometry import OdometryCarrier
+from guidance.links.evaders.adsb import AdsbVehicle
+from guidance.links.evaders.mavlink import Carrier, FollowTarget, GlobalPositionInt, MavlinkEvader, OdometryCarrier
 from guidance.links.evaders.open_drone_id import OpenDroneIdLocation
-from guidance.links.evaders.ros_pose import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_key
-from guidance.links.evaders.zenoh_source import Reader, ZenohEvader
+from guidance.links.evaders.ros import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_key
+from guidance.links.evaders.zenoh import Reader, ZenohEvader, read_json
 from guidance.links.opening import open_wire
 from guidance.links.port import EvaderSource, Wire
 
@@ -46,7 +42,7 @@ MAVLINK: Final[Mapping[str, Callable[[LocalFrame, EvaderIdentity], Carrier]]] = 
 """Carriers on a MAVLink wire, by the name a configuration gives them."""
 
 ZENOH: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, Reader]]]] = {
-    "json": lambda frame, key: (key, partial(json_report.report, frame=frame, source=key)),
+    "json": lambda frame, key: (key, partial(read_json, frame=frame, source=key)),
     "ros_pose": lambda frame, topic: (rmw_key(topic, POSE_TYPE), RosPose(frame).pose_stamped),
     "ros_odometry": lambda frame, topic: (rmw_key(topic, ODOMETRY_TYPE), RosPose(frame).odometry),
 }

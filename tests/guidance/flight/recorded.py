@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from guidance.links.codec import decode
+from guidance.links.decode import decode
 
 _DATA = Path(__file__).parents[2] / "data"
 _FIELDS = {

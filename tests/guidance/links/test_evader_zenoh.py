@@ -16,9 +16,9 @@ from links_rigs import clock, free_port
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.evaders import Refused, RosPose, json_report, rmw_key
+from guidance.links.evaders import Refused, RosPose, rmw_key
 from guidance.links.evaders.opening import EvaderIdentity, open_source
-from guidance.links.evaders.zenoh_source import ZenohEvader
+from guidance.links.evaders.zenoh import ZenohEvader, json_schema, read_json
 
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0), home=Amsl(490.0), undulation_m=47.3)
 GOOD = {
@@ -31,7 +31,7 @@ GOOD = {
     "position_sd_m": 1.5,
     "velocity_sd_m_s": 0.2,
 }
-read = partial(json_report.report, frame=FRAME, source="evader")
+read = partial(read_json, frame=FRAME, source="evader")
 
 
 def as_bytes(**changes) -> bytes:
@@ -40,7 +40,7 @@ def as_bytes(**changes) -> bytes:
 
 def test_the_published_schema_is_the_models():
     published = Path(__file__).parents[3] / "config" / "zenoh" / "evader_report.schema.json"
-    assert json.loads(published.read_text()) == json_report.schema()
+    assert json.loads(published.read_text()) == json_schema()
 
 
 def test_a_report_says_its_units_and_its_datum():
@@ -98,7 +98,7 @@ def test_a_datum_that_this_frame_cannot_turn_is_refused():
     bare = LocalFrame(47.0, 8.0, Amsl(488.0))
     for datum in ("ellipsoid", "relative"):
         with pytest.raises(Refused, match="datum"):
-            json_report.report(as_bytes(altitude_datum=datum), 0.0, frame=bare, source="x")
+            read_json(as_bytes(altitude_datum=datum), 0.0, frame=bare, source="x")
 
 
 @given(st.binary(max_size=200))

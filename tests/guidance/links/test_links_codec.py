@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
-from guidance.links.codec import DECODERS, decode, parameter
+from guidance.links.decode import DECODERS, decode, parameter
 from guidance.messages import (
     FenceCount,
     FenceItem,

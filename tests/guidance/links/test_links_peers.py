@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from links_peer import Peer
 from pymavlink.dialects.v20 import common as dialect
 
-from guidance.links.peers import MOST_SYSTEMS, OTHERS_PER_S, SILENT_S, Peers
+from guidance.links.wires.udp import MOST_SYSTEMS, OTHERS_PER_S, SILENT_S, Peers
 
 VEHICLE, FORGER = ("127.0.0.1", 14580), ("127.0.0.1", 666)
 

@@ -4,7 +4,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.links import MemoryWire
 from guidance.links.evaders import FollowTarget, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.shared_wire import MOST_WAITING, share
+from guidance.links.wires.shared import MOST_WAITING, share
 from guidance.messages import Heartbeat, Setpoint
 
 

@@ -16,11 +16,11 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import LinkError
 from guidance.links import MemoryWire
 from guidance.links.arrivals import MOST_WAITING, Arrivals
-from guidance.links.serial_wire import SerialWire
-from guidance.links.tail import Tail
-from guidance.links.tcp_wire import TcpWire
-from guidance.links.udp_wire import UdpWire
-from guidance.links.zenoh_wire import ZenohWire
+from guidance.links.wires.serial import SerialWire
+from guidance.links.wires.stream import Tail
+from guidance.links.wires.tcp import TcpWire
+from guidance.links.wires.udp import UdpWire
+from guidance.links.wires.zenoh import ZenohWire
 
 FRAME = Peer(lambda data: None).packed(dialect.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
 

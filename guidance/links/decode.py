@@ -1,13 +1,13 @@
 """MAVLink fields to typed values: one literal table, used whatever library took the frame apart.
 
 Fields are what both libraries agree on: names of the MAVLink definition, integers as integers, text as str, and NaN as
-NaN (pymavlink) or None (MAVSDK's JSON `null`).
+NaN (pymavlink) or None (MAVSDK's JSON `null`). A STATUSTEXT longer than 50 bytes comes in chunks; they are joined here.
 """
 
 import math
 import struct
 from collections.abc import Callable, Mapping
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from guidance.frames import Vector
 from guidance.messages import (
@@ -26,6 +26,7 @@ from guidance.messages import (
     Origin,
     Parameter,
     PositionTarget,
+    StatusText,
     SystemStatus,
 )
 from guidance.plausible import is_plausible
@@ -38,6 +39,9 @@ MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
 INT32_MAX: Final = 2**31 - 1
 MAV_PARAM_TYPE_INT32: Final = 6
 MAV_MISSION_TYPE_FENCE: Final = 1
+_TEXT_CHUNK_BYTES: Final = 50
+_TEXT_PATIENCE_S: Final = 1.0
+_MOST_TEXT_CHUNKS: Final = 16
 
 
 def number(value: float | None) -> float:
@@ -211,3 +215,48 @@ def parameter(fields: Fields, received_s: float, *, autopilot: int) -> Parameter
 def is_bytewise(fields: Fields, *, autopilot: int) -> bool:
     """Whether this PARAM_VALUE carries an integer's bytes in its float (PX4: MAV_PARAM_TYPE_INT32 only)."""
     return autopilot == MAV_AUTOPILOT_PX4 and fields["param_type"] == MAV_PARAM_TYPE_INT32
+
+
+class OpenText(NamedTuple):
+    """A text whose last chunk has not come yet."""
+
+    first_received_s: float
+    message_id: int
+    severity: int
+    chunks: tuple[str, ...]
+    next_sequence: int
+
+    def close(self) -> StatusText:
+        """Take the text as it stands."""
+        return StatusText(self.first_received_s, self.severity, "".join(self.chunks))
+
+
+def join_text(
+    open_text: OpenText | None, fields: Fields, received_s: float
+) -> tuple[OpenText | None, list[StatusText]]:
+    """Add one STATUSTEXT: what is open afterwards, and which texts are complete.
+
+    `id` 0 is a text of one chunk. A chunk that is not full is the last one. A gap is shown as an ellipsis.
+    """
+    done: list[StatusText] = []
+    message_id, sequence, text = fields.get("id", 0), fields.get("chunk_seq", 0), fields["text"]
+    continues = open_text is not None and message_id == open_text.message_id != 0
+    if open_text is not None and not continues:
+        done.append(open_text.close())
+        open_text = None
+    if message_id == 0:
+        return None, [*done, StatusText(received_s, fields["severity"], text)]
+    if open_text is None:
+        open_text = OpenText(received_s, message_id, fields["severity"], (), 0)
+    gap = ("…",) if sequence != open_text.next_sequence else ()
+    open_text = open_text._replace(chunks=(*open_text.chunks, *gap, text), next_sequence=sequence + 1)
+    if len(text.encode()) < _TEXT_CHUNK_BYTES or len(open_text.chunks) >= _MOST_TEXT_CHUNKS:
+        return None, [*done, open_text.close()]
+    return open_text, done
+
+
+def expire_text(open_text: OpenText | None, now_s: float) -> tuple[OpenText | None, list[StatusText]]:
+    """Give up waiting for the rest after a second."""
+    if open_text is not None and now_s - open_text.first_received_s > _TEXT_PATIENCE_S:
+        return None, [open_text.close()]
+    return open_text, []

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from guidance.frames import Amsl, Ellipsoid, LocalFrame, Vector
-from guidance.links.codec import Fields, degrees
-from guidance.links.evaders.course import velocity_over_ground
-from guidance.links.evaders.refusal import UNKNOWN_VELOCITY, Refused, finite_altitude
+from guidance.links.decode import Fields, degrees
+from guidance.links.evaders.carrier import UNKNOWN_VELOCITY, Refused, finite_altitude, velocity_over_ground
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 VALID_COORDINATES: Final = 1

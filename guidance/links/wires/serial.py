@@ -10,9 +10,8 @@ from typing import Final
 import serial
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Handler, Wake
-from guidance.links.reader import Reader
-from guidance.links.tail import Tail
+from guidance.links.arrivals import Arrivals, Clock, Handler, Reader, Wake
+from guidance.links.wires.stream import Tail
 
 _WAIT_S: Final = 0.1
 _MOST_BYTES: Final = 4096
