@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from guidance.preflight import Finding, ParameterChange
-    from guidance.service.checkup import Applied, Checkup
+    from guidance.session.checkup import Applied, Checkup
 
 _STYLE = {"pass": "green", "warn": "yellow", "refuse": "bold red"}
 
@@ -72,12 +72,12 @@ def _checkup(
     name: str | None, vehicle: str | None, autopilot: str | None, link: str
 ) -> "AbstractContextManager[Checkup]":
     if vehicle is not None:
-        from guidance.scenarios.reached import Asked, checkup_at  # noqa: PLC0415 - zenoh and mavsdk take a second
+        from guidance.cli.reached import Asked, checkup_at  # noqa: PLC0415 - zenoh and mavsdk take a second
 
         return checkup_at(name or "pe", Asked(vehicle, autopilot, link))
     if name is None:
         raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
-    from guidance.service.checkup import checkup_of  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.checkup import checkup_of  # noqa: PLC0415 - zenoh and mavsdk take a second
 
     return checkup_of(name)
 

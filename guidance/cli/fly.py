@@ -71,11 +71,11 @@ def fly(
         watch = (lambda _: None) if beside is None else beside.start
         try:
             if vehicle is None:
-                from guidance.scenarios.command import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
+                from guidance.cli.mocked import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
 
                 code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, on_record=watch)
             else:
-                from guidance.scenarios.reached import Asked, fly_url  # noqa: PLC0415
+                from guidance.cli.reached import Asked, fly_url  # noqa: PLC0415
 
                 code = fly_url(scenario, Asked(vehicle, autopilot, link, end), out=out, seed=seed, on_record=watch)
         except KeyboardInterrupt:

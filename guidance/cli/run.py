@@ -19,6 +19,6 @@ def run(
     Examples:
         guidance run config/vehicles/px4.toml
     """
-    from guidance.service.command import run_vehicle  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.service import run_vehicle  # noqa: PLC0415 - zenoh and mavsdk take a second
 
     run_vehicle(config)

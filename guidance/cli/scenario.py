@@ -44,7 +44,7 @@ def run(
     """
     from rich.console import Console  # noqa: PLC0415 - `guidance --help` is to be quick
 
-    from guidance.scenarios.running import Run, run_scenario  # noqa: PLC0415
+    from guidance.cli.running import Run, run_scenario  # noqa: PLC0415
 
     asked = Run(way, config, engage, link, port, out, seed, json_file, over)
     raise typer.Exit(run_scenario(name, asked, Console()))
@@ -55,7 +55,7 @@ def list_all() -> None:
     """List the scenarios that come along: name, title, game and what each expects."""
     from rich.console import Console  # noqa: PLC0415
 
-    from guidance.scenarios.catalogue import listing  # noqa: PLC0415
+    from guidance.cli.catalogue import listing  # noqa: PLC0415
 
     Console().print(listing())
 
@@ -72,7 +72,7 @@ def show(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from guidance.scenarios.catalogue import show as show_scenario  # noqa: PLC0415
+    from guidance.cli.catalogue import show as show_scenario  # noqa: PLC0415
 
     show_scenario(name, Console(), out)
 
@@ -80,6 +80,6 @@ def show(
 @scenario.command()
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors that complete and check TOML (Even Better TOML, Taplo)."""
-    from guidance.scenarios.loading import json_schema  # noqa: PLC0415
+    from guidance.sim.files import json_schema  # noqa: PLC0415
 
     typer.echo(json.dumps(json_schema(), indent=2))

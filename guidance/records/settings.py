@@ -8,11 +8,11 @@ from typing import Any, Final
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
-from guidance.scenarios.model import Scenario
-from guidance.scenarios.settings import flight_settings as of_scenario
-from guidance.scenarios.vehicle_settings import vehicle_flight
-from guidance.service.model import Config
-from guidance.service.settings import flight_settings as of_config
+from guidance.session.both_spec import vehicle_flight
+from guidance.session.scenario_spec import flight_settings as of_scenario
+from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_spec import flight_settings as of_config
+from guidance.sim.scenario import Scenario
 
 SCENARIO: Final = "scenario"
 CONFIG: Final = "config"

@@ -1,1 +1,1 @@
-"""Scenario files, and the runner that flies them: in virtual time in one process, or in real time against a child."""
+"""Scenarios and mocked flights as pictures."""

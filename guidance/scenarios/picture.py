@@ -25,10 +25,10 @@ from guidance.drawing.figures import (
 from guidance.drawing.shapes import Array, isochron
 from guidance.flight import State
 from guidance.frames import Vector
-from guidance.scenarios.flown import ending_words
-from guidance.scenarios.fly import FlightResult
-from guidance.scenarios.outcome import Outcome
-from guidance.scenarios.settings import game, target_game_m
+from guidance.session.flown import ending_words
+from guidance.session.fly import FlightResult
+from guidance.sim.outcome import Outcome
+from guidance.sim.players import game, target_game_m
 
 
 def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:

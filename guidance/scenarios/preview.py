@@ -26,11 +26,10 @@ from guidance.drawing.figures import (
 )
 from guidance.drawing.shapes import Array, circle, isochron
 from guidance.frames import Vector
-from guidance.scenarios.batch import stack, starts
-from guidance.scenarios.courses import evader_strategy, pursuer_strategy
-from guidance.scenarios.maths import game_of, moments, opening
-from guidance.scenarios.model import Scenario
-from guidance.scenarios.settings import speed_set, standoff, target_game_m
+from guidance.sim.batch import stack, starts
+from guidance.sim.maths import game_of, moments, opening
+from guidance.sim.players import evader_strategy, pursuer_strategy, speed_set, standoff, target_game_m
+from guidance.sim.scenario import Scenario
 
 
 def draw_scenario(scenario: Scenario, path: Path) -> None:

@@ -16,8 +16,8 @@ from guidance.drawing.figures import figure_of, literal, save
 from guidance.game import End
 from guidance.game.discs import Discs, rim
 from guidance.game.team import Matching, TeamRollout
-from guidance.scenarios.team_maths import opening_of, played_teams
-from guidance.scenarios.teams import Teams, TeamScenario, teams_of
+from guidance.sim.team_maths import opening_of, played_teams
+from guidance.sim.teams import Teams, TeamScenario, teams_of
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""The shell around the core: clocks, the fixed-rate cycle, the recorder."""
+"""The flight's record as it is written, and what is broadcast of it."""

@@ -11,12 +11,12 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
+from guidance.clock import Timing
 from guidance.cycle import Certificate
 from guidance.flight import Event, State
 from guidance.messages import EvaderReport, Message, Request, Setpoint
 from guidance.monitor import Alarm
 from guidance.service.scene import TYPES as DRAWN
-from guidance.service.timing import Timing
 
 Schema = dict[str, Any]
 

@@ -13,11 +13,11 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from guidance.errors import GuidanceError
-from guidance.scenarios.maths import play
-from guidance.scenarios.model import Scenario
-from guidance.scenarios.outcome import SCHEMA, Outcome, invalid
-from guidance.scenarios.team_maths import TEAM_SCHEMA, TeamOutcome, invalid_teams, play_teams
-from guidance.scenarios.teams import TeamScenario
+from guidance.sim.maths import play
+from guidance.sim.outcome import SCHEMA, Outcome, invalid
+from guidance.sim.scenario import Scenario
+from guidance.sim.team_maths import TEAM_SCHEMA, TeamOutcome, invalid_teams, play_teams
+from guidance.sim.teams import TeamScenario
 from guidance.sweeps.plan import Cases, Plan
 from guidance.sweeps.rows import Scenarios
 

@@ -1,11 +1,11 @@
 """One row of a sweep as a mocked flight in virtual time, without a record."""
 
-from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.flown import outcome_of_flight
-from guidance.scenarios.fly import fly
-from guidance.scenarios.model import Scenario
-from guidance.scenarios.outcome import Outcome
-from guidance.service.clock import VirtualClock
+from guidance.clock import VirtualClock
+from guidance.session.flown import outcome_of_flight
+from guidance.session.fly import fly
+from guidance.sim.fast import FastWorld
+from guidance.sim.outcome import Outcome
+from guidance.sim.scenario import Scenario
 
 
 def flown(scenario: Scenario) -> Outcome:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from guidance.config import find
 from guidance.errors import ConfigError
-from guidance.scenarios.loading import FOLDER as SCENARIOS
-from guidance.scenarios.loading import has_teams, load_any
-from guidance.scenarios.outcome import SCHEMA
-from guidance.scenarios.team_maths import TEAM_SCHEMA
+from guidance.sim.files import FOLDER as SCENARIOS
+from guidance.sim.files import has_teams, load_any
+from guidance.sim.outcome import SCHEMA
+from guidance.sim.team_maths import TEAM_SCHEMA
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.model import Pair, Sweep, Way
 

@@ -8,8 +8,8 @@ from pydantic import ValidationError
 from guidance.config import explain, parse
 from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
-from guidance.scenarios.model import Scenario
-from guidance.scenarios.teams import TeamScenario
+from guidance.sim.scenario import Scenario
+from guidance.sim.teams import TeamScenario
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.keys import placed

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import tomli_w
 
-from guidance.scenarios.model import Scenario
-from guidance.scenarios.teams import TeamScenario
+from guidance.sim.scenario import Scenario
+from guidance.sim.teams import TeamScenario
 from guidance.sweeps.folder import Folder, write_whole
 from guidance.sweeps.plan import Plan
 from guidance.sweeps.rows import Scenarios

@@ -12,8 +12,8 @@ from guidance.errors import ConfigError, LinkError
 from guidance.records import Item
 from guidance.records.reading import Idle
 from guidance.service.broadcast import FLIGHT, broadcast_key
-from guidance.service.bus import join_session
 from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC
+from guidance.session.control_bus import join_session
 
 MOST_WAITING: Final = 4096
 TIMEOUT_S: Final = 4.0

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from guidance.config import parse
-from guidance.scenarios.maths import play
-from guidance.scenarios.model import Scenario
+from guidance.sim.maths import play
+from guidance.sim.scenario import Scenario
 from sitl_mock.child import running
 from tests.acceptance.cases import Wanted, cases, toml
 

@@ -89,7 +89,7 @@ class Watch(Stopwatch):
 
 def vehicle(wire: str, port: int, evader_port: int) -> None:
     """Step the mock in real time; `measure` and `report` come on standard input, whose end is ours."""
-    from guidance.service.priority import claim
+    from guidance.session.scheduling import claim
     from sitl_mock import MockVehicle
 
     parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
@@ -188,7 +188,7 @@ def script(wire: str, port: int, _evader_port: int) -> Iterator[int]:
 @contextlib.contextmanager
 def daemon(link: str, wire: str, port: int, evader_port: int) -> Iterator[int]:
     """`guidance run`, brought up and engaged."""
-    from guidance.service.ask import ask
+    from guidance.session.ask import ask
 
     control_port = free_port(socket.SOCK_STREAM)
     config = CONFIG.format(link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port)

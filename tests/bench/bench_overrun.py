@@ -15,7 +15,7 @@ from collections.abc import Callable
 from rich.console import Console
 from rich.table import Table
 
-from guidance.scenarios.model import Scenario
+from guidance.sim.scenario import Scenario
 from tests.bench.chase import chase, hover_chase
 
 TURNS = {"stops dead": 0.0, "turns on the pursuer": -1.0}

@@ -17,19 +17,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from guidance.clock import VirtualClock
 from guidance.flight import Flight
 from guidance.records import compare, flight_settings, metadata_of, rows_of, scan
-from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.fly import fly
-from guidance.scenarios.loading import load_scenario
-from guidance.service.clock import VirtualClock
 from guidance.service.record import CYCLE_TOPIC, Recorder
+from guidance.session.fly import fly
+from guidance.sim.fast import FastWorld
+from guidance.sim.files import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
-    from guidance.scenarios.model import Scenario
+    from guidance.sim.scenario import Scenario
 
 
 class Kept:

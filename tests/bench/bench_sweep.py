@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from guidance.scenarios.maths import play
+from guidance.sim.maths import play
 from guidance.sweeps.chunk import as_table, computed, rows_of, table_of
 from guidance.sweeps.command import run_sweep
 from guidance.sweeps.executors import executor

@@ -25,7 +25,7 @@ import numpy as np
 
 from guidance.errors import GuidanceError
 from guidance.records import rows_of, survey_of
-from guidance.service.ask import ask
+from guidance.session.ask import ask
 
 PROGRAM = [sys.executable, "-c", "from guidance.cli import main; main()"]
 FLEET = """

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
 
+from guidance.clock import VirtualClock
 from guidance.cycle import Certificate
 from guidance.flight import AfterCapture, Event, Flight, FlightSettings, State
 from guidance.frames import Amsl, LocalFrame
@@ -15,11 +16,10 @@ from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
 from guidance.monitor import Alarm
-from guidance.scenarios.loading import load_scenario
-from guidance.scenarios.model import Scenario, Target
-from guidance.scenarios.settings import flight_settings
-from guidance.service.clock import VirtualClock
-from guidance.service.linked_flight import LinkedFlight
+from guidance.session.linked_flight import LinkedFlight
+from guidance.session.scenario_spec import flight_settings
+from guidance.sim.files import load_scenario
+from guidance.sim.scenario import Scenario, Target
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home
 

@@ -5,16 +5,17 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import Event, Flight, State
 from guidance.messages import LocalPosition
-from guidance.scenarios.evader import EvaderPilot
-from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.fly import CYCLE_S
-from guidance.scenarios.model import Scenario
-from guidance.scenarios.settings import evader_settings, flight_settings
-from guidance.service.clock import VirtualClock
-from guidance.service.linked_flight import LinkedFlight
+from guidance.session.fly import CYCLE_S
+from guidance.session.linked_flight import LinkedFlight
+from guidance.session.scenario_spec import flight_settings
+from guidance.sim.evader import EvaderPilot
+from guidance.sim.fast import FastWorld
+from guidance.sim.players import evader_settings
+from guidance.sim.scenario import Scenario
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 

@@ -9,13 +9,13 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 import guidance
+from guidance.clock import VirtualClock
 from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.evaders.mavlink import FollowTarget
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat
-from guidance.service.clock import VirtualClock
 
 
 def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():

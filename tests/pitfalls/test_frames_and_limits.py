@@ -7,7 +7,7 @@ import pytest
 
 from guidance.flight import Event, State
 from guidance.messages import GlobalPosition, LocalPosition
-from guidance.scenarios.settings import flight_settings
+from guidance.session.scenario_spec import flight_settings
 from sitl_mock.world import Home
 
 VELOCITY_ONLY = {3527, 2503, 3079, 2055}

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
+from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import State
 from guidance.records import rows_of, scan
-from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.fly import fly
-from guidance.scenarios.model import Scenario
-from guidance.service.clock import VirtualClock
 from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, Recorder
+from guidance.session.fly import fly
+from guidance.sim.fast import FastWorld
+from guidance.sim.scenario import Scenario
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -6,14 +6,14 @@ import shutil
 
 import pytest
 
+from guidance.clock import VirtualClock
 from guidance.errors import ConfigError
 from guidance.records import Survey, compare, flight_settings, metadata_of, rows_of, scan
 from guidance.records.replay import Comparison
-from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.fly import fly
-from guidance.service.clock import VirtualClock
-from guidance.service.model import RecordSection
 from guidance.service.record import CYCLE_TOPIC, Recorder, part_path
+from guidance.session.fly import fly
+from guidance.session.vehicle_file import RecordSection
+from guidance.sim.fast import FastWorld
 
 
 def write(path, seconds, **rotation):

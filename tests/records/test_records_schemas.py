@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from guidance.clock import Timing
 from guidance.cycle import Certificate
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
@@ -20,7 +21,6 @@ from guidance.service.foxglove import time_of
 from guidance.service.known import known
 from guidance.service.record import CYCLE_TOPIC, EVADER_TOPIC
 from guidance.service.scene import EVERY_S, disc
-from guidance.service.timing import Timing
 
 RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 

@@ -12,7 +12,7 @@ from guidance.messages import AltitudeSaid, Datum, EvaderReport, Message, Setpoi
 from guidance.records.rows import inputs_of
 from guidance.records.typed import decoder
 from guidance.service.known import known
-from guidance.service.linked_flight import row
+from guidance.session.linked_flight import row
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 VALUES = {

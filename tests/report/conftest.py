@@ -2,14 +2,14 @@ import json
 
 import pytest
 
+from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.report import write_report
-from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.fly import fly
-from guidance.scenarios.loading import load_scenario
-from guidance.scenarios.model import Scenario
-from guidance.service.clock import VirtualClock
 from guidance.service.record import Recorder
+from guidance.session.fly import fly
+from guidance.sim.fast import FastWorld
+from guidance.sim.files import load_scenario
+from guidance.sim.scenario import Scenario
 
 
 def flown(scenario, path):

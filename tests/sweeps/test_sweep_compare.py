@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.errors import ConfigError
-from guidance.scenarios.maths import play
-from guidance.scenarios.outcome import outcome_json
+from guidance.sim.maths import play
+from guidance.sim.outcome import outcome_json
 from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder

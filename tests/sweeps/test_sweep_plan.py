@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from guidance.errors import ConfigError
-from guidance.scenarios.model import Scenario
+from guidance.sim.scenario import Scenario
 from guidance.sweeps.axes import random_axis
 from guidance.sweeps.chunk import table_of
 from guidance.sweeps.distributions import distribution_of

@@ -13,8 +13,8 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from guidance.cli.sweep import sweep as app
-from guidance.scenarios.loading import load_scenario
-from guidance.scenarios.maths import play
+from guidance.sim.files import load_scenario
+from guidance.sim.maths import play
 from guidance.sweeps.bins import bins_of
 from guidance.sweeps.drawing import key_label
 from guidance.sweeps.report import write_report

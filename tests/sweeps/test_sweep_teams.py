@@ -7,8 +7,8 @@ import pytest
 from pyarrow import parquet
 
 from guidance.errors import ConfigError
-from guidance.scenarios.loading import load_any
-from guidance.scenarios.team_maths import play_teams, summary_of
+from guidance.sim.files import load_any
+from guidance.sim.team_maths import play_teams, summary_of
 from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder

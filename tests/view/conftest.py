@@ -3,12 +3,12 @@ from pathlib import Path
 
 import pytest
 
+from guidance.clock import VirtualClock
 from guidance.config import load
-from guidance.scenarios.fast import FastWorld
-from guidance.scenarios.fly import fly
-from guidance.scenarios.model import Scenario
-from guidance.service.clock import VirtualClock
 from guidance.service.record import Recorder
+from guidance.session.fly import fly
+from guidance.sim.fast import FastWorld
+from guidance.sim.scenario import Scenario
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 

@@ -20,9 +20,9 @@ from guidance.drawing.shapes import isochron_at
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.records import Item, events_of, flight_settings, metadata_of, rows_of, scan, survey_of
-from guidance.service.model import Config
 from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
-from guidance.service.settings import flight_settings as of_config
+from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_spec import flight_settings as of_config
 from guidance.view import Destination, Seen, view
 from guidance.view import command as commands
 from guidance.view.painter import DRAWN_EVERY_S, Painter

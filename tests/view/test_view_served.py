@@ -18,7 +18,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.records import metadata_of, scan
 from guidance.records.reading import Item
 from guidance.service.broadcast import Broadcast, is_watched
-from guidance.service.bus import host_session
+from guidance.session.control_bus import host_session
 from guidance.view import ViewerBeside
 from guidance.view.beside import command
 from guidance.view.front import Front

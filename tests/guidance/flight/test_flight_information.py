@@ -13,7 +13,7 @@ from guidance.errors import ConfigError
 from guidance.frames import GameFrame
 from guidance.game import Game, Reason, solve
 from guidance.monitor import Broken, Guarantee, watch
-from guidance.service.model import GameSection
+from guidance.session.vehicle_file import GameSection
 from guidance.strategies import StrategyMemory
 
 PURSUER_NED, EVADER_NED = (-30.0, 5.0, -20.0), (10.0, -4.0, 0.0)

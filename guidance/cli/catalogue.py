@@ -1,0 +1,147 @@
+"""The scenarios that come along, listed and explained: what `guidance scenario list` and `show` print."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from guidance.config import config_folder
+from guidance.sim.expect import Expectations
+from guidance.sim.files import FOLDER, load_any
+from guidance.sim.maths import opening
+from guidance.sim.outcome import winner_name
+from guidance.sim.scenario import Player, Scenario
+from guidance.sim.team_maths import opening_of
+from guidance.sim.teams import TeamScenario
+
+
+def names() -> list[str]:
+    """Return the names of the scenarios that come along."""
+    return sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
+
+
+def listing() -> Table:
+    """Return the table of `guidance scenario list`.
+
+    Raises:
+        ConfigError: If one of the files is wrong.
+    """
+    table = Table(box=None, pad_edge=False)
+    for heading in ("name", "title", "game", "expected"):
+        table.add_column(heading, no_wrap=heading == "name")
+    for name in names():
+        scenario = load_any(name)[1]
+        said = team_expected(scenario) if isinstance(scenario, TeamScenario) else expected(scenario)
+        table.add_row(name, scenario.title, scenario.game, said)
+    return table
+
+
+def show(name: str, console: Console, picture: Path | None) -> Path:
+    """Explain a scenario and draw it; return where the picture is, `NAME.png` unless said otherwise.
+
+    Raises:
+        ConfigError: If there is no such scenario, or a key in it is wrong.
+        OutputError: If the picture cannot be written.
+    """
+    from guidance.scenarios.preview import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.scenarios.team_picture import draw_teams  # noqa: PLC0415
+
+    path, scenario = load_any(name)
+    console.print(f"[bold]{scenario.title}[/bold]  ({path.name})")
+    console.print(" ".join(scenario.description.split()))
+    console.print()
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column()
+    for row in team_facts(scenario) if isinstance(scenario, TeamScenario) else facts(scenario):
+        table.add_row(*row)
+    console.print(table)
+    drawn = picture if picture is not None else Path(f"{path.stem}.png")
+    if isinstance(scenario, TeamScenario):
+        draw_teams(scenario, drawn)
+    else:
+        draw_scenario(scenario, drawn)
+    console.print(f"picture  {drawn}", soft_wrap=True, highlight=False)
+    return drawn
+
+
+def facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield what is to be known of a scenario, by name."""
+    pursuer, evader, disc = scenario.pursuer, scenario.evader, scenario.standoff
+    speeds = f"{pursuer.speed_m_s:g} m/s"
+    if pursuer.speed_set == "cylinder":
+        speeds += f" level, {pursuer.climb_m_s:g} up, {pursuer.descent_m_s:g} down"
+    yield "game", {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}[scenario.game]
+    yield "pursuer", f"at {_place(pursuer.position_m)} m, {speeds} ({pursuer.speed_set}), {_plays(pursuer)}"
+    declared = "" if evader.declared_speed_m_s is None else f" (declares {evader.declared_speed_m_s:g})"
+    yield "evader", f"at {_place(evader.position_m)} m, {evader.speed_m_s:g} m/s{declared}, {_plays(evader)}"
+    if scenario.target is not None:
+        yield "target", f"at {_place(scenario.target.position_m)} m"
+    yield "captured", f"within {disc.tolerance_m:g} m of the disc of {disc.radius_m:g} m, {disc.height_m:g} m up"
+    yield "value", _value(scenario)
+    if set(scenario.sensor.model_fields_set):
+        yield "sensor", ", ".join(f"{key} = {value}" for key, value in scenario.sensor if value)
+    if any(scenario.wind.velocity_m_s):
+        yield "wind", f"{_place(scenario.wind.velocity_m_s)} m/s, east and north"
+    for fault in scenario.fault:
+        keys = "".join(f", {key} = {value}" for key, value in fault.keys().items())
+        since = "engagement" if fault.after == "engaged" else "the start"
+        yield "fault", f"{fault.kind} of the {fault.vehicle} {fault.at_s:g} s after {since}{keys}"
+    yield "expected", expected(scenario) or "nothing"
+
+
+def team_facts(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
+    """Yield what is to be known of a scenario of teams, by name."""
+    yield "game", {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}[scenario.game] + ", of teams"
+    for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
+        for group in groups:
+            about = f", scattered over {group.scatter_m:g} m" if group.scatter_m else ""
+            place = _place(group.position_m)
+            yield player, f"{group.count} at {place} m{about}, {group.speed_m_s:g} m/s, plays {group.policy}"
+    if scenario.target is not None:
+        yield "target", f"at {_place(scenario.target.position_m)} m"
+    first = opening_of(scenario)
+    unit = "m from the target" if scenario.game == "tad" else "s until the captures"
+    yield "value", f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} {unit} in all"
+    yield "expected", team_expected(scenario) or "nothing"
+
+
+def team_expected(scenario: TeamScenario) -> str:
+    """Say in one line what a scenario of teams expects."""
+    wanted = ((column, getattr(scenario.expect, column)) for column in type(scenario.expect).model_fields)
+    return ", ".join(f"{column} {value}" for column, value in wanted if value is not None)
+
+
+def expected(scenario: Scenario) -> str:
+    """Say in one line what a scenario expects."""
+    parts = [*_said(scenario.expect)]
+    for run in ("maths", "flown"):
+        said = ", ".join(_said(getattr(scenario.expect, run)))
+        parts += [f"{run}: {said}"] if said else []
+    return "; ".join(parts)
+
+
+def _said(expectations: Expectations) -> Iterator[str]:
+    for column in Expectations.model_fields:
+        value = getattr(expectations, column)
+        if column == "events":
+            yield from (f"has {event!r}" for event in value)
+        elif value is not None:
+            yield str(value) if column in {"end", "winner"} else f"{column} {value}"
+
+
+def _value(scenario: Scenario) -> str:
+    first = opening([scenario])
+    value, winner = float(first.value[0]), winner_name(int(first.winner[0]))
+    if winner == "evader":
+        return f"the evader wins: the pursuer comes {value:.2f} m short"
+    return f"{value:.2f} s to capture" if scenario.game == "pe" else f"{value:.2f} m from the target, {winner} wins"
+
+
+def _plays(player: Player) -> str:
+    return f"plays {player.policy}"
+
+
+def _place(place: tuple[float, ...]) -> str:
+    return f"({', '.join(f'{part:g}' for part in place)})"

@@ -1,0 +1,150 @@
+"""One scenario, run in any of the four ways, and held against what it expects: what `guidance scenario run` does."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+
+from guidance.errors import ConfigError
+from guidance.sim.expect import CheckedExpectation
+from guidance.sim.files import load_any
+from guidance.sim.maths import play
+from guidance.sim.outcome import Outcome, outcome_json
+from guidance.sim.scenario import Scenario
+from guidance.sim.team_maths import TeamOutcome, play_teams, summary_of
+from guidance.sim.teams import TeamScenario
+
+WAYS: Final = ("maths", "fast", "live", "vehicle")
+
+_SECONDS: Final = ("game_time_s", "capture_time_s", "time_needed_s", "duration_s")
+_METRES: Final = ("final_distance_m", "min_standoff_m", "min_altitude_m")
+_NUMBERS: Final = ("predicted", "achieved", "regret")
+
+
+class Run(NamedTuple):
+    """How a scenario is to be run; see `guidance scenario run --help`."""
+
+    way: str
+    config: Path | None = None
+    engage: bool = False
+    link: str = "mavsdk"
+    port: int = 0
+    out: Path | None = None
+    seed: int | None = None
+    json_file: Path | None = None
+    over: str = "zenoh"
+
+
+def run_scenario(name: str, run: Run, console: Console) -> int:
+    """Run a scenario, show its outcome; return 0, or 1 if something that the scenario expects did not hold.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    if run.way not in WAYS:
+        raise ConfigError(f"--as {run.way}: allowed are {', '.join(WAYS)}")
+    if (run.config is None) == (run.way == "vehicle"):
+        raise ConfigError("--config: needed with --as vehicle, which says whom to talk to, and with no other")
+    path, scenario = load_any(name)
+    if run.seed is not None:
+        scenario = scenario.model_copy(update={"seed": run.seed})
+    console.print(f"[bold]{scenario.title}[/bold]  ({path.name}, as {run.way})")
+    if isinstance(scenario, TeamScenario):
+        return _run_teams(scenario, path, run, console)
+    if run.way == "maths" and scenario.fault:
+        console.print("faults are an autopilot's: mathematics plays without them")
+    outcome = _run(scenario, path.stem, run, console)
+    verdicts = scenario.expect.of(outcome._asdict())
+    console.print(_outcome_table(outcome))
+    if verdicts:
+        console.print(_expectation_table(verdicts))
+    if run.json_file is not None:
+        _write(run.json_file, outcome_json(outcome))
+    return 0 if all(verdict.held for verdict in verdicts) else 1
+
+
+def _run_teams(scenario: TeamScenario, path: Path, run: Run, console: Console) -> int:
+    if run.way != "maths":
+        raise ConfigError(f"--as {run.way}: {path.name} has teams, which only mathematics plays yet; use --as maths")
+    rows = play_teams([scenario])[0]
+    console.print(_row_table(rows))
+    summary = summary_of(rows)
+    unit = "s" if scenario.game == "pe" else "m"
+    words = f"{summary['captured']} of {summary['evaders']} captured by {summary['pursuers']}"
+    console.print(f"{words}; {summary['guaranteed']} were guaranteed, with {summary['total']:.3f} {unit} in all")
+    verdicts = scenario.expect.verdicts(summary)
+    if verdicts:
+        console.print(_expectation_table(verdicts))
+    if run.json_file is not None:
+        _write(run.json_file, [outcome_json(row) for row in rows])
+    return 0 if all(verdict.held for verdict in verdicts) else 1
+
+
+def _row_table(rows: Sequence[TeamOutcome]) -> Table:
+    """Lay out the rows of a game of teams, an evader each."""
+    table = Table(box=None, pad_edge=False)
+    shown = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
+    for name in shown:
+        table.add_column(name, justify="left" if name == "end" else "right")
+    for row in rows:
+        values = row._asdict()
+        table.add_row(*("-" if values[name] == -1 else _said(values[name], "") for name in shown))
+    return table
+
+
+def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
+    if run.way == "maths":
+        return play([scenario])[0]
+    if run.way == "vehicle":
+        from guidance.session.vehicle import fly_vehicle  # noqa: PLC0415 - opens links
+
+        assert run.config is not None
+        return fly_vehicle(scenario, run.config, console, out=run.out, engage=run.engage)
+    from guidance.cli.mocked import flown  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.flown import outcome_of_flight  # noqa: PLC0415
+    from guidance.session.recording import RECORD, next_folder  # noqa: PLC0415
+
+    folder = run.out if run.out is not None else next_folder(Path("flights"), stem)
+    result = flown(scenario, console, folder, fast=run.way == "fast", link=run.link, port=run.port, over=run.over)
+    console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
+    return outcome_of_flight(result, run.way)
+
+
+def _outcome_table(outcome: Outcome) -> Table:
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column()
+    unit = "s" if outcome.game == "pe" else "m"
+    units = {**dict.fromkeys(_SECONDS, "s"), **dict.fromkeys(_METRES, "m"), **dict.fromkeys(_NUMBERS, unit)}
+    for name, value in outcome._asdict().items():
+        if name != "scenario":
+            table.add_row(name, _said(value, units.get(name, "")))
+    return table
+
+
+def _said(value: Any, unit: str) -> str:  # noqa: ANN401 - any column
+    if isinstance(value, tuple):
+        return ", ".join(value) or "none"
+    if isinstance(value, float):
+        return "-" if value != value else f"{round(value, 3) + 0.0:.3f} {unit}".rstrip()  # noqa: PLR0124 - NaN
+    return str(value) or "-"
+
+
+def _expectation_table(verdicts: Sequence[CheckedExpectation]) -> Table:
+    table = Table(title="expected", title_justify="left", box=None, pad_edge=False)
+    for heading in ("column", "expected", "came out", ""):
+        table.add_column(heading)
+    for verdict in verdicts:
+        held = "[green]holds[/green]" if verdict.held else "[red]FAILS[/red]"
+        table.add_row(verdict.column, verdict.expected, _said(verdict.value, ""), held)
+    return table
+
+
+def _write(path: Path, content: Any) -> None:  # noqa: ANN401 - plain values
+    try:
+        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--json {path}: cannot be written ({error.strerror}); choose another file") from error

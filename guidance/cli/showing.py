@@ -1,0 +1,123 @@
+"""What a flight shows: one live line while it lasts, and in the end a table and a picture."""
+
+import contextlib
+import json
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from guidance.errors import OutputError
+from guidance.session.flown import ending_words
+from guidance.session.fly import FlightResult, Progress
+from guidance.session.linked_flight import Stopped
+from guidance.session.recording import OUTCOME, PICTURE, RECORD
+from guidance.sim.outcome import Outcome, outcome_json
+
+REDRAW_S: Final = 0.1
+_PLAIN_S: Final = 3.0
+"""How often at most a plain line says what is waited for."""
+
+Show = Callable[[Progress], None]
+
+
+@contextlib.contextmanager
+def live_line(console: Console) -> Iterator[Show]:
+    """Show one live line, redrawn ten times a second; where there is no terminal, a plain line at every change."""
+    drawn_s = 0.0
+    shown = ""
+    told = False
+    with Live(console=console, auto_refresh=False, transient=True) as live:
+
+        def show(progress: Progress) -> None:
+            nonlocal drawn_s, shown, told
+            if progress.record_stopped is not None and not told:
+                told = True
+                console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
+            if not console.is_terminal:
+                news = plain(progress)
+                if news != shown and not (progress.waiting and time.perf_counter() - drawn_s < _PLAIN_S):
+                    shown, drawn_s = news, time.perf_counter()
+                    console.print(f"{progress.now_s:7.1f} s  {shown}", soft_wrap=True, highlight=False)
+                return
+            if time.perf_counter() - drawn_s >= REDRAW_S:
+                drawn_s = time.perf_counter()
+                live.update(Text(words(progress), no_wrap=True, overflow="crop"), refresh=True)
+
+        yield show
+
+
+def record_words(stopped: Stopped | None) -> str:
+    """Say whether everything was recorded."""
+    return "whole" if stopped is None else f"recording stopped at {stopped.now_s:.1f} s: {stopped.reason}"
+
+
+def words(progress: Progress) -> str:
+    """Say in one line where a flight stands."""
+    words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<7}"
+    if progress.waiting:
+        return f"{progress.now_s:6.1f} s  waiting: {progress.waiting}"
+    certificate, unit = progress.certificate, progress.unit
+    if certificate is None:
+        return words
+    return (
+        f"{words} range {certificate.gap_m:5.1f} m, {certificate.height_gap_m:5.1f} m up"
+        f"  value to go {certificate.value:5.1f} {unit}, time needed {certificate.time_needed_s:5.1f} s"
+    )
+
+
+def plain(progress: Progress) -> str:
+    """Say what is worth a line of its own where nothing can be redrawn: figures in it are no news."""
+    if not progress.waiting:
+        return str(progress.state)
+    return f"waiting: {re.sub(r'-?[0-9.]+ s old', 'old', progress.waiting)}"
+
+
+def report(console: Console, result: FlightResult, outcome: Outcome, folder: Path) -> None:
+    """Print how a flight ended and what it came to, and draw its picture."""
+    from guidance.scenarios.picture import draw  # noqa: PLC0415 - matplotlib takes a second
+
+    console.print(_table(result, outcome))
+    if outcome.run == "fast":
+        speed = result.duration_s / result.wall_s
+        console.print(
+            f"{result.duration_s:.1f} s of flight in {result.wall_s:.2f} s: {speed:.0f} times faster than real time"
+        )
+    console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
+    with contextlib.suppress(OSError):  # a full disk is told of the picture
+        (folder / OUTCOME).write_text(json.dumps(outcome_json(outcome), indent=2) + "\n", encoding="utf-8")
+    try:
+        draw(result, outcome, folder / PICTURE)
+    except OutputError as error:
+        console.print(f"[yellow]picture  {error}[/yellow]", soft_wrap=True, highlight=False)
+    else:
+        console.print(f"picture  {folder / PICTURE}", soft_wrap=True, highlight=False)
+
+
+def _table(result: FlightResult, outcome: Outcome) -> Table:
+    unit, what = ("s", "capture time") if outcome.game == "pe" else ("m", "evader's final distance to T")
+    title = f"{ending_words(outcome)}, {what}"
+    table = Table(title=title, title_justify="left", show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(justify="right")
+    rows = {
+        "value predicted at engagement": f"{outcome.predicted:.2f} {unit}",
+        "time this vehicle needs, at engagement": f"{outcome.time_needed_s:.2f} s",
+        "flown": f"{outcome.achieved:.2f} {unit}",
+        "flown / predicted": f"{outcome.ratio:.3f}",
+        "game lasted": f"{outcome.game_time_s:.2f} s",
+        "setpoints sent": f"{result.setpoints_sent}",
+        "late cycles": f"{result.late_cycles} of {result.cycles}",
+        "guarantee alarms": f"{outcome.alarms}",
+        "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
+        "record": record_words(result.record_stopped),
+    }
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table

@@ -1,0 +1,150 @@
+"""What `guidance check` does: preflight alone, and setting the parameters that it wants, on the ground only."""
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final, NamedTuple
+
+from guidance.clock import Clock, MonotonicClock
+from guidance.config import find
+from guidance.errors import FlightError
+from guidance.links.port import EvaderSource, VehicleLink
+from guidance.messages import (
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Origin,
+    Parameter,
+    ParameterRequest,
+)
+from guidance.preflight import Finding, ParameterChange, Verdict, changes
+from guidance.preflight.mending import single
+from guidance.preflight.survey import COUNTED_S
+from guidance.session.daemon import Daemon, FlightPlan
+from guidance.session.log import Log
+from guidance.session.loop import PERIOD_S
+from guidance.session.metrics import Metrics
+from guidance.session.notify import Notifier
+from guidance.session.opening import open_all
+from guidance.session.orders import Mailbox
+from guidance.session.plan_fence import load_vehicle
+from guidance.session.service import plan_of
+
+SURVEY_LIMIT_S: Final = 20.0
+SET_WITHIN_S: Final = 5.0
+"""How long an autopilot may take to tell a parameter that was set; PX4 takes 20 ms."""
+
+_FRESH_S: Final = 2.5
+
+
+class Applied(NamedTuple):
+    """One parameter that was set: what was read back, None where nothing was, and whether it is what was asked."""
+
+    name: str
+    read_back: float | None
+    done: bool
+
+
+class Checkup:
+    """One vehicle on the ground: read, judged, set and judged again. Nothing is armed and no mode is asked for."""
+
+    def __init__(
+        self, name: str, plan: FlightPlan, link: VehicleLink, evader: EvaderSource, clock: Clock, *, log: Log
+    ) -> None:
+        self._plan = plan
+        self._link = link
+        self._clock = clock
+        self._due_s = clock.now_s()
+        self._daemon = Daemon(
+            name,
+            plan,
+            link,
+            evader,
+            mailbox=Mailbox(),
+            log=log,
+            metrics=Metrics(name),
+            notifier=Notifier(None, None),
+        )
+
+    def rows(self, limit_s: float = SURVEY_LIMIT_S) -> Sequence[Finding]:
+        """Hear everything that is judged, for so long at most, and return the rows, the flight's own checks besides."""
+        daemon, clock = self._daemon, self._clock
+        begun_s = complete_s = clock.now_s()
+        while clock.now_s() - begun_s < limit_s:
+            self._step()
+            vehicle = daemon.flight.vehicle
+            everything = all(vehicle.last(kind) for kind in (Home, Origin, GlobalPosition, LocalPosition))
+            if not (everything and daemon.surveyed):
+                complete_s = clock.now_s()
+            elif clock.now_s() - complete_s > COUNTED_S + 1.0:
+                break
+        return (*daemon.rows, *self._readiness(clock.now_s()))
+
+    def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
+        """Return what has to be set, by what was read."""
+        plan = self._plan
+        facts = self._daemon.facts(self._clock.now_s())
+        return changes(facts, plan.flight.profile, plan.wants, advised=advised)
+
+    def apply(self, wanted: Sequence[ParameterChange], told: Callable[[Applied], None]) -> None:
+        """Set parameters one after another, and read each back.
+
+        Raises:
+            FlightError: If the vehicle is armed, in the air, or does not say that it is neither; what was set by then
+                stays set.
+        """
+        for change in wanted:
+            self._refuse_in_flight()
+            self._link.request(change.request)
+            self._read(change.name)  # what is announced on being set is not believed: it is asked for
+            self._link.request(ParameterRequest(change.name))
+            value = self._read(change.name)
+            told(Applied(change.name, value, value is not None and single(value) == change.request.value))
+
+    def _read(self, name: str) -> float | None:
+        until_s = self._clock.now_s() + SET_WITHIN_S
+        while self._clock.now_s() < until_s:
+            self._step()
+            for message in self._daemon.heard:
+                if isinstance(message, Parameter) and message.name == name:
+                    return message.value
+        return None
+
+    def _refuse_in_flight(self) -> None:
+        vehicle, now_s = self._daemon.flight.vehicle, self._clock.now_s()
+        if vehicle.armed:
+            raise FlightError("the vehicle is armed: parameters are set on the ground only, disarmed")
+        if vehicle.age_s(Heartbeat, now_s) > _FRESH_S or vehicle.last(LandedState) is None:
+            raise FlightError("the vehicle does not say whether it is on the ground: no parameter is set")
+        if not vehicle.on_ground:
+            raise FlightError("the vehicle is in the air: parameters are set on the ground only")
+
+    def _step(self) -> None:
+        self._clock.sleep_until(self._due_s)
+        now_s = self._clock.now_s()
+        self._due_s = max(self._due_s + PERIOD_S, now_s)
+        self._daemon.step(now_s)
+
+    def _readiness(self, now_s: float) -> Iterator[Finding]:
+        """The flight's own checks, as rows: they may still come true, so that none of them is refused here."""
+        for check in self._daemon.flight.checks(now_s):
+            verdict = Verdict.PASS if check.passed else Verdict.WARN
+            yield Finding(f"ready: {check.name}", check.found, "before start", verdict)
+
+
+@contextlib.contextmanager
+def checkup_of(name: str) -> Iterator[Checkup]:
+    """Open the vehicle of a configuration.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    config = load_vehicle(find(name, "vehicles"))
+    plan, clock = plan_of(config), MonotonicClock()
+    with contextlib.ExitStack() as closing:
+        log = Log("console", "error")
+        closing.callback(log.close)
+        opened = open_all(config, clock, tapped=False)
+        closing.callback(opened.close)
+        yield Checkup(config.name, plan, opened.link, opened.evader, clock, log=log)

@@ -1,0 +1,201 @@
+"""Orders over Zenoh, on loopback: `guidance/<name>/ctl/<order>` is asked, JSON is the answer; and who owns the vehicle.
+
+A liveliness token says that the vehicle has an owner. It vanishes with the owner's process, however that ends.
+"""
+
+import contextlib
+import json
+import threading
+from collections import deque
+from pathlib import Path
+from typing import Any, Final
+
+import zenoh
+
+from guidance.errors import LinkError
+from guidance.links.wires.zenoh import open_session
+from guidance.service import control_token
+from guidance.session.control_token import ControlToken
+from guidance.session.orders import Mailbox
+
+ANSWER_LIMIT_S: Final = 2.0
+MOST_WAITING: Final = 16
+_LOOK_EVERY_S: Final = 0.5
+
+
+def control_key(name: str, order: str) -> str:
+    """Return the key that an order is asked on."""
+    return f"guidance/{name}/ctl/{order}"
+
+
+def hosting_config(endpoint: str, token: ControlToken | None = None) -> zenoh.Config:
+    """Return a router of our own that listens at one endpoint and nowhere else, for those who know the token."""
+    return zenoh.Config.from_json5(
+        json.dumps(
+            {
+                "mode": "router",
+                "listen": {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True},
+                "connect": {"endpoints": []},
+                "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+                "transport": {
+                    "shared_memory": {"enabled": False},
+                    **({} if token is None else {"auth": token.for_server()}),
+                },
+            }
+        )
+    )
+
+
+def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Session":
+    """Listen at an endpoint; without a token everybody on this computer is let in.
+
+    Raises:
+        LinkError: If it cannot be had; then another daemon is likely to own the vehicle.
+    """
+    try:
+        return zenoh.open(hosting_config(endpoint, token))
+    except zenoh.ZError as error:
+        raise LinkError(
+            f"control.endpoint = {endpoint!r}: cannot listen there; does another daemon own this vehicle? "
+            "`guidance ctl status` asks it"
+        ) from error
+
+
+def join_session(endpoint: str, token_file: Path | None = None) -> "zenoh.Session":
+    """Join the control bus of a daemon, with its token where it has one.
+
+    Raises:
+        ConfigError: If the token may not be read by us.
+        LinkError: If nobody listens at the endpoint, or the token is not the daemon's.
+    """
+    path = control_token.default_path(endpoint) if token_file is None else token_file
+    token = control_token.read(path)
+    try:
+        return open_session(endpoint, authentication=None if token is None else token.for_client())
+    except LinkError as error:
+        used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
+        raise LinkError(
+            f"control {endpoint}: no session within 3 s: no daemon is there, or it does not let us in ({used}); "
+            "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
+        ) from error
+
+
+class OwnerToken:
+    """The vehicle is ours, as long as this lives.
+
+    Args:
+        session: A bus that all who might own the vehicle share.
+        vehicle: Key of the vehicle on it.
+
+    Raises:
+        LinkError: If another daemon owns it already.
+    """
+
+    def __init__(self, session: "zenoh.Session", vehicle: str) -> None:
+        mine = f"{vehicle}/owner/{session.zid()}"
+        liveliness = session.liveliness()
+        # First claimed, then looked around: of two that start at once, one at least sees the other.
+        self._token = liveliness.declare_token(mine)
+        replies = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
+        others = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+        others = [key for key in others if key != mine]
+        if others:
+            self.close()
+            raise LinkError(
+                f"{vehicle}: another daemon owns this vehicle ({', '.join(others)}); end it first, only one may fly it"
+            )
+
+    def close(self) -> None:
+        """Give the vehicle up."""
+        with contextlib.suppress(zenoh.ZError):
+            self._token.undeclare()  # type: ignore[no-untyped-call]
+
+
+class ControlBus:
+    """Takes orders to the mailbox, and answers back, on a thread of its own.
+
+    Args:
+        name: The vehicle's.
+        mailbox: Where orders go.
+        endpoint: The Zenoh endpoint, on loopback.
+        host: Listen there; otherwise connect to a router that is there.
+        token_file: Where the token lies that lets others in; by default where `guidance ctl` looks for it.
+
+    Raises:
+        ConfigError: If the token cannot be written.
+        LinkError: If there is no session to be had, or another daemon owns the vehicle.
+    """
+
+    def __init__(
+        self, name: str, mailbox: Mailbox, *, endpoint: str, host: bool, token_file: Path | None = None
+    ) -> None:
+        self._name = name
+        self._mailbox = mailbox
+        self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
+        self._asked = threading.Event()
+        self._stop = False
+        self._issued: ControlToken | None = None
+        self._session = self._host(endpoint, token_file) if host else join_session(endpoint, token_file)
+        self._closed = False
+        try:
+            self._token = OwnerToken(self._session, f"guidance/{name}")
+            self._queryable = self._session.declare_queryable(control_key(name, "*"), self._hear)
+        except BaseException:
+            self._session.close()  # type: ignore[no-untyped-call]
+            raise
+        self._thread = threading.Thread(target=self._serve, name="control", daemon=True)
+        self._thread.start()
+
+    def _host(self, endpoint: str, token_file: Path | None) -> "zenoh.Session":
+        path = control_token.default_path(endpoint) if token_file is None else token_file
+        drawn = control_token.draw(path)
+        try:
+            session = host_session(endpoint, drawn)
+        except LinkError:
+            control_token.discard(drawn)
+            raise
+        self._issued = control_token.publish(drawn, path)
+        return session
+
+    @property
+    def session(self) -> "zenoh.Session":
+        """The bus itself, for what else is said on it. It is closed with this."""
+        return self._session
+
+    def _hear(self, query: "zenoh.Query") -> None:
+        """On Zenoh's thread: keep it and be gone."""
+        self._waiting.append(query)
+        self._asked.set()
+
+    def _serve(self) -> None:
+        while not self._stop:
+            self._asked.wait(_LOOK_EVERY_S)
+            self._asked.clear()
+            while self._waiting:
+                self._answer(self._waiting.popleft())
+
+    def _answer(self, query: "zenoh.Query") -> None:
+        order = str(query.key_expr).rpartition("/")[2]
+        answer = self._mailbox.ask(order).wait(ANSWER_LIMIT_S)
+        if answer is None:
+            reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
+            answer = {"accepted": False, "order": order, "reason": reason}
+        with contextlib.suppress(zenoh.ZError):  # who asked may be gone
+            # Under our own key: answers to one question of several daemons are told apart by theirs.
+            query.reply(control_key(self._name, order), json.dumps(answer), encoding=zenoh.Encoding.APPLICATION_JSON)
+            query.drop()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Take no more orders and give the vehicle up. May be called twice."""
+        if self._closed:
+            return
+        self._closed = True
+        self._stop = True
+        self._asked.set()
+        self._thread.join()
+        self._token.close()
+        with contextlib.suppress(zenoh.ZError):
+            self._queryable.undeclare()  # type: ignore[no-untyped-call]
+            self._session.close()  # type: ignore[no-untyped-call]
+        if self._issued is not None:
+            control_token.discard(self._issued)

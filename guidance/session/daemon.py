@@ -1,0 +1,288 @@
+"""The daemon's core: one call a cycle, time given. Orders and answers, preflight, log, metrics, signs of life."""
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from guidance.clock import Timing
+from guidance.errors import ConfigError
+from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Inputs, Outputs
+from guidance.links.port import EvaderSource, VehicleLink
+from guidance.messages import LocalPosition, Message
+from guidance.preflight import Facts, Finding, PreflightMemory, Wants, parameter_names, refusals, rows
+from guidance.service.broadcast import Records
+from guidance.service.record import RELOADED, STOPPED, Record
+from guidance.session.handover import ON_GROUND, ShutdownHandover
+from guidance.session.linked_flight import LinkedFlight
+from guidance.session.log import Log
+from guidance.session.metrics import Metrics
+from guidance.session.notify import Notifier
+from guidance.session.orders import Answer, Mailbox, Question
+from guidance.session.reasons import is_done, missing, not_engageable, refusal
+from guidance.session.status import status
+
+PREFLIGHT_EVERY_S: Final = 0.5
+SHOWN_EVERY_S: Final = 1.0
+STATUS, RESET = "status", "reset"
+WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS)
+"""What may be ordered."""
+
+_GRAVE: Final = frozenset({
+    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
+    Event.BATTERY_LOW, Event.FENCE, Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT, Event.FAULT,
+})  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPlan:
+    """What a flight is flown by; may be exchanged on the ground. `document` is its configuration, as JSON."""
+
+    flight: FlightSettings
+    wants: Wants
+    document: str = ""
+
+
+class Daemon:
+    """One vehicle's guidance, in real or in moved time."""
+
+    def __init__(
+        self,
+        name: str,
+        plan: FlightPlan,
+        link: VehicleLink,
+        evader: EvaderSource,
+        *,
+        mailbox: Mailbox,
+        log: Log,
+        metrics: Metrics,
+        notifier: Notifier,
+        record: Record | None = None,
+        broadcast: Record | None = None,
+    ) -> None:
+        self.name = name
+        self._link = link
+        self._evader = evader
+        self._mailbox = mailbox
+        self._log = log
+        self._metrics = metrics
+        self._notifier = notifier
+        self._record = record
+        self._broadcast = broadcast
+        self._record_lost = False
+        self._leaving: ShutdownHandover | None = None
+        self._rows: tuple[Finding, ...] = ()
+        self._judged_s = self._shown_s = float("-inf")
+        self._refused: tuple[str, ...] = ()
+        self.outputs: Outputs | None = None
+        self.finished = False
+        self._begin(plan)
+
+    def _begin(self, plan: FlightPlan) -> None:
+        self._plan = plan
+        self.flight = Flight(plan.flight)
+        self._survey = PreflightMemory(parameter_names(plan.flight.profile))
+        kept = [one for one in (self._record, self._broadcast) if one is not None]
+        self._linked = LinkedFlight(self.flight, self._link, self._evader, Records(kept) if kept else None)
+        self._judged_s = float("-inf")
+        self._rows = ()
+
+    @property
+    def rows(self) -> tuple[Finding, ...]:
+        """Preflight's rows as last judged."""
+        return self._rows
+
+    def facts(self, now_s: float) -> Facts:
+        """What preflight knows of the vehicle."""
+        return self._survey.facts(self.flight.vehicle, now_s)
+
+    @property
+    def surveyed(self) -> bool:
+        """True once every parameter that preflight judges was read."""
+        return self._survey.complete
+
+    @property
+    def heard(self) -> Sequence[Message]:
+        """What the last cycle heard of the vehicle."""
+        return self._linked.inputs.messages
+
+    @property
+    def position_age_s(self) -> float:
+        """How old the vehicle's position was at the last cycle; infinite before there was one."""
+        return self.flight.vehicle.age_s(LocalPosition, self._linked.inputs.now_s)
+
+    @property
+    def in_flight(self) -> bool:
+        """True while the vehicle is ours in the air, or was just ordered up."""
+        return self.flight.state not in FINAL | ON_GROUND
+
+    def step(self, now_s: float, *, late_s: float = 0.0, worked_s: float = 0.0) -> Outputs:
+        """Run one cycle. `late_s` is how much later than due it began, `worked_s` how long the one before took."""
+        questions = self._mailbox.take()
+        orders = {question: self._order(question, now_s) for question in questions}
+        leaving = () if self._leaving is None else self._leaving.orders(self.flight)
+        given = [order for order in (*orders.values(), *leaving) if order is not None]
+        # Not judged yet is refused.
+        barred = refusals(self._rows) if self._rows else ("preflight",)
+        barred = barred if self.flight.state in ON_GROUND else ()
+        outputs = self.outputs = self._linked.run(now_s, given, barred, Timing(late_s, worked_s))
+        self._answer(orders, outputs, now_s)
+        self._tell(outputs)
+        self._see_record(now_s)
+        self._preflight(now_s)
+        self._metrics.lateness.observe(max(0.0, late_s))
+        self._metrics.follow(outputs)
+        self._show(now_s, outputs)
+        self._notifier.alive(now_s)
+        self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
+        return outputs
+
+    def survive(self, error: Exception, now_s: float) -> None:
+        """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
+
+        Args:
+            error: What came out of `step`.
+            now_s: The present.
+        """
+        outputs = self.outputs = self.flight.give_up(Inputs(now_s), error)
+        for request in outputs.requests:
+            self._link.request(request)
+        if outputs.fault is not None:
+            self._tell(outputs)
+            self._metrics.follow(outputs)
+            for one in (self._record, self._broadcast):
+                if one is not None:
+                    one.event(now_s, str(Event.FAULT), outputs.fault)
+        self._notifier.alive(now_s)
+
+    def leave(self, order: Event, now_s: float) -> None:
+        """Hand the vehicle to the autopilot and finish; asked a second time, finish at once."""
+        if self._leaving is not None:
+            self._log.say(logging.WARNING, "ending at once: asked twice", state=self.flight.state)
+            self.finished = True
+            return
+        self._log.say(logging.INFO, "ending", by=order, state=self.flight.state)
+        self._notifier.stopping()
+        self._leaving = ShutdownHandover(order, now_s)
+
+    def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
+        """Take another plan, on the ground only; in flight it is refused, and said so."""
+        if self.in_flight:
+            self._log.say(logging.WARNING, "configuration not read again: refused in flight", state=self.flight.state)
+            return
+        try:
+            self._begin(load())
+        except ConfigError as error:
+            self._log.say(logging.ERROR, "configuration not read again: the old one stays", error=str(error))
+        else:
+            self._log.say(logging.INFO, RELOADED)
+            self._metrics.happened(RELOADED)
+            for one in (self._record, self._broadcast):
+                if one is not None:
+                    one.event(now_s, RELOADED, self._plan.document)
+
+    def _order(self, question: Question, now_s: float) -> Event | None:
+        """Answer what needs no cycle; return the order that does."""
+        word = question.order
+        if word == STATUS:
+            question.answer({"accepted": True, "order": word, **self._status(now_s)})
+        elif word == RESET:
+            question.answer(self._reset())
+        elif word not in WORDS:
+            reason = f"order = {word!r}: allowed are {', '.join(WORDS)}"
+            question.answer(self._answered(word, reason=reason))
+        elif self._leaving is not None:
+            question.answer(self._answered(word, reason="the daemon is ending"))
+        else:
+            return self._checked(question, Event(word), now_s)
+        return None
+
+    def _checked(self, question: Question, order: Event, now_s: float) -> Event | None:
+        against = not_engageable(self.flight, now_s) if order is Event.ENGAGE and self.in_flight else None
+        if against is None:
+            return order
+        question.answer(self._answered(order, reason=against))
+        return None
+
+    def _reset(self) -> Answer:
+        if self.in_flight:
+            return self._answered(RESET, reason=f"in flight ({self.flight.state}): order hold, land or return first")
+        self._begin(self._plan)
+        return self._answered(RESET)
+
+    def _answer(self, orders: Mapping[Question, Event | None], outputs: Outputs, now_s: float) -> None:
+        happened = iter(outputs.happenings)
+        for question, order in orders.items():
+            if order is None:
+                continue
+            happening = next(happened)  # the orders come first, one happening each, in their order
+            done = happening.after is not happening.before or is_done(order, self.flight.state)
+            reason = "" if done else refusal(order, self.flight, now_s, self._rows)
+            question.answer(self._answered(question.order, reason=reason))
+
+    def _answered(self, order: str, *, reason: str = "") -> Answer:
+        accepted = not reason
+        self._metrics.order(order if order in WORDS else "unknown", accepted=accepted)
+        level = logging.INFO if accepted else logging.WARNING
+        why = {} if accepted else {"reason": reason}
+        self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **why)
+        return {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
+
+    def _status(self, now_s: float) -> dict[str, Any]:
+        return status(self.name, now_s, self.flight, self.outputs, self._rows, recording=self._recording)
+
+    def _tell(self, outputs: Outputs) -> None:
+        if outputs.alarm is not None:
+            self._log.say(logging.WARNING, str(outputs.alarm.broken), amount=round(outputs.alarm.amount, 2))
+        if outputs.fault is not None:
+            self._log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
+        for happening in outputs.happenings:
+            grave = happening.event in _GRAVE and happening.after is not happening.before
+            self._log.say(
+                logging.WARNING if grave else logging.INFO,
+                str(happening.event),
+                before=happening.before,
+                state=happening.after,
+                now_s=round(happening.now_s, 3),
+            )
+
+    def _see_record(self, now_s: float) -> None:
+        if self._record is not None and self._record.failed is not None and not self._record_lost:
+            self._record_lost = True
+            self._metrics.happened(STOPPED)
+            if self._broadcast is not None:
+                self._broadcast.event(now_s, STOPPED, self._record.failed)
+            self._log.say(logging.WARNING, STOPPED, reason=self._record.failed)
+
+    @property
+    def _recording(self) -> str:
+        if self._record is None:
+            return "off"
+        return "on" if self._record.failed is None else f"stopped: {self._record.failed}"
+
+    def _preflight(self, now_s: float) -> None:
+        """Read and judge while on the ground; what a parameter says in flight comes too late."""
+        inputs = self._linked.inputs
+        if self.flight.state not in ON_GROUND:
+            return
+        self._survey.observe(inputs.messages, inputs.reports)
+        for request in self._survey.requests(now_s):
+            self._link.request(request)
+        if now_s - self._judged_s < PREFLIGHT_EVERY_S:
+            return
+        self._judged_s = now_s
+        self._rows = rows(self.facts(now_s), self._plan.flight.profile, self._plan.wants)
+        refused = refusals(self._rows)
+        if refused != self._refused and self._survey.complete:
+            self._refused = refused
+            if refused:
+                self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self._rows))
+
+    def _show(self, now_s: float, outputs: Outputs) -> None:
+        changed = any(happening.after is not happening.before for happening in outputs.happenings)
+        if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
+            return
+        self._shown_s = now_s
+        counters = {"vehicle": self._link.counters(), "evader": self._evader.counters()}
+        self._metrics.show(now_s, self.flight, outputs, counters)
+        self._notifier.status(f"{outputs.state}, mode {self.flight.mode_name}")

@@ -1,0 +1,123 @@
+"""From a flight to its outcome: the same row that mathematics gives, read off what was flown.
+
+The predicted value is solved again where the game really began, to the set that counts as captured and in still air:
+an autopilot holds the speed over the ground against the wind, and the pursuer knows of none.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.flight import Event, Happening, State
+from guidance.game import solve
+from guidance.session.fly import FlightResult, FlightSample
+from guidance.sim.batch import stack
+from guidance.sim.maths import game_of
+from guidance.sim.outcome import Outcome, final_distance_m, outcome_of, winner_name
+from guidance.sim.scenario import Scenario, Wind
+
+PLAYING = frozenset({State.ENGAGED, State.PAUSED})
+
+_ENDS: Mapping[Event, str] = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived", Event.PILOT: "yielded"}
+
+
+class Ending(NamedTuple):
+    """How the game ended: `Outcome.end`, when, and why where it went wrong."""
+
+    end: str
+    now_s: float
+    reason: str = ""
+
+
+def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
+    """Return the row of a flight; `way` is "fast", "live" or "vehicle"."""
+    scenario = result.scenario
+    began = next((each for each in result.happenings if each.after is State.ENGAGED), None)
+    if began is None:
+        return _never_engaged(result, way)
+    since_engagement = [each for each in result.happenings if each.now_s > began.now_s]
+    ending = _ending(result, since_engagement)
+    game = [sample for sample in result.samples if began.now_s <= sample.now_s <= ending.now_s]
+    predicted, winner = _predicted(result)
+    return outcome_of(
+        scenario,
+        way,
+        end=ending.end,
+        game_time_s=ending.now_s - began.now_s,
+        final_distance_m=final_distance_m(scenario, game[-1].pursuer_m, game[-1].evader_m) if game else math.nan,
+        predicted=predicted,
+        predicted_winner=winner,
+        time_needed_s=result.time_needed_s,
+        min_standoff_m=min((_beside_m(sample) for sample in game), default=math.nan),
+        min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan) + scenario.evader.height_m,
+        duration_s=result.duration_s,
+        limits=result.limits,
+        alarms=len(result.alarms),
+        events=dict.fromkeys(str(each.event) for each in since_engagement),
+        reason=ending.reason,
+    )
+
+
+def ending_words(outcome: Outcome) -> str:
+    """Say in a few words how a run ended."""
+    words = {"arrived": "evader reached its target", "time_up": "time limit reached", "yielded": "yielded to a pilot"}
+    return f"failed: {outcome.reason}" if outcome.end == "failed" else words.get(outcome.end, outcome.end)
+
+
+def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
+    """Find the first thing that ended the game, and what it means."""
+    last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
+    if last is None:
+        return Ending("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
+    timed_out = result.timed_out and last.event in {Event.LAND, Event.HOLD, Event.RETURN}
+    end = "time_up" if timed_out else _ENDS.get(last.event, "failed")
+    if end != "failed":
+        return Ending(end, last.now_s, str(last.event) if end == "yielded" else "")
+    # A pause that lasted too long: what it waited for is the reason.
+    paused = [each.event for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s]
+    return Ending(end, last.now_s, str(paused[-1] if paused and last.event is Event.TIMED_OUT else last.event))
+
+
+def _never_engaged(result: FlightResult, way: str) -> Outcome:
+    nan = math.nan
+    ends = {State.HOLDING, State.LANDING, State.RETURNING, State.YIELDED, State.FAILED}
+    cause = next((each for each in result.happenings if each.after in ends), None)
+    by_pilot = cause is not None and cause.event is Event.PILOT
+    why = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
+    if result.said:
+        why += f'; the autopilot said "{result.said}"'
+    return outcome_of(
+        result.scenario,
+        way,
+        end="yielded" if by_pilot else "failed",
+        game_time_s=nan,
+        final_distance_m=nan,
+        predicted=nan,
+        predicted_winner="none",
+        time_needed_s=nan,
+        min_standoff_m=nan,
+        min_altitude_m=nan,
+        duration_s=result.duration_s,
+        reason=f"never engaged: {why}",
+    )
+
+
+def _unfinished(result: FlightResult) -> str:
+    return f"still {result.ended} when the run was given up"
+
+
+def _predicted(result: FlightResult) -> tuple[float, str]:
+    """Solve the game where it began; NaN where the evader was too fast for one."""
+    if result.engaged_pursuer_m is None or result.engaged_evader_m is None:
+        return math.nan, "none"
+    still: Scenario = result.scenario.model_copy(update={"wind": Wind()})
+    batch = stack([still])
+    P, E = np.array([result.engaged_pursuer_m]), np.array([result.engaged_evader_m])
+    solution = solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
+    return float(solution.value[0]), winner_name(int(solution.winner[0]))
+
+
+def _beside_m(sample: FlightSample) -> float:
+    return math.dist(sample.pursuer_m[:2], sample.evader_m[:2])

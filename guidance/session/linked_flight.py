@@ -1,0 +1,88 @@
+"""A flight with its links: read everything once, step the flight, say what it decided, keep a record of it all."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from guidance.clock import Timing
+from guidance.flight import Event, Flight, Inputs, Outputs
+from guidance.links.port import EvaderSource, VehicleLink
+from guidance.service.record import BEGUN, Record
+
+HEARTBEAT_S = 1.0
+
+
+class Stopped(NamedTuple):
+    """Since when nothing is recorded any more, and why. The flight goes on."""
+
+    now_s: float
+    reason: str
+
+
+class LinkedFlight:
+    """A flight with its links and its record: the loop's body, the same in real and in virtual time."""
+
+    def __init__(self, flight: Flight, link: VehicleLink, evader: EvaderSource, recorder: Record | None) -> None:
+        self.flight = flight
+        self._link = link
+        self._evader = evader
+        self._recorder = recorder
+        self._heartbeat_s = float("-inf")
+        self.setpoints_sent = 0
+        self.inputs = Inputs(float("-inf"))
+        self.record_stopped: Stopped | None = None
+        self._begun = False
+
+    def run(
+        self, now_s: float, orders: Sequence[Event] = (), refusals: Sequence[str] = (), timing: Timing | None = None
+    ) -> Outputs:
+        """Run one cycle at `now_s`; `inputs` is then what it has seen."""
+        inputs = self.inputs = Inputs(now_s, self._link.receive(), self._evader.receive(), orders, refusals)
+        if now_s - self._heartbeat_s >= HEARTBEAT_S:
+            self._heartbeat_s = now_s
+            self._link.send_heartbeat()
+        outputs = self.flight.step(inputs)
+        # The setpoint first: everything else can wait a millisecond.
+        if outputs.setpoint is not None:
+            self._link.send_setpoint(outputs.setpoint)
+            self.setpoints_sent += 1
+        for request in outputs.requests:
+            self._link.request(request)
+        if self._recorder is not None:
+            self._keep(self._recorder, inputs, outputs, timing)
+            if self.record_stopped is None and self._recorder.failed is not None:
+                self.record_stopped = Stopped(now_s, self._recorder.failed)
+        return outputs
+
+    def _keep(self, recorder: Record, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> None:
+        if not self._begun:
+            self._begun = True
+            recorder.event(inputs.now_s, BEGUN)
+        for report in inputs.reports:
+            recorder.report(report)
+        recorder.cycle(inputs.now_s, row(inputs, outputs, timing))
+        for happening in outputs.happenings:
+            detail = f"{happening.before} -> {happening.after}"
+            if happening.event is Event.FAULT:
+                detail += f": {outputs.fault}"
+            recorder.event(happening.now_s, str(happening.event), detail)
+        if outputs.alarm is not None:
+            recorder.event(inputs.now_s, str(outputs.alarm.broken), f"{outputs.alarm.amount:.2f}")
+
+
+def row(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) -> dict[str, Any]:
+    """Lay one cycle out as a JSON row: the inputs as read, what was decided from them, and how the loop kept time."""
+    return {
+        "now_s": inputs.now_s,
+        "state": str(outputs.state),
+        "inputs": {
+            "messages": [{"kind": type(message).__name__, **message._asdict()} for message in inputs.messages],
+            "reports": inputs.reports,
+            "orders": [str(order) for order in inputs.orders],
+            "refusals": inputs.refusals,
+        },
+        "requests": outputs.requests,
+        "setpoint": outputs.setpoint,
+        "certificate": outputs.certificate,
+        "alarm": outputs.alarm,
+        "timing": timing,
+    }

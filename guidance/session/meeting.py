@@ -1,0 +1,110 @@
+"""Getting to know a vehicle that runs elsewhere, before anything is ordered: whose it is, and where it stands."""
+
+from collections.abc import Callable
+from typing import Final
+
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, PROFILES, AutopilotProfile
+from guidance.clock import Clock
+from guidance.errors import ConfigError, FlightError
+from guidance.flight import State
+from guidance.frames import LocalFrame
+from guidance.links.opening import Found
+from guidance.links.port import VehicleLink
+from guidance.messages import Heartbeat, Home, LandedState, Message, Origin, StatusText
+from guidance.session.fly import Progress
+from guidance.vehicle import VehicleState, local_frame, observe
+
+PLACED_WITHIN_S: Final = 120.0
+"""Longest wait for a vehicle that knows where it is; an ArduCopter takes 25 to 45 s from its start."""
+
+_ASK_EVERY_S: Final = 1.5
+_BEAT_EVERY_S: Final = 1.0
+_LOOK_EVERY_S: Final = 0.05
+_UNSAID_S: Final = 3.0
+_MULTICOPTERS: Final = {2, 3, 4, 13, 14, 15, 29, 35}
+"""MAV_TYPE of what can hover and fly in any direction."""
+
+_NAMES: Final[dict[type[Message], str]] = {
+    Heartbeat: "HEARTBEAT",
+    Home: "HOME_POSITION",
+    Origin: "GPS_GLOBAL_ORIGIN",
+    LandedState: "EXTENDED_SYS_STATE",
+}
+
+
+def identify(found: Found, url: str, asked: str | None) -> AutopilotProfile:
+    """Return which autopilot was found; `asked` is the one that a person expects there.
+
+    Raises:
+        ConfigError: If it is none that is flown here, no multicopter, or not the one asked for.
+    """
+    if asked is not None and asked not in PROFILES:
+        raise ConfigError(f"--autopilot {asked}: allowed are {', '.join(PROFILES)}")
+    profile = next((one for one in PROFILES.values() if one.autopilot_id == found.autopilot), None)
+    who = f"{url}: system {found.system_id}"
+    if profile is None:
+        raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; flown are px4 (12) and arducopter (3)")
+    if found.vehicle_type not in _MULTICOPTERS:
+        raise ConfigError(f"{who} is MAV_TYPE {found.vehicle_type}: only multicopters are flown")
+    if asked is not None and asked != profile.name:
+        raise ConfigError(f"{who} is {profile.name}, not --autopilot {asked}: leave it out, or give another --vehicle")
+    return profile
+
+
+def wait_until_placed(
+    link: VehicleLink,
+    profile: AutopilotProfile,
+    clock: Clock,
+    show: Callable[[Progress], None],
+    *,
+    within_s: float = PLACED_WITHIN_S,
+) -> tuple[Home, LocalFrame]:
+    """Wait until the vehicle has told where its home and its local frame are, on the ground and disarmed.
+
+    Raises:
+        FlightError: If it is in the air, or armed, or does not know its place in time. Nothing was ordered then.
+    """
+    state, said = VehicleState(), ""
+    begun_s = now_s = clock.now_s()
+    asked_s = beat_s = float("-inf")
+    while True:
+        if now_s - beat_s >= _BEAT_EVERY_S:
+            beat_s = now_s
+            link.send_heartbeat()
+        if now_s - asked_s >= _ASK_EVERY_S:
+            asked_s = now_s
+            _ask(link, profile)
+        messages = link.receive()
+        state = observe(state, messages)
+        said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
+        waited_s = now_s - begun_s
+        _refuse_if_flown(state, waited_s)
+        missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
+        home, frame = state.last(Home), local_frame(state, profile.projection)
+        if not missing and home is not None and frame is not None:
+            return home, frame
+        words = f"{', '.join(missing)} not heard: no position yet?" + (f' It says "{said}"' if said else "")
+        if waited_s > within_s:
+            raise FlightError(f"not ready within {within_s:g} s: {words} Nothing was armed")
+        show(Progress(now_s, State.CONNECTING, _mode(state, profile), None, "s", waiting=words))
+        clock.sleep_until(now_s + _LOOK_EVERY_S)
+        now_s = clock.now_s()
+
+
+def _ask(link: VehicleLink, profile: AutopilotProfile) -> None:
+    for request in (*profile.stream_requests(), *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))):
+        link.request(request)
+
+
+def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
+    if not state.armed:
+        return
+    if state.last(LandedState) is not None and not state.on_ground:
+        raise FlightError("the vehicle is in the air already: land and disarm it first; nothing was ordered")
+    if state.last(LandedState) is not None or waited_s > _UNSAID_S:
+        raise FlightError("the vehicle is armed already, by another hand: disarm it first; nothing was ordered")
+
+
+def _mode(state: VehicleState, profile: AutopilotProfile) -> str:
+    heartbeat = state.last(Heartbeat)
+    return "unknown" if heartbeat is None else str(profile.mode_of(heartbeat.custom_mode))

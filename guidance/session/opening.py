@@ -1,0 +1,191 @@
+"""From a configuration to an open link and evader source. Importing this imports every wire library."""
+
+import contextlib
+import stat
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from guidance.clock import Clock
+from guidance.errors import ConfigError
+from guidance.frames import Amsl, LocalFrame
+from guidance.links.endpoint import parse
+from guidance.links.evaders.opening import EvaderIdentity, open_source
+from guidance.links.mavsdk_link import MavsdkLink
+from guidance.links.opening import open_wire, wait_until_heard
+from guidance.links.port import EvaderSource, VehicleLink, Wire
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.signing import SigningKey
+from guidance.links.wires.shared import Passed, TappedWire, share
+from guidance.links.wires.zenoh import open_session
+from guidance.session.asked_evader import AskedEvader
+from guidance.session.control_bus import OwnerToken
+from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
+
+_WIRE_LIMIT_S = 5.0
+OWN_ID = 255
+"""Who asks an evader: a ground station's id, since the vehicle's own would make us a part of the vehicle."""
+
+_MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "open_drone_id": 12901, "adsb": 246}
+
+
+@dataclass(slots=True)
+class Opened:
+    """What was opened; `taps` pass on the raw frames of the vehicle's wire."""
+
+    link: VehicleLink
+    evader: EvaderSource
+    taps: list[TappedWire] = field(default_factory=list)
+    closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+
+    def drain(self) -> Sequence[Passed]:
+        """All raw frames since the last call."""
+        return [passed for tap in self.taps for passed in tap.drain()]
+
+    def close(self) -> None:
+        """Close everything; may be called twice."""
+        self.closing.close()
+
+
+def open_all(
+    config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, evader_wire: Wire | None = None
+) -> Opened:
+    """Claim the vehicle, open its link and the evader's source, and wait until the vehicle was heard.
+
+    Args:
+        config: Whom to talk to.
+        clock: Arrival times are its.
+        tapped: Whether raw frames are passed on.
+        wire: The vehicle's, where it is open already; closed with what is opened.
+        evader_wire: The evader's, likewise.
+
+    Raises:
+        ConfigError: If a URL or the signing key is wrong.
+        LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
+    """
+    with contextlib.ExitStack() as closing:
+        _claim(config, closing)
+        taps: list[TappedWire] = []
+        if wire is None:
+            wire = _open_wire(config, clock)
+        closing.callback(wire.close)
+        link, spare = _open_link(config, clock, wire, taps if tapped else None)
+        closing.callback(link.close)
+        evader = _open_source(config, clock, spare if evader_wire is None else evader_wire)
+        closing.callback(evader.close)
+        return Opened(link, evader, taps, closing.pop_all())
+
+
+def _claim(config: Config, closing: contextlib.ExitStack) -> None:
+    """Claim the vehicle on its own bus, where it has one: there every daemon that could fly it can be seen."""
+    endpoint = parse(config.vehicle.url)
+    if endpoint.scheme != "zenoh":
+        return
+    session = open_session(f"tcp/{endpoint.host}:{endpoint.port}", timeout_s=_WIRE_LIMIT_S)
+    closing.callback(session.close)
+    token = OwnerToken(session, f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance")
+    closing.callback(token.close)
+
+
+def _open_wire(config: Config, clock: Clock) -> Wire:
+    vehicle, evader = config.vehicle, config.evader
+    systems = {vehicle.system_id}
+    if evader.url is None and evader.system_id is not None:
+        systems.add(evader.system_id)
+    return open_wire(vehicle.url, clock=clock.now_s, systems=systems, timeout_s=_WIRE_LIMIT_S)
+
+
+def _open_link(
+    config: Config, clock: Clock, wire: Wire, taps: list[TappedWire] | None
+) -> tuple[VehicleLink, Wire | None]:
+    """Open the link; the second is a share of its wire for the evader, where it is wanted and can be had."""
+    vehicle = config.vehicle
+    now_s = clock.now_s
+    key = None if vehicle.signing_key_file is None else signing_key(vehicle.signing_key_file)
+    if taps is not None:
+        wire = TappedWire(wire, now_s, config.name)
+        taps.append(wire)
+    ours, spare = wire, None
+    if config.evader.url is None:
+        ours, spare = share(wire, 2)
+    who = f"{vehicle.url}: system {vehicle.system_id}"
+    if vehicle.link == "mavsdk":
+        mavsdk = MavsdkLink(
+            ours,
+            now_s,
+            system_id=vehicle.system_id,
+            component_id=vehicle.component_id,
+            sleep=time.sleep,
+            who=who,
+            timeout_s=vehicle.connect_timeout_s,
+        )
+        return mavsdk, spare
+    pymavlink = PymavlinkLink(
+        ours,
+        now_s,
+        system_id=vehicle.system_id,
+        component_id=vehicle.component_id,
+        signing_key=key,
+        unix_s=time.time_ns() / 1e9,  # signing alone needs the calendar: its timestamps must rise from flight to flight
+    )
+    wait_until_heard(pymavlink, clock=now_s, timeout_s=vehicle.connect_timeout_s, sleep=time.sleep, who=who)
+    return pymavlink, spare
+
+
+def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSource:
+    evader = config.evader
+    url = evader.url if evader.url is not None else config.vehicle.url
+    asked = None
+    if evader.request_rate_hz is not None and evader.system_id is not None:
+        wire = spare
+        if wire is None:
+            wire = open_wire(url, clock=clock.now_s, systems=(evader.system_id,), timeout_s=_WIRE_LIMIT_S)
+        spare, asked = share(wire, 2)
+    source = open_source(
+        evader.kind,
+        url,
+        clock=clock.now_s,
+        frame=_frame(evader),
+        identity=EvaderIdentity(
+            evader.system_id,
+            evader.component_id,
+            evader.icao_address,
+            None if evader.id_or_mac is None else bytes.fromhex(evader.id_or_mac),
+        ),
+        wire=None if evader.kind in ON_ZENOH else spare,
+        timeout_s=_WIRE_LIMIT_S,
+    )
+    if asked is None or evader.system_id is None or evader.request_rate_hz is None:
+        return source
+    link = PymavlinkLink(
+        asked, clock.now_s, system_id=evader.system_id, component_id=evader.component_id or 1, own_system_id=OWN_ID
+    )
+    return AskedEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=evader.request_rate_hz)
+
+
+def _frame(evader: EvaderSection) -> LocalFrame:
+    """Return the declared frame; where none is needed, one that knows no datum besides sea level."""
+    if evader.frame is None:
+        return LocalFrame(0.0, 0.0, Amsl(0.0))
+    given = evader.frame
+    home = None if given.home_altitude_amsl_m is None else Amsl(given.home_altitude_amsl_m)
+    return LocalFrame(
+        given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m), home, undulation_m=given.undulation_m
+    )
+
+
+def signing_key(path: Path) -> SigningKey:
+    """Read a signing key.
+
+    Raises:
+        ConfigError: If it cannot be read, others may read it too, or it is not 64 hexadecimal digits.
+    """
+    try:
+        mode = path.stat().st_mode
+        text = path.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"vehicle.signing_key_file = {str(path)!r}: cannot be read ({error})") from error
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise ConfigError(f"vehicle.signing_key_file = {str(path)!r}: others may read it; chmod 600 it")
+    return SigningKey.from_hex(text)

@@ -1,0 +1,165 @@
+"""What `guidance run` and `guidance check` do: open everything, run, and close everything again."""
+
+import contextlib
+import logging
+import os
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from guidance.clock import MonotonicClock
+from guidance.config import find
+from guidance.errors import ConfigError
+from guidance.service.background import BackgroundRecorder
+from guidance.service.broadcast import Broadcast
+from guidance.service.record import Recorder, started_utc, versions
+from guidance.service.unwritten import UnwrittenRecord
+from guidance.session.control_bus import ControlBus
+from guidance.session.daemon import Daemon, FlightPlan
+from guidance.session.gc_scheduler import GcScheduler
+from guidance.session.handover import ORDER_OF
+from guidance.session.log import Log
+from guidance.session.loop import Signals, run
+from guidance.session.metrics import Metrics, MetricsServer
+from guidance.session.notify import Notifier
+from guidance.session.opening import open_all
+from guidance.session.orders import Mailbox
+from guidance.session.plan_fence import load_vehicle
+from guidance.session.scheduling import claim
+from guidance.session.startup import Waiting
+from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_spec import flight_settings, wants
+
+SURVEY_LIMIT_S: Final = 20.0
+
+_FIXED: Final = ("name", "vehicle", "evader", "control", "log", "metrics", "record")
+"""Sections that are opened at the start: a change of these needs a restart."""
+
+
+def run_vehicle(name: str) -> None:
+    """Run the daemon of a configuration until it is ended.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    path = find(name, "vehicles")
+    config = load_vehicle(path)
+    plan = plan_of(config)
+    clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
+    signals = Signals()
+    signals.install()
+    with contextlib.ExitStack() as closing:
+        log = Log(config.log.format, config.log.level)
+        closing.callback(log.close)
+        notifier = Notifier.from_environment(os.environ, os.getpid())
+        closing.callback(notifier.close)
+        mailbox.meanwhile(Waiting(config, clock).answer)
+        control = ControlBus(
+            config.name,
+            mailbox,
+            endpoint=config.control.endpoint,
+            host=config.control.host,
+            token_file=config.control.token_file,
+        )
+        closing.callback(control.close)
+        if config.metrics.port is not None:
+            closing.callback(MetricsServer(metrics, config.metrics.port).close)
+        log.say(logging.INFO, "waiting for the vehicle", name=config.name, url=config.vehicle.url)
+        opened = open_all(config, clock, tapped=config.record.folder is not None)
+        closing.callback(opened.close)
+        metadata = _metadata(config, clock)
+        record = closing.enter_context(_recording(config, metadata, log))
+        broadcast = Broadcast(config.name, control.session, metadata)
+        closing.callback(broadcast.close)
+        daemon = Daemon(
+            config.name,
+            plan,
+            opened.link,
+            opened.evader,
+            mailbox=mailbox,
+            log=log,
+            metrics=metrics,
+            notifier=notifier,
+            record=record,
+            broadcast=broadcast,
+        )
+        notifier.ready()
+        log.say(
+            logging.INFO,
+            "running",
+            name=config.name,
+            control=config.control.endpoint,
+            autopilot=plan_name(plan),
+            scheduling=claim(),
+        )
+        mailbox.meanwhile(None)
+        run(
+            daemon,
+            clock,
+            signals=signals,
+            metrics=metrics,
+            on_terminate=ORDER_OF[config.flight.on_terminate],
+            load=lambda: reload(path, config),
+            drain=opened.drain,
+            record=record,
+            tidying=GcScheduler(),
+        )
+        log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
+
+
+def plan_of(config: Config) -> FlightPlan:
+    """Return what a flight of this configuration is flown by.
+
+    Raises:
+        ConfigError: If something in it contradicts itself.
+    """
+    return FlightPlan(flight=flight_settings(config), wants=wants(config), document=config.model_dump_json())
+
+
+def plan_name(plan: FlightPlan) -> str:
+    """Name the autopilot that is expected."""
+    return plan.flight.profile.name
+
+
+def reload(path: Path, before: Config) -> FlightPlan:
+    """Read the configuration again.
+
+    Raises:
+        ConfigError: If it is wrong, or a section has changed that was opened at the start.
+    """
+    after = load_vehicle(path)
+    changed = [key for key in _FIXED if getattr(after, key) != getattr(before, key)]
+    if changed:
+        raise ConfigError(f"{path}: {', '.join(changed)} changed: end the daemon and start it again for that")
+    return plan_of(after)
+
+
+def _metadata(config: Config, clock: MonotonicClock) -> dict[str, str]:
+    return {"config": config.model_dump_json(), **versions(), "started_utc": started_utc(clock.now_s())}
+
+
+@contextlib.contextmanager
+def _recording(
+    config: Config, metadata: Mapping[str, str], log: Log
+) -> Iterator[BackgroundRecorder | UnwrittenRecord | None]:
+    """Open the record. One that cannot be written is said to be so, and keeps no vehicle on the ground."""
+    if config.record.folder is None:
+        yield None
+        return
+    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
+    recorder: BackgroundRecorder | UnwrittenRecord
+    try:
+        rotate_bytes = round(config.record.rotate_mb * 1e6)
+        written = Recorder(path, metadata, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
+        recorder = BackgroundRecorder(written)
+    except OSError as error:
+        where = f"record.folder = {str(config.record.folder)!r}"
+        recorder = UnwrittenRecord(f"{where}: cannot be written ({error.strerror})")
+    try:
+        yield recorder
+    finally:
+        recorder.close()
+        if recorder.failed is not None or recorder.dropped:
+            log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)

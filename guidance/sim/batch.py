@@ -1,0 +1,163 @@
+"""Scenarios side by side: those that are played alike, their numbers stacked into arrays, one row a scenario.
+
+A number that is the same in every row stays a single number, which is faster and gives the same bits.
+"""
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.game import Ball, Cylinder, SpeedSet, StandOff
+from guidance.game.arrays import Real
+from guidance.sim.players import evader_strategy, pursuer_strategy
+from guidance.sim.scenario import Scenario
+from guidance.sim.sensor import PERFECT, Noise
+from guidance.strategies import Strategy
+
+Array = NDArray[np.float64]
+
+
+class Batch(NamedTuple):
+    """What does not change while games are played, rows (n, …) all of one kind; (n,) may be one number.
+
+    Attributes:
+        kind: A scenario of the batch; what is not an array here is the same for all.
+        target_m: (n, 3), None in PE.
+        speeds: Of the pursuer, (n,).
+        evader_speed_m_s: What the evader has, (n,).
+        believed_m_s: What the pursuer takes it to have, (n,).
+        standoff: The disc above the evader's plane, (n,).
+        tolerance_m: How near to the disc is captured, (n,).
+        lowest_m: Floor and ceiling above the evader's plane, (n,).
+        highest_m: See `lowest_m`.
+        fence_m: Radius about home, (n,).
+        home_m: Where the pursuer takes off, (n, 2).
+        limit_s: When a game is over at the latest, (n,).
+        wind_m_s: Of the air, east and north, (n,) each.
+        noise: The sensor's.
+        pursuer: Strategy, its course (n, …).
+        evader: Strategy, its course (n, …).
+    """
+
+    kind: Scenario
+    target_m: Array | None
+    speeds: SpeedSet
+    evader_speed_m_s: Real
+    believed_m_s: Real
+    standoff: StandOff
+    tolerance_m: Real
+    lowest_m: Real
+    highest_m: Real
+    fence_m: Real
+    home_m: Array
+    limit_s: Real
+    wind_m_s: tuple[Real, Real]
+    noise: Noise
+    pursuer: Strategy
+    evader: Strategy
+
+    @property
+    def agreed(self) -> bool:
+        """Whether the evader is as fast as it says, in every row: a kind has rows of one sort only."""
+        return self.kind.evader.believed_speed_m_s == self.kind.evader.speed_m_s
+
+
+def kind_of(scenario: Scenario) -> Hashable:
+    """Return what two scenarios must share to be played in one batch."""
+    pursuer, evader, sensor = scenario.pursuer, scenario.evader, scenario.sensor
+    return (
+        scenario.game,
+        pursuer.speed_set,
+        any(scenario.wind.velocity_m_s),
+        scenario.time_limit_s if "random_turns" in (pursuer.policy, evader.policy) else None,
+        scenario.evader.believed_speed_m_s == scenario.evader.speed_m_s,
+        sensor != PERFECT,
+        sensor.rate_hz,
+        sensor.latency_s,
+        sensor.outages_s,
+        pursuer.navigation_gain,
+        *(
+            (player.policy, player.waypoints_m, player.track, player.turn_every_s, player.turn_most_deg)
+            for player in (pursuer, evader)
+        ),
+    )
+
+
+def starts(scenarios: Sequence[Scenario]) -> tuple[Array, Array]:
+    """Return where the players are at engagement, (n, 3) each, about the evader's plane."""
+    P = np.array(
+        [(*each.pursuer.position_m[:2], each.pursuer.position_m[2] - each.evader.height_m) for each in scenarios]
+    )
+    E = np.array([(*each.evader.position_m, 0.0) for each in scenarios])
+    return P, E
+
+
+def target_m(scenario: Scenario) -> tuple[float, float]:
+    """Return the place that the evader wants to reach.
+
+    Raises:
+        ValueError: In a game without one.
+    """
+    if scenario.target is None:
+        raise ValueError(f"{scenario.title}: has no target")
+    return scenario.target.position_m
+
+
+def stack(scenarios: Sequence[Scenario]) -> Batch:
+    """Stack scenarios of one kind."""
+    kind = scenarios[0]
+
+    def column(part: Callable[[Scenario], float]) -> Real:
+        values = [part(each) for each in scenarios]
+        same = all(value == values[0] for value in values)
+        return float(values[0]) if same else np.array(values, dtype=np.float64)
+
+    P, E = starts(scenarios)
+    speed = column(lambda each: each.pursuer.speed_m_s)
+    climb, descent = column(lambda each: each.pursuer.climb_m_s), column(lambda each: each.pursuer.descent_m_s)
+    ball = kind.pursuer.speed_set == "ball"
+    speeds: SpeedSet = Ball(speed) if ball else Cylinder(speed, climb, descent)
+    ground = column(lambda each: each.evader.height_m)
+    seed = np.array([each.seed for each in scenarios], dtype=np.int64)
+    evader_speed = column(lambda each: each.evader.speed_m_s)
+    return Batch(
+        kind=kind,
+        target_m=None if kind.target is None else np.array([(*target_m(each), 0.0) for each in scenarios]),
+        speeds=speeds,
+        evader_speed_m_s=evader_speed,
+        believed_m_s=column(lambda each: each.evader.believed_speed_m_s),
+        standoff=StandOff(
+            column(lambda each: each.standoff.radius_m), column(lambda each: each.standoff.height_m) - ground
+        ),
+        tolerance_m=column(lambda each: each.standoff.tolerance_m),
+        lowest_m=column(lambda each: each.limits.floor_m) - ground,
+        highest_m=column(lambda each: each.limits.ceiling_m) - ground,
+        fence_m=column(lambda each: each.limits.fence_radius_m),
+        home_m=np.array([each.home_m for each in scenarios]),
+        limit_s=column(lambda each: each.time_limit_s),
+        wind_m_s=(column(lambda each: each.wind.velocity_m_s[0]), column(lambda each: each.wind.velocity_m_s[1])),
+        noise=Noise(
+            seed,
+            column(lambda each: each.sensor.position_noise_m),
+            column(lambda each: each.sensor.velocity_noise_m_s),
+            column(lambda each: each.sensor.dropout),
+        ),
+        pursuer=pursuer_strategy(kind, P, speeds, seed),
+        evader=evader_strategy(kind, E, evader_speed, seed),
+    )
+
+
+def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - whatever a batch is made of
+    """Return some rows of a batch, or of any part of it."""
+    if isinstance(value, np.ndarray):
+        return value[rows]
+    if isinstance(value, tuple):
+        kept = tuple(keep(part, rows) for part in value)
+        return type(value)(*kept) if hasattr(value, "_fields") else kept
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {part.name: keep(getattr(value, part.name), rows) for part in fields(value) if part.init}
+        return replace(value, **parts)
+    return value

@@ -1,0 +1,198 @@
+"""Scenarios of teams played as mathematics; an outcome row for each evader."""
+
+import math
+from collections.abc import Hashable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from guidance.game import Ball, End, Game
+from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
+from guidance.sim.outcome import winner_name
+from guidance.sim.teams import Teams, TeamScenario, teams_of
+
+_ENDS = {End.CAPTURED: "captured", End.ARRIVED: "arrived", End.TIME_UP: "time_up"}
+_WINS = {"captured": "pursuer", "arrived": "evader"}
+
+
+class TeamOutcome(NamedTuple):
+    """What became of one evader in a game of teams. Columns mean what those of `Outcome` mean; NaN is "there is none".
+
+    Attributes:
+        scenario: Title.
+        run: "maths", always.
+        game: "pe" or "tad".
+        evader: Number of the evader, from 0.
+        pursuer_policy: Of the pursuers; several are joined by "+".
+        evader_policy: Of this evader.
+        seed: Of all that is random.
+        pursuers: How many pursuers play.
+        evaders: How many evaders.
+        guaranteed: Captures that the pursuers could force at the beginning, in the whole game.
+        captured: Captures in the whole game.
+        end: "captured", "arrived", "time_up", or "invalid" (only in sweeps).
+        winner: "pursuer", "evader" or "none".
+        predicted_winner: "pursuer" where the capture was guaranteed, else "evader" (TAD) or "none" (PE).
+        first: Number of the pursuer that guaranteed the capture; −1 for none.
+        second: Number of the one beside it; −1 for none.
+        captor: Number of the pursuer that captured the evader; −1 for none.
+        game_time_s: When it ended.
+        capture_time_s: The same where it is a capture.
+        final_distance_m: Of the evader from its target; NaN in PE.
+        predicted: TAD: the distance that was guaranteed, m. PE: the time that was, s.
+        lower_bound: PE: the time that the evader surely had, s. TAD: as predicted.
+        achieved: In the unit of predicted; NaN where nobody got there.
+        regret: What the pursuers lost against the guarantee: achieved − predicted in PE, predicted − achieved in TAD.
+        ratio: achieved / predicted.
+        reason: Why it is invalid, else empty.
+    """
+
+    scenario: str
+    run: str
+    game: str
+    evader: int
+    pursuer_policy: str
+    evader_policy: str
+    seed: int
+    pursuers: int
+    evaders: int
+    guaranteed: int
+    captured: int
+    end: str
+    winner: str
+    predicted_winner: str
+    first: int
+    second: int
+    captor: int
+    game_time_s: float
+    capture_time_s: float
+    final_distance_m: float
+    predicted: float
+    lower_bound: float
+    achieved: float
+    regret: float
+    ratio: float
+    reason: str = ""
+
+
+TEAM_SCHEMA = pa.schema(
+    [
+        (name, {str: pa.string(), int: pa.int64()}.get(kind, pa.float64()))
+        for name, kind in TeamOutcome.__annotations__.items()
+    ]
+)
+"""The columns of a table of such outcomes."""
+
+
+def play_teams(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
+    """Play scenarios to their ends; for each, in their order, a row for every evader."""
+    teams = [teams_of(scenario) for scenario in scenarios]
+    kinds: dict[Hashable, list[int]] = {}
+    for index, (scenario, team) in enumerate(zip(scenarios, teams, strict=True)):
+        kinds.setdefault(_kind_of(scenario, team), []).append(index)
+    outcomes: dict[int, list[TeamOutcome]] = {}
+    for indices in kinds.values():
+        played = played_teams(scenarios[indices[0]], [teams[index] for index in indices])
+        for row, index in enumerate(indices):
+            outcomes[index] = _outcomes(scenarios[index], teams[index], played, row)
+    return [outcomes[index] for index in range(len(scenarios))]
+
+
+def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False) -> TeamRollout:
+    """Play teams of one kind side by side, one row each, by the rules of a scenario."""
+    target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
+    u = np.array([one.pursuer_speed_m_s[:, None] for one in teams])
+    v = np.array([one.evader_speed_m_s[None, :] for one in teams])
+    return rollout_teams(
+        Game(Ball(u), v),
+        np.array([one.pursuers_m for one in teams]),
+        np.array([one.evaders_m for one in teams]),
+        target,
+        pursuer_policy=teams[0].pursuer_policy,
+        evader_policy=teams[0].evader_policy,
+        capture_m=scenario.capture_m,
+        hysteresis=scenario.hysteresis,
+        step_s=scenario.step_s,
+        duration_s=scenario.time_limit_s,
+        keep_path=keep_path,
+    )
+
+
+def invalid_teams(title: str, game: str, pursuers: str, evaders: str, seed: int, reason: str) -> TeamOutcome:
+    """Return the row of a scenario that allows no game."""
+    nan = math.nan
+    whole = (title, "maths", game, -1, pursuers, evaders, seed, 0, 0, 0, 0, "invalid", "none", "none", -1, -1, -1)
+    return TeamOutcome(*whole, nan, nan, nan, nan, nan, nan, nan, nan, reason)
+
+
+def opening_of(scenario: TeamScenario) -> Matching:
+    """Match the teams of a scenario as they stand at the beginning."""
+    teams = teams_of(scenario)
+    return match_teams(teams.game, teams.pursuers_m, teams.evaders_m, teams.target_m)
+
+
+def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
+    """Return what a game of teams came to as a whole."""
+    regrets = [row.regret for row in rows if not math.isnan(row.regret)]
+    sure = [row.predicted for row in rows if row.predicted_winner == "pursuer"]
+    return {
+        "pursuers": rows[0].pursuers,
+        "evaders": rows[0].evaders,
+        "guaranteed": rows[0].guaranteed,
+        "captured": rows[0].captured,
+        "total": math.fsum(sure),
+        "worst_regret": max(regrets, default=math.nan),
+    }
+
+
+def _kind_of(scenario: TeamScenario, teams: Teams) -> Hashable:
+    """Return what two scenarios must share to be played side by side."""
+    rules = (scenario.capture_m, scenario.hysteresis, scenario.step_s, scenario.time_limit_s)
+    return (scenario.game, teams.pursuer_policy, teams.evader_policy, rules)
+
+
+def _outcomes(scenario: TeamScenario, teams: Teams, played: TeamRollout, row: int) -> list[TeamOutcome]:
+    first = played.first
+    ends = [_ENDS[End(int(end))] for end in played.end[row]]
+    rows = []
+    for j, end in enumerate(ends):
+        sure = bool(first.first[row, j] >= 0)
+        time, predicted = float(played.time_s[row, j]), float(first.value[row, j])
+        distance = float(played.distance_m[row, j])
+        if scenario.game == "pe":
+            achieved = time if end == "captured" else math.nan
+            regret = achieved - predicted
+        else:
+            achieved = distance if end == "captured" else (0.0 if end == "arrived" else math.nan)
+            regret = predicted - achieved
+        rows.append(
+            TeamOutcome(
+                scenario=scenario.title,
+                run="maths",
+                game=scenario.game,
+                evader=j,
+                pursuer_policy="+".join(dict.fromkeys(teams.pursuer_policy)),
+                evader_policy=teams.evader_policy[j],
+                seed=scenario.seed,
+                pursuers=len(teams.pursuers_m),
+                evaders=len(teams.evaders_m),
+                guaranteed=int(first.guaranteed[row]),
+                captured=ends.count("captured"),
+                end=end,
+                winner=_WINS.get(end, "none"),
+                predicted_winner=winner_name(int(first.winner[row, j])),
+                first=int(first.first[row, j]),
+                second=int(first.second[row, j]),
+                captor=int(played.captor[row, j]),
+                game_time_s=time,
+                capture_time_s=time if end == "captured" else math.nan,
+                final_distance_m=distance,
+                predicted=predicted,
+                lower_bound=float(first.lower_bound[row, j]),
+                achieved=achieved,
+                regret=regret if sure else math.nan,
+                ratio=achieved / predicted if sure and predicted else math.nan,
+            )
+        )
+    return rows

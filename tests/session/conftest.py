@@ -1,0 +1,202 @@
+"""A daemon around the stepped mock: two vehicles in this process, time moved by hand, everything said kept."""
+
+import io
+import json
+import logging
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.clock import VirtualClock
+from guidance.config import parse
+from guidance.flight import State
+from guidance.links import MemoryWire
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.wires.shared import TappedWire
+from guidance.session.daemon import Daemon
+from guidance.session.metrics import Metrics
+from guidance.session.notify import Notifier
+from guidance.session.orders import Mailbox
+from guidance.session.service import plan_of
+from guidance.session.vehicle_file import Config
+from sitl_mock import Home, MockVehicle
+
+CYCLE_S = 0.02
+HERE = Home(47.397742, 8.545594, 488.0)
+FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}
+
+
+def document(**sections):
+    """Return a whole configuration; sections given replace keys of the default ones."""
+    base = {
+        "name": "uav1",
+        "vehicle": {"autopilot": "px4", "url": "udpin://127.0.0.1:14540"},
+        "evader": {"kind": "global_position", "url": "udpin://127.0.0.1:14541", "system_id": 2},
+        "game": {"speed_m_s": 6.0, "evader_speed_m_s": 3.0, "standoff_radius_m": 6.0, "standoff_height_m": 5.0},
+        "limits": {"floor_m": 3.0, "ceiling_m": 60.0, "fence_radius_m": 100.0},
+        "flight": {"takeoff_height_m": 5.0},
+    }
+    for name, keys in sections.items():
+        base[name] = {**base.get(name, {}), **keys} if isinstance(keys, dict) else keys
+    return base
+
+
+@pytest.fixture(scope="session")
+def vehicle_document():
+    """How to make a configuration."""
+    return document
+
+
+class KeptLog:
+    """A log that keeps what is said, for tests to read."""
+
+    dropped = 0
+
+    def __init__(self):
+        self.lines = []
+
+    def say(self, level, message, **fields):
+        self.lines.append((level, message, fields))
+
+    def messages(self, at_least=logging.DEBUG):
+        return [message for level, message, _ in self.lines if level >= at_least]
+
+
+class KeptNotifier(Notifier):
+    def __init__(self):
+        super().__init__(None, 2.0)
+        self.said = []
+
+    def _send(self, text):
+        self.said.append(text)
+
+
+class Base:
+    """One daemon, its vehicle and its evader."""
+
+    def __init__(self, *, parameters=FENCED, record=None, broadcast=None, **sections):
+        config = self.config = parse(Config, document(**sections), source="test")
+        self.clock = VirtualClock()
+        flavour = config.vehicle.autopilot
+        options = {"home": HERE, "noise": False, "ready_after_s": 0.5}
+        self.vehicle = MockVehicle(flavour, system_id=1, parameters=parameters, **options)
+        self.prey = MockVehicle("px4", system_id=2, start_ned=(30.0, 0.0, 0.0), **options)
+        ours, self._end = MemoryWire.pair(self.clock.now_s)
+        theirs, self._prey_end = MemoryWire.pair(self.clock.now_s)
+        self.wire = TappedWire(ours, self.clock.now_s, "uav1")
+        self.link = PymavlinkLink(self.wire, self.clock.now_s, system_id=1)
+        self.evader = MavlinkEvader(theirs, GlobalPositionInt(), system_id=2)
+        self.mailbox, self.log, self.notifier = Mailbox(), KeptLog(), KeptNotifier()
+        self.metrics = Metrics(config.name)
+        self.deaf = False
+        self.prey_silent = False
+        self.injected = []
+        self.sent = []
+        self.daemon = Daemon(
+            config.name,
+            plan_of(config),
+            self.link,
+            self.evader,
+            mailbox=self.mailbox,
+            log=self.log,
+            metrics=self.metrics,
+            notifier=self.notifier,
+            record=record,
+            broadcast=broadcast,
+        )
+
+    @property
+    def state(self):
+        return self.daemon.flight.state
+
+    @property
+    def now_s(self):
+        return self.clock.now_s()
+
+    def world(self):
+        """Move on by one cycle without the daemon."""
+        self.clock.sleep_until(self.now_s + CYCLE_S)
+        for frame in self.vehicle.step(self.now_s, [*(f for _, f in self._end.receive()), *self.injected]):
+            self._end.send(frame)
+        self.injected = []
+        for frame in self.prey.step(self.now_s, []):
+            if not self.prey_silent:
+                self._prey_end.send(frame)
+
+    def cycle(self):
+        self.world()
+        outputs = self.daemon.step(self.now_s)
+        for passed in self.wire.drain():
+            if passed.topic.endswith("/in"):
+                self.sent.append((passed.now_s, mavlink.MAVLink(None).decode(bytearray(passed.frame))))
+        return outputs
+
+    def run(self, seconds):
+        for _ in range(round(seconds / CYCLE_S)):
+            self.cycle()
+        return self
+
+    def until(self, *states, limit_s=60.0):
+        deadline_s = self.now_s + limit_s
+        while self.state not in states:
+            if self.now_s > deadline_s:
+                pytest.fail(f"{self.state}, not {states}, after {limit_s} s: {self.log.lines[-4:]}")
+            self.cycle()
+        return self
+
+    def order(self, word):
+        """Give an order, run the cycle that answers it, return the answer."""
+        question = self.mailbox.ask(word)
+        self.cycle()
+        return question.wait(0.0)
+
+    def standing_by(self):
+        self.until(State.READY)
+        assert self.order("start")["accepted"]
+        return self.until(State.STANDING_BY)
+
+    def engaged(self):
+        self.standing_by()
+        assert self.order("engage")["accepted"]
+        return self.until(State.ENGAGED)
+
+    def setpoints_since(self, since_s):
+        return [
+            message
+            for sent_s, message in self.sent
+            if sent_s >= since_s and message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+        ]
+
+    def commands_since(self, since_s):
+        return [m.command for sent_s, m in self.sent if sent_s >= since_s and m.get_type() == "COMMAND_LONG"]
+
+    def inject_setpoint(self, velocity):
+        """Another program on the vehicle's link sends a setpoint of its own."""
+        other = mavlink.MAVLink(None, 1, 191)
+        message = mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, 1, 0b0000_1101_1100_0111, 0, 0, 0, *velocity, 0, 0, 0, 0, 0
+        )
+        self.injected.append(message.pack(other))
+
+
+@pytest.fixture
+def base():
+    """Make daemons; everything is closed at the end."""
+    made = []
+
+    def make(**options):
+        made.append(Base(**options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.link.close()
+        one.evader.close()
+
+
+@pytest.fixture
+def text_log():
+    """A stream to log to, and how to read it back as JSON rows."""
+    stream = io.StringIO()
+    return stream, lambda: [json.loads(line) for line in stream.getvalue().splitlines()]

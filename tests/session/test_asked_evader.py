@@ -1,0 +1,55 @@
+from guidance.clock import VirtualClock
+from guidance.links import MemoryWire
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.wires.shared import share
+from guidance.session.asked_evader import ASK_AGAIN_S, AskedEvader
+from sitl_mock import Home, MockVehicle
+
+
+class Rover:
+    """A rover that says nothing but HEARTBEAT until it is asked, and the source that asks it."""
+
+    def __init__(self):
+        self.clock = VirtualClock()
+        home = Home(47.397742, 8.545594, 488.0)
+        self.vehicle = MockVehicle("rover", system_id=2, home=home, noise=False, ready_after_s=0.5)
+        ours, self._end = MemoryWire.pair(self.clock.now_s)
+        reports, asks = share(ours, 2)
+        source = MavlinkEvader(reports, GlobalPositionInt(), system_id=2)
+        link = PymavlinkLink(asks, self.clock.now_s, system_id=2, own_system_id=255)
+        self.evader = AskedEvader(source, link, self.clock.now_s, message_id=33, rate_hz=20.0)
+        self.silent = False
+
+    def run(self, seconds):
+        reports = []
+        for _ in range(round(seconds / 0.02)):
+            self.clock.sleep_until(self.clock.now_s() + 0.02)
+            for frame in self.vehicle.step(self.clock.now_s(), [frame for _, frame in self._end.receive()]):
+                if not self.silent:
+                    self._end.send(frame)
+            reports += self.evader.receive()
+        return reports
+
+
+def test_an_evader_that_is_asked_reports_at_the_rate_it_was_asked_for():
+    rover = Rover()
+    rover.run(2.0)
+    assert 38 <= len(rover.run(2.0)) <= 42
+    asked = rover.evader.counters()["requests_sent"]
+    rover.run(10.0)
+    assert rover.evader.counters()["requests_sent"] == asked  # while it reports, nothing is asked again
+
+
+def test_an_evader_that_fell_silent_is_asked_again_until_it_is_back():
+    rover = Rover()
+    rover.run(3.0)
+    asked = rover.evader.counters()["requests_sent"]
+    rover.silent = True
+    assert rover.run(2.0 * ASK_AGAIN_S) == []
+    assert rover.evader.counters()["requests_sent"] > asked
+    rover.silent = False
+    assert rover.run(2.0)
+    rover.evader.close()
+    rover.evader.close()
+    assert rover.evader.receive() == []

@@ -1,0 +1,172 @@
+"""Who looks on cannot disturb: not by hanging, not by dying, not by never reading."""
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+import zenoh
+
+from guidance.flight import State
+from guidance.links.wires.zenoh import open_session
+from guidance.records.rows import inputs_of
+from guidance.service import broadcast as broadcasts
+from guidance.service.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
+from guidance.service.record import RELOADED, STOPPED
+from guidance.session.control_bus import host_session
+from guidance.view.serving import free_port
+
+ONLOOKER = """
+import signal, sys
+from guidance.links.wires.zenoh import open_session
+session = open_session(sys.argv[1])
+session.declare_subscriber("guidance/uav1/live/*", lambda sample: None)
+print("ready", flush=True)
+signal.pause()
+"""
+
+
+@pytest.fixture
+def bus():
+    """A hosted session, its endpoint, and a broadcast on it."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    session = host_session(endpoint)
+    broadcast = Broadcast("uav1", session, {"seed": "3"})
+    yield broadcast, endpoint
+    broadcast.close()
+    session.close()
+
+
+def until(true, limit_s=5.0):
+    """Wait for other threads and processes, which no clock of ours moves."""
+    deadline_s = time.monotonic() + limit_s
+    while not true():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
+
+
+def said(sample):
+    return json.loads(sample.payload.to_bytes())
+
+
+def hanging(endpoint):
+    child = subprocess.Popen([sys.executable, "-c", ONLOOKER, endpoint], stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"ready\n"
+    return child
+
+
+@pytest.mark.parametrize("fate", ["hangs", "dies", "hangs, then dies"])
+def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
+    broadcast, endpoint = bus
+    child = hanging(endpoint)
+    try:
+        until(lambda: is_watched(broadcast._publishers["cycle"]))
+        child.send_signal(signal.SIGKILL if fate == "dies" else signal.SIGSTOP)
+        watched = base(broadcast=broadcast)
+        watched.engaged()
+        if fate == "hangs, then dies":
+            child.kill()
+        watched.run(3.0)
+    finally:
+        child.kill()
+        child.wait()
+        child.stdout.close()
+    alone = base()
+    alone.engaged().run(3.0)
+    sent, wanted = ([(m.vx, m.vy, m.vz, m.yaw) for m in one.setpoints_since(0.0)] for one in (watched, alone))
+    assert len(wanted) > 100
+    assert sent == wanted
+    assert len(broadcast._waiting) <= MOST_WAITING
+
+
+def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base, bus, monkeypatch):
+    broadcast, _ = bus
+    never = threading.Event()
+    monkeypatch.setattr(broadcasts, "is_watched", lambda _: True)
+
+    class Stuck:
+        def put(self, _):
+            never.wait()
+
+    broadcast._publishers = dict.fromkeys(broadcast._publishers, Stuck())
+    base = base(broadcast=broadcast)
+    base.engaged().run(3.0)  # a loop that waited would never come here
+    assert base.state is State.ENGAGED
+    assert len(broadcast._waiting) == MOST_WAITING
+    assert broadcast.dropped > 0
+    never.set()
+
+
+def test_who_subscribes_hears_every_cycle_and_event_as_a_record_has_them(base, bus):
+    broadcast, endpoint = bus
+    heard = {"cycle": [], "event": []}
+    with open_session(endpoint) as session:
+        for what, kept in heard.items():
+            session.declare_subscriber(
+                broadcast_key("uav1", what), lambda sample, kept=kept: kept.append((str(sample.encoding), sample))
+            )
+        until(lambda: all(map(is_watched, broadcast._publishers.values())))
+        base = base(broadcast=broadcast).until(State.READY)
+        cycles = round(base.now_s / 0.02)
+        until(lambda: len(heard["cycle"]) == cycles)
+        until(lambda: heard["event"])
+    encoding, last = heard["cycle"][-1]
+    assert encoding == "application/json;guidance.Cycle"  # as BlueOS's recorder wants it
+    cycle = said(last)
+    assert (cycle["now_s"], cycle["state"]) == (pytest.approx(base.now_s), "ready")
+    assert said(heard["event"][0][1])["event"] == "flight begins"
+
+
+def test_nothing_is_laid_out_while_nobody_looks(base, bus, monkeypatch):
+    monkeypatch.setattr(broadcasts, "in_bytes", lambda _: pytest.fail("laid out for nobody"))
+    broadcast, _ = bus
+    base(broadcast=broadcast).until(State.READY)
+    until(lambda: not broadcast._waiting)
+    assert broadcast.dropped == 0
+
+
+def test_who_joins_late_is_told_what_the_vehicle_said_before(base, bus):
+    broadcast, endpoint = bus
+    base = base(broadcast=broadcast).standing_by()
+    until(lambda: not broadcast._waiting)
+    with open_session(endpoint) as session:
+        (reply,) = list(session.get(broadcast_key("*", FLIGHT), timeout=3.0))
+        flight = json.loads(reply.ok.payload.to_bytes())
+    assert reply.ok.encoding == zenoh.Encoding.APPLICATION_JSON
+    assert (flight["name"], flight["metadata"]) == ("uav1", {"seed": "3"})
+    known = inputs_of(flight["heard"]["inputs"], flight["heard"]["now_s"])
+    kinds = [type(message).__name__ for message in known.messages]
+    assert {"Home", "Origin", "LocalPosition", "Heartbeat"} <= set(kinds)
+    assert len(kinds) == len(set(kinds))
+    assert base.daemon.flight.vehicle.last(type(known.messages[0])) is not None
+
+
+def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
+    class Full:
+        failed = "No space left on device"
+
+        def frame(self, *_):
+            pass
+
+        cycle = event = report = frame
+
+    broadcast, endpoint = bus
+    heard = []
+    with open_session(endpoint) as session:
+        session.declare_subscriber(broadcast_key("uav1", "event"), heard.append)
+        until(lambda: is_watched(broadcast._publishers["event"]))
+        base(broadcast=broadcast, record=Full()).run(0.2)
+        until(lambda: STOPPED in [said(sample)["event"] for sample in heard])
+    assert [said(sample)["detail"] for sample in heard].count(Full.failed) == 1
+
+
+def test_who_joins_after_a_configuration_was_read_again_is_told_the_new_one(bus):
+    broadcast, endpoint = bus
+    broadcast.event(1.0, RELOADED, '{"name": "uav1"}')
+    until(lambda: not broadcast._waiting)
+    with open_session(endpoint) as session:
+        (reply,) = list(session.get(broadcast_key("uav1", FLIGHT), timeout=3.0))
+    assert said(reply.ok)["metadata"] == {"seed": "3", "config": '{"name": "uav1"}'}

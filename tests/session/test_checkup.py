@@ -1,0 +1,198 @@
+"""`guidance check --apply`: set on the ground, read back, judged again, and refused wherever it could do harm."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.autopilots import profile
+from guidance.clock import VirtualClock
+from guidance.config import parse
+from guidance.errors import FlightError
+from guidance.links import MemoryWire
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.preflight import refusals
+from guidance.session.checkup import Checkup
+from guidance.session.log import Log
+from guidance.session.service import plan_of
+from guidance.session.vehicle_file import Config
+from sitl_mock import MockVehicle
+from sitl_mock.child import running
+from sitl_mock.faults import Faulted
+
+GUIDANCE = Path(sys.executable).parent / "guidance"
+
+
+class World(VirtualClock):
+    """A vehicle on the ground with its defaults; whoever waits for this clock moves it."""
+
+    def __init__(self, vehicle_document, autopilot):
+        super().__init__()
+        self.vehicle = MockVehicle(autopilot, ready_after_s=1.0)
+        self.faulted = Faulted(self.vehicle, "uav1")
+        ours, self._end = MemoryWire.pair(self.now_s)
+        silence, _ = MemoryWire.pair(self.now_s)
+        self.link = PymavlinkLink(ours, self.now_s, system_id=1)
+        self.log = Log("json", "error")
+        document = vehicle_document(vehicle={"autopilot": autopilot, "url": "udpin://127.0.0.1:14540"})
+        plan = plan_of(parse(Config, document, source="test"))
+        self.profile = profile(autopilot)
+        self.said = []
+        evader = MavlinkEvader(silence, GlobalPositionInt(), system_id=2)
+        self.checkup = Checkup("uav1", plan, self.link, evader, self, log=self.log)
+
+    def sleep_until(self, moment_s):
+        while self.now_s() < moment_s - 1e-9:
+            super().sleep_until(min(moment_s, self.now_s() + 0.02))
+            heard = [frame for _, frame in self._end.receive()]
+            self.said += [mavlink.MAVLink(None).decode(bytearray(frame)).get_type() for frame in heard]
+            for frame in self.faulted.step(self.now_s(), heard):
+                self._end.send(frame)
+
+    def value(self, name):
+        return self.vehicle.autopilot.parameters[name]
+
+
+@pytest.fixture
+def world(vehicle_document):
+    made = []
+
+    def make(autopilot="px4"):
+        made.append(World(vehicle_document, autopilot))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.log.close()
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_what_is_refused_is_set_read_back_and_passes(world, autopilot):
+    there = world(autopilot)
+    refused = refusals(there.checkup.rows())
+    wanted = there.checkup.changes(advised=False)
+    assert {one.name for one in wanted} == set(refused)
+    assert "PARAM_SET" not in there.said
+    done = []
+    there.checkup.apply(wanted, done.append)
+    assert [one.name for one in done] == [one.name for one in wanted]
+    assert all(one.done for one in done), done
+    assert all(there.value(one.name) == pytest.approx(one.request.value) for one in wanted)
+    assert refusals(there.checkup.rows()) == ()
+    assert there.said.count("PARAM_SET") == len(wanted)
+    assert not {"COMMAND_INT", "SET_MODE", "SET_POSITION_TARGET_LOCAL_NED"} & set(there.said)
+
+
+def test_integers_of_px4_are_set_as_integers(world):
+    there = world()
+    there.checkup.rows()
+    done = []
+    there.checkup.apply(there.checkup.changes(advised=True), done.append)
+    assert there.value("COM_OBL_RC_ACT") == 5
+    assert all(one.done for one in done), done
+
+
+def test_a_value_that_the_autopilot_does_not_keep_is_said_to_be_so(world):
+    there = world()
+    there.checkup.rows()
+    wanted = there.checkup.changes(advised=False)
+    there.faulted.inject({"kind": "param_echo", "parameter": "GF_MAX_HOR_DIST", "value": 50.0})
+    done = []
+    there.checkup.apply(wanted, done.append)
+    assert [(one.name, one.read_back, one.done) for one in done if not one.done] == [("GF_MAX_HOR_DIST", 50.0, False)]
+    assert "GF_MAX_HOR_DIST" in refusals(there.checkup.rows())
+
+
+def test_an_autopilot_that_answers_nothing_is_asked_again_and_then_given_up(world):
+    there = world()
+    there.checkup.rows()
+    wanted = there.checkup.changes(advised=False)[:1]
+    there.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["PARAM_VALUE"], "direction": "out"})
+    done = []
+    there.checkup.apply(wanted, done.append)
+    assert [(one.read_back, one.done) for one in done] == [(None, False)]
+    assert there.said.count("PARAM_SET") == 4
+
+
+def test_nothing_is_set_while_the_vehicle_is_armed(world):
+    there = world()
+    there.checkup.rows()
+    wanted = there.checkup.changes(advised=False)
+    there.said.clear()
+    there.link.request(there.profile.arm())
+    there.checkup.rows(limit_s=2.0)
+    assert there.vehicle.armed
+    with pytest.raises(FlightError, match="the vehicle is armed: parameters are set on the ground only, disarmed"):
+        there.checkup.apply(wanted, lambda one: pytest.fail(f"{one} was set"))
+    assert "PARAM_SET" not in there.said
+
+
+def test_a_vehicle_that_is_armed_in_the_middle_of_it_gets_no_more(world):
+    there = world("arducopter")
+    there.checkup.rows()
+    wanted, done = there.checkup.changes(advised=False), []
+
+    def arm_after_the_first(one):
+        done.append(one)
+        if len(done) == 1:
+            there.link.request(there.profile.arm())
+            there.checkup.rows(limit_s=2.0)
+
+    with pytest.raises(FlightError, match="the vehicle is armed"):
+        there.checkup.apply(wanted, arm_after_the_first)
+    assert len(done) == 1
+    assert there.said.count("PARAM_SET") == 1
+
+
+def test_a_vehicle_that_does_not_say_where_it_is_is_left_alone(world):
+    there = world()
+    there.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["EXTENDED_SYS_STATE"], "direction": "out"})
+    there.checkup.rows()
+    with pytest.raises(FlightError, match="does not say whether it is on the ground"):
+        there.checkup.apply(there.checkup.changes(advised=False), lambda one: pytest.fail(f"{one} was set"))
+
+
+def guidance(*arguments, said=""):
+    environment = {**os.environ, "COLUMNS": "200"}
+    return subprocess.run(
+        [GUIDANCE, *map(str, arguments)], capture_output=True, text=True, timeout=90, check=False, input=said,
+        env=environment,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("autopilot", "link"), [("px4", "mavsdk"), ("px4", "pymavlink"), ("arducopter", "mavsdk")])
+def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
+    with running([{"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0}], over=["udp"]) as fleet:
+        at = ("--vehicle", fleet["uav1"].udp, "--link", link)
+        refused = guidance("check", *at, "--apply", said="n\n")
+        assert refused.returncode == 1
+        assert "Set these" in refused.stdout
+        assert ("GF_MAX_HOR_DIST" if autopilot == "px4" else "FENCE_ENABLE") in refused.stdout
+        set_up = guidance("check", *at, "--apply", "--advised", "--yes", "--json")
+        assert set_up.returncode == 0, set_up.stdout + set_up.stderr
+        assert not [row for row in json.loads(set_up.stdout) if row["verdict"] == "refuse"]
+        again = guidance("check", *at, "--apply")
+    assert again.returncode == 0
+    assert "no parameter is to be set" in again.stdout
+    assert "nothing is refused" in again.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("check",), "give a vehicle file, or --vehicle URL"),
+        (("check", "px4", "--yes"), "only with --apply"),
+        (("check", "px4", "--apply", "--json"), "only where nothing is asked: add --yes"),
+        (("check", "nonsense", "--vehicle", "udpin://127.0.0.1:14540"), "no scenario 'nonsense'"),
+    ],
+)
+def test_arguments_that_cannot_be_meant_are_refused(arguments, words):
+    done = guidance(*arguments)
+    assert done.returncode == 2
+    assert words in done.stderr

@@ -1,0 +1,134 @@
+"""Orders, answers and ownership over a real Zenoh session on loopback."""
+
+import json
+import socket
+import threading
+import time
+
+import pytest
+import zenoh
+
+from guidance.errors import ConfigError, LinkError
+from guidance.session import ask as asking
+from guidance.session import control_bus as buses
+from guidance.session.ask import ask
+from guidance.session.control_bus import ControlBus, OwnerToken, control_key
+from guidance.session.control_bus import join_session as open_session
+from guidance.session.orders import Mailbox
+
+
+@pytest.fixture
+def endpoint():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+class AnsweringLoop:
+    """Answers every order as a daemon would."""
+
+    def __init__(self, mailbox, name):
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, args=(mailbox, name))
+        self._thread.start()
+
+    def _run(self, mailbox, name):
+        while not self._stop.wait(0.005):
+            for question in mailbox.take():
+                answer = {"accepted": question.order != "engage", "order": question.order, "name": name}
+                question.answer(answer)
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def daemon(endpoint):
+    """Start daemons' control ends."""
+    opened = []
+
+    def start(name="uav1", *, host=True, answering=True):
+        mailbox = Mailbox()
+        if answering:
+            opened.append(AnsweringLoop(mailbox, name))
+        opened.append(ControlBus(name, mailbox, endpoint=endpoint, host=host))
+        return opened[-1]
+
+    yield start
+    for one in reversed(opened):
+        one.close()
+
+
+def test_an_order_is_answered_by_the_vehicle_that_was_named_or_is_alone(daemon, endpoint):
+    daemon()
+    assert ask("hold", endpoint=endpoint, name="uav1") == {"accepted": True, "order": "hold", "name": "uav1"}
+    assert not ask("engage", endpoint=endpoint, name=None)["accepted"]
+
+
+def test_anyone_with_zenoh_can_ask(daemon, endpoint):
+    daemon()
+    session = open_session(endpoint)
+    (reply,) = list(session.get("guidance/uav1/ctl/status", timeout=3.0))
+    assert reply.ok.encoding == zenoh.Encoding.APPLICATION_JSON
+    assert json.loads(reply.ok.payload.to_bytes())["order"] == "status"
+    session.close()
+
+
+def test_with_several_vehicles_an_order_needs_a_name(daemon, endpoint):
+    daemon("uav1")
+    daemon("uav2", host=False)
+    with pytest.raises(ConfigError, match=r"which vehicle\? daemons at .*: uav1, uav2"):
+        ask("hold", endpoint=endpoint, name=None)
+    assert ask("hold", endpoint=endpoint, name="uav2")["name"] == "uav2"
+
+
+def test_a_second_daemon_of_the_same_vehicle_is_refused(daemon, endpoint):
+    first = daemon()
+    with pytest.raises(LinkError, match="another daemon owns this vehicle"):
+        daemon(host=False, answering=False)
+    with pytest.raises(LinkError, match="cannot listen there"):
+        daemon(answering=False)
+    first.close()
+    daemon(answering=False).close()
+
+
+def test_a_vehicle_is_free_again_when_its_owner_is_gone(daemon, endpoint):
+    daemon("router")
+    first, second = open_session(endpoint), open_session(endpoint)
+    owner = OwnerToken(first, "uav1/guidance")
+    with pytest.raises(LinkError, match="only one may fly it"):
+        OwnerToken(second, "uav1/guidance")
+    OwnerToken(second, "uav2/guidance").close()
+    first.close()  # as when its process ends: nothing was undeclared
+    deadline_s = time.monotonic() + 10.0  # on a busy machine the router may hear of it a moment later
+    while True:
+        try:
+            OwnerToken(second, "uav1/guidance").close()
+            break
+        except LinkError:
+            assert time.monotonic() < deadline_s
+    owner.close()
+    second.close()
+
+
+def test_a_loop_that_hangs_is_said_to_hang(daemon, endpoint, monkeypatch):
+    monkeypatch.setattr(buses, "ANSWER_LIMIT_S", 0.2)
+    daemon(answering=False)
+    answer = ask("hold", endpoint=endpoint, name="uav1")
+    assert "the loop did not answer within 0.2 s" in answer["reason"]
+
+
+def test_nobody_there_is_one_clear_error(daemon, endpoint, monkeypatch):
+    with pytest.raises(LinkError, match="no session within"):
+        ask("hold", endpoint=endpoint, name="uav1")
+    daemon("uav1")
+    with pytest.raises(LinkError, match=r"uav9 at .*: no answer"):
+        ask("hold", endpoint=endpoint, name="uav9", timeout_s=0.5)
+
+
+def test_what_is_no_order_is_not_even_sent():
+    with pytest.raises(ConfigError, match="order = 'explode': allowed are"):
+        ask("explode", endpoint="tcp/127.0.0.1:1", name="uav1")
+    assert asking.TIMEOUT_S > buses.ANSWER_LIMIT_S
+    assert control_key("*", "status") == "guidance/*/ctl/status"

@@ -1,0 +1,115 @@
+"""Who may order: the token, its file and its rights. Over a real Zenoh session on loopback where it says so."""
+
+import os
+import socket
+
+import pytest
+
+from guidance.errors import ConfigError, LinkError
+from guidance.links.wires.zenoh import open_session
+from guidance.service import control_token
+from guidance.session.control_bus import ControlBus, join_session
+from guidance.session.orders import Mailbox
+
+
+@pytest.fixture
+def endpoint():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run" / "uav1.token"
+
+
+def test_a_token_is_drawn_anew_each_time_and_for_its_owners_eyes(path):
+    first = control_token.publish(control_token.draw(path), path)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert path.parent.stat().st_mode & 0o777 == 0o700
+    assert control_token.read(path) == first
+    second = control_token.publish(control_token.draw(path), path)
+    assert len(second.secret) == 64
+    assert second.secret != first.secret
+    assert [one.name for one in path.parent.iterdir()] == [path.name]
+
+
+def test_a_token_that_a_person_made_for_a_group_is_used_and_stays(path):
+    path.parent.mkdir(mode=0o700)
+    path.write_text("guidance:" + "ab" * 32)
+    path.chmod(0o640)
+    token = control_token.publish(control_token.draw(path), path)
+    assert token == (path, "ab" * 32)
+    control_token.discard(token)
+    assert path.exists()
+
+
+def test_our_token_goes_with_us_and_a_successors_stays(path):
+    first = control_token.publish(control_token.draw(path), path)
+    second = control_token.publish(control_token.draw(path), path)
+    control_token.discard(first)
+    assert control_token.read(path) == second
+    control_token.discard(second)
+    assert control_token.read(path) is None
+
+
+@pytest.mark.parametrize("text", ["", "guidance:", "guidance:xyz", "root:" + "ab" * 32, "guidance:" + "ab" * 4])
+def test_what_is_no_token_is_one_clear_error(path, text):
+    path.parent.mkdir()
+    path.write_text(text)
+    with pytest.raises(ConfigError, match="one line, guidance:<hexadecimal digits>"):
+        control_token.read(path)
+
+
+def test_a_token_where_others_may_write_is_refused(path):
+    path.parent.mkdir()
+    path.parent.chmod(0o777)
+    with pytest.raises(ConfigError, match="others may write to"):
+        control_token.draw(path)
+
+
+def test_a_path_that_cannot_be_written_is_refused():
+    with pytest.raises(ConfigError, match=r"control.token_file = '/proc/nowhere/a.token': cannot be written"):
+        control_token.draw(control_token.Path("/proc/nowhere/a.token"))
+
+
+def test_the_token_lies_in_the_runtime_folder_of_the_service_or_of_the_user(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    at = "tcp/127.0.0.1:7448"
+    assert control_token.default_path(at) == tmp_path / "guidance" / "tcp-127.0.0.1-7448.token"
+    monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/guidance:/run/other")
+    assert str(control_token.default_path(at)) == "/run/guidance/tcp-127.0.0.1-7448.token"
+    monkeypatch.delenv("RUNTIME_DIRECTORY")
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    assert control_token.default_path(at).parent.name == f"guidance-{os.getuid()}"
+
+
+@pytest.fixture
+def control(endpoint, path):
+    bus = ControlBus("uav1", Mailbox(), endpoint=endpoint, host=True, token_file=path)
+    yield bus
+    bus.close()
+
+
+def test_nobody_gets_in_without_the_token(control, endpoint, path, tmp_path):
+    """An order of another user, who can reach the port and cannot read the file."""
+    with pytest.raises(LinkError):
+        open_session(endpoint, timeout_s=1.0)
+    forged = tmp_path / "forged"
+    forged.write_text("guidance:" + "00" * 32)
+    with pytest.raises(LinkError, match="does not let us in"):
+        join_session(endpoint, forged)
+    with join_session(endpoint, path) as session:
+        assert session.info.routers_zid()
+
+
+def test_a_daemon_that_finds_the_endpoint_taken_leaves_the_owners_token_alone(control, endpoint, path):
+    before = path.read_text()
+    with pytest.raises(LinkError, match="cannot listen there"):
+        ControlBus("uav2", Mailbox(), endpoint=endpoint, host=True, token_file=path)
+    assert path.read_text() == before
+    assert [one.name for one in path.parent.iterdir()] == [path.name]
+    control.close()
+    assert not path.exists()

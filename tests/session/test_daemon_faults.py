@@ -1,0 +1,115 @@
+"""The daemon outlives nonsense from the wire and errors of its own, and leaves the vehicle in good hands."""
+
+import math
+import random
+
+import pytest
+
+from guidance.clock import VirtualClock
+from guidance.flight import Event, State
+from guidance.links.conversation import Conversation
+from guidance.session.gc_scheduler import GcScheduler
+from guidance.session.loop import Signals, run
+from guidance.session.metrics import Metrics
+
+BAD_FLOATS = (math.nan, math.inf, -math.inf, 1e38, -1e38)
+BAD_INTEGERS = (0, -1, 2**31 - 1, -(2**31), 255, 65535)
+
+
+def corrupted(fields, chance):
+    """The same fields with one of them spoilt: another value, another's value, or another unit's."""
+    name = chance.choice(list(fields))
+    value = fields[name]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or name.startswith(("target_", "mavpackettype")):
+        return fields
+    how = chance.random()
+    if how < 0.6:
+        bad = chance.choice(BAD_FLOATS if isinstance(value, float) else BAD_INTEGERS)
+    elif how < 0.8:
+        bad = value * 1000
+    else:
+        bad = next((other for other in fields.values() if type(other) is type(value) and other != value), value)
+    return {**fields, name: bad}
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(base, monkeypatch, autopilot, seed):
+    fenced = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_RADIUS": 150.0}
+    given = {"parameters": fenced} if autopilot == "arducopter" else {}
+    chance, hear = random.Random(seed), Conversation.hear
+    one = base(vehicle={"autopilot": autopilot}, **given)
+
+    def heard(conversation, name, fields, received_s):
+        # HEARTBEAT is spared: another mode in it is a pilot's, and ends the flight for us, as it must.
+        spoilt = name != "HEARTBEAT" and chance.random() < 1.0 / 30.0
+        hear(conversation, name, corrupted(dict(fields), chance) if spoilt else fields, received_s)
+
+    one.standing_by()
+    monkeypatch.setattr(Conversation, "hear", heard)
+    one.order("engage")
+    begun_s = one.now_s
+    one.run(15.0)
+    assert one.daemon.flight.fault is None
+    limits = one.daemon.flight._cycle.envelope
+    setpoints = one.setpoints_since(begun_s)
+    assert setpoints
+    for setpoint in setpoints:
+        assert math.hypot(setpoint.vx, setpoint.vy) <= limits.speed_m_s + 1e-3
+        assert -limits.climb_m_s - 1e-3 <= setpoint.vz <= limits.descent_m_s + 1e-3
+    assert one.link.counters()["invalid"] > 5
+    assert one.order("status")["accepted"]
+
+
+def test_an_error_outside_of_the_flight_hands_the_vehicle_over_and_the_daemon_still_answers(base):
+    one = base().engaged()
+    since_s = one.now_s
+    one.daemon.survive(KeyError("a part of ours"), one.now_s)
+    one.run(3.0)
+    assert one.state is State.YIELDED
+    assert one.commands_since(since_s)[:1] == [176]
+    assert one.setpoints_since(since_s + 1e-6) == []
+    assert one.daemon.flight.mode_name == "hold"
+    assert ("an error of guidance itself", {"error": "KeyError: 'a part of ours'"}) in [
+        (message, fields) for _, message, fields in one.log.lines
+    ]
+    refused = one.order("engage")
+    assert refused["reason"] == (
+        "guidance failed (KeyError: 'a part of ours'), and is silent since: order reset to begin another"
+    )
+    one.order("reset")
+    assert one.state is State.CONNECTING
+    assert one.daemon.flight.fault is None
+
+
+def test_the_loop_goes_on_after_a_cycle_that_failed():
+    class Failing:
+        finished = False
+        position_age_s = math.inf
+
+        def __init__(self):
+            self.cycles, self.survived = 0, []
+
+        def step(self, now_s, **_):
+            self.cycles += 1
+            self.finished = self.cycles == 5
+            if self.cycles in {2, 3}:
+                raise RuntimeError(f"cycle {self.cycles}")
+
+        def survive(self, error, now_s):
+            self.survived.append((str(error), round(now_s, 3)))
+
+    daemon, clock = Failing(), VirtualClock()
+    run(
+        daemon,
+        clock,
+        signals=Signals(),
+        metrics=Metrics("uav1"),
+        on_terminate=Event.HOLD,
+        load=lambda: None,
+        drain=list,
+        record=None,
+        tidying=GcScheduler(),
+    )
+    assert daemon.survived == [("cycle 2", 0.02), ("cycle 3", 0.04)]
+    assert daemon.cycles == 5

@@ -1,0 +1,125 @@
+"""A daemon's record: its configuration is in it, and every flight of it is replayed bit for bit."""
+
+import errno
+import json
+
+import pytest
+
+from guidance.config import parse
+from guidance.flight import State
+from guidance.records import compare, events_of, flight_settings, metadata_of, rows_of
+from guidance.records.export import export
+from guidance.service import record
+from guidance.service.background import BackgroundRecorder
+from guidance.service.record import BEGUN, RELOADED, STOPPED, Recorder
+from guidance.session.service import _recording, plan_of
+from guidance.session.vehicle_file import Config
+
+
+def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, vehicle_document, tmp_path):
+    path = tmp_path / "daemon.mcap"
+    recorder = Recorder(path, {"config": json.dumps(vehicle_document())})
+    one = base(record=recorder)
+    one.engaged().run(5.0)
+    one.order("land")
+    one.until(State.LANDED)
+    assert one.order("reset")["accepted"]
+    one.engaged().run(2.0)
+    recorder.close()
+    assert [event.event for event in events_of(path)].count(BEGUN) == 2
+    assert any(row.inputs.refusals for row in rows_of(path))
+    comparison, survey = compare(path, flight_settings(metadata_of(path), {}))
+    assert survey.torn is None
+    assert comparison.setpoints > 300
+    assert comparison.differing == 0
+    # The evader stands straight ahead, where every policy flies the same way: a slower pursuer does not.
+    other, _ = compare(path, flight_settings(metadata_of(path), {"game.speed_m_s": 4.0}), what_if=True)
+    assert other.differing > 100
+    assert "features" in export(path, tmp_path / "map.geojson")
+
+
+def test_a_configuration_that_was_read_again_is_in_the_record_and_its_flight_is_replayed_with_it(base, tmp_path):
+    path = tmp_path / "daemon.mcap"
+    recorder = Recorder(path, {"config": base().config.model_dump_json()})
+    one = base(record=recorder).until(State.READY)
+    wider = {**one.config.game.model_dump(), "standoff_radius_m": 9.0, "speed_m_s": 5.0}
+    again = parse(Config, {**one.config.model_dump(), "game": wider}, source="again")
+    one.daemon.exchange(lambda: plan_of(again), one.now_s)
+    one.engaged().run(3.0)
+    recorder.close()
+    (read,) = [event for event in events_of(path) if event.event == RELOADED]
+    assert json.loads(read.detail) == again.model_dump(mode="json")
+    comparison, _ = compare(path, flight_settings(metadata_of(path), {}))
+    assert comparison.setpoints > 150
+    assert comparison.differing == 0
+    before, _ = compare(path, flight_settings(metadata_of(path), {}), what_if=True)
+    assert before.differing > 100
+
+
+class FullDisk:
+    """A raw file with room for so many bytes: the write that does not fit is cut short, the next one fails."""
+
+    def __init__(self, raw, room):
+        self._raw, self._room = raw, room
+
+    def write(self, data):
+        if self._room <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        count = self._raw.write(data[: self._room])
+        self._room -= count
+        return count
+
+    def tell(self):
+        return self._raw.tell()
+
+
+@pytest.fixture(params=["in the loop", "in the background"])
+def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
+    """Make a recorder on a disk with room for `room` bytes."""
+    whole = record._Whole
+
+    def make(room):
+        monkeypatch.setattr(record, "_Whole", lambda raw: whole(FullDisk(raw, room)))
+        recorder = Recorder(tmp_path / "daemon.mcap", {"config": json.dumps(vehicle_document())})
+        return BackgroundRecorder(recorder) if request.param == "in the background" else recorder
+
+    return make
+
+
+def test_a_disk_that_fills_up_is_said_once_everywhere_and_the_flight_goes_on_as_without_a_record(
+    base, recorder_of, tmp_path
+):
+    recorder = recorder_of(60_000)
+    one, bare = base(record=recorder), base()
+    for each in (one, bare):
+        each.engaged().run(3.0)
+    recorder.close()
+    one.run(0.1)
+    assert one.log.messages().count(STOPPED) == 1
+    assert one.order("status")["recording"] == "stopped: [Errno 28] No space left on device"
+    happened = {"vehicle": "uav1", "event": STOPPED}
+    assert one.metrics.registry.get_sample_value("guidance_events_total", happened) == 1.0
+    assert (tmp_path / "daemon.mcap").stat().st_size == 60_000
+    assert sum(1 for _ in rows_of(tmp_path / "daemon.mcap")) > 50  # what was written can be read
+    flown, wanted = ([(m.vx, m.vy, m.vz) for m in each.setpoints_since(0.0)] for each in (one, bare))
+    assert flown[: len(wanted)] == wanted
+    assert len(wanted) > 100
+
+
+def test_a_record_that_cannot_even_be_opened_keeps_no_vehicle_on_the_ground(base, vehicle_document, tmp_path):
+    (tmp_path / "file").write_text("")
+    document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
+    bare = base()
+    with _recording(parse(Config, document, source="test"), {}, bare.log) as unwritten:
+        one = base(record=unwritten)
+        one.standing_by()
+        assert one.order("status")["recording"].startswith("stopped: record.folder = ")
+    assert one.log.messages().count(STOPPED) == 1
+    assert bare.log.messages() == ["the record is incomplete"]
+
+
+def test_a_record_that_is_written_is_said_to_be_on_and_one_that_is_not_wanted_off(base, recorder_of):
+    recorder = recorder_of(10_000_000)
+    assert base(record=recorder).order("status")["recording"] == "on"
+    recorder.close()
+    assert base().order("status")["recording"] == "off"

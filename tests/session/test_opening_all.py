@@ -1,0 +1,125 @@
+"""From a configuration to open ends: the key, the shared wire, the frames passed on, the frame that is declared."""
+
+import math
+import socket
+import threading
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.clock import MonotonicClock
+from guidance.config import parse
+from guidance.errors import ConfigError, LinkError
+from guidance.messages import Heartbeat, Setpoint
+from guidance.session.opening import open_all, signing_key
+from guidance.session.vehicle_file import Config
+
+
+@pytest.fixture
+def udp():
+    """A port, and a vehicle (system 1) and its evader (system 2) that send to it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    stop = threading.Event()
+
+    def send():
+        vehicle, evader = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 2, 1)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            count = 0
+            while not stop.wait(0.02):
+                count += 1
+                heartbeat = mavlink.MAVLink_heartbeat_message(2, 12, 29, 0x03040000, 3, 3)
+                position = mavlink.MAVLink_global_position_int_message(
+                    20 * count, 473977420, 85455940, 488000, 0, 100, 0, 0, 0
+                )
+                for frame in (heartbeat.pack(vehicle), position.pack(evader)):
+                    out.sendto(frame, ("127.0.0.1", port))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    yield f"udpin://127.0.0.1:{port}"
+    stop.set()
+    thread.join()
+
+
+def decoded(passed):
+    return mavlink.MAVLink(None).decode(bytearray(passed.frame))
+
+
+def setpoints(passed):
+    sent = [decoded(one) for one in passed if one.topic == "uav1/mavlink_raw/in"]
+    return [one for one in sent if one.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+
+
+def config_of(vehicle_document, **sections):
+    return parse(Config, vehicle_document(**sections), source="test")
+
+
+@pytest.mark.parametrize("link", ["pymavlink", "mavsdk"])
+def test_an_evader_on_the_vehicles_wire_is_heard_beside_it_and_every_frame_is_passed_on(vehicle_document, udp, link):
+    config = config_of(vehicle_document, vehicle={"url": udp, "link": link}, evader={"url": None})
+    clock = MonotonicClock()
+    opened = open_all(config, clock, tapped=True)
+    try:
+        messages, reports = list(opened.link.receive()), list(opened.evader.receive())
+        deadline_s = clock.now_s() + 5.0
+        while not (messages and reports) and clock.now_s() < deadline_s:
+            clock.sleep_until(clock.now_s() + 0.01)
+            messages += opened.link.receive()
+            reports += opened.evader.receive()
+        assert isinstance(messages[0], Heartbeat)
+        assert reports[0].latitude_deg == pytest.approx(47.397742)
+        assert math.isclose(reports[0].velocity_ned_m_s[0], 1.0)
+        opened.link.send_setpoint(Setpoint((1.0, 2.0, 3.0)))
+        passed = []
+        while not any(setpoints(passed)) and clock.now_s() < deadline_s:
+            passed += opened.drain()
+        assert {one.topic for one in passed} == {"uav1/mavlink_raw/out", "uav1/mavlink_raw/in"}
+        assert [(one.vx, one.vy, one.vz) for one in setpoints(passed)] == [(1.0, 2.0, 3.0)]
+        heard = [decoded(one) for one in passed if one.topic == "uav1/mavlink_raw/out"]
+        assert {(one.get_srcSystem(), one.get_type()) for one in heard} == {
+            (1, "HEARTBEAT"),
+            (2, "GLOBAL_POSITION_INT"),
+        }
+    finally:
+        opened.close()
+        opened.close()
+
+
+def test_a_vehicle_that_is_silent_leaves_nothing_open(vehicle_document, udp):
+    config = config_of(vehicle_document, vehicle={"url": udp, "system_id": 7, "connect_timeout_s": 0.3})
+    for _ in range(2):  # the port is free again
+        with pytest.raises(LinkError, match=r"system 7: no HEARTBEAT within 0\.3 s"):
+            open_all(config, MonotonicClock(), tapped=False)
+
+
+def test_a_url_that_is_none_is_refused(vehicle_document):
+    config = config_of(vehicle_document, vehicle={"url": "carrier://pigeon"})
+    with pytest.raises(ConfigError, match="url = 'carrier://pigeon'"):
+        open_all(config, MonotonicClock(), tapped=False)
+
+
+def test_a_signing_key_comes_from_a_file_that_nobody_else_may_read(tmp_path):
+    path = tmp_path / "key"
+    path.write_text("0f" * 32 + "\n")
+    path.chmod(0o600)
+    assert signing_key(path).secret == bytes([15] * 32)
+    path.chmod(0o640)
+    with pytest.raises(ConfigError, match="others may read it; chmod 600 it"):
+        signing_key(path)
+
+
+@pytest.mark.parametrize(("content", "words"), [("0f" * 31, "64 hexadecimal digits"), ("é" * 64, "cannot be read")])
+def test_a_file_that_holds_no_key_is_refused_without_showing_it(tmp_path, content, words):
+    path = tmp_path / "key"
+    path.write_text(content, encoding="utf-8")
+    path.chmod(0o600)
+    with pytest.raises(ConfigError, match=words) as refused:
+        signing_key(path)
+    assert content not in str(refused.value)
+
+
+def test_a_missing_key_file_is_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"vehicle\.signing_key_file = .*nowhere"):
+        signing_key(tmp_path / "nowhere")

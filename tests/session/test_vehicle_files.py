@@ -1,0 +1,263 @@
+"""Vehicle files: what is refused, with which words, and what becomes of what is not."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from guidance.config import config_folder, find, load, parse
+from guidance.errors import ConfigError
+from guidance.flight import AfterCapture, EngageOn, State
+from guidance.game import Ball, Cylinder
+from guidance.session.plan_fence import load_vehicle
+from guidance.session.service import reload
+from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_spec import flight_settings, wants
+
+TRIANGLE = [[47.397, 8.545], [47.399, 8.545], [47.399, 8.548]]
+ZENOH = "zenoh://127.0.0.1:7447/uav1"
+FRAME = {"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_amsl_m": 488.0}
+
+
+@pytest.fixture
+def read(vehicle_document):
+    return lambda **sections: parse(Config, vehicle_document(**sections), source="file.toml")
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"nmae": "uav1"}, "nmae: unknown key; did you mean 'name'?"),
+        ({"name": "two words"}, "name = 'two words'"),
+        ({"vehicle": {"autopilot": "betaflight"}}, "vehicle.autopilot = 'betaflight': input should be 'px4' or"),
+        ({"vehicle": {"link": "pigeon"}}, "vehicle.link = 'pigeon': input should be 'mavsdk' or 'pymavlink'"),
+        ({"vehicle": {"system_id": 0}}, "vehicle.system_id = 0: input should be greater than or equal to 1"),
+        ({"vehicle": {"speed": 5.0}}, "vehicle.speed: unknown key; known here: autopilot"),
+        ({"vehicle": {"link": "mavsdk", "signing_key_file": "key"}}, "MAVSDK does not sign"),
+        ({"vehicle": {"connect_timeout_s": 0.0}}, "vehicle.connect_timeout_s = 0.0"),
+        ({"evader": {"kind": "radar"}}, "evader.kind = 'radar'"),
+        ({"evader": {"system_id": None}}, "evader.system_id: missing"),
+        ({"evader": {"kind": "json", "url": None}}, "evader.url: missing"),
+        ({"evader": {"kind": "ros_pose"}}, "evader.frame: missing"),
+        ({"evader": {"kind": "adsb"}}, "evader.icao_address: missing"),
+        ({"evader": {"timeout_s": 0.0}}, "evader.timeout_s = 0.0"),
+        ({"evader": {"kind": "json", "request_rate_hz": 5.0}}, "evader.request_rate_hz: not allowed"),
+        ({"evader": {"id_or_mac": "xyz"}}, "evader.id_or_mac = 'xyz'"),
+        ({"game": {"speed_m_s": 3.0}}, "a slower pursuer is another game"),
+        ({"game": {"speed_m_s": math.inf}}, "game.speed_m_s = inf: input should be a finite number"),
+        ({"game": {"speed_set": "cube"}}, "game.speed_set = 'cube'"),
+        ({"game": {"kind": "tad"}}, "game.target: missing"),
+        ({"game": {"target": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, 'not allowed with kind = "pe"'),
+        ({"game": {"kind": "tad", "target": {"latitude_deg": 97.0, "longitude_deg": 8.0}}}, "latitude_deg = 97.0"),
+        ({"game": {"standoff_height_m": 2.0}}, "game.standoff_height_m = 2: allowed is limits.floor_m = 3"),
+        ({"limits": {"floor_m": 60.0}}, "limits.floor_m = 60: must be below limits.ceiling_m"),
+        ({"limits": {"fence_radius_m": None}}, "no flight is unfenced"),
+        ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.001, 8.0]]}}, "fence_polygon has 2 corners"),
+        ({"limits": {"fence_polygon_deg": []}}, "limits.fence_polygon_deg has 0 corners"),
+        ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.0, 8.0], [47.001, 8.0]]}}, "is shorter than 0.01 m"),
+        ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.1, 8.5], [8.0, 47.0]]}}, "and longitude exchanged?"),
+        ({"limits": {"fence_polygon_deg": [[147.0, 8.0], [47.0, 8.0], [47.1, 8.0]]}}, "fence_polygon_deg.0.0 = 147.0"),
+        ({"limits": {"fence_polygon_deg": TRIANGLE, "fence_plan_file": "a"}}, "fence_plan_file: one polygon only"),
+        ({"flight": {"takeoff_height_m": 90.0}}, "flight.takeoff_height_m = 90"),
+        ({"flight": {"after_capture": "celebrate"}}, "flight.after_capture = 'celebrate'"),
+        ({"flight": {"engage_on": "boot"}}, "flight.engage_on = 'boot'"),
+        ({"flight": {"on_terminate": "fall"}}, "flight.on_terminate = 'fall'"),
+        ({"flight": {"battery_minimum": 20.0}}, "flight.battery_minimum = 20.0"),
+        ({"preflight": {"loss_time_limit_s": 60.0}}, "preflight.loss_time_limit_s = 60.0"),
+        ({"control": {"endpoint": "tcp/0.0.0.0:7448"}}, "must be on loopback"),
+        ({"control": {"endpoint": "tcp/192.168.1.9:7448"}}, "who reaches it commands the vehicle"),
+        ({"metrics": {"port": 70000}}, "metrics.port = 70000"),
+        ({"log": {"format": "xml"}}, "log.format = 'xml'"),
+        ({"target": {"kind": "global_position", "system_id": 2}}, "target: is named evader now"),
+        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, "game.guarded: is named game.target now"),
+        ({"preflight": {"target_height_limit_m": 9.0}}, "is named preflight.evader_height_limit_m now"),
+    ],
+)  # fmt: skip
+def test_a_wrong_file_is_refused_with_key_value_and_what_is_allowed(read, sections, words):
+    with pytest.raises(ConfigError) as refused:
+        read(**sections)
+    assert words in str(refused.value)
+    assert str(refused.value).startswith("file.toml:\n")
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"game": {"policy": "hope"}}, "game.policy = 'hope': allowed are"),
+        ({"limits": {"fence_polygon_ne_m": [[0, 0], [9, 9]]}}, "fence_polygon has 2 corners"),
+        ({"limits": {"fence_margin_m": 100.0}}, "fence_margin_m = 100.0"),
+    ],
+)
+def test_what_only_the_core_can_judge_is_refused_as_well(read, sections, words):
+    with pytest.raises(ConfigError, match=words.replace("(", r"\(")):
+        flight_settings(read(**sections))
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", "tcp/[::1]:7448", "unixsock-stream//run/guidance.sock"])
+def test_loopback_endpoints_are_allowed(read, endpoint):
+    assert read(control={"endpoint": endpoint}).control.endpoint == endpoint
+
+
+@pytest.mark.parametrize("name", ["px4", "arducopter"])
+def test_the_vehicle_files_that_come_along_can_be_flown(name):
+    config = load(Config, find(name, "vehicles"))
+    settings = flight_settings(config)
+    assert settings.profile.name == name == config.name
+    assert isinstance(settings.cycle.speed_set, Cylinder)
+    assert settings.engage_on is EngageOn.COMMAND
+    assert config.preflight.fence_required
+    assert find(f"config/vehicles/{name}.toml", "vehicles").resolve() == find(name, "vehicles").resolve()
+
+
+def test_every_vehicle_file_is_tested():
+    assert {path.stem for path in (config_folder() / "vehicles").glob("*.toml")} == {"px4", "arducopter"}
+
+
+def test_defaults_are_the_safe_ones(read):
+    config = read()
+    assert config.preflight.fence_required
+    assert config.control.endpoint.startswith("tcp/127.0.0.1:")
+    assert (config.flight.engage_on, config.flight.after_capture, config.flight.on_terminate) == (
+        "command", "hold", "hold",
+    )  # fmt: skip
+    assert config.metrics.port is None
+    assert config.game.speed_set == "cylinder"
+
+
+def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
+    config = read(game={"climb_m_s": 2.5, "descent_m_s": 1.2})
+    envelope = flight_settings(config).cycle.envelope
+    assert envelope.speed_m_s == pytest.approx(1.1 * config.game.speed_m_s)
+    assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.75, 1.32))
+    assert envelope.stand_off.radius_m < config.game.standoff_radius_m
+    assert envelope.stand_off.height_m < config.game.standoff_height_m
+    assert wants(config).limit_speed_m_s == envelope.speed_m_s
+
+
+def test_speed_limits_are_keys_of_their_own_and_the_games_speeds_stay(read):
+    config = read(game={"speed_m_s": 6.0, "descent_m_s": 1.5}, limits={"speed_m_s": 6.0, "descent_m_s": 1.5})
+    envelope, speeds = flight_settings(config).cycle.envelope, flight_settings(config).cycle.speed_set
+    assert (envelope.speed_m_s, envelope.descent_m_s) == (6.0, 1.5) == (speeds.horizontal_m_s, speeds.descent_m_s)
+    assert envelope.climb_m_s == pytest.approx(1.1 * speeds.climb_m_s)
+
+
+@pytest.mark.parametrize("key", ["speed_m_s", "climb_m_s", "descent_m_s"])
+def test_a_speed_limit_below_the_games_speed_names_both_keys(read, key):
+    with pytest.raises(ConfigError, match=rf"limits.{key} = 0.5: must be at least game.{key} = "):
+        read(limits={key: 0.5})
+
+
+def test_the_target_is_the_zero_of_the_game(read):
+    place = {"latitude_deg": 47.4, "longitude_deg": 8.55, "altitude_amsl_m": 480.0}
+    cycle = flight_settings(read(game={"kind": "tad", "target": place, "speed_set": "ball"})).cycle
+    assert cycle.target_game_m == (0.0, 0.0, 0.0)
+    assert cycle.site[:2] == (47.4, 8.55)
+    assert cycle.speed_set == Ball(6.0)
+
+
+def test_a_daemon_waits_for_its_vehicle_as_long_as_it_takes(read):
+    limits_s = flight_settings(read()).limits_s
+    assert State.CONNECTING not in limits_s
+    assert State.CHECKING not in limits_s
+    assert limits_s[State.ARMING] > 0.0
+
+
+@pytest.mark.parametrize("choice", AfterCapture)
+def test_what_follows_a_capture_is_configured(read, choice):
+    assert flight_settings(read(flight={"after_capture": str(choice)})).after_capture is choice
+
+
+def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
+    square = [[-30.0, -40.0], [-30.0, 40.0], [30.0, 40.0], [30.0, -40.0]]
+    config = read(limits={"fence_radius_m": None, "fence_polygon_ne_m": square})
+    assert config.limits.reach_m == pytest.approx(50.0)
+    assert wants(config).fence_radius_m == pytest.approx(50.0)
+    envelope = flight_settings(config).cycle.envelope
+    assert envelope.fence_radius_m is None
+    assert envelope.fence_polygon.contains((0.0, 39.0))
+    assert not envelope.fence_polygon.contains((0.0, 41.0))
+
+
+def test_a_polygon_by_degrees_is_about_home_and_its_reach_is_known_with_it(read):
+    config = read(limits={"fence_radius_m": None, "fence_polygon_deg": TRIANGLE})
+    assert config.limits.reach_m == math.inf
+    assert flight_settings(config).cycle.envelope.fence_polygon is None
+    assert flight_settings(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert wants(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
+
+
+def drawn(polygons=((True, TRIANGLE),), circles=()):
+    """A plan as QGroundControl saves it."""
+    fence = {
+        "circles": list(circles),
+        "polygons": [{"inclusion": inclusion, "polygon": corners, "version": 1} for inclusion, corners in polygons],
+        "version": 2,
+    }
+    return {"fileType": "Plan", "geoFence": fence, "mission": {"items": []}, "version": 1}
+
+
+def vehicle_with_plan(tmp_path, text):
+    path = tmp_path / "vehicle.toml"
+    limits = '[limits]\nfence_plan_file = "field.plan"\n'
+    path.write_text(find("px4", "vehicles").read_text().replace("[limits]\n", limits))
+    if text is not None:
+        (tmp_path / "field.plan").write_text(text)
+    return path
+
+
+def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
+    path = vehicle_with_plan(tmp_path, json.dumps(drawn()))
+    config = load_vehicle(path)
+    assert config.limits.fence_plan_file is None
+    assert config.limits.fence_polygon_deg == tuple(map(tuple, TRIANGLE))
+    assert reload(path, config).flight.fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert load_vehicle(find("px4", "vehicles")) == load(Config, find("px4", "vehicles"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "cannot be read (No such file or directory)"),
+        ("{", "not JSON"),
+        ("[]", "has no geoFence"),
+        ('{"geoFence": null}', "has no geoFence"),
+        (json.dumps(drawn(polygons=())), "0 polygons"),
+        (json.dumps(drawn(polygons=[(True, TRIANGLE)] * 2)), "2 polygons (0 of them not for inclusion)"),
+        (json.dumps(drawn(polygons=[(False, TRIANGLE)])), "1 polygons (1 of them not for inclusion)"),
+        (json.dumps(drawn(circles=[{"inclusion": True}])), "1 circles"),
+        (json.dumps(drawn(polygons=[(True, [[47.0]])])), "no list of latitude and longitude"),
+        (json.dumps(drawn(polygons=[(True, None)])), "no list of latitude and longitude"),
+        (json.dumps(drawn(polygons=[(True, TRIANGLE[:2])])), "fence_polygon has 2 corners"),
+    ],
+)
+def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, text, words):
+    with pytest.raises(ConfigError) as refused:
+        load_vehicle(vehicle_with_plan(tmp_path, text))
+    assert words in str(refused.value)
+    assert "limits.fence_plan_file" in str(refused.value) or "limits.fence_polygon_deg" in str(refused.value)
+
+
+def test_sources_of_evaders_need_what_they_need_and_no_more(read):
+    assert read(evader={"kind": "json", "url": ZENOH, "system_id": None}).evader.kind == "json"
+    assert read(evader={"kind": "ros_pose", "url": ZENOH, "frame": FRAME}).evader.frame.undulation_m is None
+    assert read(evader={"url": None}).evader.url is None
+    assert read(evader={"url": None}, vehicle={"link": "mavsdk", "url": ZENOH}).vehicle.link == "mavsdk"
+    assert read(vehicle={"signing_key_file": "key"}).vehicle.signing_key_file == Path("key")
+
+
+@pytest.fixture
+def px4_file(tmp_path):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(find("px4", "vehicles").read_text())
+    return path
+
+
+def test_a_file_read_again_may_change_the_flight_and_not_the_links(px4_file):
+    before = load(Config, px4_file)
+    text = px4_file.read_text()
+    px4_file.write_text(text.replace("takeoff_height_m = 15.0", "takeoff_height_m = 20.0"))
+    assert reload(px4_file, before).flight.takeoff_height_m == 20.0
+    px4_file.write_text(text.replace("14540", "14550").replace('name = "px4"', 'name = "other"'))
+    with pytest.raises(ConfigError, match="name, vehicle changed: end the daemon and start it again for that"):
+        reload(px4_file, before)

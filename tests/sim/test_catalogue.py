@@ -1,0 +1,68 @@
+import re
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.cli.catalogue import expected, facts, names, team_expected
+from guidance.errors import OutputError
+from guidance.scenarios.preview import draw_scenario, played
+from guidance.sim.files import load_any, load_scenario
+from guidance.sim.maths import opening, play
+from guidance.sim.teams import TeamScenario
+
+
+def guidance(*arguments):
+    return CliRunner().invoke(app, ["scenario", *map(str, arguments)], env={"COLUMNS": "200"})
+
+
+def test_the_list_names_every_scenario_with_its_title_its_game_and_what_it_expects():
+    done = guidance("list")
+    assert done.exit_code == 0, done.output
+    for name in names():
+        scenario = load_any(name)[1]
+        row = next(line for line in done.output.splitlines() if line.split()[0] == name)
+        assert scenario.title in row
+        assert re.search(rf" {scenario.game} ", row)
+        said = team_expected if isinstance(scenario, TeamScenario) else expected
+        assert said(scenario).split(";")[0] in row
+
+
+def test_show_explains_a_scenario_and_writes_its_picture(tmp_path):
+    done = guidance("show", "wind", "--out", tmp_path / "wind.png")
+    assert done.exit_code == 0, done.output
+    assert "from the west" in done.output
+    value = opening([load_scenario("wind")[1]]).value[0]
+    assert f"{value:.2f} s to capture" in done.output
+    assert "(2, 0) m/s, east and north" in done.output
+    assert (tmp_path / "wind.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_picture_that_cannot_be_written_is_said_by_its_name():
+    done = guidance("show", "wind", "--out", "/nowhere/wind.png")
+    assert isinstance(done.exception, OutputError)
+    assert "/nowhere/wind.png: cannot be written" in str(done.exception)
+
+
+@pytest.mark.parametrize("name", ["fence", "barrier_evader", "evader_turns", "straight_above"])
+def test_fences_targets_courses_and_degenerate_starts_are_drawn(name, tmp_path):
+    draw_scenario(load_scenario(name)[1], tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 20_000
+
+
+def test_the_tracks_in_the_picture_are_those_that_are_played():
+    scenario = load_scenario("barrier_pursuer")[1]
+    played_s, pursuer, evader = played(scenario)
+    outcome = play([scenario])[0]
+    assert played_s == outcome.game_time_s
+    assert np.hypot(*(evader[-1, :2] - scenario.target.position_m)) == pytest.approx(outcome.final_distance_m)
+    assert pursuer[:, 2].min() == outcome.min_altitude_m
+
+
+def test_what_is_told_of_a_scenario_names_its_faults_its_sensor_and_who_wins():
+    takeover = dict(facts(load_scenario("pilot_takeover")[1]))
+    assert takeover["fault"] == "pilot_mode of the pursuer 3 s after engagement, mode = POSCTL"
+    assert "rate_hz = 1.0" in dict(facts(load_scenario("slow_reports")[1]))["sensor"]
+    assert dict(facts(load_scenario("barrier_evader")[1]))["value"].startswith("the evader wins: the pursuer comes 1.6")
+    assert "declares 1)" in dict(facts(load_scenario("faster_than_declared")[1]))["evader"]

@@ -1,0 +1,127 @@
+"""Scenarios in which something goes wrong, or the wind blows: flown in virtual time, and refused before anything."""
+
+import math
+import tomllib
+
+import pytest
+from rich.console import Console
+
+from guidance.cli import mocked
+from guidance.clock import VirtualClock
+from guidance.config import parse
+from guidance.errors import ConfigError
+from guidance.session.flown import outcome_of_flight
+from guidance.session.fly import fly
+from guidance.sim.fast import FastWorld
+from guidance.sim.faulting import faulted_fleet, script, script_toml
+from guidance.sim.maths import play
+from guidance.sim.scenario import Scenario
+
+CHASE = {
+    "title": "a chase",
+    "game": "pe",
+    "pursuer": {"position_m": (8.0, 3.0, 10.0), "speed_m_s": 3.0, "takeoff_height_m": 8.0},
+    "evader": {"position_m": (8.0, 18.0), "speed_m_s": 1.5},
+    "hold_s": 0.5,
+}
+
+
+def scenario(**sections):
+    return parse(Scenario, {**CHASE, **sections}, source="test")
+
+
+def flown(**sections):
+    chase, clock = scenario(**sections), VirtualClock()
+    world = FastWorld(chase, clock)
+    try:
+        result = fly(chase, world, clock, None, lambda _: None)
+    finally:
+        world.close()
+    return result, outcome_of_flight(result, "fast")
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_a_pilots_takeover_ends_the_run_two_seconds_later_as_yielded(autopilot):
+    mode = {"px4": "POSCTL", "arducopter": "LOITER"}[autopilot]
+    result, outcome = flown(
+        pursuer={**CHASE["pursuer"], "autopilot": autopilot},
+        fault=[{"kind": "pilot_mode", "mode": mode, "at_s": 3.0}],
+    )
+    assert (outcome.end, outcome.winner) == ("yielded", "none")
+    # HEARTBEAT, which shows the mode, comes once a second.
+    assert 3.0 <= outcome.game_time_s <= 4.2
+    engaged_s = next(each.now_s for each in result.happenings if each.after == "engaged")
+    assert result.samples[-1].now_s - engaged_s == pytest.approx(outcome.game_time_s + 2.0, abs=0.1)
+
+
+def test_a_radio_that_falls_silent_fails_the_flight_and_says_why():
+    _, outcome = flown(fault=[{"kind": "silence", "at_s": 2.0}])
+    assert (outcome.end, outcome.reason) == ("failed", "vehicle telemetry lost")
+    assert outcome.game_time_s > 2.0
+
+
+def test_an_evader_that_is_lost_for_good_fails_the_flight_for_that_reason():
+    _, outcome = flown(fault=[{"kind": "silence", "vehicle": "evader", "at_s": 1.0}])
+    assert (outcome.end, outcome.reason) == ("failed", "evader lost")
+
+
+def test_a_vehicle_that_will_not_arm_never_engages_and_says_so():
+    _, outcome = flown(fault=[{"kind": "arm_refused", "after": "start"}])
+    assert outcome.end == "failed"
+    assert outcome.reason.startswith("never engaged: ")
+    assert math.isnan(outcome.predicted)
+
+
+def test_faults_of_the_evader_count_from_engagement_though_it_is_guided_long_before():
+    result, outcome = flown(
+        fault=[{"kind": "evader_stale", "vehicle": "evader", "at_s": 2.0, "for_s": 3.0, "as": "silence"}]
+    )
+    assert outcome.end == "captured"
+    lost = next(each for each in result.happenings if each.event == "evader lost")
+    engaged_s = next(each.now_s for each in result.happenings if each.after == "engaged")
+    assert lost.now_s - engaged_s == pytest.approx(2.0 + 1.5, abs=0.3)
+
+
+def test_wind_blows_on_the_pursuer_for_the_whole_flight_and_is_captured_against():
+    wind = {"velocity_m_s": (1.4, 0.0)}
+    asked = script(scenario(wind=wind))["fault"]
+    assert [(each["kind"], each["vehicle"], each["east"], each["north"]) for each in asked] == [
+        ("wind_gust", "pursuer", 1.4, 0.0)
+    ]
+    _, outcome = flown(wind=wind)
+    assert outcome.end == "captured"
+    # The autopilot holds the speed over ground: what is promised is what is promised in still air.
+    assert outcome.predicted == pytest.approx(play([scenario()])[0].predicted, abs=0.3)
+
+
+def test_the_file_for_a_child_process_says_what_the_script_says():
+    windy = scenario(
+        wind={"velocity_m_s": (1.0, -0.5)}, fault=[{"kind": "loss", "after": "start", "messages": ["HEARTBEAT"]}]
+    )
+    assert tomllib.loads(script_toml(windy)) == script(windy)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({"kind": "gremlins"}, "fault[1].kind = 'gremlins': allowed are loss"),
+        ({"kind": "ekf_jump", "nort": 4.0}, "fault[1].nort = 4.0: ekf_jump has no such key; allowed are north"),
+        ({"kind": "ekf_jump", "north": "far"}, "fault[1].north = 'far': allowed is a number"),
+        ({"kind": "pilot_mode", "mode": "SLEEP"}, "fault[1].mode = 'SLEEP': allowed are"),
+        ({"kind": "pilot_mode"}, "fault[1].mode is missing"),
+    ],
+)
+@pytest.mark.parametrize("after", ["engaged", "start"])
+def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_starts(fault, words, after):
+    wrong = scenario(fault=[{"kind": "silence", "at_s": 1.0}, {**fault, "after": after}])
+    with pytest.raises(ConfigError) as caught:
+        faulted_fleet(wrong)
+    assert words in str(caught.value)
+
+
+def test_a_flight_with_a_wrong_fault_leaves_nothing_behind(tmp_path):
+    with pytest.raises(ConfigError, match="gremlins"):
+        mocked.flown(
+            scenario(fault=[{"kind": "gremlins"}]), Console(), tmp_path / "out", fast=True, link="mavsdk", port=0
+        )
+    assert list(tmp_path.iterdir()) == []

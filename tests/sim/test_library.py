@@ -1,0 +1,90 @@
+"""Every scenario that comes along does what it says: as mathematics, and flown against the mock in virtual time."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from guidance.clock import VirtualClock
+from guidance.config import config_folder
+from guidance.session.flown import outcome_of_flight
+from guidance.session.fly import fly
+from guidance.sim.fast import FastWorld
+from guidance.sim.files import FOLDER, load_any, load_scenario
+from guidance.sim.maths import play
+from guidance.sim.team_maths import play_teams, summary_of
+from guidance.sim.teams import TeamScenario
+
+EVERY = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
+TEAMS = [name for name in EVERY if isinstance(load_any(name)[1], TeamScenario)]
+NAMES = [name for name in EVERY if name not in TEAMS]
+LONG = ("pe", "tad", "hover_chase")
+"""Flown elsewhere as well, and longer than the others."""
+
+FLOWN = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in NAMES]
+
+
+def failed(scenario, outcome):
+    return [verdict for verdict in scenario.expect.of(outcome._asdict()) if not verdict.held]
+
+
+def test_the_library_has_what_a_reader_looks_for():
+    wanted = {
+        "pe", "tad", "barrier_pursuer", "barrier_evader", "straight_above", "evader_turns", "evader_stops",
+        "slower_than_declared", "faster_than_declared", "wind", "slow_reports", "lost_and_found", "pilot_takeover",
+        "fence", "estimator_jump", "barrier_pure_pursuit", "crossing_proportional_navigation",
+    }  # fmt: skip
+    assert wanted <= set(NAMES)
+    assert set(TEAMS) == {"teams_tad", "teams_breakthrough"}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_every_scenario_explains_itself_and_expects_something(name):
+    path, scenario = load_any(name)
+    assert len(scenario.description.split()) > 20
+    expected = tomllib.loads(path.read_text())["expect"]
+    assert expected
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_scenario_expects_holds_in_mathematics(name):
+    scenario = load_scenario(name)[1]
+    assert failed(scenario, play([scenario])[0]) == []
+
+
+@pytest.mark.parametrize("name", TEAMS)
+def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
+    scenario = load_any(name)[1]
+    verdicts = scenario.expect.verdicts(summary_of(play_teams([scenario])[0]))
+    assert len(verdicts) > 1
+    assert [verdict for verdict in verdicts if not verdict.held] == []
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_what_a_scenario_expects_holds_in_flight(name):
+    scenario, clock = load_scenario(name)[1], VirtualClock()
+    world = FastWorld(scenario, clock)
+    try:
+        outcome = outcome_of_flight(fly(scenario, world, clock, None, lambda _: None), "fast")
+    finally:
+        world.close()
+    assert failed(scenario, outcome) == []
+
+
+@pytest.mark.slow
+def test_in_real_time_over_udp_a_fault_strikes_after_engagement_as_it_does_in_virtual_time(tmp_path):
+    command = [
+        Path(sys.executable).parent / "guidance",
+        "scenario",
+        "run",
+        "pilot_takeover",
+        "--as",
+        "live",
+        "--over",
+        "udp",
+    ]
+    done = subprocess.run([*command, "--out", tmp_path], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "yielded" in done.stdout

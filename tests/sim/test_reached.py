@@ -1,0 +1,447 @@
+"""A vehicle that runs elsewhere: found, refused for a reason, or flown against our own evader and brought home."""
+
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.autopilots import PROFILES
+from guidance.clock import VirtualClock
+from guidance.config import load
+from guidance.errors import ConfigError, FlightError, LinkError
+from guidance.flight import Event, State
+from guidance.links import MemoryWire
+from guidance.links.endpoint import parse
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.opening import Found, find_autopilot
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.session.both_spec import config_of
+from guidance.session.daemon import Daemon
+from guidance.session.flown import outcome_of_flight
+from guidance.session.log import Log
+from guidance.session.meeting import identify, wait_until_placed
+from guidance.session.metrics import Metrics
+from guidance.session.notify import Notifier
+from guidance.session.orders import Mailbox
+from guidance.session.supervisor import Supervisor
+from guidance.session.vehicle import plan_of
+from guidance.sim.evader_here import EvaderHere, laid_about
+from guidance.sim.fleet import EVADER_ID
+from guidance.sim.scenario import Scenario
+from guidance.sim.sensed_evader import SensedEvader
+from guidance.sim.stepped import SteppedMock
+from sitl_mock import Home, MockVehicle
+from sitl_mock.child import running
+from sitl_mock.faults import Faulted
+
+GUIDANCE = Path(sys.executable).parent / "guidance"
+SHORT_FILE = Path(__file__).parents[1] / "data" / "short_chase.toml"
+SHORT = load(Scenario, SHORT_FILE)
+FIELD = Home(46.5, 7.25, 830.0)
+FENCED = {
+    "px4": {"GF_MAX_HOR_DIST": 400.0, "GF_MAX_VER_DIST": 200.0, "RTL_RETURN_ALT": 15.0, "RTL_DESCEND_ALT": 8.0},
+    "arducopter": {
+        "GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_RADIUS": 400.0, "FENCE_ALT_MAX": 200.0,
+    },
+}  # fmt: skip
+PX4_FOUND = Found(1, 1, 12, 2, armed=False)
+ASKING = {"COMMAND_LONG": {511, 512}}
+
+
+class World(VirtualClock):
+    """A vehicle somewhere else; whoever waits for this clock moves it."""
+
+    def __init__(self, autopilot="px4", *, ready_after_s=2.0, parameters=None):
+        super().__init__()
+        self.vehicle = MockVehicle(
+            autopilot,
+            home=FIELD,
+            ready_after_s=ready_after_s,
+            parameters=FENCED[autopilot] if parameters is None else parameters,
+        )
+        self.faulted = Faulted(self.vehicle, "pursuer")
+        self.mock = SteppedMock("pursuer", self.faulted, self)
+        self.link = PymavlinkLink(self.mock.wire, self.now_s, system_id=1)
+        self.profile = PROFILES[autopilot]
+        self.shown = []
+
+    def sleep_until(self, moment_s):
+        while self.now_s() < moment_s - 1e-9:
+            super().sleep_until(min(moment_s, self.now_s() + 0.02))
+            self.mock.advance(self.now_s())
+
+    def meet(self, **limits):
+        return wait_until_placed(self.link, self.profile, self, self.shown.append, **limits)
+
+    def by_hand(self, *requests, until, limit_s=40.0):
+        """Somebody else orders, with a link of their own, until it is so."""
+        ours, end = MemoryWire.pair(self.now_s)
+        self.mock.join(end)
+        other = PymavlinkLink(ours, self.now_s, system_id=1, own_system_id=255, own_component_id=190)
+        for request in requests:
+            other.request(request)
+        end_s = self.now_s() + limit_s
+        while not until() and self.now_s() < end_s:
+            other.send_heartbeat()
+            self.sleep_until(self.now_s() + 0.1)
+        assert until()
+
+    def ordered(self):
+        """What was said to the vehicle by us that is more than a question."""
+        frames = [one.frame for one in self.mock.wire.drain() if one.topic.endswith("/in")]
+        messages = [mavlink.MAVLink(None).decode(bytearray(frame)) for frame in frames]
+        return [
+            one for one in messages
+            if one.get_type() not in {"HEARTBEAT", "TIMESYNC", "PARAM_REQUEST_READ", "MISSION_REQUEST_LIST",
+                                      "MISSION_REQUEST_INT", "MISSION_ACK"}
+            and getattr(one, "command", None) not in {511, 512}
+        ]  # fmt: skip
+
+
+class Sortie:
+    """The supervised daemon of `guidance fly --vehicle`, and its evader, in virtual time."""
+
+    def __init__(self, world, *, scenario=SHORT, ready_within_s=120.0):
+        self.world = world
+        name = world.profile.name
+        self.laid = laid_about(scenario, *world.meet(), name)
+        found = Found(1, 1, world.profile.autopilot_id, 2, armed=False)
+        self.own = config_of(
+            scenario,
+            url="udpin://127.0.0.1:14540",
+            link="pymavlink",
+            autopilot=name,
+            found=found,
+            evader_url="udpin://127.0.0.1:14541",
+        )
+        ears, radio = MemoryWire.pair(world.now_s)
+        self.evader = EvaderHere(self.laid, world, radio)
+        source = MavlinkEvader(ears, GlobalPositionInt(), system_id=EVADER_ID, clock=world.now_s)
+        heard = SensedEvader(source, scenario.sensor, scenario.seed, world.now_s)
+        mailbox, self.log = Mailbox(), Log("json", "error")
+        self.daemon = Daemon(
+            "pursuer",
+            plan_of(self.laid, self.own),
+            world.link,
+            heard,
+            mailbox=mailbox,
+            log=self.log,
+            metrics=Metrics("pursuer"),
+            notifier=Notifier(None, None),
+        )
+        self.shown = []
+        self.supervisor = Supervisor(
+            self.laid,
+            self.daemon,
+            mailbox,
+            heard,
+            engage=True,
+            on_terminate=Event.LAND,
+            evader=self.evader,
+            end_with=Event.RETURN,
+            show=self.shown.append,
+            ready_within_s=ready_within_s,
+        )
+
+    def run(self, limit_s=300.0, until=lambda: False):
+        end_s = self.world.now_s() + limit_s
+        while not self.daemon.finished and self.world.now_s() < end_s and not until():
+            self.world.sleep_until(self.world.now_s() + 0.02)
+            self.daemon.step(self.world.now_s())
+            self.supervisor.watch(self.world.now_s())
+        return self
+
+    @property
+    def state(self):
+        return self.daemon.flight.state
+
+    def outcome(self):
+        return outcome_of_flight(self.supervisor.result, "vehicle")
+
+
+@pytest.fixture
+def sortie():
+    made = []
+
+    def make(world, **options):
+        made.append(Sortie(world, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.log.close()
+        one.evader.close()
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_and_comes_home(sortie, autopilot):
+    world = World(autopilot)
+    flown = sortie(world).run()
+    outcome = flown.outcome()
+    assert (outcome.run, outcome.end, flown.state) == ("vehicle", "captured", State.LANDED)
+    assert 0.8 < outcome.ratio < 1.15
+    assert not world.vehicle.armed
+    assert math.hypot(*world.vehicle.truth.position_ned_m[:2]) < 2.0
+    began = next(one for one in flown.supervisor.result.samples if one.state is State.ENGAGED)
+    assert math.dist(began.pursuer_m, SHORT.pursuer.position_m) < 2.5
+    assert math.dist(began.evader_m[:2], SHORT.evader.position_m) < 0.5
+    assert flown.supervisor.left
+
+
+def test_the_game_frame_is_laid_so_that_the_vehicles_home_is_the_scenarios():
+    world = World()
+    laid = laid_about(SHORT, *world.meet(), "px4")
+    x, y = SHORT.home_m
+    assert laid.site.latitude_deg == pytest.approx(FIELD.lat_deg - y / 111_320.0, abs=2e-6)
+    assert laid.site.longitude_deg == pytest.approx(FIELD.lon_deg - x / 76_600.0, abs=2e-6)
+    assert laid.site.altitude_amsl_m == pytest.approx(FIELD.alt_amsl_m, abs=3.0)
+
+
+def test_faults_and_wind_that_only_a_mock_can_have_fall_away_and_the_evaders_stay():
+    fault = {"kind": "gps_loss", "at_s": 3.0}
+    scenario = Scenario.model_validate(
+        SHORT.model_dump()
+        | {
+            "wind": {"velocity_m_s": (1.0, 0.0)},
+            "fault": (fault, {"kind": "evader_silent", "vehicle": "evader", "at_s": 2.0, "for_s": 1.0}),
+        }
+    )
+    laid = laid_about(scenario, *World().meet(), "arducopter")
+    assert [one.vehicle for one in laid.fault] == ["evader"]
+    assert laid.wind.velocity_m_s == (0.0, 0.0)
+    assert laid.pursuer.autopilot == "arducopter"
+
+
+def test_an_arducopter_that_has_just_been_switched_on_is_waited_for(sortie):
+    world = World("arducopter", ready_after_s=None)
+    flown = sortie(world)
+    flown.run(until=lambda: flown.state is State.ARMING)
+    assert flown.state is State.ARMING
+    assert world.now_s() > 35.0
+    waited = {one.waiting for one in (*world.shown, *flown.shown) if one.waiting}
+    assert any("not heard" in words or "the autopilot's own checks fail" in words for words in waited), waited
+
+
+def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(sortie):
+    world = World()
+    flown = sortie(world, ready_within_s=20.0)
+    world.faulted.inject({"kind": "arm_refused", "text": "Compass not calibrated"})
+    with pytest.raises(FlightError, match=r"not ready to fly within 20 s: prearm .*nothing was armed"):
+        flown.run()
+    assert world.ordered() == []
+    assert not world.vehicle.armed
+
+
+def test_a_vehicle_that_does_not_know_its_place_is_given_up():
+    world = World()
+    world.sleep_until(0.1)
+    world.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["HOME_POSITION"], "direction": "out"})
+    with pytest.raises(FlightError, match=r"not ready within 6 s: HOME_POSITION not heard.*Nothing was armed"):
+        world.meet(within_s=6.0)
+    assert world.ordered() == []
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_a_vehicle_that_another_hand_has_armed_is_refused(autopilot):
+    world = World(autopilot)
+    world.sleep_until(4.0)
+    guided = world.profile.set_mode(world.profile.arming_mode)
+    world.by_hand(guided, world.profile.arm(), until=lambda: world.vehicle.armed)
+    with pytest.raises(FlightError, match="armed already, by another hand: disarm it first; nothing was ordered"):
+        world.meet()
+    assert world.ordered() == []
+
+
+def test_a_vehicle_in_the_air_is_refused():
+    world = World()
+    world.sleep_until(4.0)
+    home, _ = world.meet()
+    takeoff = world.profile.takeoff(height_m=10.0, home_amsl_m=home.altitude_amsl_m)
+    world.by_hand(world.profile.arm(), until=lambda: world.vehicle.armed)
+    world.by_hand(takeoff, until=lambda: world.vehicle.truth.position_ned_m[2] < -8.0)
+    world.ordered()
+    with pytest.raises(FlightError, match="in the air already: land and disarm it first; nothing was ordered"):
+        world.meet()
+    assert world.ordered() == []
+
+
+def test_a_vehicle_that_another_hand_arms_while_it_is_checked_is_left_to_them(sortie):
+    world = World()
+    flown = sortie(world)
+    world.by_hand(world.profile.arm(), until=lambda: world.vehicle.armed)
+    with pytest.raises(FlightError, match="armed by another hand"):
+        flown.run()
+    assert world.ordered() == []
+
+
+def test_preflight_refuses_on_the_ground_and_names_what_is_wrong(sortie):
+    world = World(parameters={})
+    with pytest.raises(FlightError, match=r"preflight refuses: GF_MAX_HOR_DIST.*GF_MAX_VER_DIST"):
+        sortie(world).run()
+    assert world.ordered() == []
+
+
+def test_arming_that_is_refused_ends_the_run_with_the_autopilots_own_words(sortie):
+    world = World("arducopter")
+    flown = sortie(world)
+    flown.run(until=lambda: flown.state is State.ARMING)
+    world.faulted.inject({"kind": "arm_refused", "text": "Compass not calibrated"})
+    flown.run()
+    outcome = flown.outcome()
+    assert outcome.end == "failed"
+    assert "Compass not calibrated" in outcome.reason
+    assert not world.vehicle.armed
+
+
+def test_whoever_ends_the_run_in_flight_has_the_vehicle_landed(sortie):
+    world = World()
+    flown = sortie(world)
+    flown.run(until=lambda: flown.state is State.ENGAGED)
+    assert flown.state is State.ENGAGED
+    flown.daemon.leave(Event.LAND, world.now_s())
+    flown.run(20.0)
+    assert (flown.state, world.vehicle.mode) == (State.LANDING, "LAND")
+    assert not flown.supervisor.left
+
+
+@pytest.mark.parametrize(
+    ("found", "asked", "words"),
+    [
+        (PX4_FOUND._replace(autopilot=3), "px4", r"is arducopter, not --autopilot px4"),
+        (PX4_FOUND, "arducopter", r"is px4, not --autopilot arducopter"),
+        (PX4_FOUND, "copter", r"--autopilot copter: allowed are px4, arducopter"),
+        (PX4_FOUND._replace(autopilot=4), None, r"MAV_AUTOPILOT 4; flown are px4 \(12\) and arducopter \(3\)"),
+        (PX4_FOUND._replace(autopilot=3, vehicle_type=10), None, "MAV_TYPE 10: only multicopters are flown"),
+        (PX4_FOUND._replace(vehicle_type=1), None, "MAV_TYPE 1: only multicopters are flown"),
+    ],
+)
+def test_an_autopilot_that_is_not_flown_or_not_meant_is_refused(found, asked, words):
+    with pytest.raises(ConfigError, match=words):
+        identify(found, "udpin://127.0.0.1:14540", asked)
+
+
+def test_the_flavour_is_found_where_none_is_given():
+    assert identify(PX4_FOUND, "url", None).name == "px4"
+    assert identify(PX4_FOUND._replace(autopilot=3), "url", "arducopter").name == "arducopter"
+
+
+def beat(system_id, component_id, kind, autopilot, base_mode=0):
+    sender = mavlink.MAVLink(None, system_id, component_id)
+    return bytes(mavlink.MAVLink_heartbeat_message(kind, autopilot, base_mode, 0, 3, 3).pack(sender))
+
+
+def test_the_first_autopilot_is_found_among_ground_stations_cameras_and_garbage():
+    clock = VirtualClock()
+    ours, end = MemoryWire.pair(clock.now_s)
+    for frame in (beat(255, 190, 6, 8), b"\x00garbage", beat(7, 100, 30, 8), beat(7, 1, 2, 3, 128)):
+        end.send(frame)
+    found = find_autopilot(ours, clock=clock.now_s, timeout_s=1.0, sleep=lambda _: None, who="there")
+    assert found == Found(7, 1, 3, 2, armed=True)
+    assert len(end.receive()) == 1  # our own HEARTBEAT, without which a vehicle that is called would not answer
+
+
+def test_where_no_autopilot_is_heard_it_is_said_what_was():
+    clock = VirtualClock()
+    ours, end = MemoryWire.pair(clock.now_s)
+    end.send(beat(255, 190, 6, 8))
+    with pytest.raises(LinkError, match=r"there: no autopilot's HEARTBEAT within 4 s \(1 other frames heard\)"):
+        find_autopilot(
+            ours,
+            clock=clock.now_s,
+            timeout_s=4.0,
+            sleep=lambda by_s: clock.sleep_until(clock.now_s() + by_s),
+            who="there",
+        )
+    assert len(end.receive()) == 5
+
+
+@pytest.mark.parametrize(
+    ("url", "here"),
+    [
+        ("udpin://127.0.0.1:14540", True),
+        ("tcpout://localhost:5760", True),
+        ("udpout://127.3.2.1:14540", True),
+        ("udpin://[::1]:14540", True),
+        ("udpin://0.0.0.0:14540", False),
+        ("tcpout://192.168.4.1:5760", False),
+        ("udpout://drone.local:14540", False),
+        ("serial:///dev/ttyACM0:57600", False),
+    ],
+)
+def test_only_what_is_on_loopback_counts_as_a_simulator(url, here):
+    assert parse(url).on_loopback is here
+
+
+def guidance(*arguments, **options):
+    return subprocess.run(
+        [GUIDANCE, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False, **options
+    )
+
+
+def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path):
+    done = guidance("fly", "--vehicle", "udpin://0.0.0.0:14999", input="n\n", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "may be a real vehicle. Arm and fly it?" in done.stdout + done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--vehicle", "udpin://127.0.0.1:14540", "--fast"), "not with --fast"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--port", "7000"), "not with --port"),
+        (("--vehicle", "px4"), "url = 'px4'"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--end", "hover"), "--end hover: allowed are return, land"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--link", "ros"), "--link ros: allowed are mavsdk, pymavlink"),
+    ],
+)
+def test_arguments_that_cannot_be_meant_are_refused(tmp_path, arguments, words):
+    done = guidance("fly", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert words in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("autopilot", "link"), [("px4", "mavsdk"), ("arducopter", "pymavlink")])
+def test_guidance_fly_flies_a_vehicle_that_was_started_elsewhere(tmp_path, autopilot, link):
+    vehicle = {"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0, "parameters": FENCED[autopilot]}
+    with running([vehicle], over=["udp"]) as fleet:
+        out = tmp_path / "out"
+        done = subprocess.run(
+            [GUIDANCE, "fly", SHORT_FILE, "--vehicle", fleet["uav1"].udp, "--link", link, "--out", out],
+            capture_output=True, text=True, timeout=150, check=False, env={**os.environ, "COLUMNS": "200"},
+        )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "captured" in done.stdout
+    assert float(re.search(r"flown / predicted +([\d.]+)", done.stdout)[1]) > 0.8
+    assert re.search(r"flight ended +landed", done.stdout)
+    assert (out / "flight.png").stat().st_size > 20_000
+    replayed = guidance("replay", out / "record.mcap")
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
+
+
+@pytest.mark.slow
+def test_ctrl_c_lands_the_vehicle_and_says_so(tmp_path):
+    vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 1.0, "parameters": FENCED["px4"]}
+    with running([vehicle], over=["udp"]) as fleet:
+        process = subprocess.Popen(
+            [GUIDANCE, "fly", SHORT_FILE, "--vehicle", fleet["uav1"].udp, "--out", tmp_path / "out"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        assert any("climbing" in line for line in process.stdout)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, out + err
+    assert "interrupted: the vehicle was told to land, and is landing" in out
+
+
+def test_where_there_is_no_vehicle_it_is_said(tmp_path):
+    done = guidance("fly", "--vehicle", "tcpout://127.0.0.1:9", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "127.0.0.1:9" in done.stderr

@@ -1,0 +1,63 @@
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.errors import ConfigError
+from guidance.sim.outcome import SCHEMA, Outcome
+
+SHORT = Path(__file__).parents[1] / "data" / "short_chase.toml"
+
+
+def guidance(*arguments):
+    return CliRunner().invoke(app, ["scenario", *map(str, arguments)], env={"COLUMNS": "160"})
+
+
+def test_a_scenario_is_run_as_mathematics_and_its_row_written(tmp_path):
+    done = guidance("run", "hover_chase", "--json", tmp_path / "row.json")
+    assert done.exit_code == 0, done.output
+    row = json.loads((tmp_path / "row.json").read_text())
+    assert list(row) == list(Outcome._fields) == SCHEMA.names
+    assert row["end"] == "captured"
+    assert row["reason"] == ""
+    assert f"{row['predicted']:.3f} s" in done.output
+
+
+def test_a_number_that_there_is_none_of_is_null_in_json(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(SHORT.read_text().replace('game = "pe"', 'game = "pe"\ntime_limit_s = 0.5'))
+    assert guidance("run", path, "--json", tmp_path / "row.json").exit_code == 0
+    assert json.loads((tmp_path / "row.json").read_text())["capture_time_s"] is None
+
+
+def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(SHORT.read_text() + "\n[expect]\ncapture_time_s = { max = 0.1 }\nend = 'captured'\n")
+    done = guidance("run", path)
+    assert done.exit_code == 1
+    failed = [line for line in done.output.splitlines() if "FAILS" in line]
+    assert len(failed) == 1
+    assert failed[0].split()[0] == "capture_time_s"
+    assert "at most 0.1" in failed[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--as", "fats"], "--as fats: allowed are maths, fast, live, vehicle"),
+        (["--as", "vehicle"], "--config: needed with --as vehicle"),
+        (["--config", "px4.toml"], "--config: needed with --as vehicle"),
+        (["--as", "live", "--over", "smoke"], "--over smoke: allowed are zenoh, udp"),
+        (["--json", "/nowhere/row.json"], "--json /nowhere/row.json: cannot be written"),
+    ],
+)
+def test_wrong_options_are_refused_by_name(arguments, message):
+    done = guidance("run", "hover_chase", *arguments)
+    assert isinstance(done.exception, ConfigError)
+    assert message in str(done.exception)
+
+
+def test_the_schema_is_printed():
+    assert json.loads(guidance("schema").output)["title"] == "Scenario"
