@@ -14,7 +14,7 @@ import zenoh
 
 from guidance.errors import LinkError
 from guidance.links.wires.zenoh import open_session
-from guidance.service import control_token
+from guidance.session import control_token
 from guidance.session.control_token import ControlToken
 from guidance.session.orders import Mailbox
 

@@ -7,7 +7,7 @@ import pytest
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.wires.zenoh import open_session
-from guidance.service import control_token
+from guidance.session import control_token
 from guidance.session.control_bus import ControlBus, join_session
 from guidance.session.orders import Mailbox
 
