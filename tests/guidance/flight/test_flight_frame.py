@@ -111,7 +111,7 @@ def told(frame, at_s):
 
 
 def relative(flown):
-    """From the vehicle to its target, metres."""
+    """From the vehicle to its evader, metres."""
     evader = flown.flight.tracking.evader(flown.now_s)
     return tuple(there - here for there, here in zip(evader.position_ned_m, flown.position, strict=True))
 
