@@ -9,17 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from guidance.control import AltitudeHold, Envelope, Limited, LimitMemory, Situation, hold_altitude, limit
+from guidance.control.approach import Gaps
+from guidance.control.fence import keep_inside
+from guidance.control.follow import Following, FollowMemory, Motion, follow, less_drift, observe_drift, with_drift
+from guidance.control.hold import NorthEast, keep_station
+from guidance.control.late_start import Acceleration, late_start
 from guidance.errors import ConfigError
-from guidance.following.approach import Gaps
-from guidance.following.boundary import keep_inside
-from guidance.following.drift import observe_drift
-from guidance.following.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
-from guidance.following.late_start import Acceleration, late_start
-from guidance.following.station import NorthEast, keep_station
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
 from guidance.game import Game, Reason, Solution, SpeedSet, StandOff, Winner, guaranteed_age_s, solve
 from guidance.game.game import horizontal_speed
-from guidance.limits import AltitudeHold, Envelope, Limited, LimitMemory, Situation, hold_altitude, limit
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
@@ -97,7 +96,7 @@ class Certificate(NamedTuple):
 
     `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD), of the game's
     pursuer, which is at full speed at once. What this vehicle can promise, from the velocity and with the acceleration
-    that it has (`guidance.following.late_start`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
+    that it has (`guidance.control.late_start`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
     keep the evader `assured_distance_m` from its target: negative by what it comes short where the evader gets there,
     NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
     `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `acted`. `reason` is

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from guidance.control import Envelope
 from guidance.cycle import Certificate, CycleSettings
 from guidance.frames import Vector
 from guidance.game import Game, solve
-from guidance.limits import Envelope
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """A fence that is given on the map, put about home: its corners are degrees, the limits work in metres."""
 
+from guidance.control import Polygon
 from guidance.frames import LocalFrame, Vector
-from guidance.limits import Polygon
 
 Corners = tuple[tuple[float, float], ...]
 """Latitude and longitude of each corner, degrees."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from guidance.autopilots import HEARTBEAT, Mode
+from guidance.control import Envelope
 from guidance.cycle import Certificate, CycleInputs, CycleMemory, hover, play
 from guidance.flight.carrying import carried, difference
 from guidance.flight.detect import EventContext, events
@@ -22,7 +23,6 @@ from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, Event, S
 from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame, Vector
 from guidance.game.game import horizontal_speed
-from guidance.limits import Envelope
 from guidance.messages import EvaderReport, Heartbeat, LocalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm, Guarantee, watch
 from guidance.vehicle import VehicleState, observe

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from guidance.autopilots import AutopilotProfile
 from guidance.cycle import CycleSettings, EvaderEstimate
-from guidance.estimate import Observer, ReportOutcome, TrackSettings, evader_at, moved, observe
+from guidance.estimation import Observer, ReportOutcome, TrackSettings, evader_at, moved, observe
 from guidance.flight.zero import Zero
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.messages import EvaderReport, Home

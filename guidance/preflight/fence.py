@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from guidance.control import Polygon
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
-from guidance.limits import Polygon
 from guidance.messages import Home
 from guidance.preflight.row import Finding, Verdict
 from guidance.preflight.uploaded import Area, Uploaded

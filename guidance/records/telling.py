@@ -4,12 +4,12 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
+from guidance.control import Envelope
 from guidance.cycle import Certificate
 from guidance.flight import FlightSettings
 from guidance.flight.fence import polygon_about_home
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame, Vector
-from guidance.limits import Envelope
 from guidance.messages import EvaderReport, LocalPosition, Timesync
 from guidance.records.rows import CycleRow
 from guidance.vehicle import VehicleState, observe

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from guidance.control import Envelope
 from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.frames import Vector
-from guidance.limits import Envelope
 from guidance.records import (
     Cycle,
     EventRow,

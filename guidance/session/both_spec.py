@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from guidance.config import parse
+from guidance.control import Speeds
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
-from guidance.limits import Speeds
 from guidance.links.opening import Found
 from guidance.session.vehicle_file import Config
 from guidance.session.vehicle_spec import flight_settings

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from guidance.autopilots import profile
+from guidance.control import Envelope, StandOffLimit
+from guidance.control.handling import handling
 from guidance.cycle import CycleSettings
 from guidance.flight import AfterCapture, FlightSettings
-from guidance.following.handling import handling
-from guidance.limits import Envelope, StandOffLimit
 from guidance.sim.players import pursuer_strategy, site, speed_set, standoff, target_game_m
 from guidance.sim.scenario import Scenario
 

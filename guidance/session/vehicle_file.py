@@ -8,9 +8,9 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from guidance.config import Section
+from guidance.control import Polygon, SpeedLimits, Speeds
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
-from guidance.limits import Polygon, SpeedLimits, Speeds
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]

@@ -4,14 +4,14 @@ import math
 from collections.abc import Collection
 
 from guidance.autopilots import profile
+from guidance.control import Envelope, Polygon, StandOffLimit
+from guidance.control.handling import handling
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, FlightSettings, State
 from guidance.flight.settings import LIMITS_S
-from guidance.following.handling import handling
 from guidance.frames import Amsl
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
-from guidance.limits import Envelope, Polygon, StandOffLimit
 from guidance.preflight import Wants
 from guidance.session.vehicle_file import Config, GameSection
 from guidance.strategies import COURSES, PURSUER_STRATEGIES, Strategy

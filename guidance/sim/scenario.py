@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 
 from guidance.config import Section
-from guidance.limits import SpeedLimits, Speeds
+from guidance.control import SpeedLimits, Speeds
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 

@@ -8,7 +8,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
-from guidance.estimate import TrackSettings
+from guidance.estimation import TrackSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport, Timesync

@@ -23,8 +23,8 @@ from chase import Chased, altered, chase, hover_chase
 from rich.console import Console
 from rich.table import Table
 
+from guidance.control.handling import HANDLING
 from guidance.flight import FlightSettings
-from guidance.following.handling import HANDLING
 from guidance.messages import Setpoint
 from guidance.strategies import Strategy
 

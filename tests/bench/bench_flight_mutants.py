@@ -1,4 +1,4 @@
-"""Mutants of the flight machine and the limits: `python tests/bench/bench_flight_mutants.py [--only FILES]`.
+"""Mutants of the flight machine and of control: `python tests/bench/bench_flight_mutants.py [--only FILES]`.
 
 One change at a time, in memory, in a forked child that stops at the first test that fails: operators, comparisons,
 constants and conditions as in `bench_game_mutants.py`, and besides every statement with an effect dropped, every entry
@@ -37,8 +37,8 @@ FLIGHTS = (
     "test_daemon",
     "test_frames_and_limits",
 )
-CLOSED_LOOP = ("test_limits_any_input", "test_limits_in_flight")
-NEAREST = {
+CLOSED_LOOP = ("test_setpoint_limiter_any_input", "test_setpoint_limiter_in_flight")
+FLIGHT = {
     "test_flight_events": "flight/detect flight/readiness flight/settings",
     "test_flight_echo": "flight/echo",
     "test_flight_playing": "flight/machine",
@@ -46,16 +46,25 @@ NEAREST = {
     "test_flight_fence": "flight/fence",
     "test_flight_table": "flight/table",
     "test_flight_tracking": "flight/tracking",
-    "test_limits_space": "limits/altitude limits/fence limits/space limits/stand_off",
-    "test_limits_height": "limits/altitude_hold limits/height",
-    "test_limits_envelope": "limits/envelope limits/polygon",
-    "test_limits_laws": "limits/last_word limits/memory limits/shaping limits/situation limits/stopping",
-    "test_limits_walls": "limits/wall",
 }
-PACKAGES = {name: tuple(tests for tests in NEAREST if tests[5:].startswith(name)) for name in ("flight", "limits")}
+CONTROL = {
+    "test_feasible_velocity": "control/fence control/feasible_velocity",
+    "test_hold": "control/hold",
+    "test_envelope": "control/envelope control/polygon",
+    "test_setpoint_limiter": "control/setpoint_limiter control/shaping control/situation control/stopping",
+    "test_velocity_constraints": "control/velocity_constraints",
+    "test_approach": "control/approach",
+    "test_catch_up": "control/catch_up control/late_start",
+    "test_servo": "control/servo",
+    "test_follow": "control/follow",
+    "test_drift": "control/follow",
+    "test_fence": "control/fence",
+}
+NEAREST = {**FLIGHT, **CONTROL}
+PACKAGES = {"flight": tuple(FLIGHT), "control": tuple(CONTROL)}
 FIRST = {stem: tests for tests, stems in NEAREST.items() for stem in stems.split()}
 WHOLE = {"test_each_event_leads_where_it_should_and_from_nowhere_else", "test_the_modes_of_our_own_doing_by_state"}
-FOLDERS = ("guidance", "guidance/flight", "pitfalls", "service")
+FOLDERS = ("guidance/control", "guidance/flight", "pitfalls", "service")
 Planted = Callable[[], None]
 
 
@@ -299,7 +308,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=600.0)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default="", help="comma-separated, as limits/fence or flight")
+    parser.add_argument("--only", default="", help="comma-separated, as control/fence or flight")
     parser.add_argument("--lines", default="", help="comma-separated line numbers, to judge some again")
     parser.add_argument("--resume", type=Path, help="a file that keeps what was judged")
     parser.add_argument("--flights", action="store_true", help="let flights and wide searches judge as well")
@@ -307,7 +316,7 @@ def main() -> None:
     if given.flights:
         PACKAGES.update(
             flight=(*PACKAGES["flight"], *FLIGHTS),
-            limits=(*PACKAGES["limits"], *CLOSED_LOOP),
+            control=(*PACKAGES["control"], *CLOSED_LOOP),
         )
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)
@@ -315,7 +324,7 @@ def main() -> None:
     for package in PACKAGES:
         for path in sorted((ROOT / "guidance" / package).glob("*.py")):
             only = given.only.split(",") if given.only else [package]
-            if path.stem in ("__init__", "limiter") or not {package, f"{package}/{path.stem}"} & set(only):
+            if path.stem in ("__init__",) or not {package, f"{package}/{path.stem}"} & set(only):
                 continue
             drawn += [(package, path.stem, said, planted) for said, planted in drawn_from(package, path.stem)]
     if given.lines:

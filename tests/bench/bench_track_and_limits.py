@@ -13,8 +13,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from guidance.estimate import Measurement, Track, TrackSettings, predict, update
-from guidance.limits import Envelope, Polygon, Situation, StandOffLimit, limit
+from guidance.control import Envelope, Polygon, Situation, StandOffLimit, limit
+from guidance.estimation import Measurement, Track, TrackSettings, predict, update
 from guidance.messages import Setpoint
 
 with warnings.catch_warnings():

@@ -21,11 +21,11 @@ from pymavlink.dialects.v20 import all as dialect
 from typer.testing import CliRunner
 
 from guidance.cli import app
+from guidance.control import Polygon
 from guidance.drawing.shapes import fence_edges
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
-from guidance.limits import Polygon
 from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
 from guidance.records import Teller, flight_settings, metadata_of, reports_of, rows_of, scan, survey_of
 from guidance.records.columns import SCHEMA

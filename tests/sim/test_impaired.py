@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.clock import VirtualClock
 from guidance.config import parse
-from guidance.estimate import Observer, TrackSettings, evader_at, observe
+from guidance.estimation import Observer, TrackSettings, evader_at, observe
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport
 from guidance.records import compare, flight_settings, metadata_of

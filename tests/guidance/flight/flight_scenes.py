@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.control import Envelope
+from guidance.control.late_start import Acceleration
 from guidance.cycle import Certificate, CycleSettings
 from guidance.flight import FlightSettings
 from guidance.flight.detect import EventContext
-from guidance.following.late_start import Acceleration
 from guidance.game import Ball, StandOff
-from guidance.limits import Envelope
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.strategies import Strategy
 from guidance.vehicle import VehicleState, observe

@@ -9,7 +9,7 @@ from links_peer import Peer
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
-from guidance.estimate import Observer, TrackSettings, evader_at, observe
+from guidance.estimation import Observer, TrackSettings, evader_at, observe
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.evaders import (

@@ -1,0 +1,39 @@
+"""From the velocity that the game asks for to a setpoint that may be sent: follow it, and limit whatever is sent."""
+
+from guidance.control.envelope import Envelope, Limiter, SpeedLimits, Speeds, StandOffLimit
+from guidance.control.fence import keep_inside
+from guidance.control.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
+from guidance.control.handling import HANDLING, Handling, handling
+from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
+from guidance.control.polygon import Polygon
+from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
+from guidance.control.situation import Situation
+
+__all__ = [
+    "HANDLING",
+    "AltitudeHold",
+    "Envelope",
+    "FollowMemory",
+    "Following",
+    "Handling",
+    "Held",
+    "LimitMemory",
+    "Limited",
+    "Limiter",
+    "Motion",
+    "NorthEast",
+    "Polygon",
+    "Situation",
+    "SpeedLimits",
+    "Speeds",
+    "StandOffLimit",
+    "follow",
+    "handling",
+    "hold_altitude",
+    "keep_inside",
+    "keep_station",
+    "less_drift",
+    "limit",
+    "start",
+    "with_drift",
+]

@@ -1,0 +1,161 @@
+"""What is remembered of one evader: how a report from the wire enters it (clock ▸ frame ▸ track), and what comes out.
+
+Out comes where the evader is at a time, how fast it may be, how old and how sure that is. In a local frame whose zero
+is moved, every place moves alike, and nothing is less sure.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.estimation.clock_offset import ClockOffset, hear, synchronise
+from guidance.estimation.imm import STATES, Array, combine
+from guidance.estimation.measurement import measure
+from guidance.estimation.settings import TrackSettings
+from guidance.estimation.track import Accepted, Track, advance, update
+from guidance.frames import LocalFrame, Vector
+from guidance.messages import EvaderReport, Timesync
+
+
+class EvaderState(NamedTuple):
+    """The evader at a time of our clock, extrapolated from its last report.
+
+    Attributes:
+        position_ned_m: Position in the local frame.
+        velocity_ned_m_s: Velocity; without meaning (and near zero) while `velocity_known` is False.
+        velocity_known: Whether reports or motion have shown the velocity yet. Unknown is not zero.
+        speed_bound_m_s: max(declared, estimate + kσ) over the ground.
+        turn_rate_rad_s: Positive from north to east.
+        turning: Probability that it is turning, 0 to 1.
+        age_s: From the moment the last report was true, to now: τ of the game's l − uτ.
+        silence_s: From the moment the last report arrived.
+        position_sd_m: Spread of the position over the ground, in its worst direction.
+        velocity_sd_m_s: The same of the velocity.
+        covariance: (4, 4), of north, east (m) and their rates (m/s).
+    """
+
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    velocity_known: bool
+    speed_bound_m_s: float
+    turn_rate_rad_s: float
+    turning: float
+    age_s: float
+    silence_s: float
+    position_sd_m: float
+    velocity_sd_m_s: float
+    covariance: Array
+
+
+def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderState | None:
+    """The evader at a time of our clock; None before the first report, the last report's for a time before it."""
+    last = track.estimate
+    if last is None:
+        return None
+    moved = advance(last, now_s, settings)
+    mean, covariance = combine(moved.modes)
+    north, east, north_rate, east_rate, turn_rate = mean.tolist()
+    spread = covariance.tolist()
+    velocity_sd_m_s = _worst_sd(spread[2][2], spread[2][3], spread[3][3])
+    speed_m_s = math.hypot(north_rate, east_rate)
+    bound_m_s = speed_m_s + settings.sigmas * _sd_along(north_rate, east_rate, spread, velocity_sd_m_s)
+    return EvaderState(
+        position_ned_m=(north, east, moved.height.down_m),
+        velocity_ned_m_s=(north_rate, east_rate, moved.height.rate_m_s),
+        velocity_known=velocity_sd_m_s <= settings.known_velocity_sd_m_s,
+        speed_bound_m_s=max(settings.declared_speed_m_s, bound_m_s),
+        turn_rate_rad_s=moved.modes.turning * turn_rate,
+        turning=moved.modes.turning,
+        age_s=max(0.0, now_s - last.time_s),
+        silence_s=max(0.0, now_s - last.received_s),
+        position_sd_m=_worst_sd(spread[0][0], spread[0][1], spread[1][1]),
+        velocity_sd_m_s=velocity_sd_m_s,
+        covariance=covariance[:4, :4],
+    )
+
+
+def _sd_along(north_rate: float, east_rate: float, spread: list[list[float]], worst_sd: float) -> float:
+    """σ of the speed: of the velocity along itself, or in its worst direction while it is lost in its own spread."""
+    speed = math.hypot(north_rate, east_rate)
+    if speed <= worst_sd:
+        return worst_sd
+    north, east = north_rate / speed, east_rate / speed
+    variance = north * north * spread[2][2] + 2.0 * north * east * spread[2][3] + east * east * spread[3][3]
+    return math.sqrt(max(0.0, variance))
+
+
+def _worst_sd(one: float, shared: float, other: float) -> float:
+    """Square root of the larger eigenvalue of a symmetric 2 × 2 matrix."""
+    return math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
+
+
+class Observer(NamedTuple):
+    """The sender's clock and the track. A new one knows nothing."""
+
+    clock: ClockOffset | None = None
+    track: Track = Track()
+
+
+def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
+    """Take in one report of the one evader, and the answer to our TIMESYNC that it may bring along."""
+    if report.timesync is not None:
+        observer = compare_clocks(observer, report.timesync)
+    clock = hear(observer.clock, report.sent_s, report.received_s)
+    measurement = measure(report, frame, _true_at(report, clock, settings), settings)
+    return Observer(clock, update(observer.track, measurement, settings))
+
+
+def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
+    """Take in the evader's own answer to our TIMESYNC."""
+    clock = synchronise(observer.clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
+    return observer._replace(clock=clock)
+
+
+def evader_at(observer: Observer, now_s: float, settings: TrackSettings) -> EvaderState | None:
+    """The evader at a time of our clock; None before the first report."""
+    return predict(observer.track, now_s, settings)
+
+
+def _true_at(report: EvaderReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
+    """When the report was true: by its sender's clock where it has one, else by its arrival less the latency."""
+    if math.isnan(report.sent_s) or clock is None:
+        return report.received_s - settings.latency_s
+    return clock.ours(report.sent_s) - (0.0 if clock.measured else settings.latency_s)
+
+
+def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
+    """Move everything that is remembered of an evader, as if its reports had been heard in the new frame.
+
+    Args:
+        observer: As it was.
+        into: From a position in the old frame to the same place in the new one, metres; both point the same way.
+    """
+    track = observer.track
+    if not track.history:
+        return observer
+    was = track.history[-1].measurement.position_ned_m
+    north, east, down = (now - before for before, now in zip(was, into(was), strict=True))
+    return observer._replace(track=_moved_track(track, (north, east, down)))
+
+
+def _moved_track(track: Track, by_ned_m: Vector) -> Track:
+    history = tuple(_moved_report(one, by_ned_m) for one in track.history)
+    rival = None if track.rival is None else _moved_track(track.rival, by_ned_m)
+    return replace(track, history=history, rival=rival)
+
+
+def _moved_report(one: Accepted, by_ned_m: Vector) -> Accepted:
+    measurement, estimate = one
+    north, east, down = (here + by for here, by in zip(measurement.position_ned_m, by_ned_m, strict=True))
+    shift = np.zeros(STATES)
+    shift[:2] = by_ned_m[:2]
+    return Accepted(
+        measurement._replace(position_ned_m=(north, east, down)),
+        estimate._replace(
+            modes=estimate.modes._replace(mean=estimate.modes.mean + shift),
+            height=estimate.height._replace(down_m=estimate.height.down_m + by_ned_m[2]),
+        ),
+    )

@@ -1,0 +1,26 @@
+"""An envelope wide open but for what a test closes, and a command that has been flown all along."""
+
+from guidance.control import Envelope, LimitMemory, Situation, limit
+from guidance.messages import Setpoint
+
+DT_S = 0.02
+OPEN = Envelope(
+    floor_m=-1000.0,
+    ceiling_m=1000.0,
+    speed_m_s=10.0,
+    climb_m_s=4.0,
+    descent_m_s=2.0,
+    acceleration_m_s2=5.0,
+    vertical_acceleration_m_s2=3.0,
+    jerk_m_s3=1e6,
+    yaw_rate_rad_s=0.5,
+    braking_m_s2=2.0,
+    vertical_braking_m_s2=1.0,
+    reaction_s=0.5,
+)
+HOVER = Situation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def settled(velocity, situation=HOVER, envelope=OPEN, **command):
+    """Limit a command that has been flown all along, so that acceleration does not act."""
+    return limit(Setpoint(velocity, **command), situation, envelope, LimitMemory(velocity), DT_S)

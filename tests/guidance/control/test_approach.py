@@ -1,0 +1,131 @@
+"""The approach to the stand-off disc: braking distances, and loops closed over lagging vehicles."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from guidance.control.approach import Approach, Gaps, approach, closing_allowed
+from guidance.control.handling import HANDLING
+
+DT_S = 0.02
+SETTINGS = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.3, margin_m=0.15)
+STILL = (0.0, 0.0, 0.0)
+FAR = Gaps(500.0, 100.0, 1.0, 0.0)
+
+speeds = st.floats(-12.0, 12.0)
+velocities = st.tuples(speeds, speeds, speeds)
+settings = st.sampled_from([SETTINGS, *(handling.following.approach for handling in HANDLING.values())])
+
+
+@st.composite
+def all_gaps(draw):
+    bearing = draw(st.floats(0.0, math.tau))
+    return Gaps(draw(st.floats(-5.0, 60.0)), draw(st.floats(-5.0, 60.0)), math.cos(bearing), math.sin(bearing))
+
+
+def closing(velocity, evader, gaps):
+    return (velocity[0] - evader[0]) * gaps.towards_north + (velocity[1] - evader[1]) * gaps.towards_east
+
+
+def across(velocity, evader, gaps):
+    return (velocity[1] - evader[1]) * gaps.towards_north - (velocity[0] - evader[0]) * gaps.towards_east
+
+
+@given(velocities, velocities, velocities, all_gaps(), settings)
+def test_never_asks_to_close_faster_than_can_be_braked(wanted, flown, evader, gaps, settings):
+    velocity, _ = approach(wanted, flown, evader, gaps, settings)
+    asked = closing(velocity, evader, gaps)
+    assert asked <= closing(wanted, evader, gaps) + 1e-9
+    used_m = settings.lag_s * closing(flown, evader, gaps)
+    left_m = gaps.ground_m - settings.margin_m - used_m
+    if asked > 1e-6:
+        assert asked * settings.settle_s + asked**2 / (2.0 * settings.braking_m_s2) <= max(left_m, 0.0) + 1e-6
+    if left_m <= 0.0:
+        assert asked <= 1e-9
+
+
+@given(velocities, velocities, velocities, all_gaps(), settings)
+def test_never_adds_speed_across_the_line_of_sight(wanted, flown, evader, gaps, settings):
+    velocity, braking = approach(wanted, flown, evader, gaps, settings)
+    assert abs(across(velocity, evader, gaps)) <= abs(across(wanted, evader, gaps)) + 1e-9
+    if not braking:
+        assert velocity[:2] == wanted[:2]
+
+
+@given(velocities, velocities, velocities, all_gaps(), settings)
+def test_never_descends_or_climbs_faster_than_can_be_braked(wanted, flown, evader, gaps, settings):
+    down = approach(wanted, flown, evader, gaps, settings)[0][2]
+    assert abs(down) <= abs(wanted[2])
+    assert down * wanted[2] >= 0.0
+    distance_m = max(abs(gaps.height_m), abs(gaps.height_m) + settings.lag_s * abs(flown[2]))
+    assert down**2 / (2.0 * settings.vertical_braking_m_s2) <= distance_m + 1e-6
+
+
+@given(velocities, velocities, velocities)
+def test_far_away_nothing_is_touched(wanted, flown, evader):
+    velocity, braking = approach(wanted, flown, evader, FAR, SETTINGS)
+    assert velocity[:2] == wanted[:2]
+    assert not braking
+
+
+@pytest.mark.parametrize("evader", [STILL, (3.0, 0.0, 0.0), (-1.0, 2.0, 0.0)])
+def test_at_rest_before_the_rim_the_velocity_is_the_evaders(evader):
+    rim = Gaps(SETTINGS.margin_m, 0.0, 1.0, 0.0)
+    velocity, braking = approach((6.0, 1.0, 0.0), evader, evader, rim, SETTINGS)
+    assert velocity == pytest.approx(evader)
+    assert braking
+
+
+def test_inside_the_disc_it_backs_off_gently():
+    evader = (3.0, 0.0, 0.0)
+    inside = approach((6.0, 0.0, 0.0), evader, evader, Gaps(-0.35, 0.0, 1.0, 0.0), SETTINGS)[0]
+    assert inside[0] == pytest.approx(3.0 - 0.5 * 0.5 / SETTINGS.settle_s)
+    deep = approach((6.0, 0.0, 0.0), evader, evader, Gaps(-3.0, 0.0, 1.0, 0.0), SETTINGS)[0]
+    assert deep[0] == pytest.approx(3.0 - SETTINGS.backing_m_s)
+
+
+def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
+    for left_m in (0.01, 0.5, 3.0, 40.0):
+        v = closing_allowed(left_m, 2.0, 0.3, 1.0)
+        assert v * 0.3 + v * v / 4.0 == pytest.approx(left_m)
+    assert closing_allowed(0.0, 2.0, 0.3, 1.0) == 0.0
+
+
+@pytest.mark.parametrize("pace", [0.0, 3.0, -1.0])
+@pytest.mark.parametrize("lag_s", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("name", sorted(HANDLING))
+def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, lag_s, pace):
+    settings = HANDLING[name].following.approach
+    evader = (pace, 0.0, 0.0)
+    gap_m, flown, reached_s = 40.0, 0.0, math.inf
+    for cycle in range(2000):
+        wanted = approach((6.0, 0.0, 0.0), (flown, 0.0, 0.0), evader, Gaps(gap_m, 0.0, 1.0, 0.0), settings)[0]
+        flown += (wanted[0] - flown) * (1.0 - math.exp(-DT_S / lag_s))
+        gap_m -= (flown - pace) * DT_S
+        assert gap_m >= 0.0
+        if gap_m <= 0.5:
+            reached_s = min(reached_s, cycle * DT_S)
+    assert gap_m == pytest.approx(settings.margin_m, abs=0.02)
+    assert flown == pytest.approx(pace, abs=0.02)
+    # Beside full speed to the rim: braking costs half of its time, and what is planned with to answer and to settle.
+    closing = 6.0 - pace
+    braking_s = 0.5 * closing / settings.braking_m_s2
+    assert reached_s <= 39.5 / closing + braking_s + 2.0 * (settings.lag_s + settings.settle_s)
+
+
+@pytest.mark.parametrize("lag_s", [0.1, 0.3])
+@pytest.mark.parametrize(("height_m", "wanted"), [(15.0, 1.5), (-4.0, -3.0), (40.0, 3.0)])
+@pytest.mark.parametrize("name", sorted(HANDLING))
+def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wanted, lag_s):
+    settings = HANDLING[name].following.approach
+    flown, side = 0.0, math.copysign(1.0, height_m)
+    for _ in range(2500):
+        # The game turns the sign of its vertical speed at the height of the disc.
+        game = math.copysign(wanted, height_m)
+        down = approach((0.0, 0.0, game), (0.0, 0.0, flown), STILL, Gaps(40.0, height_m, 1.0, 0.0), settings)[0][2]
+        flown += (down - flown) * (1.0 - math.exp(-DT_S / lag_s))
+        height_m -= flown * DT_S
+        assert height_m * side >= -0.02
+    assert abs(height_m) < 0.05

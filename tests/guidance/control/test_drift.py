@@ -1,0 +1,101 @@
+"""The drift between reported velocity and reported positions, and the place that is held by it."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from guidance.control.follow import JUMP_M, LARGEST_M_S, Drift, observe_drift
+from guidance.control.hold import AWAY_M, keep_station
+from guidance.control.hold import LARGEST_M_S as STATION_LARGEST_M_S
+
+DT_S = 0.02
+coordinates = st.floats(-50.0, 50.0)
+vectors = st.tuples(coordinates, coordinates, coordinates)
+
+
+def drive(*, seconds, velocity, error, hold_cycles=1):
+    """Report a motion whose velocity is off by `error(t)`; positions come every `hold_cycles` cycles, as streams do."""
+    drift, place, reported = Drift(), [0.0, 0.0, 0.0], (0.0, 0.0, 0.0)
+    for cycle in range(round(seconds / DT_S)):
+        now_s = cycle * DT_S
+        true = velocity(now_s)
+        if cycle % hold_cycles == 0:
+            reported = tuple(place)
+        told = tuple(v + e for v, e in zip(true, error(now_s), strict=True))
+        drift = observe_drift(drift, reported, told, dt_s=DT_S)
+        place = [p + v * DT_S for p, v in zip(place, true, strict=True)]
+    return drift.velocity_ned_m_s
+
+
+@pytest.mark.parametrize("hold_cycles", [1, 2])
+def test_a_constant_error_is_found(hold_cycles):
+    found = drive(
+        seconds=15.0,
+        velocity=lambda _now_s: (6.0, -2.0, 1.5),
+        error=lambda _now_s: (0.2, -0.3, 0.1),
+        hold_cycles=hold_cycles,
+    )
+    assert found == pytest.approx((0.2, -0.3, 0.1), abs=0.05)
+
+
+def test_an_error_that_wanders_slowly_is_followed():
+    found = drive(
+        seconds=40.0,
+        velocity=lambda now_s: (6.0 * math.sin(now_s), 0.0, 0.0),
+        error=lambda now_s: (0.0, 0.3 * math.sin(0.1 * now_s), 0.0),
+    )
+    assert found == pytest.approx((0.0, 0.3 * math.sin(4.0), 0.0), abs=0.1)
+
+
+def test_velocities_that_fit_their_positions_have_no_drift():
+    found = drive(
+        seconds=20.0,
+        velocity=lambda now_s: (4.0 * math.cos(now_s), 5.0, -math.sin(3.0 * now_s)),
+        error=lambda _now_s: (0.0, 0.0, 0.0),
+    )
+    assert found == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
+
+
+@given(st.lists(st.tuples(vectors, vectors, st.floats(0.0, 1.0)), min_size=1, max_size=40))
+def test_the_drift_is_bounded_whatever_is_reported(reports):
+    drift = Drift()
+    for position, velocity, dt_s in reports:
+        drift = observe_drift(drift, position, velocity, dt_s=dt_s)
+        assert all(abs(part) <= LARGEST_M_S for part in drift.velocity_ned_m_s)
+
+
+def test_nothing_is_learned_from_a_jump_of_the_estimate():
+    before = Drift((0.1, 0.0, 0.0), (5.0, 5.0, -20.0))
+    after = observe_drift(before, (5.0 + 3.0 * JUMP_M, 5.0, -20.0), (0.1, 0.0, 0.0), dt_s=DT_S)
+    assert after == Drift((0.1, 0.0, 0.0), (5.0 + 3.0 * JUMP_M, 5.0, -20.0))
+
+
+def test_a_moving_vehicle_is_stopped_before_a_place_is_held():
+    assert keep_station(None, (1.0, 2.0, -5.0), (2.0, 0.0, 0.0)) == ((0.0, 0.0), None)
+    assert keep_station(None, (1.0, 2.0, -5.0), (0.1, 0.0, 0.0)) == ((0.0, 0.0), (1.0, 2.0))
+
+
+@given(st.tuples(coordinates, coordinates), vectors)
+def test_station_is_kept_slowly_and_towards_the_place(place, position):
+    (north, east), held = keep_station(place, position, (0.0, 0.0, 0.0))
+    assert math.hypot(north, east) <= STATION_LARGEST_M_S + 1e-12
+    assert north * (place[0] - position[0]) + east * (place[1] - position[1]) >= 0.0
+    assert held == (place if math.dist(place, position[:2]) <= AWAY_M else position[:2])
+
+
+def test_a_place_is_held_against_an_autopilot_that_slides():
+    slide = (0.2, -0.1)  # m/s, by which the autopilot's velocity is wrong
+    drift, place, here, flown = Drift(), None, [0.0, 0.0], [0.0, 0.0]
+    for _ in range(3000):
+        told = (flown[0] + slide[0], flown[1] + slide[1], 0.0)
+        drift = observe_drift(drift, (here[0], here[1], -5.0), told, dt_s=DT_S)
+        less = tuple(v - d for v, d in zip(told, drift.velocity_ned_m_s, strict=True))
+        (north, east), place = keep_station(place, (here[0], here[1], -5.0), less)
+        for axis, asked in enumerate((north, east)):
+            command = asked + drift.velocity_ned_m_s[axis]
+            flown[axis] += (command - slide[axis] - flown[axis]) * (1.0 - math.exp(-DT_S / 0.3))
+            here[axis] += flown[axis] * DT_S
+    assert flown == pytest.approx([0.0, 0.0], abs=0.01)
+    assert math.dist(here, place) < 0.05

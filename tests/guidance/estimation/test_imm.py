@@ -1,0 +1,195 @@
+"""Estimate: its filters against filterpy, an independent library, and its motion against its own definition."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.estimation import TrackSettings, height, imm
+from guidance.estimation.imm import step
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)  # filterpy's, on import
+    from filterpy.common import Q_continuous_white_noise
+    from filterpy.kalman import IMMEstimator, KalmanFilter
+
+SETTINGS = TrackSettings(declared_speed_m_s=3.0, turning_noise_m2_s3=0.7, turn_rate_sd_rad_s=0.5)
+STEPS_S = [0.02, 0.3, 1.0]
+states = st.tuples(*[st.floats(-200.0, 200.0)] * 2, *[st.floats(-10.0, 10.0)] * 2, st.floats(-1.5, 1.5))
+
+
+def both(state):
+    return np.array([state, state])
+
+
+def filterpy_noise(dt_s, density, turn_rate_variance):
+    noise = np.zeros((5, 5))
+    block = Q_continuous_white_noise(2, dt=dt_s, spectral_density=density)
+    for axis in (0, 1):
+        noise[np.ix_([axis, axis + 2], [axis, axis + 2])] = block
+    noise[4, 4] = turn_rate_variance
+    return noise
+
+
+def turned(state, dt_s, pieces=20000):
+    """A coordinated turn by small steps of its definition: position' = velocity, velocity' = ω × velocity."""
+    north, east, north_rate, east_rate, turn_rate = state
+    piece = dt_s / pieces
+    velocity, place = complex(north_rate, east_rate), complex(north, east)
+    half = complex(math.cos(turn_rate * piece / 2), math.sin(turn_rate * piece / 2))
+    for _ in range(pieces):
+        velocity *= half
+        place += velocity * piece
+        velocity *= half
+    return [place.real, place.imag, velocity.real, velocity.imag]
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 1e-6, 1e-3, 0.4, -1.2])
+def test_the_turn_is_the_one_that_its_definition_gives(turn_rate):
+    state = [10.0, -20.0, 3.0, 1.5, turn_rate]
+    assert step(both(state), 0.7, SETTINGS).mean[1, :4] == pytest.approx(turned(state, 0.7), abs=1e-6)
+
+
+@settings(deadline=None)
+@given(states, st.sampled_from(STEPS_S))
+def test_the_steady_model_goes_straight(state, dt_s):
+    moved = step(both(state), dt_s, SETTINGS).mean[0]
+    north, east, north_rate, east_rate, _ = state
+    assert moved[:4] == pytest.approx([north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate])
+
+
+@settings(deadline=None)
+@given(states, st.sampled_from(STEPS_S))
+def test_the_jacobians_are_those_of_the_steps(state, dt_s):
+    jacobian = step(both(state), dt_s, SETTINGS).jacobian
+    for column in range(5):
+        width = np.zeros(5)
+        width[column] = 1e-4
+        forward = step(both(np.array(state) + width), dt_s, SETTINGS).mean
+        backward = step(both(np.array(state) - width), dt_s, SETTINGS).mean
+        assert jacobian[:, :, column] == pytest.approx((forward - backward) / 2e-4, abs=2e-5)
+
+
+@pytest.mark.parametrize("dt_s", STEPS_S)
+def test_the_noise_is_filterpy_s_continuous_white_noise(dt_s):
+    noise = step(both([0.0] * 5), dt_s, SETTINGS).noise
+    fading = SETTINGS.turn_rate_sd_rad_s**2 * (1.0 - math.exp(-2.0 * dt_s / SETTINGS.turn_time_s))
+    assert noise[0] == pytest.approx(filterpy_noise(dt_s, SETTINGS.steady_noise_m2_s3, fading))
+    assert noise[1] == pytest.approx(filterpy_noise(dt_s, SETTINGS.turning_noise_m2_s3, fading))
+
+
+def test_two_half_steps_spread_as_much_as_one_whole_one():
+    modes = imm.begin(np.array([1.0, 2.0, 3.0, 4.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
+    whole, half = step(modes.mean, 1.0, SETTINGS), step(modes.mean, 0.5, SETTINGS)
+    twice = half.jacobian[0] @ half.noise[0] @ half.jacobian[0].T + half.noise[0]
+    assert twice[:4, :4] == pytest.approx(whole.noise[0][:4, :4])
+
+
+class Moving(KalmanFilter):
+    """filterpy's filter, with the state moved by our motion and everything else its own."""
+
+    model = 0
+
+    def predict(self, *_args, **_kwargs):
+        moved = step(both(self.x[:, 0]), self.dt_s, SETTINGS)
+        self.F, self.x = moved.jacobian[self.model], moved.mean[self.model][:, None]
+        self.P = self.F @ self.P @ self.F.T + self.Q
+
+
+def filterpy_imm(measured, noise, dt_s):
+    """filterpy's IMM with our two motions and its own mixing, gains, likelihoods and combination."""
+    known = len(measured)
+    begun = imm.begin(measured, noise, SETTINGS)
+    filters = []
+    for model in (0, 1):
+        one = Moving(dim_x=5, dim_z=known)
+        one.model, one.dt_s = model, dt_s
+        one.x, one.P = begun.mean[model][:, None].copy(), begun.covariance[model].copy()
+        one.H, one.R = np.eye(5)[:known], noise
+        density = (SETTINGS.steady_noise_m2_s3, SETTINGS.turning_noise_m2_s3)[model]
+        fading = SETTINGS.turn_rate_sd_rad_s**2 * (1.0 - math.exp(-2.0 * dt_s / SETTINGS.turn_time_s))
+        one.Q = filterpy_noise(dt_s, density, fading)
+        filters.append(one)
+    begins, ends = 1.0 / SETTINGS.steady_time_s, 1.0 / SETTINGS.turning_time_s
+    # The generator of a chain with two states, exponentiated by its series: independent of the closed form.
+    generator = np.array([[-begins, begins], [ends, -ends]]) * dt_s
+    chain, term = np.eye(2), np.eye(2)
+    for order in range(1, 30):
+        term = term @ generator / order
+        chain += term
+    return IMMEstimator(filters, [1.0 - begun.turning, begun.turning], chain), begun
+
+
+@pytest.mark.parametrize("dt_s", STEPS_S)
+@pytest.mark.parametrize("known", [2, 4])
+def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
+    rng = np.random.default_rng(3)
+    noise = np.diag([0.4, 0.4, 0.09, 0.09][:known])
+    reference, modes = filterpy_imm(np.array([5.0, -3.0, 2.0, 1.0])[:known], noise, dt_s)
+    for count in range(1, 51):
+        angle = 0.3 * count * dt_s
+        truth = np.array(
+            [5.0 + 8.0 * math.sin(angle), -3.0 + 8.0 * math.cos(angle), 2.4 * math.cos(angle), -2.4 * math.sin(angle)]
+        )
+        measured = truth[:known] + rng.normal(0.0, 0.3, known)
+        steady, turning = reference.filters  # the steady model borrows the turn rate before it is mixed
+        steady.x[4] = turning.x[4]
+        steady.P[4, :] = steady.P[:, 4] = 0.0
+        steady.P[4, 4] = turning.P[4, 4]
+        reference.predict()
+        modes = imm.advance(modes, dt_s, SETTINGS)
+        for model in (0, 1):
+            assert modes.mean[model] == pytest.approx(reference.filters[model].x[:, 0], abs=1e-7)
+            assert modes.covariance[model] == pytest.approx(reference.filters[model].P, abs=1e-7)
+        reference.update(measured[:, None])
+        modes = imm.correct(modes, imm.compare(modes, measured, noise))
+        mean, covariance = imm.combine(modes)
+        assert mean == pytest.approx(reference.x[:, 0], abs=1e-7)
+        assert covariance == pytest.approx(reference.P, abs=1e-7)
+        assert modes.turning == pytest.approx(reference.mu[1], abs=1e-7)
+
+
+def test_no_time_changes_nothing():
+    modes = imm.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS)
+    assert imm.advance(modes, 0.0, SETTINGS) is modes
+
+
+def test_the_innovation_is_that_of_the_mixture():
+    modes = imm.advance(imm.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS), 0.5, SETTINGS)
+    measured, noise = np.array([3.0, -1.0]), np.diag([0.3, 0.3])
+    mean, covariance = imm.combine(modes)
+    off = measured - mean[:2]
+    assert imm.compare(modes, measured, noise).nis == pytest.approx(
+        off @ np.linalg.inv(covariance[:2, :2] + noise) @ off
+    )
+
+
+def test_no_model_is_ever_ruled_out_for_good():
+    modes = imm.begin(np.array([0.0, 0.0, 3.0, 0.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
+    for _ in range(20):
+        wild = imm.compare(modes, np.array([1e4, 0.0, 0.0, 300.0]), np.diag([1e-3, 1e-3, 1e-4, 1e-4]))
+        modes = imm.correct(modes, wild)
+        assert 0.0 < modes.turning < 1.0
+        modes = imm.advance(modes, 0.02, SETTINGS)
+        assert np.isfinite(modes.mean).all()
+        assert np.linalg.eigvalsh(modes.covariance).min() > 0.0
+
+
+@pytest.mark.parametrize("dt_s", STEPS_S)
+def test_the_height_is_filterpy_s_filter_of_two_numbers(dt_s):
+    reference = KalmanFilter(dim_x=2, dim_z=1)
+    reference.x, reference.P = np.array([[4.0], [0.5]]), np.array([[2.0, 0.3], [0.3, 1.0]])
+    reference.F = np.array([[1.0, dt_s], [0.0, 1.0]])
+    reference.Q = Q_continuous_white_noise(2, dt=dt_s, spectral_density=0.05)
+    ours = height.Height(4.0, 0.5, 2.0, 0.3, 1.0)
+    for count in range(20):
+        reference.predict()
+        reference.update(4.0 + count, R=0.4, H=np.array([[1.0, 0.0]]))
+        reference.update(1.0 / dt_s, R=0.1, H=np.array([[0.0, 1.0]]))
+        ours = height.advance(ours, dt_s, 0.05)
+        ours = height.correct_rate(height.correct_down(ours, 4.0 + count, 0.4), 1.0 / dt_s, 0.1)
+        assert ours[:2] == pytest.approx(reference.x[:, 0])
+        assert ours[2:] == pytest.approx([reference.P[0, 0], reference.P[0, 1], reference.P[1, 1]])
