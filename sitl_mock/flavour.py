@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from sitl_mock.commander import Commander
 from sitl_mock.dynamics import Vehicle, Wander
-from sitl_mock.files import FileTree
 from sitl_mock.modes import ModeTable
 from sitl_mock.protocols import (
     Files,
@@ -17,6 +16,7 @@ from sitl_mock.protocols import (
     PlanStore,
     StreamRules,
 )
+from sitl_mock.protocols.files import FileTree
 from sitl_mock.sensors import EXACT, SensorNoise
 from sitl_mock.vehicle_state import VehicleState
 

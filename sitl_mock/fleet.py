@@ -1,10 +1,135 @@
-"""From a fleet's configuration to its vehicles."""
+"""A fleet: its file and its arguments, checked, and the vehicles made of them."""
 
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
 
-from sitl_mock.config import FleetConfig, VehicleConfig
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from sitl_mock.errors import ConfigError
 from sitl_mock.mavlink import Signing
 from sitl_mock.vehicle import MockVehicle
+from sitl_mock.world import DEFAULT_HOME, Home
+
+FlavourName = Literal["px4", "arducopter", "rover"]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+
+
+class HomeConfig(BaseModel):
+    """A place on Earth."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    lat_deg: float = Field(ge=-90.0, le=90.0)
+    lon_deg: float = Field(ge=-180.0, le=180.0)
+    alt_amsl_m: float = Field(ge=-500.0, le=9000.0)
+
+    def place(self) -> Home:
+        """The same as a value."""
+        return Home(self.lat_deg, self.lon_deg, self.alt_amsl_m)
+
+
+_DEFAULT_HOME = HomeConfig(
+    lat_deg=DEFAULT_HOME.lat_deg, lon_deg=DEFAULT_HOME.lon_deg, alt_amsl_m=DEFAULT_HOME.alt_amsl_m
+)
+
+
+class SigningConfig(BaseModel):
+    """MAVLink 2 signing of a vehicle: its key, and whether unsigned frames are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    key_hex: str = Field(pattern=r"^[0-9A-Fa-f]{64}$")
+    required: bool = True
+
+
+class VehicleConfig(BaseModel):
+    """One vehicle; see `MockVehicle` for what the keys mean."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Name
+    flavour: FlavourName = "px4"
+    system_id: int | None = Field(default=None, ge=1, le=255)
+    start_ned_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_deg: float = Field(default=0.0, ge=-360.0, le=360.0)
+    noise: bool = True
+    ready_after_s: float | None = Field(default=None, ge=0.0)
+    texts: bool | None = None
+    origin: HomeConfig | None = None
+    parameters: dict[str, float] = Field(default_factory=dict)
+    signing: SigningConfig | None = None
+
+
+class FleetConfig(BaseModel):
+    """A fleet."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    seed: int = Field(default=0, ge=0)
+    home: HomeConfig = _DEFAULT_HOME
+    vehicle: tuple[VehicleConfig, ...] = Field(min_length=1, max_length=255)
+
+    @model_validator(mode="after")
+    def _different(self) -> "FleetConfig":
+        names = [each.name for each in self.vehicle]
+        doubled = sorted({name for name in names if names.count(name) > 1})
+        if doubled:
+            raise ValueError(f"vehicle.name = {doubled[0]!r} is given twice; every vehicle needs its own")
+        return self
+
+
+def read_fleet(path: Path) -> FleetConfig:
+    """Read a fleet from a TOML file.
+
+    Raises:
+        ConfigError: The file cannot be read, or a key is unknown or wrong.
+    """
+    try:
+        return checked(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
+    except OSError as error:
+        raise ConfigError(f"fleet file {path}: {error.strerror}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"fleet file {path}: {error}") from None
+
+
+def checked(values: object, source: str) -> FleetConfig:
+    """Turn plain values into a fleet.
+
+    Raises:
+        ConfigError: A key is unknown or wrong; the message names it, its value and what is allowed.
+    """
+    try:
+        return FleetConfig.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "fleet"
+        raise ConfigError(f"{source}: {key} = {first['input']!r}: {first['msg']}") from None
+
+
+def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
+    """Read `--vehicles`: a number, or `flavour:name` and `flavour:name@north,east,down` for each vehicle.
+
+    Raises:
+        ConfigError: A value is neither.
+    """
+    if len(specs) == 1 and specs[0].isdigit():
+        return [{"name": f"uav{number}", "flavour": flavour} for number in range(1, int(specs[0]) + 1)]
+    vehicles: list[dict[str, object]] = []
+    for spec in specs:
+        kind, _, rest = spec.partition(":")
+        name, _, place = rest.partition("@")
+        if not name:
+            raise ConfigError(
+                f"--vehicles {spec}: allowed are a number, or flavour:name such as px4:uav1 or rover:evader@30,0,0"
+            )
+        vehicle: dict[str, object] = {"name": name, "flavour": kind}
+        if place:
+            vehicle["start_ned_m"] = place.split(",")
+        vehicles.append(vehicle)
+    return vehicles
+
 
 FLEET_LINKS: Mapping[str, str] = {"onboard": "onboard", "gcs": "gcs"}
 

@@ -1,13 +1,13 @@
-"""Flying an uploaded mission, leg by leg; what a leg means to the motors is the flavour's."""
+"""What plans mean in flight: the legs of a mission, and whether a place is outside of a fence."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from sitl_mock.protocols import PlanItem, PlanStore
 from sitl_mock.vehicle_state import VehicleState
-from sitl_mock.world import Vector
+from sitl_mock.world import LocalFrame, Vector
 
 WAYPOINT: Final = 16
 LOITER_UNLIMITED: Final = 17
@@ -206,3 +206,46 @@ class MissionFlight:
         if self._hold_until_s == math.inf:
             self._hold_until_s = state.now_s + hold_s
         return state.now_s >= self._hold_until_s
+
+
+_INSIDE_POLYGON, _OUTSIDE_POLYGON, _INSIDE_CIRCLE, _OUTSIDE_CIRCLE = 5001, 5002, 5003, 5004  # MAV_CMD_NAV_FENCE_*
+
+
+def violated(items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector) -> bool:
+    """Say whether a place is outside of an inclusion area or inside of an exclusion area."""
+    north, east, _ = position_m
+    for command, points, radius_m in _areas(items, frame):
+        if command in {_INSIDE_CIRCLE, _OUTSIDE_CIRCLE}:
+            (n, e) = points[0]
+            within = (north - n) ** 2 + (east - e) ** 2 <= radius_m**2
+        else:
+            within = _within(points, north, east)
+        if within == (command in {_OUTSIDE_POLYGON, _OUTSIDE_CIRCLE}):
+            return True
+    return False
+
+
+def _areas(items: Sequence[PlanItem], frame: LocalFrame) -> Iterator[tuple[int, list[tuple[float, float]], float]]:
+    """Yield each area: its command, its corners or centre in local metres, and its radius."""
+    polygon: list[tuple[float, float]] = []
+    for item in items:
+        point = frame.to_local(item.latitude_deg, item.longitude_deg, frame.origin.alt_amsl_m)[:2]
+        if item.command in {_INSIDE_CIRCLE, _OUTSIDE_CIRCLE}:
+            yield item.command, [point], item.param1
+        elif item.command in {_INSIDE_POLYGON, _OUTSIDE_POLYGON}:
+            polygon.append(point)
+            if len(polygon) >= int(item.param1):
+                yield item.command, polygon, 0.0
+                polygon = []
+
+
+def _within(corners: Sequence[tuple[float, float]], north: float, east: float) -> bool:
+    """Even-odd rule: a ray to the east crosses the outline an odd number of times."""
+    inside = False
+    before_n, before_e = corners[-1]
+    for corner_n, corner_e in corners:
+        if (corner_n > north) != (before_n > north):
+            crossing_e = corner_e + (north - corner_n) * (before_e - corner_e) / (before_n - corner_n)
+            inside = inside != (east < crossing_e)
+        before_n, before_e = corner_n, corner_e
+    return inside

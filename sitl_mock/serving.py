@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
-from sitl_mock.config import FleetConfig
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
-from sitl_mock.fleet import build
+from sitl_mock.fleet import FleetConfig, build
 from sitl_mock.transports import Endpoint, run
 from sitl_mock.transports.disturbance import Disturbances
 from sitl_mock.transports.udp import UdpEndpoint

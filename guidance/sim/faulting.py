@@ -13,10 +13,9 @@ from typing import Any, Final
 from guidance.errors import ConfigError
 from guidance.sim.fleet import PURSUER, fleet_toml
 from guidance.sim.scenario import Fault, Scenario
-from sitl_mock.config import checked
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.faults import Faulted, parse_script
-from sitl_mock.fleet import build
+from sitl_mock.fleet import build, checked
 
 _WHOLE_FLIGHT_S: Final = 1e9
 

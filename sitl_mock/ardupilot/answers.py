@@ -1,13 +1,21 @@
 """How ArduCopter 4.5.7 answers the commands that change nothing in the mock: measured on the ground, all parameters 0.
 
 What is in neither this table nor `commands` is UNSUPPORTED.
+
+Calibrations are answered with the results and texts of ArduCopter 4.5.7; on a simulator nothing is really turned.
 """
 
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Final
+from __future__ import annotations
 
-from sitl_mock.protocols import Result
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.protocols import Command, CommandAnswer, Result
+from sitl_mock.vehicle_state import Severity
+
+if TYPE_CHECKING:
+    from sitl_mock.ardupilot.commander import ArduPilot
 
 _ACCEPTED: Final = (
     181,
@@ -41,3 +49,65 @@ ANSWERED: Mapping[int, Result] = MappingProxyType(
     }
 )
 """MAV_RESULT by number of MAV_CMD."""
+
+
+Answers = Sequence[CommandAnswer]
+
+PREFLIGHT, MAG_YAW, MAG_START, MAG_ACCEPT, MAG_CANCEL, ACCEL_POSITION = 241, 42006, 42424, 42425, 42426, 42429
+CALIBRATIONS: Final = frozenset({PREFLIGHT, MAG_YAW, MAG_START, MAG_ACCEPT, MAG_CANCEL, ACCEL_POSITION})
+_ACCEL, _LEVEL, _SIMPLE = 1, 2, 4
+_ANSWERED: Mapping[int, Result] = MappingProxyType(
+    {
+        MAG_YAW: Result.ACCEPTED,
+        MAG_START: Result.ACCEPTED,
+        MAG_ACCEPT: Result.FAILED,
+        MAG_CANCEL: Result.ACCEPTED,
+        ACCEL_POSITION: Result.FAILED,
+    }
+)
+"""Without a calibration that has come to its end there is nothing to accept."""
+
+
+def calibrate(commander: ArduPilot, command: Command) -> Answers:
+    """Answer a calibration command; refused while armed."""
+    if commander.state.armed:
+        compass = command.number != PREFLIGHT
+        commander.state.say(Severity.NOTICE, f"Disarm to allow {'compass ' if compass else ''}calibration")
+        return (CommandAnswer(Result.FAILED),)
+    if command.number != PREFLIGHT:
+        return (CommandAnswer(_ANSWERED[command.number]),)
+    gyro, _, baro, _, accel, motors, _ = (int(value) if abs(value) < 1e6 else 0 for value in command.params)
+    for chosen, answer in ((gyro == 1, _gyro), (baro == 1, _baro), (accel, _accel), (motors == 1, _motors)):
+        if chosen:
+            return answer(commander, accel)
+    return (CommandAnswer(Result.UNSUPPORTED),)
+
+
+def _say(commander: ArduPilot, *texts: str) -> None:
+    for text in texts:
+        commander.state.say(Severity.INFO, text)
+
+
+def _gyro(commander: ArduPilot, _accel: int) -> Answers:
+    _say(commander, "Initialising ArduPilot")
+    return (CommandAnswer(Result.ACCEPTED),)
+
+
+def _baro(commander: ArduPilot, _accel: int) -> Answers:
+    _say(commander, "Updating barometer calibration", "Barometer calibration complete")
+    return (CommandAnswer(Result.IN_PROGRESS), CommandAnswer(Result.ACCEPTED, delay_s=1.0))
+
+
+def _accel(commander: ArduPilot, accel: int) -> Answers:
+    if accel == _SIMPLE:
+        return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
+    if accel not in {_ACCEL, _LEVEL}:
+        return (CommandAnswer(Result.UNSUPPORTED),)
+    last = "Place vehicle level and press any key." if accel == _ACCEL else "Trim OK: roll=0.01 pitch=-0.00 yaw=0.00"
+    _say(commander, "Initialising ArduPilot", last)
+    return (CommandAnswer(Result.ACCEPTED),)
+
+
+def _motors(commander: ArduPilot, _accel: int) -> Answers:
+    _say(commander, "Starting calibration", "Current")
+    return (CommandAnswer(Result.ACCEPTED),)

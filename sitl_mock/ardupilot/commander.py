@@ -9,8 +9,8 @@ import math
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.ardupilot import guided, safety
-from sitl_mock.ardupilot.attitude import read_attitude
-from sitl_mock.ardupilot.speeds import Speeds
+from sitl_mock.ardupilot.guided import read_attitude
+from sitl_mock.ardupilot.maneuvers import Speeds
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
@@ -20,9 +20,8 @@ from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sitl_mock.ardupilot.circle import Circle
     from sitl_mock.ardupilot.firmware import Firmware
-    from sitl_mock.ardupilot.yaw import Turn
+    from sitl_mock.ardupilot.maneuvers import Circle, Turn
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
     from sitl_mock.world import Vector
 

@@ -8,9 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot import safety
-from sitl_mock.ardupilot.answers import ANSWERED
-from sitl_mock.ardupilot.calibration import CALIBRATIONS, calibrate
-from sitl_mock.ardupilot.yaw import turn_from
+from sitl_mock.ardupilot.answers import ANSWERED, CALIBRATIONS, calibrate
+from sitl_mock.ardupilot.maneuvers import turn_from
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 from sitl_mock.vehicle_state import Severity

@@ -4,10 +4,10 @@ import math
 from typing import Final
 
 from sitl_mock.ardupilot import guided
-from sitl_mock.ardupilot.circle import circle_from
 from sitl_mock.ardupilot.commander import DECIDE_S, ArduPilot
 from sitl_mock.ardupilot.commands import execute
 from sitl_mock.ardupilot.firmware import Firmware
+from sitl_mock.ardupilot.maneuvers import circle_from
 from sitl_mock.ardupilot.modes import COPTER_MODES
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.setpoints import turned

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sitl_mock.fence import violated
-from sitl_mock.missions import flyable
+from sitl_mock.missions import flyable, violated
 from sitl_mock.modes import Mode, Need
 
 if TYPE_CHECKING:

@@ -1,9 +1,7 @@
 """Comparing the mock's velocity response with a log of a real autopilot."""
 
 from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
-from sitl_mock.calibrate.flavour import Flavour, guess, vehicle_of
-from sitl_mock.calibrate.flight import fly_log
-from sitl_mock.calibrate.replay import replay
+from sitl_mock.calibrate.flight import Flavour, fly_log, guess, replay, vehicle_of
 from sitl_mock.calibrate.step_log import COLUMNS, StepLog, read_step_log
 
 __all__ = [

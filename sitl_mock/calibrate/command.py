@@ -7,9 +7,7 @@ import typer
 from rich.console import Console
 
 from sitl_mock.calibrate.comparison import compare
-from sitl_mock.calibrate.flavour import Flavour, guess, vehicle_of
-from sitl_mock.calibrate.flight import fly_log
-from sitl_mock.calibrate.replay import replay
+from sitl_mock.calibrate.flight import Flavour, fly_log, guess, replay, vehicle_of
 from sitl_mock.calibrate.report import as_plain, table_of, verdict_of
 from sitl_mock.calibrate.step_log import read_step_log
 from sitl_mock.errors import ConfigError

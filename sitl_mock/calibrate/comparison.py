@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sitl_mock.calibrate.flavour import Flavour
+from sitl_mock.calibrate.flight import Flavour
 from sitl_mock.calibrate.measures import Response, Samples, Segment, response_of, segments_of
 from sitl_mock.calibrate.step_log import StepLog
 

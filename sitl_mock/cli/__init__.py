@@ -4,10 +4,8 @@ import sys
 
 import typer
 
-from sitl_mock.cli.calibrate import calibrate
-from sitl_mock.cli.compare import compare
-from sitl_mock.cli.list import list_
-from sitl_mock.cli.modes import modes
+from sitl_mock.cli.compare import calibrate, compare
+from sitl_mock.cli.list import list_, modes
 from sitl_mock.cli.run import run
 from sitl_mock.errors import MockError
 

@@ -1,4 +1,4 @@
-"""`sitl-mock list`: what there is: flavours, faults, conditions, parameters, streams."""
+"""`sitl-mock list` and `sitl-mock modes`: what there is, and how the modes of a flavour hang together."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -83,3 +83,13 @@ _LISTS = {
     Subject.PARAMETERS: _parameters,
     Subject.STREAMS: _streams,
 }
+
+
+def modes(
+    flavour: Annotated[str, typer.Option(help="px4, arducopter or rover; all of them if not given.")] = "",
+) -> None:
+    """Draw modes, their numbers, what they need and what changes by itself, as Markdown."""
+    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - nothing of it is needed for `--help`
+
+    tables = [flavour_named(name).modes for name in ([flavour] if flavour else NAMES)]
+    typer.echo("\n\n".join("\n".join(table.markdown()) for table in tables))

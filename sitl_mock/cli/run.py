@@ -8,7 +8,7 @@ import typer
 from sitl_mock.errors import ConfigError
 
 if TYPE_CHECKING:
-    from sitl_mock.config import FleetConfig
+    from sitl_mock.fleet import FleetConfig
 
 
 def run(
@@ -66,7 +66,7 @@ def run(
 def _configured(
     specs: list[str], flavour: str, fleet: Path | None, common: dict[str, object], seed: int
 ) -> "FleetConfig":
-    from sitl_mock.config import checked, parse_vehicles, read_fleet  # noqa: PLC0415 - as above
+    from sitl_mock.fleet import checked, parse_vehicles, read_fleet  # noqa: PLC0415 - as above
 
     if fleet is not None:
         if specs:

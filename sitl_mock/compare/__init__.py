@@ -1,9 +1,7 @@
 """`sitl-mock compare`: a recorded flight's messages beside the mock's under the same client."""
 
-from sitl_mock.compare.behaviour import Behaviour, Field, Stream, behaviour_of
-from sitl_mock.compare.difference import Difference, differences
-from sitl_mock.compare.flight import BOOTED_S, fly_recording
-from sitl_mock.compare.tlog import Recording, read_tlog
+from sitl_mock.compare.behaviour import Behaviour, Difference, Field, Stream, behaviour_of, differences
+from sitl_mock.compare.recording import BOOTED_S, Recording, fly_recording, read_tlog
 
 __all__ = [
     "BOOTED_S",

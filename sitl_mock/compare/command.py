@@ -7,10 +7,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from sitl_mock.compare.behaviour import Behaviour, behaviour_of
-from sitl_mock.compare.difference import Difference, differences, span
-from sitl_mock.compare.flight import fly_recording
-from sitl_mock.compare.tlog import Recording, read_tlog
+from sitl_mock.compare.behaviour import Behaviour, Difference, behaviour_of, differences, span
+from sitl_mock.compare.recording import Recording, fly_recording, read_tlog
 
 
 def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:

@@ -1,6 +1,5 @@
 """How the mock vehicles move: pure steps of state and setpoint, no clock, no I/O."""
 
-from sitl_mock.dynamics.airframe import Airframe
 from sitl_mock.dynamics.ardupilot_control import ArduGains
 from sitl_mock.dynamics.catalogue import (
     ARDUCOPTER_AIRFRAME,
@@ -12,9 +11,11 @@ from sitl_mock.dynamics.catalogue import (
     px4_quadrotor,
     rover,
 )
+from sitl_mock.dynamics.disturbances import PX4_GROUND_WANDER, PX4_WANDER, Errors, Wander, Wind
+from sitl_mock.dynamics.multicopter import Airframe
 from sitl_mock.dynamics.px4_control import Px4Gains
 from sitl_mock.dynamics.rover import Rover
-from sitl_mock.dynamics.travel import TravelLimits
+from sitl_mock.dynamics.shaping import TravelLimits
 from sitl_mock.dynamics.values import (
     CALM,
     IGNORED,
@@ -29,8 +30,6 @@ from sitl_mock.dynamics.values import (
     Surroundings,
     attitude_of,
 )
-from sitl_mock.dynamics.wander import PX4_GROUND_WANDER, PX4_WANDER, Errors, Wander
-from sitl_mock.dynamics.wind import Wind
 
 __all__ = [
     "ARDUCOPTER_AIRFRAME",

@@ -10,15 +10,16 @@ from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.shaping import (
     Reference,
+    TravelLimits,
     advance,
     approach_gain_1_s,
     approach_one,
     approach_pair,
     shape_one,
     shape_turn,
+    travel,
     turning_first,
 )
-from sitl_mock.dynamics.travel import TravelLimits, travel
 from sitl_mock.dynamics.values import (
     GRAVITY_M_S2,
     ZERO,

@@ -10,13 +10,11 @@ against the other (`tests/data/README.md`). Dead times: what the client's own li
 
 from typing import Final, Protocol
 
-from sitl_mock.dynamics.airframe import Airframe
 from sitl_mock.dynamics.ardupilot_control import ArduControl, ArduGains, ArduMemory
-from sitl_mock.dynamics.multicopter import Multicopter
+from sitl_mock.dynamics.multicopter import Airframe, Multicopter
 from sitl_mock.dynamics.px4_control import Px4Control, Px4Gains, Px4Memory
 from sitl_mock.dynamics.rover import Rover
-from sitl_mock.dynamics.shaping import Reference
-from sitl_mock.dynamics.travel import TravelLimits
+from sitl_mock.dynamics.shaping import Reference, TravelLimits
 from sitl_mock.dynamics.values import Body, Estimate, Motion, Ned, Setpoint, Surroundings
 
 

@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from sitl_mock.dynamics.shaping import Reference
-from sitl_mock.dynamics.travel import TravelLimits, travel
+from sitl_mock.dynamics.shaping import Reference, TravelLimits, travel
 from sitl_mock.dynamics.values import (
     GRAVITY_M_S2,
     ZERO,

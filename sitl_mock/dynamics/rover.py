@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from sitl_mock.dynamics.airframe import body_at
+from sitl_mock.dynamics.multicopter import body_at
 from sitl_mock.dynamics.values import (
     Body,
     Estimate,

@@ -1,5 +1,32 @@
-"""Every parameter of each vehicle, as data: name, type and default of the real autopilot, and limits where known."""
+"""The parameter tables: one CSV file a flavour, read once.
 
-from sitl_mock.parameters.table import parameters_of
+PX4 and ArduCopter: all parameters that PX4 v1.17.0 (SIH quadrotor) and ArduCopter 4.5.7 (its own simulated quadrotor,
+``copter.parm``) list, with the type and the value they have on the wire. Rover: a selection of Rover 4.5's defaults.
+``unit``, ``minimum``, ``maximum`` and ``meaning`` stand where they are documented and matter here. The limits hold for
+what a user of the mock asks for; on the wire neither autopilot enforces them.
+"""
 
-__all__ = ["parameters_of"]
+import csv
+import math
+from functools import cache
+from importlib.resources import files
+from typing import Final
+
+from sitl_mock.protocols import Parameter, ParamKind
+
+_PACKAGE: Final = "sitl_mock.parameters"
+
+
+@cache
+def parameters_of(flavour: str) -> tuple[Parameter, ...]:
+    """Return the parameters of a flavour in the order of names: px4, arducopter or rover."""
+    text = files(_PACKAGE).joinpath(f"{flavour}.csv").read_text(encoding="utf-8")
+    rows = csv.reader(text.splitlines())
+    next(rows)
+    return tuple(_parameter(*row) for row in rows)
+
+
+def _parameter(name: str, kind: str, value: str, unit: str, minimum: str, maximum: str, meaning: str) -> Parameter:
+    low = float(minimum) if minimum else -math.inf
+    high = float(maximum) if maximum else math.inf
+    return Parameter(name, ParamKind(int(kind)), float(value), unit, low, high, meaning)

@@ -9,48 +9,62 @@ from sitl_mock.protocols.command import (
     coordinate,
     read_command,
 )
-from sitl_mock.protocols.events import EventLog, EventProtocol
-from sitl_mock.protocols.ftp import Entry, Files, FtpError, FtpProtocol
-from sitl_mock.protocols.home import HomeProtocol, Place, gps_global_origin, home_position, on_earth
+from sitl_mock.protocols.files import Entry, Files, FtpError, FtpProtocol, LogProtocol
 from sitl_mock.protocols.identity import (
     ARDUPILOT_CAPABILITIES,
     PX4_CAPABILITIES,
     Capability,
     Identity,
+    ModeEntry,
+    StandardMode,
     ardupilot_identity,
+    available_modes,
+    available_modes_monitor,
+    current_mode,
     px4_identity,
 )
-from sitl_mock.protocols.logs import LogProtocol
 from sitl_mock.protocols.mission import MissionProtocol
-from sitl_mock.protocols.mission_rules import ARDUPILOT_MISSION_RULES, PX4_MISSION_RULES, MissionRules
-from sitl_mock.protocols.parameter import Parameter, ParameterError, ParameterStore, ParamKind
-from sitl_mock.protocols.parameter_protocol import (
+from sitl_mock.protocols.mission_upload import ARDUPILOT_MISSION_RULES, PX4_MISSION_RULES, MissionRules
+from sitl_mock.protocols.parameter import (
     ARDUPILOT_PARAMETER_RULES,
     PX4_PARAMETER_RULES,
+    Parameter,
+    ParameterError,
     ParameterProtocol,
     ParameterRules,
+    ParameterStore,
+    ParamKind,
 )
 from sitl_mock.protocols.plan import MissionResult, Plan, PlanItem, PlanKind, PlanStore
-from sitl_mock.protocols.rates import (
+from sitl_mock.protocols.services import (
+    HomeProtocol,
+    Place,
+    SigningSetup,
+    TimeProtocol,
+    gps_global_origin,
+    home_position,
+    on_earth,
+)
+from sitl_mock.protocols.session import (
+    MESSAGES,
+    PX4_OWN_ID_ONLY,
+    LatePiece,
+    Piece,
+    Reply,
+    Session,
+    addressed,
+    source_of,
+)
+from sitl_mock.protocols.streams import (
     ARDUPILOT_HZ,
     ARDUPILOT_STREAM_RULES,
     PX4_GCS_HZ,
     PX4_ONBOARD_HZ,
     PX4_STREAM_RULES,
+    StreamRules,
+    Streams,
 )
-from sitl_mock.protocols.reply import LatePiece, Piece, Reply, addressed, source_of
-from sitl_mock.protocols.session import MESSAGES, PX4_OWN_ID_ONLY, Session
-from sitl_mock.protocols.signing_setup import SigningSetup
-from sitl_mock.protocols.standard_modes import (
-    ModeEntry,
-    StandardMode,
-    available_modes,
-    available_modes_monitor,
-    current_mode,
-)
-from sitl_mock.protocols.statustext import StatusTexts
-from sitl_mock.protocols.streams import StreamRules, Streams
-from sitl_mock.protocols.timesync import TimeProtocol
+from sitl_mock.protocols.texts import EventLog, EventProtocol, StatusTexts
 
 __all__ = [
     "ARDUPILOT_CAPABILITIES",

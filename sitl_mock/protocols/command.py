@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sitl_mock.protocols.reply import ALL_COMPONENTS, Reply, source_of
+from sitl_mock.protocols.session import ALL_COMPONENTS, Reply, source_of
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message

@@ -10,14 +10,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.protocols.command import MAV_FRAME_GLOBAL, coordinate
-from sitl_mock.protocols.home import Place
 from sitl_mock.protocols.mission_upload import KINDS, MissionUpload, acknowledge, read_item
 from sitl_mock.protocols.plan import NAV_WAYPOINT, MissionResult, PlanItem, PlanKind, PlanStore
-from sitl_mock.protocols.reply import Reply, source_of
+from sitl_mock.protocols.services import Place
+from sitl_mock.protocols.session import Reply, source_of
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
-    from sitl_mock.protocols.mission_rules import MissionRules
+    from sitl_mock.protocols.mission_upload import MissionRules
 
 ALL_KINDS: Final = 255
 

@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
-from sitl_mock.px4 import checks, flying, offboard
-from sitl_mock.px4.attitude import BodyRates, read_attitude
-from sitl_mock.px4.failsafe import MODE_OF, Action, Failsafes
+from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.follow import Follow
 from sitl_mock.px4.home import HomeKeeper
-from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES
-from sitl_mock.px4.requests import Unmeant, meant
+from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, Unmeant, meant
+from sitl_mock.px4.offboard import BodyRates, read_attitude
+from sitl_mock.px4.safety import MODE_OF, Action, Failsafes
 from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
@@ -110,7 +109,7 @@ class Px4:
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
-        return not checks.refusals(self.state, BY_NAME[self.intention], self.there)
+        return not safety.refusals(self.state, BY_NAME[self.intention], self.there)
 
     # What comes in
 
@@ -154,7 +153,7 @@ class Px4:
         """Ask for a mode: always granted while disarmed, else only if it can run."""
         if self.mode == "TERMINATION":
             return False
-        self.there = checks.available(self.state, self.plans, self.stream_s)
+        self.there = safety.available(self.state, self.plans, self.stream_s)
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
             self.state.say(Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available")
             return False
@@ -198,7 +197,7 @@ class Px4:
 
     def _check(self, now_s: float) -> None:
         state = self.state
-        self.there = checks.available(state, self.plans, self.stream_s)
+        self.there = safety.available(state, self.plans, self.stream_s)
         if not state.armed:
             self.home.follow(state)
             self.failsafes.clear()
@@ -210,7 +209,7 @@ class Px4:
         self.pilot_counts = self.pilot_counts or Need.PILOT in self.there
         self._pilot_takes_over(now_s)
         action, new = self.failsafes.update(
-            now_s, checks.wrong(state, self.plans, self.intention, pilot_counts=self.pilot_counts), state.parameters
+            now_s, safety.wrong(state, self.plans, self.intention, pilot_counts=self.pilot_counts), state.parameters
         )
         for name in new:
             state.say(Severity.WARNING, f"Failsafe: {name}")

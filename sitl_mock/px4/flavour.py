@@ -1,9 +1,12 @@
-"""The PX4 flavour, put together."""
+"""The PX4 flavour, put together; its files over FTP as its simulator lists them, of which the mock has some to read."""
 
+from __future__ import annotations
+
+import json
+import lzma
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.dynamics import PX4_GROUND_WANDER, PX4_TRAVEL, PX4_WANDER, Px4Gains, Vehicle, px4_quadrotor
 from sitl_mock.flavour import Flavour
@@ -19,14 +22,43 @@ from sitl_mock.protocols import (
     PlanStore,
     px4_identity,
 )
+from sitl_mock.protocols.files import FileTree
 from sitl_mock.px4.commander import Px4
 from sitl_mock.px4.commands import execute
 from sitl_mock.px4.events import event_of
-from sitl_mock.px4.files import files_of
 from sitl_mock.px4.modes import MODES
 from sitl_mock.px4.tasks import fly
 from sitl_mock.sensors import PX4_SENSORS
-from sitl_mock.vehicle_state import VehicleState
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sitl_mock.protocols import ParameterStore, PlanStore
+    from sitl_mock.vehicle_state import VehicleState
+
+_TYPES = {6: "Int32", 9: "Float"}
+
+
+def files_of(parameters: ParameterStore, _plans: PlanStore) -> FileTree:
+    """Return the files of one vehicle."""
+    return FileTree(
+        {"/etc/extras/parameters.json.xz": lambda: _parameter_metadata(parameters)},
+        frozenset({"/etc", "/etc/init.d", "/log", "/tmp", "/eeprom"}),
+    )
+
+
+def _parameter_metadata(parameters: ParameterStore) -> bytes:
+    """Return COMP_METADATA_TYPE_PARAMETER: name, type, default, unit and limits of each parameter, compressed."""
+    described = []
+    for item in parameters.definitions.values():
+        entry = {"name": item.name, "type": _TYPES[item.kind], "default": item.default, "shortDesc": item.meaning}
+        if item.unit:
+            entry["units"] = item.unit
+        if item.minimum > float("-inf"):
+            entry |= {"min": item.minimum, "max": item.maximum}
+        described.append(entry)
+    return lzma.compress(json.dumps({"version": 1, "parameters": described}).encode())
+
 
 _GAINS: Final = {
     "xy_p_1_s": "MPC_XY_P",

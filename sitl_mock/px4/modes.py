@@ -1,5 +1,9 @@
-"""PX4's modes and what it changes by itself, as one table (`px4_custom_mode.h`, measured on v1.17)."""
+"""PX4's modes and what it changes by itself, as one table (`px4_custom_mode.h`, measured on v1.17).
 
+`meant` reads which mode a client means by DO_SET_MODE and SET_MODE, as PX4 v1.17 does.
+"""
+
+from enum import Enum
 from typing import Final
 
 from sitl_mock.modes import Mode, ModeTable, Need, Transition
@@ -9,8 +13,8 @@ _POSITION = frozenset({Need.ALTITUDE, Need.LOCAL_POSITION})
 _GLOBAL = _POSITION | {Need.GLOBAL_POSITION}
 _STICKS = frozenset({Need.PILOT})
 _EXTERNAL = frozenset({Need.REGISTRATION})
-_AUTO = 1 | 4 | 8 | 16  # MAV_MODE_FLAG: custom, auto, guided, stabilize
-_MANUAL = 1 | 16 | 64
+_AUTO_MODE = 1 | 4 | 8 | 16  # MAV_MODE_FLAG: custom, auto, guided, stabilize
+_MANUAL_MODE = 1 | 16 | 64
 _RATES = 1 | 64
 _LEVELLED = 1 | 16
 
@@ -22,21 +26,28 @@ def _number(main: int, sub: int = 0) -> int:
 MODES: Final = ModeTable(
     title="PX4 (multicopter)",
     modes=(
-        Mode("MANUAL", _number(1), _STICKS, True, _MANUAL, "sticks are tilt and thrust"),
-        Mode("ALTCTL", _number(2), _STICKS | {Need.ALTITUDE}, True, _MANUAL, "height is held"),
-        Mode("POSCTL", _number(3), _POSITION | _STICKS, True, _MANUAL, "sticks are velocities"),
+        Mode("MANUAL", _number(1), _STICKS, True, _MANUAL_MODE, "sticks are tilt and thrust"),
+        Mode("ALTCTL", _number(2), _STICKS | {Need.ALTITUDE}, True, _MANUAL_MODE, "height is held"),
+        Mode("POSCTL", _number(3), _POSITION | _STICKS, True, _MANUAL_MODE, "sticks are velocities"),
         Mode("ORBIT", _number(3, 1), _POSITION, False, _LEVELLED, "circles a place (DO_ORBIT)"),
-        Mode("POSITION_SLOW", _number(3, 2), _POSITION | _STICKS, True, _MANUAL, "sticks are slow velocities"),
-        Mode("HOLD", _number(4, 3), _GLOBAL, True, _AUTO, "stops and stays"),
-        Mode("TAKEOFF", _number(4, 2), _POSITION, True, _AUTO, "climbs to the height asked for"),
-        Mode("MISSION", _number(4, 4), _GLOBAL | {Need.MISSION}, True, _AUTO, "flies the uploaded mission"),
-        Mode("RTL", _number(4, 5), _GLOBAL | {Need.HOME}, False, _AUTO, "climbs, returns home, lands"),
-        Mode("LAND", _number(4, 6), _POSITION, False, _AUTO, "lands here"),
-        Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, _AUTO, "comes down without a position"),
-        Mode("FOLLOW", _number(4, 8), _POSITION, False, _AUTO, "follows FOLLOW_TARGET"),
-        Mode("PRECLAND", _number(4, 9), _POSITION, False, _AUTO, "lands on a beacon; there is none, so it lands here"),
+        Mode("POSITION_SLOW", _number(3, 2), _POSITION | _STICKS, True, _MANUAL_MODE, "sticks are slow velocities"),
+        Mode("HOLD", _number(4, 3), _GLOBAL, True, _AUTO_MODE, "stops and stays"),
+        Mode("TAKEOFF", _number(4, 2), _POSITION, True, _AUTO_MODE, "climbs to the height asked for"),
+        Mode("MISSION", _number(4, 4), _GLOBAL | {Need.MISSION}, True, _AUTO_MODE, "flies the uploaded mission"),
+        Mode("RTL", _number(4, 5), _GLOBAL | {Need.HOME}, False, _AUTO_MODE, "climbs, returns home, lands"),
+        Mode("LAND", _number(4, 6), _POSITION, False, _AUTO_MODE, "lands here"),
+        Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, _AUTO_MODE, "comes down without a position"),
+        Mode("FOLLOW", _number(4, 8), _POSITION, False, _AUTO_MODE, "follows FOLLOW_TARGET"),
+        Mode(
+            "PRECLAND",
+            _number(4, 9),
+            _POSITION,
+            False,
+            _AUTO_MODE,
+            "lands on a beacon; there is none, so it lands here",
+        ),
         *(
-            Mode(f"EXTERNAL{index}", _number(4, 10 + index), _EXTERNAL, True, _AUTO, "a companion's own mode")
+            Mode(f"EXTERNAL{index}", _number(4, 10 + index), _EXTERNAL, True, _AUTO_MODE, "a companion's own mode")
             for index in range(1, 9)
         ),
         Mode("ACRO", _number(5), _STICKS, True, _RATES, "sticks are body rates"),
@@ -48,9 +59,16 @@ MODES: Final = ModeTable(
             _LEVELLED,
             "follows SET_POSITION_TARGET and the like",
         ),
-        Mode("STABILIZED", _number(7), _STICKS, True, _MANUAL, "sticks are tilt and thrust, level when free"),
+        Mode("STABILIZED", _number(7), _STICKS, True, _MANUAL_MODE, "sticks are tilt and thrust, level when free"),
         Mode("TERMINATION", _number(10), frozenset(), False, 1, "motors off, for good"),
-        Mode("ALTITUDE_CRUISE", _number(11), _STICKS | {Need.ALTITUDE}, True, _MANUAL, "height is held, speed is kept"),
+        Mode(
+            "ALTITUDE_CRUISE",
+            _number(11),
+            _STICKS | {Need.ALTITUDE},
+            True,
+            _MANUAL_MODE,
+            "height is held, speed is kept",
+        ),
     ),
     transitions=(
         Transition("TAKEOFF", "height reached", "HOLD"),
@@ -102,3 +120,42 @@ BY_NUMBER: Final = MODES.by_number()
 AFTER: Final = MODES.after()
 MANUAL_MODES: Final = frozenset(mode.name for mode in MODES.modes if mode.base_mode & 64)
 """The modes that a pilot's sticks fly."""
+
+
+_CUSTOM, _AUTO, _GUIDED, _STABILIZE, _MANUAL = 1, 4, 8, 16, 64  # MAV_MODE_FLAG
+_POSCTL_MAIN, _AUTO_MAIN, _TERMINATION_MAIN = 3, 4, 10
+_SLOW_SUB, _MISSION_SUB = 2, 4
+_LONE: Final = frozenset({1, 2, 5, 6, 7, 11})
+"""Main modes without sub-modes."""
+
+
+class Unmeant(Enum):
+    """Requests that name no mode."""
+
+    NOTHING = "changes nothing"
+    """PX4 answers ACCEPTED and stays."""
+    REFUSED = "no such sub-mode"
+
+
+def meant(base_mode: int, main: int, sub: int) -> str | Unmeant:
+    """Return the name of the mode that is asked for."""
+    if base_mode & _CUSTOM:
+        return _custom(main, sub)
+    if base_mode & _AUTO:
+        return "MISSION"
+    if base_mode & _MANUAL:
+        if base_mode & _GUIDED:
+            return "POSCTL"
+        return "STABILIZED" if base_mode & _STABILIZE else "MANUAL"
+    return Unmeant.NOTHING
+
+
+def _custom(main: int, sub: int) -> str | Unmeant:
+    if main in _LONE:
+        return BY_NUMBER[main << 16].name
+    if main == _POSCTL_MAIN:
+        return "POSITION_SLOW" if sub == _SLOW_SUB else "POSCTL"
+    if main == _AUTO_MAIN:
+        mode = BY_NUMBER.get(main << 16 | (sub or _MISSION_SUB) << 24)
+        return Unmeant.REFUSED if mode is None else mode.name
+    return Unmeant.NOTHING

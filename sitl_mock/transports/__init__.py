@@ -1,6 +1,5 @@
 """Endpoints that carry a fleet's frames, and the loop that moves it in real time; the only place with sockets."""
 
-from sitl_mock.transports.endpoint import Arrival, Endpoint
-from sitl_mock.transports.loop import Clock, run
+from sitl_mock.transports.loop import Arrival, Clock, Endpoint, run
 
 __all__ = ["Arrival", "Clock", "Endpoint", "run"]

@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 from sitl_mock.errors import TransportError
 from sitl_mock.faults.faulted import Faulted
-from sitl_mock.transports.endpoint import Endpoint
+from sitl_mock.transports.loop import Endpoint
 
 RETRY_S = 0.5
 

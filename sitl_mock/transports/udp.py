@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from sitl_mock.errors import TransportError
-from sitl_mock.transports.endpoint import Arrival
+from sitl_mock.transports.loop import Arrival
 
 Address = tuple[str, int]
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 import zenoh
 
 from sitl_mock.errors import TransportError
-from sitl_mock.transports.endpoint import Arrival
+from sitl_mock.transports.loop import Arrival
 
 QUEUE_MAX: Final = 4096
 _LINK: Final = "onboard"

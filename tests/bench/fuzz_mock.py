@@ -12,8 +12,12 @@ import argparse
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 
-from sitl_mock.hostile import HostileTraffic
+sys.path.insert(0, str(Path(__file__).parents[1] / "sitl_mock"))
+
+from hostile import HostileTraffic
+
 from sitl_mock.mavlink import Encoder, Signing
 from sitl_mock.vehicle import MockVehicle
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock import MockVehicle
-from sitl_mock.files import FileTree
 from sitl_mock.protocols import (
     ARDUPILOT_CAPABILITIES,
     MESSAGES,
@@ -36,6 +35,7 @@ from sitl_mock.protocols import (
     home_position,
     px4_identity,
 )
+from sitl_mock.protocols.files import FileTree
 
 # -- time --------------------------------------------------------------------------------------------------------------
 

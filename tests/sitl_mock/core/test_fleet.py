@@ -3,8 +3,7 @@
 import pytest
 
 from sitl_mock import ConfigError
-from sitl_mock.config import checked, parse_vehicles, read_fleet
-from sitl_mock.fleet import build
+from sitl_mock.fleet import build, checked, parse_vehicles, read_fleet
 from sitl_mock.mavlink import Encoder
 
 

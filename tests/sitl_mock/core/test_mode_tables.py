@@ -6,8 +6,8 @@ from sitl_mock.ardupilot.copter import COPTER
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
 from sitl_mock.flavours import NAMES, flavour_named
-from sitl_mock.px4.failsafe import MODE_OF
 from sitl_mock.px4.modes import AFTER, BY_NAME, MODES
+from sitl_mock.px4.safety import MODE_OF
 
 TABLES = {name: flavour_named(name).modes for name in NAMES}
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sitl_mock.px4.failsafe import TRIGGERS, Action, Failsafes
+from sitl_mock.px4.safety import TRIGGERS, Action, Failsafes
 
 PARAMETERS = {"NAV_RCL_ACT": 2, "NAV_DLL_ACT": 0, "GF_ACTION": 2, "COM_LOW_BAT_ACT": 3, "COM_FAIL_ACT_T": 5.0}
 

@@ -18,7 +18,7 @@ from sitl_mock.dynamics import (
     attitude_of,
     px4_quadrotor,
 )
-from sitl_mock.dynamics.airframe import body_at, step_body
+from sitl_mock.dynamics.multicopter import body_at, step_body
 from sitl_mock.dynamics.values import GRAVITY_M_S2, Demand
 
 VEHICLES = {"px4": px4_quadrotor, "arducopter": arducopter_quadrotor}

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, PX4_TRAVEL, Kind, Setpoint
 from sitl_mock.dynamics.multicopter import Pending, take
-from sitl_mock.dynamics.shaping import Reference, advance, root_law, shape_one, shape_pair
-from sitl_mock.dynamics.travel import travel
+from sitl_mock.dynamics.shaping import Reference, advance, root_law, shape_one, shape_pair, travel
 from sitl_mock.dynamics.values import ZERO
 
 NAN = math.nan

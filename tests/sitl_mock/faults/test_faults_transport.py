@@ -5,6 +5,7 @@ import json
 import socket
 
 import pytest
+from hostile import HostileTraffic
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,7 +13,6 @@ from sitl_mock import ConfigError, MockVehicle, TransportError
 from sitl_mock.faults import KINDS, Faulted, frames, parse_script
 from sitl_mock.faults.faulted import MAX_COPIES
 from sitl_mock.faults.queryable import answer, read_request
-from sitl_mock.hostile import HostileTraffic
 from sitl_mock.mavlink import SPEC_BY_ID, Decoder, Encoder, Signing
 from sitl_mock.transports.disturbance import RETRY_S, Disturbances
 from sitl_mock.transports.udp import UdpEndpoint

@@ -1,9 +1,11 @@
-"""The estimator's wandering error, as measured between PX4's estimate and its simulator's truth.
+"""What disturbs a vehicle: its estimator's wandering error, as measured on PX4 against its simulator's truth, and wind.
 
 The velocity error is first-order coloured noise; the position error is its integral, drawn back by GPS and barometer:
 position error' = velocity error - correction x position error. The two are therefore not each other's derivative, and a
 vehicle that holds vz = 0 by its estimate wanders in height, in truth and in what it reports (measured: -20 to -13.5 m
 in 75 s), while reported height and the integral of reported vz part (measured: 0.1 to 0.25 m/s over 8 s).
+
+Gusts are first-order coloured noise about a steady wind, from a seeded source.
 """
 
 import math
@@ -68,3 +70,35 @@ PX4_WANDER = Wander((0.17, 0.30, 0.16), (0.13, 0.21, 0.31))
 """PX4 1.17 against its simulator's truth."""
 PX4_GROUND_WANDER = Wander((0.03, 0.04, 0.008), (0.15, 0.15, 0.05), time_s=2.0)
 """Before take-off: velocities of centimetres a second, places that creep by 0.3 m."""
+
+
+@dataclass(frozen=True)
+class Wind:
+    """A steady wind with gusts.
+
+    Attributes:
+        mean_ned_m_s: Steady part: where the air goes to, not where it comes from.
+        gust_sd_m_s: Standard deviation of the gusts, horizontal axes; a third of it is vertical.
+        gust_time_s: Correlation time of the gusts.
+    """
+
+    mean_ned_m_s: Ned = ZERO
+    gust_sd_m_s: float = 0.0
+    gust_time_s: float = 3.0
+
+    def gust_after(self, gust_ned_m_s: Ned, random: Random, dt_s: float) -> Ned:
+        """The gust `dt_s` later (exact for any step); the same seed and steps give the same gusts."""
+        keep = math.exp(-dt_s / self.gust_time_s)
+        kick = self.gust_sd_m_s * math.sqrt(1.0 - keep * keep)
+        n, e, d = gust_ned_m_s
+        gauss = random.gauss
+        return (
+            n * keep + kick * gauss(0.0, 1.0),
+            e * keep + kick * gauss(0.0, 1.0),
+            d * keep + kick / 3.0 * gauss(0.0, 1.0),
+        )
+
+    def blowing(self, gust_ned_m_s: Ned) -> Ned:
+        """Steady part and gust together, as `Surroundings` takes it."""
+        (m_n, m_e, m_d), (n, e, d) = self.mean_ned_m_s, gust_ned_m_s
+        return m_n + n, m_e + e, m_d + d

@@ -1,23 +1,29 @@
-"""FTP on one link: lists folders and reads files of the vehicle; whatever would change one is refused.
+"""Files and logs on one link: FTP lists folders and reads files of the vehicle; whatever would change one is refused.
 
 Source: https://mavlink.io/en/services/ftp.html. Every request is answered at once, so that no client waits for a
 timeout. One file is open at a time; a list and a read name their place themselves, so what is repeated is answered
-again.
+again. The content of a file is made when it is asked for.
+
+LOG_REQUEST_LIST (https://mavlink.io/en/messages/common.html#LOG_REQUEST_LIST): the mock writes no flight log, and says
+so as an autopilot without one does (ArduCopter 4.5.7 before its first arming).
 """
 
 from __future__ import annotations
 
 import binascii
+import posixpath
 import struct
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
-from sitl_mock.protocols.reply import Reply, source_of
+from sitl_mock.protocols.session import Reply, source_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from sitl_mock.mavlink import Message
+    from sitl_mock.protocols.session import Reply
 
 PAYLOAD: Final = 251
 _HEAD: Final = struct.Struct("<HBBBBBBI")
@@ -201,3 +207,55 @@ def _reply(
     sequence = (request.sequence + 1 + after) & 0xFFFF
     head = _HEAD.pack(sequence, request.session, opcode, len(data), request.opcode, burst, 0, offset)
     return ("FILE_TRANSFER_PROTOCOL", 0, *source_of(message), (head + data).ljust(PAYLOAD, b"\0"))
+
+
+@dataclass(frozen=True)
+class FileTree:
+    """A tree of files.
+
+    Attributes:
+        files: Absolute path to what makes its content.
+        folders: Folders beside those that the files lie in.
+        hidden: Paths that are read but not listed, as they are asked for (ArduPilot's ``@PARAM/param.pck``).
+    """
+
+    files: Mapping[str, Callable[[], bytes]]
+    folders: frozenset[str] = frozenset()
+    hidden: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)
+
+    def entries(self, path: str) -> Sequence[Entry] | None:
+        """What a folder holds, None where there is no such folder."""
+        folder = _absolute(path)
+        folders = {"/", *self.folders, *(posixpath.dirname(name) for name in self.files)}
+        if folder not in folders:
+            return None
+        inside = [Entry(posixpath.basename(name)) for name in sorted(folders) if _lies_in(name, folder)]
+        inside += [
+            Entry(posixpath.basename(name), len(make())) for name, make in self.files.items() if _lies_in(name, folder)
+        ]
+        return inside
+
+    def content(self, path: str) -> bytes | None:
+        """A file's bytes, None where there is no such file."""
+        plain = path.partition("?")[0]
+        make = self.hidden.get(plain) or self.files.get(_absolute(plain))
+        return None if make is None else make()
+
+
+def _absolute(path: str) -> str:
+    return posixpath.normpath("/" + path.lstrip("/"))
+
+
+def _lies_in(name: str, folder: str) -> bool:
+    return name != "/" and posixpath.dirname(name) == folder
+
+
+NO_LOG: Final[Reply] = ("LOG_ENTRY", 0, 0, 0, 0, 0)
+
+
+class LogProtocol:
+    """Flight logs on one link: none."""
+
+    def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
+        """Take LOG_REQUEST_LIST; requests for the data of a log that is not there are not answered."""
+        return [NO_LOG] if message.get_type() == "LOG_REQUEST_LIST" else []

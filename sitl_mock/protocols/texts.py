@@ -1,6 +1,8 @@
-"""The events protocol: EVENT as things happen, and again when a client asks for those it missed.
+"""What a vehicle says: STATUSTEXT, in chunks where the text is longer than one message, and EVENT as things happen.
 
-Source: https://mavlink.io/en/services/events.html. CURRENT_EVENT_SEQUENCE, by which clients notice gaps, is a stream.
+Sources: https://mavlink.io/en/messages/common.html#STATUSTEXT: the chunks of a text share an id that is not 0, and the
+last one is the one with a NUL, which may have to be an empty chunk. https://mavlink.io/en/services/events.html: clients
+ask again for events that they missed; CURRENT_EVENT_SEQUENCE, by which they notice gaps, is a stream.
 """
 
 from __future__ import annotations
@@ -8,10 +10,11 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.protocols.reply import Reply, source_of
+from sitl_mock.protocols.session import Reply, source_of
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
+    from sitl_mock.protocols.session import Reply
 
 KEPT: Final = 20
 _UNAVAILABLE: Final = 0
@@ -65,3 +68,32 @@ class EventProtocol:
             gone = ("RESPONSE_EVENT_ERROR", *source_of(message), sequence, self._log.oldest, _UNAVAILABLE)
             replies.append(gone if kept is None else kept)
         return replies
+
+
+CHUNK: Final = 50
+MAX_CHUNKS: Final = 256
+
+
+class StatusTexts:
+    """Texts of one vehicle; counts the ids of long ones."""
+
+    def __init__(self) -> None:
+        self._last_id = 0
+
+    def replies(self, severity: int, text: str) -> list[Reply]:
+        """Return the messages for one text.
+
+        Args:
+            severity: MAV_SEVERITY, 0 (emergency) to 7 (debug).
+            text: Any length; what goes beyond 256 chunks is cut off.
+        """
+        encoded = text.encode()
+        if len(encoded) <= CHUNK:
+            return [("STATUSTEXT", severity, encoded, 0, 0)]
+        self._last_id = self._last_id % 0xFFFF + 1
+        encoded = encoded[: CHUNK * MAX_CHUNKS - 1]
+        count = len(encoded) // CHUNK + 1
+        return [
+            ("STATUSTEXT", severity, encoded[index * CHUNK : (index + 1) * CHUNK], self._last_id, index)
+            for index in range(count)
+        ]

@@ -1,0 +1,139 @@
+"""What is asked of a flight under way.
+
+CIRCLE goes around a point ahead of where it began, at CIRCLE_RATE (ArduPilot's ``AC_Circle``). CONDITION_YAW turns the
+nose to a heading at a rate, and it stays there (ArduCopter's ``autoyaw.cpp``). DO_CHANGE_SPEED sets speeds.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.world import Vector
+
+_LAG_MADE_UP = 1.4
+"""The tracking's lag would widen the circle; the real one flies 9.8 m at 3.4 m/s for a radius of 10 m."""
+
+
+@dataclass(slots=True)
+class Circle:
+    """One circle.
+
+    Attributes:
+        centre_m: North and east of its centre.
+        radius_m: Its radius.
+        angle_rad: Where on it the vehicle shall be, as seen from the centre.
+        rate_rad_s: How fast now, clockwise positive.
+        rate_max_rad_s: How fast in the end.
+        change_rad_s2: How fast that changes.
+    """
+
+    centre_m: tuple[float, float]
+    radius_m: float
+    angle_rad: float
+    rate_max_rad_s: float
+    change_rad_s2: float
+    rate_rad_s: float = 0.0
+
+    def setpoint(self, climb_m_s: float, dt_s: float) -> Setpoint:
+        """Go on for dt_s: the place on the circle, the speed along it, and the nose to the centre."""
+        change = self.change_rad_s2 * dt_s
+        self.rate_rad_s += min(max(self.rate_max_rad_s - self.rate_rad_s, -change), change)
+        self.angle_rad = math.remainder(self.angle_rad + self.rate_rad_s * dt_s, math.tau)
+        cosine, sine = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        radius, along = self.radius_m, self.radius_m * self.rate_rad_s
+        inwards = _LAG_MADE_UP * along * self.rate_rad_s
+        return Setpoint(
+            Kind.STREAM,
+            (self.centre_m[0] + radius * cosine, self.centre_m[1] + radius * sine, math.nan),
+            (-along * sine, along * cosine, -climb_m_s),
+            (-inwards * cosine, -inwards * sine, 0.0),
+            yaw_rad=math.remainder(self.angle_rad + math.pi, math.tau),
+        )
+
+
+def circle_from(position_m: Vector, yaw_rad: float, parameters: Mapping[str, float]) -> Circle:
+    """Return the circle that begins here: its centre lies CIRCLE_RADIUS ahead; WPNAV_ACCEL bounds its rate."""
+    radius = float(parameters["CIRCLE_RADIUS"]) * 0.01
+    north, east, _ = position_m
+    accel, speed = float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["WPNAV_SPEED"]) * 0.01
+    rate = math.radians(float(parameters["CIRCLE_RATE"]))
+    change = max(abs(rate), math.radians(2.0))
+    if radius > 0.0:
+        change = min(change, 0.5 * accel / radius)
+        most = min(speed, math.sqrt(0.5 * accel * radius)) / radius
+        rate = min(max(rate, -most), most)
+    centre = (north + radius * math.cos(yaw_rad), east + radius * math.sin(yaw_rad))
+    return Circle(centre, radius, math.remainder(yaw_rad + math.pi, math.tau), rate, change)
+
+
+_FULL: float = 360.0
+
+
+@dataclass(slots=True)
+class Turn:
+    """A turn under way.
+
+    Attributes:
+        heading_rad: Where the nose shall point now.
+        left_rad: What is still to be turned, clockwise positive.
+        rate_rad_s: How fast.
+    """
+
+    heading_rad: float
+    left_rad: float
+    rate_rad_s: float
+
+    def advance(self, dt_s: float) -> float:
+        """Turn on for dt_s; return the heading wanted."""
+        step = math.copysign(min(abs(self.left_rad), self.rate_rad_s * dt_s), self.left_rad)
+        self.left_rad -= step
+        self.heading_rad = math.remainder(self.heading_rad + step, math.tau)
+        return self.heading_rad
+
+
+def turn_from(
+    yaw_rad: float, angle_deg: float, rate_deg_s: float, direction: float, *, relative: bool, slew_deg_s: float
+) -> Turn:
+    """Return the turn that CONDITION_YAW asks for.
+
+    Args:
+        yaw_rad: Heading now.
+        angle_deg: param1, a heading or (relative) an angle.
+        rate_deg_s: param2; 0 for `slew_deg_s`.
+        direction: param3: -1 counter-clockwise, 1 clockwise, 0 the shorter way.
+        relative: param4.
+        slew_deg_s: ATC_SLEW_YAW in degrees a second.
+    """
+    if relative:
+        left = -angle_deg if direction < 0 else angle_deg
+    else:
+        left = math.remainder(angle_deg - math.degrees(yaw_rad), _FULL)
+        if direction < 0 < left:
+            left -= _FULL
+        elif left < 0 < direction:
+            left += _FULL
+    rate = min(rate_deg_s, slew_deg_s) if rate_deg_s > 0.0 else slew_deg_s
+    return Turn(yaw_rad, math.radians(left), math.radians(rate))
+
+
+@dataclass(slots=True)
+class Speeds:
+    """Speeds instead of those of the parameters, NaN for the parameter's."""
+
+    level_m_s: float = math.nan
+    climb_m_s: float = math.nan
+    sink_m_s: float = math.nan
+
+    def change(self, kind: float, speed_m_s: float) -> None:
+        """Take DO_CHANGE_SPEED: 3 the descent, 2 the climb, anything below the speed over ground."""
+        if kind > 2.9:
+            self.sink_m_s = speed_m_s
+        elif kind > 1.9:
+            self.climb_m_s = speed_m_s
+        else:
+            self.level_m_s = speed_m_s
+
+    def applied(self, setpoint: Setpoint) -> Setpoint:
+        """Return a setpoint to a place, flown at these speeds."""
+        return setpoint._replace(speed_m_s=self.level_m_s, climb_m_s=self.climb_m_s, sink_m_s=self.sink_m_s)

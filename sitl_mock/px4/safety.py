@@ -1,0 +1,224 @@
+"""What PX4 looks at ten times a second: what modes need, what is wrong, whether it may arm, what a failsafe does.
+
+Each failsafe has the parameter that says what to do, and until when (`failsafe.cpp`).
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+from sitl_mock.missions import flyable, violated
+from sitl_mock.modes import Mode, Need
+from sitl_mock.protocols import PlanStore
+from sitl_mock.vehicle_state import VehicleState
+
+
+class Action(IntEnum):
+    """What a failsafe does, in rising severity; the worst of those active is done."""
+
+    NONE = 0
+    WARN = 1
+    HOLD = 2
+    RTL = 3
+    LAND = 4
+    DISARM = 5
+    TERMINATE = 6
+
+
+MODE_OF: Final[Mapping[Action, str]] = {
+    Action.HOLD: "HOLD",
+    Action.RTL: "RTL",
+    Action.LAND: "LAND",
+    Action.TERMINATE: "TERMINATION",
+}
+
+
+class Trigger(NamedTuple):
+    """One thing that can go wrong.
+
+    Attributes:
+        name: What is wrong.
+        parameter: The parameter that chooses the action; empty for a fixed one.
+        actions: Parameter value to action.
+        deferred: Hold first, for COM_FAIL_ACT_T.
+        sticky: The action stays until the mode is changed or the vehicle disarmed, also when the cause is gone.
+    """
+
+    name: str
+    parameter: str
+    actions: Mapping[int, Action]
+    deferred: bool
+    sticky: bool
+
+
+_LINK_ACTIONS: Final = {
+    0: Action.NONE,
+    1: Action.HOLD,
+    2: Action.RTL,
+    3: Action.LAND,
+    5: Action.TERMINATE,
+    6: Action.DISARM,
+}
+
+TRIGGERS: Final = (
+    Trigger("manual control lost", "NAV_RCL_ACT", _LINK_ACTIONS, deferred=True, sticky=True),
+    Trigger("ground station lost", "NAV_DLL_ACT", _LINK_ACTIONS, deferred=True, sticky=True),
+    Trigger(
+        "geofence violated",
+        "GF_ACTION",
+        {
+            0: Action.NONE,
+            1: Action.WARN,
+            2: Action.HOLD,
+            3: Action.RTL,
+            4: Action.TERMINATE,
+            5: Action.LAND,
+        },
+        deferred=False,
+        sticky=False,
+    ),
+    Trigger("onboard computer lost", "", {0: Action.WARN}, deferred=False, sticky=False),
+    Trigger("battery low", "", {0: Action.WARN}, deferred=False, sticky=True),
+    Trigger(
+        "battery critical",
+        "COM_LOW_BAT_ACT",
+        {0: Action.WARN, 2: Action.LAND, 3: Action.RTL},
+        deferred=True,
+        sticky=True,
+    ),
+    Trigger(
+        "battery emergency",
+        "COM_LOW_BAT_ACT",
+        {0: Action.WARN, 2: Action.LAND, 3: Action.LAND},
+        deferred=True,
+        sticky=True,
+    ),
+)
+
+
+@dataclass(slots=True)
+class Failsafes:
+    """Which triggers act, and since when.
+
+    Attributes:
+        since_s: Active triggers and the time they came.
+        overridden: Triggers that a mode change has answered; they act again when they come anew.
+    """
+
+    since_s: dict[str, float] = field(default_factory=dict)
+    overridden: set[str] = field(default_factory=set)
+
+    def update(
+        self, now_s: float, wrong: frozenset[str], parameters: Mapping[str, int | float]
+    ) -> tuple[Action, tuple[str, ...]]:
+        """Take what is wrong now; return the action and the names of the triggers that are new."""
+        self.overridden &= wrong
+        new = []
+        worst = Action.NONE
+        for trigger in TRIGGERS:
+            name = trigger.name
+            if name in wrong:
+                if name not in self.since_s and name not in self.overridden:
+                    self.since_s[name] = now_s
+                    new.append(name)
+            elif name in self.since_s and not trigger.sticky:
+                del self.since_s[name]
+            if name in self.since_s:
+                worst = max(worst, self._action(trigger, now_s, parameters))
+        return worst, tuple(new)
+
+    def answer(self) -> None:
+        """A pilot or a client changed the mode: what acts now is over, until it comes anew."""
+        self.overridden.update(self.since_s)
+        self.since_s.clear()
+
+    def clear(self) -> None:
+        """Disarmed: nothing acts."""
+        self.since_s.clear()
+        self.overridden.clear()
+
+    def _action(self, trigger: Trigger, now_s: float, parameters: Mapping[str, int | float]) -> Action:
+        choice = int(parameters[trigger.parameter]) if trigger.parameter else 0
+        action = trigger.actions.get(choice, Action.WARN)
+        age_s = now_s - self.since_s[trigger.name]
+        if trigger.deferred and action > Action.HOLD and age_s < parameters["COM_FAIL_ACT_T"]:
+            return Action.HOLD
+        return action
+
+
+EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}
+"""COM_RCL_EXCEPT and COM_DLL_EXCEPT: in which modes a lost link is borne."""
+
+
+def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozenset[Need]:
+    """Return what is there now. `stream_s` is when the last accepted setpoint came."""
+    estimator, parameters, now_s = state.estimator, state.parameters, state.now_s
+    streaming = now_s - stream_s <= parameters["COM_OF_LOSS_T"] and not state.conditions.offboard_refused
+    there = {
+        Need.PILOT: state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
+        Need.ALTITUDE: estimator.altitude_valid,
+        Need.LOCAL_POSITION: estimator.position_valid,
+        Need.GLOBAL_POSITION: estimator.global_valid,
+        Need.HOME: state.home_m is not None,
+        Need.MISSION: flyable(plans.mission.items),
+        Need.STREAM: streaming and estimator.position_valid,
+    }
+    return frozenset(need for need, met in there.items() if met)
+
+
+def wrong(state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts: bool) -> frozenset[str]:
+    """Return the names of the failsafe triggers that are present.
+
+    Args:
+        state: The vehicle.
+        plans: Its fence among them.
+        intention: The mode asked for, which may be excepted from a lost link (COM_RCL_EXCEPT, COM_DLL_EXCEPT).
+        pilot_counts: A radio was there at arming or since.
+    """
+    now_s, parameters = state.now_s, state.parameters
+    charge = state.battery.remaining
+    ground_age_s, onboard_age_s = now_s - state.peers.ground_s, now_s - state.peers.onboard_s
+    excepted = EXCEPTION_BITS.get(intention, 0)
+    pilot_lost = pilot_counts and not state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"])
+    ground_lost = state.conditions.gcs_lost or parameters["COM_DL_LOSS_T"] < ground_age_s < math.inf
+    present = {
+        "manual control lost": pilot_lost and not int(parameters["COM_RCL_EXCEPT"]) & excepted,
+        "ground station lost": ground_lost and not int(parameters["COM_DLL_EXCEPT"]) & excepted,
+        "onboard computer lost": parameters["COM_OBC_LOSS_T"] < onboard_age_s < math.inf,
+        "geofence violated": state.conditions.fence_breach or _fence(state, plans, parameters),
+        "battery low": charge < parameters["BAT_LOW_THR"],
+        "battery critical": charge < parameters["BAT_CRIT_THR"],
+        "battery emergency": charge < parameters["BAT_EMERGEN_THR"],
+    }
+    return frozenset(name for name, is_present in present.items() if is_present)
+
+
+def _fence(state: VehicleState, plans: PlanStore, parameters: Mapping[str, int | float]) -> bool:
+    if state.home_m is None or not state.estimator.global_valid:
+        return False
+    far_m, high_m = parameters["GF_MAX_HOR_DIST"], parameters["GF_MAX_VER_DIST"]
+    (n, e, d), (home_n, home_e, home_d) = state.position_m, state.home_m
+    if 0.0 < far_m < math.hypot(n - home_n, e - home_e) or 0.0 < high_m < home_d - d:
+        return True
+    return violated(plans.fence.items, state.frame, state.position_m)
+
+
+def refusals(state: VehicleState, mode: Mode, there: frozenset[Need]) -> list[str]:
+    """Return why PX4 would not arm in a mode, in its own words; empty if it would."""
+    reasons = []
+    if state.conditions.arm_refused:
+        reasons.append(state.conditions.arm_refused)
+    if Need.ALTITUDE not in there:
+        reasons.append("Preflight Fail: ekf2 missing data")
+    elif Need.LOCAL_POSITION not in there and state.parameters["COM_ARM_WO_GPS"] == 0:
+        reasons.append("Preflight Fail: GNSS data missing")
+    if state.battery.remaining < state.parameters["BAT_CRIT_THR"]:
+        reasons.append("Preflight Fail: low battery")
+    if not mode.may_arm:
+        reasons.append(f"Mode {mode.name} prevents arming")
+    missing = mode.needs - there
+    if missing:
+        reasons.append(f"Mode {mode.name} is not available: no {', '.join(sorted(missing))}")
+    return reasons
