@@ -105,13 +105,18 @@ def select(xp: Library, condition: Array, yes: Real, no: Real) -> Array:
     A single NumPy state picks the very same number, and a NumPy batch of one mind the very same array or number,
     without the copy: most conditions are about rare states.
     """
-    if isinstance(condition, (np.bool_, bool)):
-        return yes if condition else no
+    if condition is True:
+        return yes
+    if condition is False:
+        return no
     if isinstance(condition, np.ndarray):
-        if not condition.any():
+        count = np.count_nonzero(condition)
+        if count == 0:
             return no
-        if condition.all():
+        if count == condition.size:
             return yes
+    elif isinstance(condition, np.bool_):
+        return yes if condition else no
     return xp.where(condition, yes, no)
 
 
@@ -178,6 +183,13 @@ def _square(value: Real) -> tuple[Real, Real]:
     return square, ((high * high - square) + 2.0 * high * low) + low * low
 
 
+def half_of_digits(value: Real) -> float:
+    """Return √ε: a step of Newton's method after which none is needed, as the next would be its square."""
+    if isinstance(value, float):
+        return 2.0**-26
+    return float(array_namespace(value).finfo(value.dtype).eps) ** 0.5
+
+
 def dot2(a: Plane, b: Plane) -> Array:
     """Scalar product of two plane vectors."""
     return a[0] * b[0] + a[1] * b[1]
@@ -185,6 +197,8 @@ def dot2(a: Plane, b: Plane) -> Array:
 
 def norm2(xp: Library, v: Plane) -> Array:
     """Length of a plane vector."""
+    if xp is FLOATS:
+        return math.sqrt(v[0] * v[0] + v[1] * v[1])
     return root(xp, v[0] * v[0] + v[1] * v[1])
 
 

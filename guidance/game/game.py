@@ -329,4 +329,6 @@ def is_finite(value: Real) -> bool:
 
 def is_zero(value: Real) -> bool:
     """Say whether a parameter is switched off, an array of NumPy in every row."""
+    if type(value) is float:
+        return value == 0.0
     return not value.any() if isinstance(value, np.ndarray) else not is_array(value) and bool(value == 0)

@@ -22,7 +22,7 @@ from guidance.game.game import (
     is_calm,
     speed_in_hand,
 )
-from guidance.game.reach import NEWTON_STEPS, Play, State, cover_time, head_wind, is_settled, steer
+from guidance.game.reach import Play, State, climb, cover_time, head_wind, steer
 
 
 def pursuit(xp: Library, game: Game, state: State) -> Play:
@@ -56,21 +56,17 @@ def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
     """Find the capture time, the evader's heading, and whether any other heading were as good."""
     v, wind = game.evader_speed_m_s, game.wind_m_s
     lead = v * game.information_age_s - game.standoff.radius_m
-    away, distance = state.to_evader, state.distance
-    direction = unit2(xp, away, distance)
     if is_calm(game):
+        distance = state.distance
+        direction = unit2(xp, state.to_evader, distance)
         t = cover_time(xp, game, distance + lead, horizontal_speed(game.pursuer) - v, state.z)
     else:
-        least, before = speed_in_hand(game), None
-        for _ in range(NEWTON_STEPS):
-            spare = least + head_wind(wind, direction)
-            t = cover_time(xp, game, dot2(direction, state.to_evader) + lead, spare, state.z)
-            if is_settled(xp, t, before):
-                break
-            before = t
-            away = (state.to_evader[0] - wind[0] * t, state.to_evader[1] - wind[1] * t)
-            distance = norm2(xp, away)
-            direction = unit2(xp, away, distance)
+        least = speed_in_hand(game)
+
+        def cover(n: Plane) -> Array:
+            return cover_time(xp, game, dot2(n, state.to_evader) + lead, least + head_wind(wind, n), state.z)
+
+        t, direction, distance = climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
     free = distance <= 0
     if state.seen is not None:
         direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)

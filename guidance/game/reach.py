@@ -18,6 +18,7 @@ Fixing the direction at the last estimate bounds it from below, so that the step
 and never pass it: Newton's method on a concave function, quadratic at the end.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ from guidance.game.arrays import (
     bounded2,
     component,
     dot2,
+    half_of_digits,
     larger,
     norm2,
     pair_length,
@@ -169,20 +171,31 @@ def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Array:
     u = pursuer.speed_m_s
     if is_zero(radius):
         return catch_in_ball(xp, u, capture, y, m, z)
-    direction, before = unit2(xp, y, norm2(xp, y)), None
-    for _ in range(NEWTON_STEPS):
-        t = cover_time(xp, game, dot2(direction, y) - radius, u - dot2(direction, m), z)
-        if is_settled(xp, t, before):
-            break
-        before = t
+    return climb(xp, y, m, lambda n: cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z))[0]
+
+
+def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Array]) -> tuple[Array, Plane, Array]:
+    """Find the largest t = cover(n) over all directions n, that of y + m t; return t, n and ‖y + m t‖.
+
+    A row keeps the time of its first step after which none is needed, whatever the others of the batch go on with. A
+    library that may be tracing is not asked for that.
+    """
+
+    def towards(t: Array) -> tuple[Plane, Array]:
         then = (y[0] + m[0] * t, y[1] + m[1] * t)
-        direction = unit2(xp, then, norm2(xp, then))
-    return t
+        distance = norm2(xp, then)
+        return unit2(xp, then, distance), distance
 
-
-def is_settled(xp: Library, t: Array, before: Array | None) -> bool:
-    """Say whether another step would change no bit of any row; a library that may be tracing is not asked."""
-    return before is not None and (xp is np or xp is FLOATS) and bool(np.all(t == before))
+    t, done = cover(unit2(xp, y, norm2(xp, y))), False
+    for _ in range(NEWTON_STEPS - 1):
+        further = cover(towards(t)[0])
+        if xp is np or xp is FLOATS:
+            further = select(xp, done, t, further)
+            done = done | (further - t <= half_of_digits(further) * further)
+        t = further
+        if done is True or (done is not False and done.all()):
+            break
+    return t, *towards(t)
 
 
 def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Real) -> Array:
@@ -199,8 +212,8 @@ def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Array,
     out = positive_part(beyond)
     delta = root(xp, half * half + hand * out)
     kept = half >= 0
-    other = select(xp, kept, 1.0, delta - half)
-    t = select(xp, kept, (half + delta) / hand, out / other)
+    both = select(xp, kept, half, -half) + delta
+    t = select(xp, kept, both, out) / select(xp, kept, hand, both)
     return select(xp, beyond > 0, t, 0.0 * t), delta
 
 

@@ -18,6 +18,7 @@ from guidance.game.arrays import (
     Array,
     Library,
     Real,
+    Space,
     codes,
     component,
     fill,
@@ -147,7 +148,18 @@ def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Sol
         return _solve(np, game, (), given, out)
     fault = _fault(FLOATS, game, floats, play)
     _refuse(fault, given)
-    return _put_together(np, game, (), like, play, fault, out)
+    if fault or out is not None:
+        return _put_together(np, game, (), like, play, fault, out)
+    return Solution(
+        np.array(play.winner, np.int8),
+        _as_is(play.value),
+        _as_is(play.margin),
+        _as_is(play.meeting),
+        _as_is(play.time),
+        _as_is(play.pursuer),
+        _as_is(play.evader),
+        np.array(_doubted(FLOATS, game, play.reason), np.int8),
+    )
 
 
 def _solve_rows(game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
@@ -219,34 +231,51 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Arra
     answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
     if "target" in given:
         answered = answered + play.margin
-    total = answered + _largest_square(game, given)
-    sound = total - total == 0
+    sound = _is_finite(answered + _largest_square(game, _most_squares(given) if xp is np else _squares(given)))
     fault = int(Reason.SOLVED)
     if not (xp is np or xp is FLOATS) or not _all(sound):
+        sound = _is_finite(answered + _largest_square(game, _squares(given)))
         nought = sum(0.0 * component(array, index) for array in given.values() for index in range(3))
         fault = select(xp, sound, fault, select(xp, nought == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     if not game.varies:
         return fault
     fault = select(xp, speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
     for name, value in parameters(game).items():
-        allowed = value - value == 0
+        allowed = _is_finite(value)
         if name not in SIGNED:
             allowed = allowed & (value >= 0 if name in ZERO_ALLOWED else value > 0)
         fault = select(xp, allowed, fault, int(Reason.OUT_OF_RANGE))
     return fault
 
 
-def _largest_square(game: Game, given: dict[str, Array]) -> Real:
-    """Return more than any square that the kernels take: where it is infinite, theirs may have been."""
-    sizes: Real = 0.0
+def _squares(given: dict[str, Array]) -> Real:
+    """Return the sum of the squares of all components, row by row."""
+    total: Real = 0.0
     for array in given.values():
-        for index in range(3):
-            part = component(array, index)
-            sizes = sizes + part * part
+        x, y, z = array if type(array) is list else (component(array, index) for index in range(3))
+        total = total + (x * x + y * y + z * z)
+    return total
+
+
+def _most_squares(given: dict[str, Array]) -> Real:
+    """Return no less than any row's: of contiguous numbers the largest costs a tenth of the squares of all."""
+    total: Real = 0.0
+    for array in given.values():
+        most = 2.0 * abs(array).max(initial=0.0)
+        total = total + most * most
+    return total
+
+
+def _largest_square(game: Game, sizes: Real) -> Real:
+    """Return more than any square that the kernels take: where it is infinite, theirs may have been."""
     standoff, u = game.standoff, horizontal_speed(game.pursuer)
     length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
     square = u * u
     return (sizes + length * length) * square * square
+
+
+def _is_finite(value: Array) -> Array:
+    return value - value == 0
 
 
 def _all(sound: Array) -> bool:
@@ -258,6 +287,13 @@ def _refuse(fault: int, given: dict[str, Array]) -> None:
     if fault == Reason.NOT_FINITE:
         wrong = [f"{name} = {array!r}" for name, array in given.items() if not all(map(is_finite, array.tolist()))]
         raise ConfigError(f"{', '.join(wrong)}: must be finite numbers")
+
+
+def _as_is(value: float | Space) -> Array:
+    """Make an array of a number or three, none of them minus zero: what `_put_together` does where none is lost."""
+    if isinstance(value, tuple):
+        return np.array((value[0] + 0.0, value[1] + 0.0, value[2] + 0.0))
+    return np.array(value + 0.0)
 
 
 def _put_together(

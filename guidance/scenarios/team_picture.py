@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from guidance.drawing.figures import figure_of, literal, save
 from guidance.game import End
-from guidance.game.discs import Discs, rim
 from guidance.game.team import Matching, TeamRollout
+from guidance.game.team.discs import Discs, rim
 from guidance.sim.team_maths import opening_of, played_teams
 from guidance.sim.teams import Teams, TeamScenario, teams_of
 

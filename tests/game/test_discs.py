@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.game.discs import Discs, crossings, excess, farthest, project, rim
+from guidance.game.team.discs import Discs, crossings, excess, farthest, project, rim
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -21,7 +21,7 @@ from scipy.optimize import linear_sum_assignment
 
 from guidance.errors import ConfigError
 from guidance.game import Game, Reason, Solution, Winner, solve
-from guidance.game.discs import Array
+from guidance.game.team.discs import Array
 from guidance.game.team.several import TeamSolution, fitting, solve_team, speeds, spoiled, vectors, with_speeds
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game, Policy, Reason
-from guidance.game.discs import Array
+from guidance.game.team.discs import Array
 from guidance.game.team.matching import Matching, each_speed, match_teams
 from guidance.game.team.several import with_speeds
 

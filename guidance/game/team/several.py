@@ -23,7 +23,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, Reason, Solution, solve
-from guidance.game.discs import Array, Discs, Point, farthest, project, taken
+from guidance.game.team.discs import Array, Discs, Point, farthest, project, taken
 
 ALLOWED: dict[str, Any] = {
     "capture_radius_m": 0.0,

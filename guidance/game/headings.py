@@ -1,0 +1,199 @@
+"""A heading of the evader followed to the capture, and how the point where it ends moves as the heading turns.
+
+With its heading n the evader ends at
+
+    X(n) = E + v (t + τ) n,    ‖(y + m t − q, z)‖ = u t + l,    y = E − P + v τ n,    m = v n − w
+
+t is the root of a quadratic for every point q of the stand-off disc around the pursuer, and the best q lies towards X:
+the region against a disc is the intersection of the regions of the virtual pursuers P + q.
+
+A heading is written by the tangent s of its half angle from the direction to the target, as
+((1 − s²) e₁ + 2 s e₂)/(1 + s²), which needs no trigonometry. A point X of the region that is closer to T than E itself
+lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E)), so |s| ≤ 1 brackets it.
+"""
+
+from typing import NamedTuple
+
+from guidance.game.arrays import (
+    Array,
+    Library,
+    Plane,
+    Real,
+    dot2,
+    norm2,
+    positive_part,
+    root,
+    select,
+    unit2,
+)
+from guidance.game.game import STILL, Cylinder, Game, horizontal_speed, is_calm, is_zero
+from guidance.game.reach import State, ball_time, head_wind, least_square_in_hand
+
+
+class Hunt(NamedTuple):
+    """What a heading of the evader is judged by, of a Cylinder its horizontal part; see `reach` for the symbols."""
+
+    u: Real
+    v: Real
+    capture: Real
+    radius: Real
+    lag: Real
+    """How far the evader may have run unseen, v τ."""
+    hand: Real
+    """u² − v² less what the wind takes of it at the worst."""
+    z2: Real
+    """Square of the height above the disc."""
+    to_evader: Plane
+    to_target: Plane
+    wind: Plane | None
+    """None where the air is calm ..."""
+    drift: Plane | None
+    """... and where the target rests."""
+    ahead: Plane
+    """The direction that headings are counted from."""
+    met_s: Real
+    """When that height is met ..."""
+    met_m: Real
+    """... and the distance from the pursuer within which the evader is captured then."""
+
+
+class Aim(NamedTuple):
+    """A heading s, and the direction from the pursuer to the end of its run, as far as it is known."""
+
+    s: Array
+    disc: Plane
+
+
+class Way(NamedTuple):
+    """A heading followed to its end, vectors by their components along and across it."""
+
+    n: Plane
+    t: Array
+    rho: Array
+    """Length of the run."""
+    left: Plane
+    """From the target to the end."""
+    air: Plane
+    """The evader's velocity through the air."""
+    flown: Plane
+    """From the virtual pursuer to the end, through the air."""
+    disc: Plane
+    """Direction from the pursuer to the end, through the air ..."""
+    to: Plane
+    """... in the plane."""
+    bent: Array
+    """Radius of the stand-off disc over the length of that way; zero without a disc."""
+    hand: Array
+    delta: Array
+    """The root of `ball_time`; infinite where the evader is captured before it can leave the disc, whatever it does."""
+
+
+def hunt_for(xp: Library, game: Game, state: State, to_target: Plane, goal: Plane) -> Hunt:
+    """Gather what headings are judged by, counted from that to `goal`."""
+    u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
+    radius, capture = game.standoff.radius_m, game.capture_radius_m
+    if isinstance(game.pursuer, Cylinder):
+        radius, capture = 0.0, radius + capture
+        z2, met_s, met_m = 0.0, 0.0, capture
+    else:
+        z2 = state.z * state.z
+        met_s = positive_part(abs(state.z) - capture) / u
+        met_m = radius + root(xp, positive_part(capture * capture - z2))
+    return Hunt(
+        u=u,
+        v=v,
+        capture=capture,
+        radius=radius,
+        lag=v * game.information_age_s,
+        hand=least_square_in_hand(game),
+        z2=z2,
+        to_evader=state.to_evader,
+        to_target=to_target,
+        wind=None if is_calm(game) else game.wind_m_s,
+        drift=None if game.target_velocity_m_s == STILL else game.target_velocity_m_s,
+        ahead=unit2(xp, goal, norm2(xp, goal)),
+        met_s=met_s,
+        met_m=met_m,
+    )
+
+
+def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
+    """Follow a heading to the capture; with `held` also where the pursuer's height alone decides when that is."""
+    v, wind, drift, s = hunt.v, hunt.wind, hunt.drift, aim.s
+    scale = 1.0 / (1.0 + s * s)
+    cosine, sine = (1.0 - s * s) * scale, (s + s) * scale
+    n = (cosine * hunt.ahead[0] - sine * hunt.ahead[1], cosine * hunt.ahead[1] + sine * hunt.ahead[0])
+    whole = (dot2(hunt.to_evader, n) + hunt.lag, across(hunt.to_evader, n))
+    air, hand = (v, 0.0), hunt.hand
+    if wind is not None:
+        air, hand = (v - dot2(wind, n), across(n, wind)), hand + 2.0 * v * head_wind(wind, n)
+    flat = is_zero(hunt.radius)
+    disc = (0.0, 0.0) if flat else (dot2(aim.disc, n), across(aim.disc, n))
+    y = whole if flat else (whole[0] - hunt.radius * disc[0], whole[1] - hunt.radius * disc[1])
+    beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
+    t, delta = ball_time(xp, hand, dot2(y, air) - hunt.u * hunt.capture, beyond)
+    if held:
+        at = (whole[0] + air[0] * hunt.met_s, whole[1] + air[1] * hunt.met_s)
+        inside = dot2(at, at) <= hunt.met_m * hunt.met_m
+        t, delta = select(xp, inside, hunt.met_s, t), select(xp, inside, float("inf"), delta)
+    flown, bent, to = (y[0] + air[0] * t, y[1] + air[1] * t), 0.0, aim.disc
+    if not flat:
+        whole = (whole[0] + air[0] * t, whole[1] + air[1] * t)
+        far = norm2(xp, whole)
+        some = far > 0
+        inverse = 1.0 / select(xp, some, far, 1.0)
+        disc, bent = (select(xp, some, whole[0] * inverse, 1.0), whole[1] * inverse), hunt.radius * inverse
+        flown = ((far - hunt.radius) * disc[0], (far - hunt.radius) * disc[1])
+        to = in_plane(n, disc)
+        slower = hunt.u * (hunt.u * t + hunt.capture) - dot2(flown, air)
+        delta = select(xp, delta < float("inf"), slower, delta) if held else slower
+    rho = v * t + hunt.lag
+    left = (rho - dot2(hunt.to_target, n), across(n, hunt.to_target))
+    if drift is not None:
+        left = (left[0] - dot2(drift, n) * t, left[1] - across(drift, n) * t)
+    return Way(n, t, rho, left, air, flown, disc, to, bent, hand, delta)
+
+
+def judge(hunt: Hunt, way: Way) -> tuple[Array, Array, Array]:
+    """Return Newton's turn towards the least distance, rad, that distance's slope, and whether the turn can be it.
+
+    The first and second derivative of t by the heading are those of H = (‖y + m t − q‖² + z² − (u t + l)²)/2 = 0, for
+    which ∂H/∂t = −delta. The turn is Newton's for the angle between the edge and the way to the target, whose own
+    derivative is positive wherever the edge is convex and the target beyond its tangent.
+    """
+    v, rho, (along, aside), left = hunt.v, way.rho, way.flown, way.left
+    first = rho * aside / way.delta
+    second = rho * rho - rho * along + first * (2.0 * (v * aside + rho * way.air[1]) - way.hand * first)
+    if not is_zero(hunt.radius):
+        swing = rho * way.disc[0] + (way.disc[0] * way.air[1] - way.disc[1] * way.air[0]) * first
+        second = second - way.bent * swing * swing
+    second = second / way.delta
+    edge, bend = (v * first, rho), (v * second - rho, 2.0 * v * first)
+    if hunt.drift is not None:
+        pulled = (dot2(hunt.drift, way.n), across(hunt.drift, way.n))
+        edge = (edge[0] - pulled[0] * first, edge[1] - pulled[1] * first)
+        bend = (bend[0] - pulled[0] * second, bend[1] - pulled[1] * second)
+    slope, square = dot2(left, edge), dot2(edge, edge)
+    before = left[0] * edge[1] - left[1] * edge[0]
+    rate = square + before * (bend[0] * edge[1] - bend[1] * edge[0]) / square
+    return -slope / rate, slope, (rate > 0) & (before <= 0)
+
+
+def turned(way: Way, aim: Aim, turn: Array) -> Aim:
+    """Turn a heading by a small angle, rad, towards which the point of the disc is kept."""
+    return Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), way.to)
+
+
+def bounded(xp: Library, s: Array) -> Array:
+    """Keep a heading within 90° of straight ahead."""
+    return select(xp, s > 1.0, 1.0, select(xp, s < -1.0, -1.0, s))
+
+
+def across(v: Plane, n: Plane) -> Array:
+    """Component of a plane vector across a direction, to its left."""
+    return v[1] * n[0] - v[0] * n[1]
+
+
+def in_plane(n: Plane, v: Plane) -> Plane:
+    """Return a vector that is given by its components along and across n."""
+    return v[0] * n[0] - v[1] * n[1], v[0] * n[1] + v[1] * n[0]
