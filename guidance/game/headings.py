@@ -88,6 +88,32 @@ class Way(NamedTuple):
     """The root of `ball_time`; infinite where the evader is captured before it can leave the disc, whatever it does."""
 
 
+class Verdict(NamedTuple):
+    """What is to be said of a heading.
+
+    Attributes:
+        turn: Newton's turn towards the least distance of the end from the target, rad.
+        slope: Derivative of half the square of that distance by the heading.
+        sound: Whether the turn can lead to the least.
+        first: Derivative of the time by the heading, s/rad ...
+        edge: ... and of the end, by its components along and across the heading, m/rad.
+    """
+
+    turn: Array
+    slope: Array
+    sound: Array
+    first: Array
+    edge: Plane
+
+
+class Edge(NamedTuple):
+    """Where the evader ends, from where it is: a horizontal vector, m; when, s; how far from its target, m."""
+
+    run: Plane
+    time: Array
+    left: Array
+
+
 def hunt_for(xp: Library, game: Game, state: State, to_target: Plane, goal: Plane) -> Hunt:
     """Gather what headings are judged by, counted from that to `goal`."""
     u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
@@ -98,7 +124,7 @@ def hunt_for(xp: Library, game: Game, state: State, to_target: Plane, goal: Plan
     else:
         z2 = state.z * state.z
         met_s = positive_part(abs(state.z) - capture) / u
-        met_m = radius + root(xp, positive_part(capture * capture - z2))
+        met_m = radius if is_zero(capture) else radius + root(xp, positive_part(capture * capture - z2))
     return Hunt(
         u=u,
         v=v,
@@ -120,8 +146,9 @@ def hunt_for(xp: Library, game: Game, state: State, to_target: Plane, goal: Plan
 def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     """Follow a heading to the capture; with `held` also where the pursuer's height alone decides when that is."""
     v, wind, drift, s = hunt.v, hunt.wind, hunt.drift, aim.s
-    scale = 1.0 / (1.0 + s * s)
-    cosine, sine = (1.0 - s * s) * scale, (s + s) * scale
+    square = s * s
+    scale = 1.0 / (1.0 + square)
+    cosine, sine = (1.0 - square) * scale, (s + s) * scale
     n = (cosine * hunt.ahead[0] - sine * hunt.ahead[1], cosine * hunt.ahead[1] + sine * hunt.ahead[0])
     whole = (dot2(hunt.to_evader, n) + hunt.lag, across(hunt.to_evader, n))
     air, hand = (v, 0.0), hunt.hand
@@ -131,21 +158,23 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     disc = (0.0, 0.0) if flat else (dot2(aim.disc, n), across(aim.disc, n))
     y = whole if flat else (whole[0] - hunt.radius * disc[0], whole[1] - hunt.radius * disc[1])
     beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
-    t, delta = ball_time(xp, hand, dot2(y, air) - hunt.u * hunt.capture, beyond)
+    t, delta = ball_time(xp, hand, _along(hunt, air, y) - hunt.u * hunt.capture, beyond)
     if held:
-        at = (whole[0] + air[0] * hunt.met_s, whole[1] + air[1] * hunt.met_s)
+        at = _after(hunt, air, hunt.met_s, whole)
         inside = dot2(at, at) <= hunt.met_m * hunt.met_m
         t, delta = select(xp, inside, hunt.met_s, t), select(xp, inside, float("inf"), delta)
-    flown, bent, to = (y[0] + air[0] * t, y[1] + air[1] * t), 0.0, aim.disc
-    if not flat:
-        whole = (whole[0] + air[0] * t, whole[1] + air[1] * t)
+    if flat:
+        flown, bent, to = _after(hunt, air, t, y), 0.0, aim.disc
+    else:
+        whole = _after(hunt, air, t, whole)
         far = norm2(xp, whole)
         some = far > 0
         inverse = 1.0 / select(xp, some, far, 1.0)
         disc, bent = (select(xp, some, whole[0] * inverse, 1.0), whole[1] * inverse), hunt.radius * inverse
-        flown = ((far - hunt.radius) * disc[0], (far - hunt.radius) * disc[1])
+        free = far - hunt.radius
+        flown = (free * disc[0], free * disc[1])
         to = in_plane(n, disc)
-        slower = hunt.u * (hunt.u * t + hunt.capture) - dot2(flown, air)
+        slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flown)
         delta = select(xp, delta < float("inf"), slower, delta) if held else slower
     rho = v * t + hunt.lag
     left = (rho - dot2(hunt.to_target, n), across(n, hunt.to_target))
@@ -154,8 +183,18 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     return Way(n, t, rho, left, air, flown, disc, to, bent, hand, delta)
 
 
-def judge(hunt: Hunt, way: Way) -> tuple[Array, Array, Array]:
-    """Return Newton's turn towards the least distance, rad, that distance's slope, and whether the turn can be it.
+def _along(hunt: Hunt, air: Plane, p: Plane) -> Array:
+    """Return p·air; where the air is calm the evader moves along its heading alone."""
+    return air[0] * p[0] if hunt.wind is None else dot2(p, air)
+
+
+def _after(hunt: Hunt, air: Plane, t: Array, p: Plane) -> Plane:
+    """Return p + air·t."""
+    return p[0] + air[0] * t, p[1] if hunt.wind is None else p[1] + air[1] * t
+
+
+def judge(hunt: Hunt, way: Way) -> Verdict:
+    """Return Newton's turn towards the least distance from the target.
 
     The first and second derivative of t by the heading are those of H = (‖y + m t − q‖² + z² − (u t + l)²)/2 = 0, for
     which ∂H/∂t = −delta. The turn is Newton's for the angle between the edge and the way to the target, whose own
@@ -163,9 +202,11 @@ def judge(hunt: Hunt, way: Way) -> tuple[Array, Array, Array]:
     """
     v, rho, (along, aside), left = hunt.v, way.rho, way.flown, way.left
     first = rho * aside / way.delta
-    second = rho * rho - rho * along + first * (2.0 * (v * aside + rho * way.air[1]) - way.hand * first)
+    calm = hunt.wind is None
+    pushed = v * aside if calm else v * aside + rho * way.air[1]
+    second = rho * (rho - along) + first * (2.0 * pushed - way.hand * first)
     if not is_zero(hunt.radius):
-        swing = rho * way.disc[0] + (way.disc[0] * way.air[1] - way.disc[1] * way.air[0]) * first
+        swing = rho * way.disc[0] - (v * way.disc[1] if calm else across(way.disc, way.air)) * first
         second = second - way.bent * swing * swing
     second = second / way.delta
     edge, bend = (v * first, rho), (v * second - rho, 2.0 * v * first)
@@ -176,12 +217,27 @@ def judge(hunt: Hunt, way: Way) -> tuple[Array, Array, Array]:
     slope, square = dot2(left, edge), dot2(edge, edge)
     before = left[0] * edge[1] - left[1] * edge[0]
     rate = square + before * (bend[0] * edge[1] - bend[1] * edge[0]) / square
-    return -slope / rate, slope, (rate > 0) & (before <= 0)
+    return Verdict(-slope / rate, slope, (rate > 0) & (before <= 0), first, edge)
 
 
-def turned(way: Way, aim: Aim, turn: Array) -> Aim:
-    """Turn a heading by a small angle, rad, towards which the point of the disc is kept."""
+def turned(aim: Aim, way: Way, turn: Array) -> Aim:
+    """Turn a heading by a small angle, rad."""
     return Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), way.to)
+
+
+def end_of(xp: Library, way: Way) -> Edge:
+    """Return where a heading ends."""
+    return Edge((way.rho * way.n[0], way.rho * way.n[1]), way.t, norm2(xp, way.left))
+
+
+def end_beside(xp: Library, hunt: Hunt, way: Way, verdict: Verdict) -> Edge:
+    """Return where a heading ends that is turned by so little that its square does not count."""
+    turn = verdict.turn
+    later = verdict.first * turn
+    rho = way.rho + hunt.v * later
+    run = (rho * (way.n[0] - turn * way.n[1]), rho * (way.n[1] + turn * way.n[0]))
+    left = (way.left[0] + turn * verdict.edge[0], way.left[1] + turn * verdict.edge[1])
+    return Edge(run, way.t + later, norm2(xp, left))
 
 
 def bounded(xp: Library, s: Array) -> Array:

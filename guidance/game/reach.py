@@ -209,12 +209,14 @@ def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Array,
 
     Where `beyond`, the square of what is out of reach now, is not positive, the time is zero.
     """
-    out = positive_part(beyond)
+    inside, kept = beyond <= 0, half >= 0
+    out = select(xp, inside, 0.0, beyond)
     delta = root(xp, half * half + hand * out)
-    kept = half >= 0
-    both = select(xp, kept, half, -half) + delta
+    # Libraries that differentiate take the derivative of |half| at zero for zero.
+    size = abs(half) if xp is np or xp is FLOATS else select(xp, kept, half, -half)
+    both = size + delta
     t = select(xp, kept, both, out) / select(xp, kept, hand, both)
-    return select(xp, beyond > 0, t, 0.0 * t), delta
+    return select(xp, inside, 0.0 * t, t), delta
 
 
 def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold: Plane) -> Space:

@@ -9,7 +9,7 @@ Few rows need more, or the bracket that holds the minimum; they get both. Beyond
 a dent before the pursuer, and a minimum on either side of it: the better one is taken.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +29,21 @@ from guidance.game.arrays import (
     unit2,
 )
 from guidance.game.game import STILL, Game, guaranteed_age_s, is_calm, is_zero
-from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
+from guidance.game.headings import (
+    Aim,
+    Edge,
+    Hunt,
+    Way,
+    across,
+    bounded,
+    end_beside,
+    end_of,
+    follow,
+    hunt_for,
+    in_plane,
+    judge,
+    turned,
+)
 from guidance.game.reach import State
 
 STEPS = 3
@@ -49,14 +63,6 @@ TRACED_STEPS = 12
 
 FAN = tuple(index / 4.0 - 1.0 for index in range(9))
 """Headings from −90° to 90°, exact in binary."""
-
-
-class Edge(NamedTuple):
-    """Where the evader ends, from where it is: a horizontal vector, m; when, s; how far from its target, m."""
-
-    run: Plane
-    time: Array
-    left: Array
 
 
 def is_circle(game: Game) -> bool | Array:
@@ -96,59 +102,62 @@ def closest_point(xp: Library, game: Game, state: State, to_target: Plane, goal:
 
 def _closest(xp: Library, hunt: Hunt, old: bool | Array) -> Edge:
     """Find it: by Newton's method where the run is not stopped by the pursuer's height alone."""
-    drift, wind = hunt.drift or STILL, hunt.wind or STILL
-    met = (hunt.to_target[0] + drift[0] * hunt.met_s, hunt.to_target[1] + drift[1] * hunt.met_s)
+    met = hunt.to_target if hunt.drift is None else _plus(hunt.to_target, hunt.met_s, hunt.drift)
     far = norm2(xp, met)
     straight = unit2(xp, met, far)
     rho = hunt.v * hunt.met_s + hunt.lag
-    y = (
-        hunt.to_evader[0] + rho * straight[0] - wind[0] * hunt.met_s,
-        hunt.to_evader[1] + rho * straight[1] - wind[1] * hunt.met_s,
-    )
+    y = _plus(hunt.to_evader, rho, straight)
+    if hunt.wind is not None:
+        y = _plus(y, -hunt.met_s, hunt.wind)
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
-    way = follow(xp, hunt, _search(xp, hunt, old, within))
-    run = (way.rho * way.n[0], way.rho * way.n[1])
+    found = _search(xp, hunt, old, within)
     return Edge(
-        select2(xp, within, (rho * straight[0], rho * straight[1]), run),
-        select(xp, within, hunt.met_s, way.t),
-        select(xp, within, abs(far - rho), norm2(xp, way.left)),
+        select2(xp, within, (rho * straight[0], rho * straight[1]), found.run),
+        select(xp, within, hunt.met_s, found.time),
+        select(xp, within, abs(far - rho), found.left),
     )
 
 
-def _search(xp: Library, hunt: Hunt, old: bool | Array, within: Array) -> Aim:
-    """Return the heading that ends closest to the target, for the rows that are not `within`."""
+def _search(xp: Library, hunt: Hunt, old: bool | Array, within: Array) -> Edge:
+    """Return the end of the heading that ends closest to the target, for the rows that are not `within`."""
     start = _touch(xp, hunt)
     reach: Real = 2.0
     if is_array(old) or old:
         start = _best_of_fan(xp, hunt, start, old)
         reach = select(xp, old, FAN[1] - FAN[0], reach)
     if not (xp is np or xp is FLOATS):
-        return _bracket(xp, hunt, start, reach, TRACED_STEPS)
-    aim, there = _newton(xp, hunt, start, within, STEPS, NEWTON_STEPS)
-    there = within | (there & (abs(aim.s - start.s) <= reach))
-    if np.all(there):
-        return aim
+        return end_of(xp, follow(xp, hunt, _bracket(xp, hunt, start, reach, TRACED_STEPS)))
+    found, s, there = _newton(xp, hunt, start, within, STEPS, NEWTON_STEPS)
+    there = within | (there & (abs(s - start.s) <= reach))
     if not isinstance(there, np.ndarray):
-        return _bracket(xp, hunt, start, reach, MORE_STEPS)
+        return found if there else end_of(xp, follow(xp, hunt, _bracket(xp, hunt, start, reach, MORE_STEPS)))
+    if there.all():
+        return found
     shape, rows = there.shape, np.nonzero(~there)
     hunt, start, reach = (_rows(part, shape, rows) for part in (hunt, start, reach))
-    return _put(aim, shape, rows, _bracket(xp, hunt, start, reach, MORE_STEPS))
+    return _put(found, shape, rows, end_of(xp, follow(xp, hunt, _bracket(xp, hunt, start, reach, MORE_STEPS))))
 
 
-def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Array, steps: int, most: int) -> tuple[Aim, Array]:
-    """Take some steps, then one at a time in the rows that are not `there` yet, up to `most`; and say which are."""
+def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Array, steps: int, most: int) -> tuple[Edge, Array, Array]:
+    """Take some steps, then one at a time in the rows that are not `there` yet, up to `most`.
+
+    Returns:
+        Where the last heading ends, that heading, and which rows are there.
+    """
     for _ in range(steps):
         way = follow(xp, hunt, aim)
-        turn, _, sound = judge(hunt, way)
-        aim = turned(way, aim, turn)
-    there = there | (sound & (abs(turn) <= half_of_digits(turn)))
-    if steps == most or np.all(there):
-        return aim, there
-    if not isinstance(there, np.ndarray):
+        verdict = judge(hunt, way)
+        aim = turned(aim, way, verdict.turn)
+    there = there | (verdict.sound & (abs(verdict.turn) <= half_of_digits(verdict.turn)))
+    one = not isinstance(there, np.ndarray)
+    if steps == most or (there if one else there.all()):
+        return end_beside(xp, hunt, way, verdict), aim.s, there
+    if one:
         return _newton(xp, hunt, aim, there, 1, most - steps)
+    reached = end_beside(xp, hunt, way, verdict), aim.s, there
     shape, rows = there.shape, np.nonzero(~there)
     few, some = (_rows(part, shape, rows) for part in (hunt, aim))
-    return _put((aim, there), shape, rows, _newton(xp, few, some, there[rows], 1, most - steps))
+    return _put(reached, shape, rows, _newton(xp, few, some, there[rows], 1, most - steps))
 
 
 def _touch(xp: Library, hunt: Hunt) -> Aim:
@@ -160,27 +169,43 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     way_on = (hunt.to_evader[0] + hunt.to_target[0], hunt.to_evader[1] + hunt.to_target[1])
     disc = unit2(xp, way_on, norm2(xp, way_on))
     way = follow(xp, hunt, Aim(0.0 * way_on[0], disc))
-    u, v, wind, drift = hunt.u, hunt.v, hunt.wind or STILL, hunt.drift or STILL
-    near = norm2(xp, way.flown)
-    distance = root(xp, near * near + hunt.z2)
-    share = hunt.capture / select(xp, distance > 0, distance, 1.0)
-    x, y = in_plane(way.n, way.flown)
-    out = (share * x + hunt.radius * disc[0], share * y + hunt.radius * disc[1])
+    u, v, hand = hunt.u, hunt.v, (hunt.u - hunt.v) * (hunt.u + hunt.v)
+    e0, z2 = _virtual(xp, hunt, way)
     lag = (hunt.lag * way.n[0], hunt.lag * way.n[1])
-    e0 = (
-        hunt.to_evader[0] + lag[0] - out[0] - wind[0] * way.t,
-        hunt.to_evader[1] + lag[1] - out[1] - wind[1] * way.t,
-    )
-    goal = (hunt.to_target[0] - lag[0] + drift[0] * way.t, hunt.to_target[1] - lag[1] + drift[1] * way.t)
-    hand = (u - v) * (u + v)
+    e0, goal = _plus(e0, 1.0, lag), _plus(hunt.to_target, -1.0, lag)
+    if hunt.drift is not None:
+        goal = _plus(goal, way.t, hunt.drift)
     back = (v * v * e0[0] - hand * goal[0], v * v * e0[1] - hand * goal[1])
-    span = v * root(xp, hand * ((1.0 - share) * (1.0 - share)) * hunt.z2 + (u * u) * dot2(e0, e0))
+    span = v * root(xp, hand * z2 + (u * u) * dot2(e0, e0))
     length = norm2(xp, back)
     scale = span / select(xp, length > 0, length, 1.0)
     run = (v * v * e0[0] - scale * back[0] + hand * lag[0], v * v * e0[1] - scale * back[1] + hand * lag[1])
     over = norm2(xp, run) + dot2(run, hunt.ahead)
-    s = across(run, hunt.ahead) / select(xp, over > 0, over, 1.0)
-    return Aim(bounded(xp, s), way.to)
+    s = bounded(xp, across(run, hunt.ahead) / select(xp, over > 0, over, 1.0))
+    if is_zero(hunt.radius):
+        return Aim(s, way.to)
+    end = _plus(run, hand, hunt.to_evader)
+    if hunt.wind is not None:
+        end = _plus(end, -hand * way.t, hunt.wind)
+    return Aim(s, unit2(xp, end, norm2(xp, end)))
+
+
+def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
+    """Return where the evader is from the virtual pursuer that has no lead, and the square of that one's height."""
+    e0, z2 = hunt.to_evader, hunt.z2
+    if not is_zero(hunt.radius):
+        e0 = _plus(e0, -hunt.radius, way.to)
+    if not is_zero(hunt.capture):
+        near = norm2(xp, way.flown)
+        distance = root(xp, near * near + z2)
+        share = hunt.capture / select(xp, distance > 0, distance, 1.0)
+        e0, z2 = _plus(e0, -share, in_plane(way.n, way.flown)), ((1.0 - share) * (1.0 - share)) * z2
+    return e0 if hunt.wind is None else _plus(e0, -way.t, hunt.wind), z2
+
+
+def _plus(a: Plane, factor: Real, b: Plane) -> Plane:
+    """Return a + factor·b."""
+    return a[0] + factor * b[0], a[1] + factor * b[1]
 
 
 def _best_of_fan(xp: Library, hunt: Hunt, start: Aim, old: bool | Array) -> Aim:
@@ -202,7 +227,7 @@ def _bracket(xp: Library, hunt: Hunt, start: Aim, reach: Real, steps: int) -> Ai
     low, high = bounded(xp, start.s - reach), bounded(xp, start.s + reach)
     for _ in range(steps):
         _, way = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
-        turn, slope, sound = judge(hunt, way)
+        turn, slope, sound, _, _ = judge(hunt, way)
         done = done | (sound & (slope == 0))
         falls = slope < 0
         low, high = select(xp, falls, aim.s, low), select(xp, falls, high, aim.s)

@@ -22,8 +22,9 @@ from typing import NamedTuple
 from guidance.game.apollonius import race
 from guidance.game.arrays import Array, Library, Plane, norm2, positive_part, select, select2, unit2
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm
+from guidance.game.headings import Edge
 from guidance.game.reach import Play, State, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
-from guidance.game.region import Edge, closest_point, is_circle
+from guidance.game.region import closest_point, is_circle
 
 
 class Contest(NamedTuple):
@@ -55,10 +56,9 @@ def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
     won, arrived = margin > 0, contest.arrival <= 0
     run, leading = select2(xp, won, edge.run, goal), select2(xp, won, lead.run, goal)
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
-    gap = norm2(xp, to) - (game.standoff.radius_m + game.capture_radius_m)
     hold = select2(xp, won, state.hold, (0.0, 0.0))
-    length = norm2(xp, run)
-    heading = select2(xp, length > 0, unit2(xp, run, length), unit2(xp, goal, norm2(xp, goal)))
+    towards = select2(xp, norm2(xp, run) > 0, run, goal)
+    heading = unit2(xp, towards, norm2(xp, towards))
     pace = select(xp, arrived, 0.0, game.evader_speed_m_s)
     return Play(
         winner=_winner(xp, margin),
@@ -66,10 +66,17 @@ def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
         margin=margin,
         meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         time=select(xp, won, edge.time, contest.arrival),
-        pursuer=steer(xp, game, to, gap, select(xp, won, lead.time, contest.guard), state.z, hold),
+        pursuer=steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold),
         evader=(pace * heading[0], pace * heading[1], 0.0),
         reason=_reason(xp, margin, arrived, is_caught(xp, game, state)),
     )
+
+
+def _gap(xp: Library, game: Game, to: Plane) -> Array:
+    """Return what is left to gain horizontally of a way; only a Cylinder is asked for it."""
+    if isinstance(game.pursuer, Ball):
+        return 0.0
+    return norm2(xp, to) - (game.standoff.radius_m + game.capture_radius_m)
 
 
 def _compare(xp: Library, game: Game, state: State, to_target: Plane) -> Contest:
@@ -172,11 +179,9 @@ def _shortfall(xp: Library, game: Game, state: State, goal: Plane, arrival: Arra
     Where the evader does not win, one metre stands in: the derivative of a square root at zero would spoil the gradient
     of the rows that matter, in the libraries that differentiate.
     """
-    wind = game.wind_m_s
-    y = (
-        state.to_evader[0] + goal[0] - wind[0] * arrival,
-        state.to_evader[1] + goal[1] - wind[1] * arrival,
-    )
+    y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
+    if not is_calm(game):
+        y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
     beside = norm2(xp, y) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
         flown, above = game.pursuer.speed_m_s * arrival + game.capture_radius_m, state.z
