@@ -1,7 +1,7 @@
 """Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--only FILES] [--resume FILE] [--minutes M]`.
 
-A file of a package within is named as it is imported, `--only discs,team.several`; `--tests 'test_team_*.py'` runs
-fewer tests, for a quick look.
+A file of a package within is named as it is imported, `--only pe,team.several`; `--tests 'test_team_*.py'` runs fewer
+tests, for a quick look.
 
 One operator, comparison, constant, condition or choice is changed at a time, in memory: a forked child imports the
 changed package afresh, runs the tests that enter the changed function, the likeliest to fail first, and stops at the
@@ -240,7 +240,8 @@ def survey(tests: str) -> tuple[dict[str, float], dict[str, list[str]]]:
 
     def work(tell) -> int:
         plugin = Survey()
-        code = run_tests(plugin, sorted(map(str, TESTS.glob(tests))))
+        files = {str(path) for pattern in tests.split(",") for path in TESTS.glob(pattern)}
+        code = run_tests(plugin, sorted(files))
         modules = [name for name in sys.modules if name.split(".")[0] not in OWN and "test_" not in name]
         tell(json.dumps([plugin.costs_s, plugin.entered, modules]))
         return code
@@ -337,7 +338,7 @@ def main() -> int:
     """Judge mutants until all are, or the time is up."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="comma-separated modules")
-    parser.add_argument("--tests", default="test_*.py", help="pattern of the test files to run")
+    parser.add_argument("--tests", default="test_*.py", help="comma-separated patterns of the test files to run")
     parser.add_argument("--minutes", type=float, default=600.0)
     parser.add_argument("--listed", action="store_true", help="run what is listed, too")
     parser.add_argument("--resume", type=Path, default=Path(os.devnull), help="a file that keeps what was killed")
