@@ -88,32 +88,6 @@ class Way(NamedTuple):
     """The root of `ball_time`; infinite where the evader is captured before it can leave the disc, whatever it does."""
 
 
-class Verdict(NamedTuple):
-    """What is to be said of a heading.
-
-    Attributes:
-        turn: Newton's turn towards the least distance of the end from the target, rad.
-        slope: Derivative of half the square of that distance by the heading.
-        sound: Whether the turn can lead to the least.
-        first: Derivative of the time by the heading, s/rad ...
-        edge: ... and of the end, by its components along and across the heading, m/rad.
-    """
-
-    turn: Array
-    slope: Array
-    sound: Array
-    first: Array
-    edge: Plane
-
-
-class Edge(NamedTuple):
-    """Where the evader ends, from where it is: a horizontal vector, m; when, s; how far from its target, m."""
-
-    run: Plane
-    time: Array
-    left: Array
-
-
 def hunt_for(xp: Library, game: Game, state: State, to_target: Plane, goal: Plane) -> Hunt:
     """Gather what headings are judged by, counted from that to `goal`."""
     u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
@@ -193,8 +167,8 @@ def _after(hunt: Hunt, air: Plane, t: Array, p: Plane) -> Plane:
     return p[0] + air[0] * t, p[1] if hunt.wind is None else p[1] + air[1] * t
 
 
-def judge(hunt: Hunt, way: Way) -> Verdict:
-    """Return Newton's turn towards the least distance from the target.
+def judge(hunt: Hunt, way: Way) -> tuple[Array, Array, Array]:
+    """Return Newton's turn towards the least distance, rad, that distance's slope, and whether the turn can be it.
 
     The first and second derivative of t by the heading are those of H = (‖y + m t − q‖² + z² − (u t + l)²)/2 = 0, for
     which ∂H/∂t = −delta. The turn is Newton's for the angle between the edge and the way to the target, whose own
@@ -217,27 +191,12 @@ def judge(hunt: Hunt, way: Way) -> Verdict:
     slope, square = dot2(left, edge), dot2(edge, edge)
     before = left[0] * edge[1] - left[1] * edge[0]
     rate = square + before * (bend[0] * edge[1] - bend[1] * edge[0]) / square
-    return Verdict(-slope / rate, slope, (rate > 0) & (before <= 0), first, edge)
+    return -slope / rate, slope, (rate > 0) & (before <= 0)
 
 
 def turned(aim: Aim, way: Way, turn: Array) -> Aim:
     """Turn a heading by a small angle, rad."""
     return Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), way.to)
-
-
-def end_of(xp: Library, way: Way) -> Edge:
-    """Return where a heading ends."""
-    return Edge((way.rho * way.n[0], way.rho * way.n[1]), way.t, norm2(xp, way.left))
-
-
-def end_beside(xp: Library, hunt: Hunt, way: Way, verdict: Verdict) -> Edge:
-    """Return where a heading ends that is turned by so little that its square does not count."""
-    turn = verdict.turn
-    later = verdict.first * turn
-    rho = way.rho + hunt.v * later
-    run = (rho * (way.n[0] - turn * way.n[1]), rho * (way.n[1] + turn * way.n[0]))
-    left = (way.left[0] + turn * verdict.edge[0], way.left[1] + turn * verdict.edge[1])
-    return Edge(run, way.t + later, norm2(xp, left))
 
 
 def bounded(xp: Library, s: Array) -> Array:

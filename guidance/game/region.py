@@ -9,7 +9,7 @@ Few rows need more, or the bracket that holds the minimum; they get both. Beyond
 a dent before the pursuer, and a minimum on either side of it: the better one is taken.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,21 +29,7 @@ from guidance.game.arrays import (
     unit2,
 )
 from guidance.game.game import STILL, Game, guaranteed_age_s, is_calm, is_zero
-from guidance.game.headings import (
-    Aim,
-    Edge,
-    Hunt,
-    Way,
-    across,
-    bounded,
-    end_beside,
-    end_of,
-    follow,
-    hunt_for,
-    in_plane,
-    judge,
-    turned,
-)
+from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
 from guidance.game.reach import State
 
 STEPS = 3
@@ -63,6 +49,14 @@ TRACED_STEPS = 12
 
 FAN = tuple(index / 4.0 - 1.0 for index in range(9))
 """Headings from −90° to 90°, exact in binary."""
+
+
+class Edge(NamedTuple):
+    """Where the evader ends, from where it is: a horizontal vector, m; when, s; how far from its target, m."""
+
+    run: Plane
+    time: Array
+    left: Array
 
 
 def is_circle(game: Game) -> bool | Array:
@@ -110,54 +104,50 @@ def _closest(xp: Library, hunt: Hunt, old: bool | Array) -> Edge:
     if hunt.wind is not None:
         y = _plus(y, -hunt.met_s, hunt.wind)
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
-    found = _search(xp, hunt, old, within)
+    way = follow(xp, hunt, _search(xp, hunt, old, within))
+    run = (way.rho * way.n[0], way.rho * way.n[1])
     return Edge(
-        select2(xp, within, (rho * straight[0], rho * straight[1]), found.run),
-        select(xp, within, hunt.met_s, found.time),
-        select(xp, within, abs(far - rho), found.left),
+        select2(xp, within, (rho * straight[0], rho * straight[1]), run),
+        select(xp, within, hunt.met_s, way.t),
+        select(xp, within, abs(far - rho), norm2(xp, way.left)),
     )
 
 
-def _search(xp: Library, hunt: Hunt, old: bool | Array, within: Array) -> Edge:
-    """Return the end of the heading that ends closest to the target, for the rows that are not `within`."""
+def _search(xp: Library, hunt: Hunt, old: bool | Array, within: Array) -> Aim:
+    """Return the heading that ends closest to the target, for the rows that are not `within`."""
     start = _touch(xp, hunt)
     reach: Real = 2.0
     if is_array(old) or old:
         start = _best_of_fan(xp, hunt, start, old)
         reach = select(xp, old, FAN[1] - FAN[0], reach)
     if not (xp is np or xp is FLOATS):
-        return end_of(xp, follow(xp, hunt, _bracket(xp, hunt, start, reach, TRACED_STEPS)))
-    found, s, there = _newton(xp, hunt, start, within, STEPS, NEWTON_STEPS)
-    there = within | (there & (abs(s - start.s) <= reach))
+        return _bracket(xp, hunt, start, reach, TRACED_STEPS)
+    aim, there = _newton(xp, hunt, start, within, STEPS, NEWTON_STEPS)
+    there = within | (there & (abs(aim.s - start.s) <= reach))
     if not isinstance(there, np.ndarray):
-        return found if there else end_of(xp, follow(xp, hunt, _bracket(xp, hunt, start, reach, MORE_STEPS)))
+        return aim if there else _bracket(xp, hunt, start, reach, MORE_STEPS)
     if there.all():
-        return found
+        return aim
     shape, rows = there.shape, np.nonzero(~there)
     hunt, start, reach = (_rows(part, shape, rows) for part in (hunt, start, reach))
-    return _put(found, shape, rows, end_of(xp, follow(xp, hunt, _bracket(xp, hunt, start, reach, MORE_STEPS))))
+    return _put(aim, shape, rows, _bracket(xp, hunt, start, reach, MORE_STEPS))
 
 
-def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Array, steps: int, most: int) -> tuple[Edge, Array, Array]:
-    """Take some steps, then one at a time in the rows that are not `there` yet, up to `most`.
-
-    Returns:
-        Where the last heading ends, that heading, and which rows are there.
-    """
+def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Array, steps: int, most: int) -> tuple[Aim, Array]:
+    """Take some steps, then one at a time in the rows that are not `there` yet, up to `most`; say which are."""
     for _ in range(steps):
         way = follow(xp, hunt, aim)
-        verdict = judge(hunt, way)
-        aim = turned(aim, way, verdict.turn)
-    there = there | (verdict.sound & (abs(verdict.turn) <= half_of_digits(verdict.turn)))
+        turn, _, sound = judge(hunt, way)
+        aim = turned(aim, way, turn)
+    there = there | (sound & (abs(turn) <= half_of_digits(turn)))
     one = not isinstance(there, np.ndarray)
     if steps == most or (there if one else there.all()):
-        return end_beside(xp, hunt, way, verdict), aim.s, there
+        return aim, there
     if one:
         return _newton(xp, hunt, aim, there, 1, most - steps)
-    reached = end_beside(xp, hunt, way, verdict), aim.s, there
     shape, rows = there.shape, np.nonzero(~there)
     few, some = (_rows(part, shape, rows) for part in (hunt, aim))
-    return _put(reached, shape, rows, _newton(xp, few, some, there[rows], 1, most - steps))
+    return _put((aim, there), shape, rows, _newton(xp, few, some, there[rows], 1, most - steps))
 
 
 def _touch(xp: Library, hunt: Hunt) -> Aim:
@@ -227,7 +217,7 @@ def _bracket(xp: Library, hunt: Hunt, start: Aim, reach: Real, steps: int) -> Ai
     low, high = bounded(xp, start.s - reach), bounded(xp, start.s + reach)
     for _ in range(steps):
         _, way = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
-        turn, slope, sound, _, _ = judge(hunt, way)
+        turn, slope, sound = judge(hunt, way)
         done = done | (sound & (slope == 0))
         falls = slope < 0
         low, high = select(xp, falls, aim.s, low), select(xp, falls, high, aim.s)

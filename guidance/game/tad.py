@@ -22,9 +22,8 @@ from typing import NamedTuple
 from guidance.game.apollonius import race
 from guidance.game.arrays import Array, Library, Plane, norm2, positive_part, select, select2, unit2
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm
-from guidance.game.headings import Edge
 from guidance.game.reach import Play, State, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
-from guidance.game.region import closest_point, is_circle
+from guidance.game.region import Edge, closest_point, is_circle
 
 
 class Contest(NamedTuple):
