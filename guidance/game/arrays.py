@@ -187,7 +187,7 @@ def half_of_digits(value: Real) -> float:
     """Return √ε: a step of Newton's method after which none is needed, as the next would be its square."""
     if isinstance(value, float):
         return 2.0**-26
-    return float(array_namespace(value).finfo(value.dtype).eps) ** 0.5
+    return math.sqrt(array_namespace(value).finfo(value.dtype).eps)
 
 
 def dot2(a: Plane, b: Plane) -> Array:

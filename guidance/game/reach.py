@@ -186,7 +186,8 @@ def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Array]) -> t
         distance = norm2(xp, then)
         return unit2(xp, then, distance), distance
 
-    t, done = cover(unit2(xp, y, norm2(xp, y))), False
+    t = cover(unit2(xp, y, norm2(xp, y)))
+    done: Array = False
     for _ in range(NEWTON_STEPS - 1):
         further = cover(towards(t)[0])
         if xp is np or xp is FLOATS:

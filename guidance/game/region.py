@@ -130,7 +130,8 @@ def _search(xp: Library, hunt: Hunt, old: bool | Array, within: Array) -> Aim:
         return aim
     shape, rows = there.shape, np.nonzero(~there)
     hunt, start, reach = (_rows(part, shape, rows) for part in (hunt, start, reach))
-    return _put(aim, shape, rows, _bracket(xp, hunt, start, reach, MORE_STEPS))
+    found: Aim = _put(aim, shape, rows, _bracket(xp, hunt, start, reach, MORE_STEPS))
+    return found
 
 
 def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Array, steps: int, most: int) -> tuple[Aim, Array]:
@@ -147,7 +148,8 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Array, steps: int, most: i
         return _newton(xp, hunt, aim, there, 1, most - steps)
     shape, rows = there.shape, np.nonzero(~there)
     few, some = (_rows(part, shape, rows) for part in (hunt, aim))
-    return _put((aim, there), shape, rows, _newton(xp, few, some, there[rows], 1, most - steps))
+    aim, there = _put((aim, there), shape, rows, _newton(xp, few, some, there[rows], 1, most - steps))
+    return aim, there
 
 
 def _touch(xp: Library, hunt: Hunt) -> Aim:
