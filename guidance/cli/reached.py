@@ -15,17 +15,18 @@ from guidance.errors import ConfigError, FlightError
 from guidance.links.endpoint import parse
 from guidance.links.opening import KINDS, find_autopilot, open_wire
 from guidance.links.wires.udp import UdpWire
-from guidance.session.both_spec import config_of
 from guidance.session.checkup import Checkup
 from guidance.session.flown import outcome_of_flight
 from guidance.session.handover import ORDER_OF
 from guidance.session.log import Log
 from guidance.session.loop import Signals
 from guidance.session.meeting import identify, wait_until_placed
+from guidance.session.merging import config_of
 from guidance.session.opening import Opened, open_all
 from guidance.session.orders import Mailbox
 from guidance.session.recording import RECORD, next_folder
-from guidance.session.vehicle import Conduct, Reached, conducted, plan_of
+from guidance.session.spec import plan_of
+from guidance.session.vehicle import Conduct, Reached, conducted
 from guidance.session.vehicle_file import Config
 from guidance.sim.evader_here import EvaderHere, laid_about, left_out
 from guidance.sim.files import load_scenario
@@ -87,7 +88,7 @@ def fly_url(
             signals = Signals()
             signals.install()
             result = conducted(
-                laid, Reached(own, plan_of(laid, own), opened, clock), conduct, folder, Mailbox(), signals
+                laid, Reached(own, plan_of(own, laid), opened, clock), conduct, folder, Mailbox(), signals
             )
             result.wall_s = time.perf_counter() - began_s
         except FlightError as error:
@@ -153,7 +154,7 @@ def checkup_at(name: str, asked: Asked) -> Iterator[Checkup]:
             scenario = scenario.model_copy(
                 update={"pursuer": scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})}
             )
-            yield Checkup(own.name, plan_of(scenario, own), opened.link, opened.evader, clock, log=log)
+            yield Checkup(own.name, plan_of(own, scenario), opened.link, opened.evader, clock, log=log)
     finally:
         log.close()
 

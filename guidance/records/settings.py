@@ -8,10 +8,8 @@ from typing import Any, Final
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
-from guidance.session.both_spec import vehicle_flight
-from guidance.session.scenario_spec import flight_settings as of_scenario
+from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_spec import flight_settings as of_config
 from guidance.sim.scenario import Scenario
 
 SCENARIO: Final = "scenario"
@@ -40,12 +38,12 @@ def flight_settings(metadata: Mapping[str, str], changes: Mapping[str, Any]) -> 
     for key, value in changes.items():
         _set(document, _SHORT[kind].get(key, key), value)
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
-    if SCENARIO in metadata and CONFIG in metadata:
+    if kind == CONFIG:
+        return plan_of(parse(Config, document, source=source)).flight
+    config = None
+    if CONFIG in metadata:
         config = parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
-        return vehicle_flight(parse(Scenario, document, source=source), config)
-    if kind == SCENARIO:
-        return of_scenario(parse(Scenario, document, source=source))
-    return of_config(parse(Config, document, source=source))
+    return plan_of(config, parse(Scenario, document, source=source)).flight
 
 
 def title_of(metadata: Mapping[str, str]) -> str:

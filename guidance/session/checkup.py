@@ -21,7 +21,7 @@ from guidance.messages import (
 from guidance.preflight import Finding, ParameterChange, Verdict, changes
 from guidance.preflight.mending import single
 from guidance.preflight.survey import COUNTED_S
-from guidance.session.daemon import Daemon, FlightPlan
+from guidance.session.daemon import Daemon
 from guidance.session.log import Log
 from guidance.session.loop import PERIOD_S
 from guidance.session.metrics import Metrics
@@ -29,7 +29,7 @@ from guidance.session.notify import Notifier
 from guidance.session.opening import open_all
 from guidance.session.orders import Mailbox
 from guidance.session.plan_fence import load_vehicle
-from guidance.session.service import plan_of
+from guidance.session.spec import FlightPlan, plan_of
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0
@@ -84,6 +84,8 @@ class Checkup:
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return what has to be set, by what was read."""
         plan = self._plan
+        if plan.wants is None:
+            return ()
         facts = self._daemon.facts(self._clock.now_s())
         return changes(facts, plan.flight.profile, plan.wants, advised=advised)
 

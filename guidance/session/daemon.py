@@ -2,15 +2,14 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from guidance.clock import Timing
 from guidance.errors import ConfigError
-from guidance.flight import FINAL, ORDERS, Event, Flight, FlightSettings, Inputs, Outputs
+from guidance.flight import FINAL, ORDERS, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.messages import LocalPosition, Message
-from guidance.preflight import Facts, Finding, PreflightMemory, Wants, parameter_names, refusals, rows
+from guidance.preflight import Facts, Finding, PreflightMemory, parameter_names, refusals, rows
 from guidance.service.broadcast import Records
 from guidance.service.record import RELOADED, STOPPED, Record
 from guidance.session.handover import ON_GROUND, ShutdownHandover
@@ -20,6 +19,7 @@ from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
 from guidance.session.orders import Answer, Mailbox, Question
 from guidance.session.reasons import is_done, missing, not_engageable, refusal
+from guidance.session.spec import FlightPlan
 from guidance.session.status import status
 
 PREFLIGHT_EVERY_S: Final = 0.5
@@ -32,15 +32,6 @@ _GRAVE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
     Event.BATTERY_LOW, Event.FENCE, Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightPlan:
-    """What a flight is flown by; may be exchanged on the ground. `document` is its configuration, as JSON."""
-
-    flight: FlightSettings
-    wants: Wants
-    document: str = ""
 
 
 class Daemon:
@@ -122,9 +113,7 @@ class Daemon:
         orders = {question: self._order(question, now_s) for question in questions}
         leaving = () if self._leaving is None else self._leaving.orders(self.flight)
         given = [order for order in (*orders.values(), *leaving) if order is not None]
-        # Not judged yet is refused.
-        barred = refusals(self._rows) if self._rows else ("preflight",)
-        barred = barred if self.flight.state in ON_GROUND else ()
+        barred = self._barred()
         outputs = self.outputs = self._linked.run(now_s, given, barred, Timing(late_s, worked_s))
         self._answer(orders, outputs, now_s)
         self._tell(outputs)
@@ -136,6 +125,12 @@ class Daemon:
         self._notifier.alive(now_s)
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
+
+    def _barred(self) -> tuple[str, ...]:
+        """Name what bars the vehicle from flying; what was not judged yet is refused."""
+        if self._plan.wants is None or self.flight.state not in ON_GROUND:
+            return ()
+        return refusals(self._rows) if self._rows else ("preflight",)
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
@@ -262,8 +257,8 @@ class Daemon:
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge while on the ground; what a parameter says in flight comes too late."""
-        inputs = self._linked.inputs
-        if self.flight.state not in ON_GROUND:
+        inputs, wants = self._linked.inputs, self._plan.wants
+        if wants is None or self.flight.state not in ON_GROUND:
             return
         self._survey.observe(inputs.messages, inputs.reports)
         for request in self._survey.requests(now_s):
@@ -271,7 +266,7 @@ class Daemon:
         if now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        self._rows = rows(self.facts(now_s), self._plan.flight.profile, self._plan.wants)
+        self._rows = rows(self.facts(now_s), self._plan.flight.profile, wants)
         refused = refusals(self._rows)
         if refused != self._refused and self._survey.complete:
             self._refused = refused

@@ -13,8 +13,8 @@ from guidance.messages import LocalPosition
 from guidance.monitor import Alarm
 from guidance.service.record import Record
 from guidance.session.linked_flight import LinkedFlight, Stopped
-from guidance.session.scenario_spec import flight_settings
 from guidance.session.sequencer import MissionSequencer
+from guidance.session.spec import plan_of
 from guidance.sim.evader import EvaderPilot
 from guidance.sim.players import evader_settings
 from guidance.sim.scenario import Scenario
@@ -96,7 +96,7 @@ def fly(
         ConfigError: If the scenario names what does not exist.
         LinkError: If the world ends before the flight does.
     """
-    flight = Flight(flight_settings(scenario))
+    flight = Flight(plan_of(scenario=scenario).flight)
     heard = SensedEvader(world.evader_source, scenario.sensor, scenario.seed, clock.now_s)
     linked = LinkedFlight(flight, world.pursuer, heard, recorder)
     evader = EvaderPilot(world.evader, evader_settings(scenario))

@@ -15,9 +15,10 @@ from guidance.clock import Clock
 from guidance.flight import Event
 from guidance.links.wires.shared import Passed
 from guidance.service.record import Record
-from guidance.session.daemon import Daemon, FlightPlan
+from guidance.session.daemon import Daemon
 from guidance.session.gc_scheduler import GcScheduler
 from guidance.session.metrics import Metrics
+from guidance.session.spec import FlightPlan
 
 PERIOD_S: Final = 0.02
 AGE_S: Final = 0.002

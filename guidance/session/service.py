@@ -16,7 +16,7 @@ from guidance.service.broadcast import Broadcast
 from guidance.service.record import Recorder, started_utc, versions
 from guidance.service.unwritten import UnwrittenRecord
 from guidance.session.control_bus import ControlBus
-from guidance.session.daemon import Daemon, FlightPlan
+from guidance.session.daemon import Daemon
 from guidance.session.gc_scheduler import GcScheduler
 from guidance.session.handover import ORDER_OF
 from guidance.session.log import Log
@@ -27,9 +27,9 @@ from guidance.session.opening import open_all
 from guidance.session.orders import Mailbox
 from guidance.session.plan_fence import load_vehicle
 from guidance.session.scheduling import claim
+from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.startup import Waiting
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_spec import flight_settings, wants
 
 SURVEY_LIMIT_S: Final = 20.0
 
@@ -90,7 +90,7 @@ def run_vehicle(name: str) -> None:
             "running",
             name=config.name,
             control=config.control.endpoint,
-            autopilot=plan_name(plan),
+            autopilot=plan.flight.profile.name,
             scheduling=claim(),
         )
         mailbox.meanwhile(None)
@@ -106,20 +106,6 @@ def run_vehicle(name: str) -> None:
             tidying=GcScheduler(),
         )
         log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
-
-
-def plan_of(config: Config) -> FlightPlan:
-    """Return what a flight of this configuration is flown by.
-
-    Raises:
-        ConfigError: If something in it contradicts itself.
-    """
-    return FlightPlan(flight=flight_settings(config), wants=wants(config), document=config.model_dump_json())
-
-
-def plan_name(plan: FlightPlan) -> str:
-    """Name the autopilot that is expected."""
-    return plan.flight.profile.name
 
 
 def reload(path: Path, before: Config) -> FlightPlan:

@@ -13,9 +13,8 @@ from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.flight import Event
 from guidance.service.record import started_utc, versions
-from guidance.session.both_spec import vehicle_config, vehicle_flight
 from guidance.session.control_bus import ControlBus
-from guidance.session.daemon import Daemon, FlightPlan
+from guidance.session.daemon import Daemon
 from guidance.session.flown import outcome_of_flight
 from guidance.session.fly import FlightResult, Progress
 from guidance.session.gc_scheduler import GcScheduler
@@ -28,9 +27,9 @@ from guidance.session.opening import Opened, open_all
 from guidance.session.orders import Mailbox
 from guidance.session.plan_fence import load_vehicle
 from guidance.session.recording import RECORD, next_folder, recording
+from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.supervisor import Supervisor
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_spec import wants
 from guidance.sim.evader_here import EvaderPlayer
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import Scenario
@@ -68,7 +67,7 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
         LinkError: If vehicle or evader cannot be reached.
     """
     own = load_vehicle(find(str(config), "vehicles"))
-    plan = plan_of(scenario, own)
+    plan = plan_of(own, scenario)
     folder = out if out is not None else next_folder(Path("flights"), own.name)
     if scenario.fault:
         console.print("faults are a mock's: the vehicle flies without them")
@@ -92,16 +91,6 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
         reached = Reached(own, plan, opened, clock)
         result = conducted(scenario, reached, conduct, folder, mailbox, signals)
     return outcome_of_flight(result, "vehicle")
-
-
-def plan_of(scenario: Scenario, own: Config) -> FlightPlan:
-    """Return what a scenario is flown by on a vehicle.
-
-    Raises:
-        ConfigError: If the two contradict each other.
-    """
-    merged = vehicle_config(scenario, own)
-    return FlightPlan(flight=vehicle_flight(scenario, own), wants=wants(merged), document=merged.model_dump_json())
 
 
 def conducted(

@@ -17,7 +17,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
 from guidance.monitor import Alarm
 from guidance.session.linked_flight import LinkedFlight
-from guidance.session.scenario_spec import flight_settings
+from guidance.session.spec import plan_of
 from guidance.sim.files import load_scenario
 from guidance.sim.scenario import Scenario, Target
 from sitl_mock.vehicle import MockVehicle
@@ -269,7 +269,7 @@ def chase(
         longest_s: The game is broken off after this long.
     """
     clock = VirtualClock()
-    settings = change(replace(flight_settings(scenario), after_capture=AfterCapture.SHADOW))
+    settings = change(replace(plan_of(scenario=scenario).flight, after_capture=AfterCapture.SHADOW))
     vehicle = _vehicle(scenario)
     alter(vehicle)
     ours, theirs = MemoryWire.pair(clock.now_s)

@@ -11,7 +11,7 @@ from guidance.flight import Event, Flight, State
 from guidance.messages import LocalPosition
 from guidance.session.fly import CYCLE_S
 from guidance.session.linked_flight import LinkedFlight
-from guidance.session.scenario_spec import flight_settings
+from guidance.session.spec import plan_of
 from guidance.sim.evader import EvaderPilot
 from guidance.sim.fast import FastWorld
 from guidance.sim.players import evader_settings
@@ -44,7 +44,7 @@ class Sortie:
         self.world = FastWorld(self.scenario, self.clock)
         self.mock = self.world.vehicles["pursuer"]
         self.rover = self.world.vehicles["evader"]
-        self.flight = Flight(change(settings or flight_settings(self.scenario)))
+        self.flight = Flight(change(settings or plan_of(scenario=self.scenario).flight))
         self.linked = LinkedFlight(self.flight, self.world.pursuer, self.world.evader_source, None)
         self.evader = EvaderPilot(self.world.evader, evader_settings(self.scenario))
         self.sent = []

@@ -7,7 +7,7 @@ import pytest
 
 from guidance.flight import Event, State
 from guidance.messages import GlobalPosition, LocalPosition
-from guidance.session.scenario_spec import flight_settings
+from guidance.session.spec import plan_of
 from sitl_mock.world import Home
 
 VELOCITY_ONLY = {3527, 2503, 3079, 2055}
@@ -153,9 +153,8 @@ def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
 def test_25_an_evader_beyond_the_fence_is_pursued_only_to_the_fence(sortie, autopilot):
     base = sortie(autopilot).scenario
     far = with_evader_at(base, 8.0, 60.0)
-    settings = flight_settings(
-        far.model_copy(update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})})
-    )
+    far = far.model_copy(update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})})
+    settings = plan_of(scenario=far).flight
     envelope = dataclasses.replace(settings.cycle.envelope, fence_radius_m=30.0)
     fenced = dataclasses.replace(settings, cycle=dataclasses.replace(settings.cycle, envelope=envelope))
     flight = sortie(autopilot, scenario=far, settings=fenced).engaged().run(25.0)

@@ -18,7 +18,7 @@ from guidance.session.daemon import Daemon
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
 from guidance.session.orders import Mailbox
-from guidance.session.service import plan_of
+from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
 

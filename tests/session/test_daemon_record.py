@@ -12,7 +12,8 @@ from guidance.records.export import export
 from guidance.service import record
 from guidance.service.background import BackgroundRecorder
 from guidance.service.record import BEGUN, RELOADED, STOPPED, Recorder
-from guidance.session.service import _recording, plan_of
+from guidance.session.service import _recording
+from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 
 

@@ -12,8 +12,8 @@ from guidance.flight import AfterCapture, EngageOn, State
 from guidance.game import Ball, Cylinder
 from guidance.session.plan_fence import load_vehicle
 from guidance.session.service import reload
+from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_spec import flight_settings, wants
 
 TRIANGLE = [[47.397, 8.545], [47.399, 8.545], [47.399, 8.548]]
 ZENOH = "zenoh://127.0.0.1:7447/uav1"
@@ -91,7 +91,7 @@ def test_a_wrong_file_is_refused_with_key_value_and_what_is_allowed(read, sectio
 )
 def test_what_only_the_core_can_judge_is_refused_as_well(read, sections, words):
     with pytest.raises(ConfigError, match=words.replace("(", r"\(")):
-        flight_settings(read(**sections))
+        plan_of(read(**sections))
 
 
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", "tcp/[::1]:7448", "unixsock-stream//run/guidance.sock"])
@@ -102,7 +102,7 @@ def test_loopback_endpoints_are_allowed(read, endpoint):
 @pytest.mark.parametrize("name", ["px4", "arducopter"])
 def test_the_vehicle_files_that_come_along_can_be_flown(name):
     config = load(Config, find(name, "vehicles"))
-    settings = flight_settings(config)
+    settings = plan_of(config).flight
     assert settings.profile.name == name == config.name
     assert isinstance(settings.cycle.speed_set, Cylinder)
     assert settings.engage_on is EngageOn.COMMAND
@@ -127,17 +127,17 @@ def test_defaults_are_the_safe_ones(read):
 
 def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
     config = read(game={"climb_m_s": 2.5, "descent_m_s": 1.2})
-    envelope = flight_settings(config).cycle.envelope
+    envelope = plan_of(config).flight.cycle.envelope
     assert envelope.speed_m_s == pytest.approx(1.1 * config.game.speed_m_s)
     assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.75, 1.32))
     assert envelope.stand_off.radius_m < config.game.standoff_radius_m
     assert envelope.stand_off.height_m < config.game.standoff_height_m
-    assert wants(config).limit_speed_m_s == envelope.speed_m_s
+    assert plan_of(config).wants.limit_speed_m_s == envelope.speed_m_s
 
 
 def test_speed_limits_are_keys_of_their_own_and_the_games_speeds_stay(read):
     config = read(game={"speed_m_s": 6.0, "descent_m_s": 1.5}, limits={"speed_m_s": 6.0, "descent_m_s": 1.5})
-    envelope, speeds = flight_settings(config).cycle.envelope, flight_settings(config).cycle.speed_set
+    envelope, speeds = plan_of(config).flight.cycle.envelope, plan_of(config).flight.cycle.speed_set
     assert (envelope.speed_m_s, envelope.descent_m_s) == (6.0, 1.5) == (speeds.horizontal_m_s, speeds.descent_m_s)
     assert envelope.climb_m_s == pytest.approx(1.1 * speeds.climb_m_s)
 
@@ -150,14 +150,14 @@ def test_a_speed_limit_below_the_games_speed_names_both_keys(read, key):
 
 def test_the_target_is_the_zero_of_the_game(read):
     place = {"latitude_deg": 47.4, "longitude_deg": 8.55, "altitude_amsl_m": 480.0}
-    cycle = flight_settings(read(game={"kind": "tad", "target": place, "speed_set": "ball"})).cycle
+    cycle = plan_of(read(game={"kind": "tad", "target": place, "speed_set": "ball"})).flight.cycle
     assert cycle.target_game_m == (0.0, 0.0, 0.0)
     assert cycle.site[:2] == (47.4, 8.55)
     assert cycle.speed_set == Ball(6.0)
 
 
 def test_a_daemon_waits_for_its_vehicle_as_long_as_it_takes(read):
-    limits_s = flight_settings(read()).limits_s
+    limits_s = plan_of(read()).flight.limits_s
     assert State.CONNECTING not in limits_s
     assert State.CHECKING not in limits_s
     assert limits_s[State.ARMING] > 0.0
@@ -165,15 +165,15 @@ def test_a_daemon_waits_for_its_vehicle_as_long_as_it_takes(read):
 
 @pytest.mark.parametrize("choice", AfterCapture)
 def test_what_follows_a_capture_is_configured(read, choice):
-    assert flight_settings(read(flight={"after_capture": str(choice)})).after_capture is choice
+    assert plan_of(read(flight={"after_capture": str(choice)})).flight.after_capture is choice
 
 
 def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
     square = [[-30.0, -40.0], [-30.0, 40.0], [30.0, 40.0], [30.0, -40.0]]
     config = read(limits={"fence_radius_m": None, "fence_polygon_ne_m": square})
     assert config.limits.reach_m == pytest.approx(50.0)
-    assert wants(config).fence_radius_m == pytest.approx(50.0)
-    envelope = flight_settings(config).cycle.envelope
+    assert plan_of(config).wants.fence_radius_m == pytest.approx(50.0)
+    envelope = plan_of(config).flight.cycle.envelope
     assert envelope.fence_radius_m is None
     assert envelope.fence_polygon.contains((0.0, 39.0))
     assert not envelope.fence_polygon.contains((0.0, 41.0))
@@ -182,9 +182,9 @@ def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
 def test_a_polygon_by_degrees_is_about_home_and_its_reach_is_known_with_it(read):
     config = read(limits={"fence_radius_m": None, "fence_polygon_deg": TRIANGLE})
     assert config.limits.reach_m == math.inf
-    assert flight_settings(config).cycle.envelope.fence_polygon is None
-    assert flight_settings(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
-    assert wants(config).fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert plan_of(config).flight.cycle.envelope.fence_polygon is None
+    assert plan_of(config).flight.fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert plan_of(config).wants.fence_corners_deg == tuple(map(tuple, TRIANGLE))
 
 
 def drawn(polygons=((True, TRIANGLE),), circles=()):

@@ -21,16 +21,16 @@ from guidance.links.endpoint import parse
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.session.both_spec import config_of
 from guidance.session.daemon import Daemon
 from guidance.session.flown import outcome_of_flight
 from guidance.session.log import Log
 from guidance.session.meeting import identify, wait_until_placed
+from guidance.session.merging import config_of
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
 from guidance.session.orders import Mailbox
+from guidance.session.spec import plan_of
 from guidance.session.supervisor import Supervisor
-from guidance.session.vehicle import plan_of
 from guidance.sim.evader_here import EvaderHere, laid_about
 from guidance.sim.fleet import EVADER_ID
 from guidance.sim.scenario import Scenario
@@ -127,7 +127,7 @@ class Sortie:
         mailbox, self.log = Mailbox(), Log("json", "error")
         self.daemon = Daemon(
             "pursuer",
-            plan_of(self.laid, self.own),
+            plan_of(self.own, self.laid),
             world.link,
             heard,
             mailbox=mailbox,

@@ -6,7 +6,7 @@ import pytest
 
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
-from guidance.session.scenario_spec import flight_settings
+from guidance.session.spec import plan_of
 from guidance.sim.files import has_teams, load_document, load_scenario
 from guidance.sim.players import evader_settings, game, site
 from guidance.sim.scenario import Scenario
@@ -39,7 +39,7 @@ def for_two(path):
 )
 def test_every_shipped_scenario_of_two_can_be_flown_as_it_is(path):
     _, scenario = load_scenario(path.stem)
-    flight_settings(scenario)
+    plan_of(scenario=scenario)
     evader_settings(scenario)
     assert scenario.description
 
@@ -97,8 +97,8 @@ def test_speed_limits_are_a_tenth_above_the_game_unless_given_and_never_below_it
     speeds = {"speed_m_s": 5.0, "climb_m_s": 2.0, "descent_m_s": 1.0}
     limits = parse(Scenario, changed(pursuer=speeds), source="a.toml").speed_limits
     assert limits == pytest.approx((5.5, 2.2, 1.1))
-    given = flight_settings(parse(Scenario, changed(pursuer=speeds, limits={"speed_m_s": 5.0}), source="a.toml"))
-    assert given.cycle.envelope.speed_m_s == 5.0
+    given = plan_of(scenario=parse(Scenario, changed(pursuer=speeds, limits={"speed_m_s": 5.0}), source="a.toml"))
+    assert given.flight.cycle.envelope.speed_m_s == 5.0
     assert "limits.climb_m_s = 1.5: must be at least pursuer.climb_m_s = 2" in refused(
         pursuer=speeds, limits={"climb_m_s": 1.5}
     )
@@ -115,4 +115,4 @@ def test_a_raised_evader_raises_the_games_plane_and_lowers_the_disc_above_it():
     scenario = parse(Scenario, changed(evader={"height_m": 1.5}), source="a.toml")
     assert site(scenario)[2].metres == pytest.approx(scenario.site.altitude_amsl_m + 1.5)
     assert game(scenario).standoff.height_m == pytest.approx(3.5)
-    assert flight_settings(scenario).start_game_m == pytest.approx((8.0, 3.0, 10.5))
+    assert plan_of(scenario=scenario).flight.start_game_m == pytest.approx((8.0, 3.0, 10.5))

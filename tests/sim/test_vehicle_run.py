@@ -16,16 +16,16 @@ from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.records import flight_settings as recorded_settings
 from guidance.records import metadata_of, replay
-from guidance.session.both_spec import vehicle_config, vehicle_flight
-from guidance.session.daemon import Daemon, FlightPlan
+from guidance.session.daemon import Daemon
 from guidance.session.flown import outcome_of_flight
 from guidance.session.log import Log
+from guidance.session.merging import merged
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
 from guidance.session.orders import Mailbox
+from guidance.session.spec import plan_of
 from guidance.session.supervisor import Supervisor
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_spec import wants
 from guidance.sim.evader import EvaderPilot
 from guidance.sim.fast import FastWorld
 from guidance.sim.files import load_scenario
@@ -81,7 +81,7 @@ class Sortie:
         heard = SensedEvader(self.world.evader_source, flown.sensor, flown.seed, self.clock.now_s)
         self.daemon = Daemon(
             "uav1",
-            FlightPlan(flight=vehicle_flight(flown, config), wants=wants(vehicle_config(flown, config))),
+            plan_of(config, flown),
             self.world.pursuer,
             heard,
             mailbox=self.mailbox,
@@ -161,31 +161,29 @@ def test_preflight_must_pass_and_what_it_wants_is_said(sortie):
 def test_a_start_outside_of_the_fence_about_home_is_refused_on_the_ground(sortie):
     somewhere = {"latitude_deg": 47.5, "longitude_deg": 8.545594, "altitude_amsl_m": 488.0}
     elsewhere = sortie(own(), scenario())
-    elsewhere.daemon.exchange(
-        lambda: FlightPlan(flight=vehicle_flight(scenario(site=somewhere), own()), wants=wants(own())), 0.0
-    )
+    elsewhere.daemon.exchange(lambda: plan_of(own(), scenario(site=somewhere)), 0.0)
     with pytest.raises(FlightError, match=r"pursuer.position_m is 11\d{3} m from the vehicle's home"):
         elsewhere.run(60.0)
 
 
 def test_limits_are_the_tighter_of_both_files():
     flown = scenario(limits={"fence_radius_m": 80.0, "ceiling_m": 100.0, "floor_m": 3.0})
-    limits = vehicle_config(flown, own()).limits
+    limits = merged(flown, own()).limits
     assert (limits.floor_m, limits.ceiling_m, limits.fence_radius_m) == (5.0, 60.0, 80.0)
-    envelope = vehicle_flight(flown, own()).cycle.envelope
+    envelope = plan_of(own(), flown).flight.cycle.envelope
     assert (envelope.floor_m, envelope.ceiling_m, envelope.fence_radius_m) == (5.0, 60.0, 80.0)
     assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.2, 1.65))
 
 
 def test_speed_limits_are_the_tighter_of_both_files_too():
-    assert vehicle_config(scenario(), own()).limits.speed_m_s == pytest.approx(1.1 * scenario().pursuer.speed_m_s)
+    assert merged(scenario(), own()).limits.speed_m_s == pytest.approx(1.1 * scenario().pursuer.speed_m_s)
     tight = own(limits={"speed_m_s": 6.2}), scenario(limits={"speed_m_s": 7.0})
-    assert vehicle_config(tight[1], tight[0]).limits.speed_m_s == 6.2
+    assert merged(tight[1], tight[0]).limits.speed_m_s == 6.2
 
 
 def test_a_scenario_of_the_library_can_be_flown_with_the_vehicle_file_that_comes_along():
     config = load(Config, find("px4", "vehicles"))
-    assert vehicle_flight(load_scenario("evader_turns")[1], config).cycle.declared_evader_speed_m_s == 3.0
+    assert plan_of(config, load_scenario("evader_turns")[1]).flight.cycle.declared_evader_speed_m_s == 3.0
 
 
 @pytest.mark.parametrize(
@@ -208,7 +206,7 @@ def test_a_scenario_of_the_library_can_be_flown_with_the_vehicle_file_that_comes
 )
 def test_values_that_contradict_each_other_are_refused_with_both_keys(sections, keys):
     with pytest.raises(ConfigError) as caught:
-        vehicle_config(scenario(**sections), own())
+        merged(scenario(**sections), own())
     assert all(key in str(caught.value) for key in keys), caught.value
     assert len(str(caught.value).splitlines()) == 2
 

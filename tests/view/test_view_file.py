@@ -21,8 +21,8 @@ from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.records import Item, events_of, flight_settings, metadata_of, rows_of, scan, survey_of
 from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_spec import flight_settings as of_config
 from guidance.view import Destination, Seen, view
 from guidance.view import command as commands
 from guidance.view.painter import DRAWN_EVERY_S, Painter
@@ -192,7 +192,7 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
     wider = config.model_copy(update={"game": config.game.model_copy(update={"standoff_radius_m": 11.0})})
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "again.rrd"))
-    painter = Painter(recording, of_config(config), "again")
+    painter = Painter(recording, plan_of(config).flight, "again")
     cycles = [item for item in scan(record) if item.topic == CYCLE_TOPIC]
     played = next(number for number, item in enumerate(cycles) if b'"certificate"' in item.data)
     painter.take(cycles[played])

@@ -1,4 +1,4 @@
-"""A scenario for a real vehicle: the game of the one file within the limits of the other.
+"""A scenario file and a vehicle file made one: the game of the one within the limits of the other.
 
 The vehicle's file says how vehicle and evader are reached and what the flight may never do; the scenario what is
 played, with which strategy, from where and for how long. Limits are the tighter of both. Where the files contradict
@@ -7,24 +7,18 @@ each other, nothing flies.
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
-
-import numpy as np
 
 from guidance.config import parse
 from guidance.control import Speeds
 from guidance.errors import ConfigError
-from guidance.flight import FlightSettings
 from guidance.links.opening import Found
 from guidance.session.vehicle_file import Config
-from guidance.session.vehicle_spec import flight_settings
 from guidance.sim.fleet import EVADER_ID, PURSUER
-from guidance.sim.players import pursuer_strategy, site, target_game_m
 from guidance.sim.scenario import Scenario
 
 
-def vehicle_config(scenario: Scenario, config: Config) -> Config:
+def merged(scenario: Scenario, config: Config) -> Config:
     """Return the vehicle's configuration with the scenario's game in it, and the tighter limits.
 
     Raises:
@@ -86,27 +80,6 @@ def _game(scenario: Scenario) -> dict[str, Any]:
         "standoff_height_m": disc.height_m - scenario.evader.height_m,
         "tolerance_m": disc.tolerance_m,
     }
-
-
-def vehicle_flight(scenario: Scenario, config: Config) -> FlightSettings:
-    """Return the flight of a scenario on a vehicle.
-
-    The game frame has its zero at the scenario's site where the file gives one, else where the vehicle's own local
-    frame has its: so a scenario without a site can be flown anywhere.
-
-    Raises:
-        ConfigError: As `vehicle_config`.
-    """
-    flown = flight_settings(vehicle_config(scenario, config))
-    x, y, z = scenario.pursuer.position_m
-    start = (x, y, z - scenario.evader.height_m)
-    cycle = replace(
-        flown.cycle,
-        strategy=pursuer_strategy(scenario, np.array(start), flown.cycle.speed_set, scenario.seed),
-        target_game_m=target_game_m(scenario),
-        site=site(scenario) if "site" in scenario.model_fields_set else None,
-    )
-    return replace(flown, cycle=cycle, start_game_m=start)
 
 
 def _contradictions(scenario: Scenario, config: Config) -> Iterator[str]:
