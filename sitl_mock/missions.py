@@ -21,6 +21,10 @@ _PLACES: Final = frozenset({WAYPOINT, LOITER_UNLIMITED, 18, LOITER_TIME, LAND, T
 _RELATIVE_FRAMES: Final = frozenset({3, 6, 10, 11})
 _HEIGHT_REACHED_M: Final = 0.8
 _REACHED_M: Final = 2.0
+_LANDED_S: Final = 2.8
+"""PX4 has reached a landing when it counts as one (measured)."""
+_TAKEN_OFF_M: Final = 0.25
+"""ArduPilot ends a mission's take-off this near to its height (measured), wherever it has drifted."""
 
 
 class Leg(NamedTuple):
@@ -112,6 +116,12 @@ class MissionFlight:
         item = self._item()
         return item is not None and item.command == LAND
 
+    @property
+    def climbing(self) -> bool:
+        """Whether it is still on its way to the height of its first place."""
+        item = self._item()
+        return self._climb is not None or (item is not None and item.command == TAKEOFF)
+
     def leg(self, state: VehicleState, entered_m: Vector) -> Leg:
         """Return the leg to fly now, going on to the next item when one is reached."""
         stay = Leg(state.position_m if state.on_ground else entered_m)
@@ -158,7 +168,7 @@ class MissionFlight:
         """Take an item that is no place: change speed, jump, return; others are passed over."""
         if item.command == RETURN:
             self.over = "return"
-            self.reached.append(item.seq)
+            self._tell_done(item)
             return
         if item.command == DO_CHANGE_SPEED and item.param2 > 0.0:
             self.speed_m_s = item.param2
@@ -168,7 +178,15 @@ class MissionFlight:
                 self._jumps[item.seq] = done + 1
                 self.current = int(item.param1)
                 return
+        self._tell_done(item)
         self.current += 1
+
+    def _tell_done(self, item: PlanItem) -> None:
+        """PX4 tells an item that is no place, too, and in place of the one before it that it has just told."""
+        if self.climbs_first:
+            if self.reached and self.reached[-1] == item.seq - 1:
+                self.reached.pop()
+            self.reached.append(item.seq)
 
     def _next(self, item: PlanItem) -> None:
         self.reached.append(item.seq)
@@ -192,15 +210,17 @@ class MissionFlight:
         if item.command == LOITER_UNLIMITED:
             return False
         if item.command == LAND:
-            if state.flew and state.on_ground and state.standing_s > 1.0:
+            if state.flew and state.on_ground and state.standing_s > (_LANDED_S if self.climbs_first else 1.0):
                 self.over = "landed"
                 return True
             return False
         north, east, down = (a - b for a, b in zip(leg.position_m, state.position_m, strict=True))
         default_m = float(state.parameters.get("NAV_ACC_RAD", _REACHED_M))
         radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else default_m
-        level = (item.command == TAKEOFF and not self.climbs_first) or math.hypot(north, east) < radius_m
-        if not (state.flew and level and abs(down) < max(_HEIGHT_REACHED_M, min(radius_m, 2.0))):
+        off_m = max(_HEIGHT_REACHED_M, min(radius_m, 2.0))
+        if item.command == TAKEOFF and not self.climbs_first:
+            radius_m, off_m = math.inf, _TAKEN_OFF_M
+        if not (state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m):
             return False
         hold_s = item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0
         if self._hold_until_s == math.inf:

@@ -4,7 +4,6 @@ The battery is drained by flying, to half as in PX4's simulation, or is put wher
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import Body, Euler
 from sitl_mock.estimator import Estimator
 from sitl_mock.pilot import Peers, Pilot
+from sitl_mock.protocols.parameter import ParameterStore
 from sitl_mock.sensors import Sensors
 from sitl_mock.world import LocalFrame, Vector
 
@@ -120,7 +120,7 @@ class VehicleState:
 
     system_id: int
     frame: LocalFrame
-    parameters: Mapping[str, int | float]
+    parameters: ParameterStore
     body: Body
     estimator: Estimator
     sensors: Sensors

@@ -33,6 +33,7 @@ _STOPPED: Final = Setpoint(Kind.STOPPED)
 _IDLING: Final = Setpoint(Kind.IDLING)
 _FLY_THERE: Final = 2
 _LANDED_S: Final = 1.1
+_TEXTS: Final = {"fence breached": (Severity.NOTICE, "Fence Breached")}
 
 
 class ArduPilot:
@@ -47,7 +48,9 @@ class ArduPilot:
         turn: Where CONDITION_YAW turns the nose, None where the flight decides.
         speeds: What DO_CHANGE_SPEED asked for, until the kind of guided flight changes.
         entered_m: Where the mode began.
-        stage: Part of RTL.
+        stage: Part of RTL, which is flown in AUTO as well.
+        goal_m: Where RTL leads: north and east, and the down coordinate it flies there at.
+        may_lift: MISSION_START has let AUTO take off; else it waits for the throttle stick.
         handled: Failsafe triggers that have acted; they act again after they have gone.
     """
 
@@ -72,7 +75,9 @@ class ArduPilot:
         self.entered_yaw_rad = state.yaw_rad
         self.stage = ""
         self.stage_s = 0.0
+        self.goal_m: Vector = state.position_m
         self.circle: Circle | None = None
+        self.may_lift = False
         self.there: frozenset[Need] = frozenset()
         self.handled: set[str] = set()
         self.in_failsafe = False
@@ -203,6 +208,7 @@ class ArduPilot:
         self.paused = False
         self.turn = None
         self.circle = None
+        self.may_lift = False
         self.speeds = Speeds()
         self.stage = ""
         self.entered_m = self.state.position_m
@@ -247,10 +253,10 @@ class ArduPilot:
         return self.guided
 
     def mission_over(self) -> None:
-        """AUTO has come to its end."""
+        """A rover's AUTO has come to its end."""
         if self.mission.over == "return":
             self.enter(self.after["AUTO", "mission asks to return"])
-        elif self.mission.over == "finished" and not self.firmware.flies:
+        elif self.mission.over == "finished":
             self.enter(self.after["AUTO", "mission finished in the air"])
 
     def set_home(self, place_m: Vector, *, given: bool = False) -> None:
@@ -295,7 +301,7 @@ class ArduPilot:
             if after is None:
                 continue
             self.in_failsafe = True
-            state.say(Severity.CRITICAL, f"Failsafe: {name}")
+            state.say(*_TEXTS.get(name, (Severity.CRITICAL, f"Failsafe: {name}")))
             if state.on_ground and self.firmware.flies:
                 self.disarm()
                 return

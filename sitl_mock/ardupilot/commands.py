@@ -115,6 +115,20 @@ def _to(mode: str) -> Callable[[ArduPilot, float, Command], Answers]:
     return handler
 
 
+def _start_mission(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+    """MISSION_START: AUTO, which may then take off without the throttle stick."""
+    commander.may_lift = commander.request("AUTO")
+    return _done(commander.may_lift)
+
+
+def _enable_fence(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+    """DO_FENCE_ENABLE: 0 and 1 set FENCE_ENABLE; anything else has no effect."""
+    enable = command.params[0]
+    if enable in {0.0, 1.0}:
+        commander.state.parameters.set("FENCE_ENABLE", enable)
+    return ACCEPTED
+
+
 def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """DO_SET_MISSION_CURRENT: DENIED where there is no such item; home is none to fly to."""
     seq = command.params[0]
@@ -275,7 +289,8 @@ _HANDLERS: Mapping[int, Callable[[ArduPilot, float, Command], Answers]] = Mappin
         193: _pause,
         224: _set_mission_item,
         246: _reboot,
-        300: _to("AUTO"),
+        207: _enable_fence,
+        300: _start_mission,
         400: _arm,
         401: _prearm,
         410: _tell_home,

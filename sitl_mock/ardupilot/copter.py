@@ -9,16 +9,22 @@ from sitl_mock.ardupilot.commands import execute
 from sitl_mock.ardupilot.firmware import Firmware
 from sitl_mock.ardupilot.maneuvers import circle_from
 from sitl_mock.ardupilot.modes import COPTER_MODES
+from sitl_mock.ardupilot.refuge import refuge
 from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.dynamics.shaping import root_law
 from sitl_mock.setpoints import turned
 
 _NAN = math.nan
 _REACHED_M: Final = 0.5
+_THROTTLE_DOWN: Final = -0.95
+"""AUTO takes off when the throttle stick has left its lower end, as GUIDED needs no stick."""
 _CLIMB_LEAST_S: Final = 2.0
 """RTL sets out after so long also where there is nothing to climb (measured)."""
 _NOT_IN_RTL: Final = 2  # WP_YAW_BEHAVIOR: the nose follows the flight, but not in RTL
 _DEAD_BAND: Final = 0.2
 """THR_DZ of 100 µs about the middle of the throttle stick."""
+_SLOWING_M_S2: Final = 1.0
+"""A landing brakes so towards LAND_ALT_LOW."""
 _STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
 
 
@@ -81,7 +87,8 @@ def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
     height = state.ground_m - state.position_m[2]
     parameters = state.parameters
     fast = float(parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]) * 0.01
-    speed = fast if height > float(parameters["LAND_ALT_LOW"]) * 0.01 else float(parameters["LAND_SPEED"]) * 0.01
+    above_m = max(height - float(parameters["LAND_ALT_LOW"]) * 0.01, 0.0)
+    speed = min(max(root_law(above_m, 1.0, _SLOWING_M_S2), float(parameters["LAND_SPEED"]) * 0.01), fast)
     return Setpoint(Kind.TRAVEL, (north_m, east_m, _NAN), (_NAN, _NAN, speed), yaw_rad=commander.entered_yaw_rad)
 
 
@@ -92,15 +99,16 @@ def _land(commander: ArduPilot) -> Setpoint:
 
 
 def _return(commander: ArduPilot) -> Setpoint:
-    """Climb to RTL_ALT, fly home, wait RTL_LOIT_TIME, land."""
+    """Climb to RTL_ALT, fly home or to a rally point, wait RTL_LOIT_TIME, land."""
     state = commander.state
     if state.on_ground:
         return commander.idling
-    home = state.home_m or commander.entered_m
     north, east, down = state.position_m
-    height_m = min(home[2] - float(state.parameters["RTL_ALT"]) * 0.01, commander.entered_m[2])
     if not commander.stage:
         commander.stage, commander.stage_s = "climb", state.now_s
+        commander.goal_m = refuge(state, commander.plans)
+    home = commander.goal_m
+    height_m = min(home[2], commander.entered_m[2])
     climbed = down - height_m < _REACHED_M and state.now_s - commander.stage_s > _CLIMB_LEAST_S
     if commander.stage == "climb" and climbed:
         commander.stage = "return"
@@ -134,12 +142,22 @@ def _by_stick(commander: ArduPilot) -> Setpoint:
     )
 
 
+def _after_the_mission(commander: ArduPilot) -> Setpoint:
+    """AUTO goes on: a mission that returns does so from where its last place was."""
+    if commander.mission.over != "return":
+        return _brake(commander)
+    if not commander.stage:
+        commander.entered_m, commander.entered_yaw_rad = commander.state.position_m, commander.state.yaw_rad
+    return _return(commander)
+
+
 def _auto(commander: ArduPilot) -> Setpoint:
     state = commander.state
+    if state.on_ground and not (state.flew or commander.may_lift or commander.sticks.throttle > _THROTTLE_DOWN):
+        return commander.idling
     leg = commander.mission.leg(state, commander.entered_m)
     if commander.mission.over:
-        commander.mission_over()
-        return _brake(commander)
+        return _after_the_mission(commander)
     if leg.landing:
         return commander.idling if state.on_ground else _land_over(commander, leg.position_m[0], leg.position_m[1])
     if state.on_ground and not leg.taking_off:

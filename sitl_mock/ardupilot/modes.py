@@ -38,7 +38,6 @@ COPTER_MODES: Final = ModeTable(
         Mode("ZIGZAG", 24, _POSITION, True, _MANUAL, "sticks are velocities"),
     ),
     transitions=(
-        Transition("AUTO", "mission asks to return", "RTL"),
         Transition("any", "radio lost, FS_THR_ENABLE = 1", "RTL"),
         Transition("any", "radio lost, FS_THR_ENABLE = 2", "RTL"),
         Transition("any", "radio lost, FS_THR_ENABLE = 3", "LAND"),
@@ -64,6 +63,8 @@ COPTER_MODES: Final = ModeTable(
         "that begins with a take-off. GUIDED needs no stream; a velocity does not take off, NAV_TAKEOFF does, armed "
         "and in GUIDED, and so does an attitude target that climbs.",
         "After GUID_TIMEOUT without a setpoint the velocity is zero; the mode stays GUIDED, and nothing is said.",
+        "AUTO on the ground takes off when the throttle stick is raised, or with MISSION_START. A mission that returns "
+        "does so in AUTO. RTL leads to the nearest rally point, or home where that is nearer.",
         "A failsafe changes the mode for good: nothing goes back by itself.",
     ),
 )

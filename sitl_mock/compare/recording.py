@@ -3,6 +3,7 @@
 A .tlog has frames of both directions, each behind its time (microseconds since 1970, 64 bits, big endian).
 """
 
+import math
 import struct
 from collections.abc import Iterator
 from itertools import groupby
@@ -107,6 +108,7 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
         recording.flavour,
         system_id=recording.system_id,
         home=_home(recording),
+        yaw_deg=_yaw_deg(recording),
         seed=seed,
         links={"recorded": _kind(recording)},
         ready_after_s=0.0,
@@ -136,6 +138,12 @@ def _home(recording: Recording) -> Home:
         if message.get_type() == "HOME_POSITION":
             return Home(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
     return DEFAULT_HOME
+
+
+def _yaw_deg(recording: Recording) -> float:
+    """Where the nose pointed at first, north where nothing told."""
+    yaws = (message.yaw for _, message in recording.said if message.get_type() == "ATTITUDE")
+    return math.degrees(next(yaws, 0.0))
 
 
 def _kind(recording: Recording) -> str:

@@ -49,7 +49,11 @@ class Px4Gains:
     take_off_wish_m_s: float = 0.1  # a climb faster than this on the ground starts the ramp
     derivative_lag_s: float = 0.032  # MPC_VELD_LP 5 Hz
     yaw_p_1_s: float = 2.8  # MC_YAW_P
-    yaw_rate_max_rad_s: float = math.radians(60.0)  # MPC_YAWRAUTO_MAX
+    yaw_rate_p_1_s: float = 3.2  # MC_YAWRATE_P over the yaw inertia
+    yaw_rate_i_1_s2: float = 1.6  # MC_YAWRATE_I is half of MC_YAWRATE_P
+    yaw_damping_1_s: float = 0.8  # what the rate loop works against; measured: it first reaches 80 % of a rate
+    yaw_rate_max_rad_s: float = math.radians(200.0)  # MC_YAWRATE_MAX
+    yaw_auto_rate_max_rad_s: float = math.radians(60.0)  # MPC_YAWRAUTO_MAX, in the autopilot's own modes
     yaw_drift_rad_s: float = math.radians(1.8)  # measured: 9 degrees in 5 s with yaw ignored
 
 
@@ -63,6 +67,7 @@ class Px4Memory(NamedTuple):
     spooled_s: float = 0.0
     ramped_s: float = 0.0
     tilt_max_rad: float = math.pi
+    yaw_integral_rad_s2: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,7 @@ class Px4Control:
         if setpoint.kind <= Kind.IDLING:
             return self._idle(memory, estimate, setpoint.kind, dt_s)
         if setpoint.kind is Kind.DIRECT:
-            return self._direct(body, estimate, setpoint)
+            return self._direct(memory, body, estimate, setpoint, dt_s)
         return self._controlled(memory, body, estimate, setpoint, dt_s)
 
     def _controlled(
@@ -97,7 +102,7 @@ class Px4Control:
         spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
         if spooled_s < gains.spool_s and body.on_ground:
             idle = Px4Memory(setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, spooled_s)
-            return idle, Demand(0.0, 0.0, self._thrust_least(), 0.0)
+            return idle, Demand(0.0, 0.0, 0.0, 0.0)
 
         if setpoint.kind is Kind.STREAM:
             reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
@@ -117,17 +122,28 @@ class Px4Control:
         if ramped_s >= gains.ramp_s:
             tilt_max_rad = min(memory.tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, gains.tilt_max_rad)
         velocity = (velocity[0], velocity[1], max(velocity[2], -up_max))
+        lifting = body.on_ground and 0.0 < ramped_s < gains.ramp_s
 
         lag = math.exp(-dt_s / gains.derivative_lag_s)
         now, was = body.acceleration_ned_m_s2, memory.filtered_acceleration_ned_m_s2
         slow = (now[0] + (was[0] - now[0]) * lag, now[1] + (was[1] - now[1]) * lag, 0.0)
         integral, lean, thrust = self._velocity_loop(
-            velocity, forward, estimate.velocity_ned_m_s, slow, memory.integral_ned_m_s2, dt_s, tilt_max_rad
+            velocity,
+            forward,
+            estimate.velocity_ned_m_s,
+            slow,
+            memory.integral_ned_m_s2,
+            dt_s,
+            tilt_max_rad,
+            flying=ramped_s >= gains.ramp_s,
         )
         if body.on_ground:
-            integral = ZERO
-        demand = Demand(lean[0], lean[1], thrust, self._yaw_rate(body, setpoint))
-        return Px4Memory(setpoint.kind, reference, integral, slow, spooled_s, ramped_s, tilt_max_rad), demand
+            # While the thrust ramps up the climb's integral runs: it holds the first seconds of the climb back.
+            integral = (0.0, 0.0, integral[2] if lifting else 0.0)
+        turn, yaw_integral = self._yaw_rate(memory, body, setpoint, dt_s)
+        demand = Demand(lean[0], lean[1], thrust, turn)
+        carried = Px4Memory(setpoint.kind, reference, integral, slow, spooled_s, ramped_s, tilt_max_rad, yaw_integral)
+        return carried, demand
 
     def _travelled(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
@@ -146,7 +162,9 @@ class Px4Control:
             dt_s *= 1.0 - min(math.hypot(ahead_n, ahead_e) / self.gains.xy_error_max_m, 0.99)
         return travel(self.travel_limits, started, setpoint, dt_s)
 
-    def _direct(self, body: Body, estimate: Estimate, setpoint: Setpoint) -> tuple[Px4Memory, Demand]:
+    def _direct(
+        self, before: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
+    ) -> tuple[Px4Memory, Demand]:
         """Lean and thrust that make an acceleration in still air; nothing is controlled."""
         gains = self.gains
         n, e, d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
@@ -155,7 +173,9 @@ class Px4Control:
         memory = Px4Memory(
             setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, gains.spool_s, gains.ramp_s
         )
-        return memory, Demand(n * per, e * per, math.hypot(side, up), self._yaw_rate(body, setpoint))
+        turn, yaw_integral = self._yaw_rate(before, body, setpoint, dt_s)
+        memory = memory._replace(yaw_integral_rad_s2=yaw_integral)
+        return memory, Demand(n * per, e * per, math.hypot(side, up), turn)
 
     def _thrust_least(self) -> float:
         return self.gains.thrust_min * self.thrust_max_m_s2
@@ -216,6 +236,8 @@ class Px4Control:
         integral: Ned,
         dt_s: float,
         tilt_max_rad: float,
+        *,
+        flying: bool,
     ) -> tuple[Ned, tuple[float, float], float]:
         """PID on velocity, thrust and tilt limits with vertical first, anti-windup by what could be produced."""
         gains = self.gains
@@ -227,10 +249,10 @@ class Px4Control:
         a_e = gains.xy_vel_p_1_s * err_e + i_e - gains.xy_vel_d * acceleration[1] + forward[1]
         lift = GRAVITY_M_S2 - (gains.z_vel_p_1_s * err_d + i_d + forward[2])
 
-        most, least = self.thrust_max_m_s2, self._thrust_least()
+        most, least = self.thrust_max_m_s2, self._thrust_least() if flying else 0.0
         if (lift >= most and err_d <= 0.0) or (lift <= least and err_d >= 0.0):
             err_d = 0.0
-        lift = min(max(lift, least), most)
+        lift = min(max(lift, least, 1e-3), most)
         # PX4 tilts by the horizontal acceleration against gravity alone (MPC_ACC_DECOUPLE 1).
         tilt_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
         tan_max = min(math.tan(tilt_max_rad), math.sqrt(most * most - lift * lift) / lift)
@@ -251,15 +273,26 @@ class Px4Control:
         thrust = lift * math.sqrt(1.0 + tilt_tan * tilt_tan)
         return integral, (a_n * per, a_e * per), thrust
 
-    def _yaw_rate(self, body: Body, setpoint: Setpoint) -> float:
+    def _yaw_rate(self, memory: Px4Memory, body: Body, setpoint: Setpoint, dt_s: float) -> tuple[float, float]:
+        """The yaw rate that PI on the rate settles at against the damping, and the integral carried on."""
+        gains = self.gains
+        error = self._yaw_rate_wanted(body, setpoint) - body.yaw_rate_rad_s
+        integral = 0.0 if body.on_ground else memory.yaw_integral_rad_s2 + gains.yaw_rate_i_1_s2 * error * dt_s
+        push = gains.yaw_rate_p_1_s * (error + body.yaw_rate_rad_s) + integral
+        return push / (gains.yaw_rate_p_1_s + gains.yaw_damping_1_s), integral
+
+    def _yaw_rate_wanted(self, body: Body, setpoint: Setpoint) -> float:
         gains = self.gains
         if not math.isnan(setpoint.yaw_rad):
             forward = 0.0 if math.isnan(setpoint.yaw_rate_rad_s) else setpoint.yaw_rate_rad_s
             rate = gains.yaw_p_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad) + forward
         elif not math.isnan(setpoint.yaw_rate_rad_s):
-            rate = setpoint.yaw_rate_rad_s
+            most = gains.yaw_rate_max_rad_s
+            return min(max(setpoint.yaw_rate_rad_s, -most), most)
         elif setpoint.kind is Kind.STREAM:
             return gains.yaw_drift_rad_s
         else:
             return 0.0
-        return min(max(rate, -gains.yaw_rate_max_rad_s), gains.yaw_rate_max_rad_s)
+        own = setpoint.kind is not Kind.STREAM and setpoint.kind is not Kind.DIRECT
+        most = gains.yaw_auto_rate_max_rad_s if own else gains.yaw_rate_max_rad_s
+        return min(max(rate, -most), most)

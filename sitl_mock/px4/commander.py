@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
 
 CHECK_S: Final = 0.1
+LIFTING_S: Final = 0.8
+"""From the beginning of a take-off's thrust until it counts as one (measured)."""
 LANDED_S: Final = 2.8
 """From touching the ground until that counts as a landing (measured)."""
 _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMINATION": 6}
@@ -68,6 +70,9 @@ class Px4:
         self.in_failsafe = False
         self.pilot_counts = False
         self._check_s = -math.inf
+        self._sticks_known = False
+        self._left = False
+        self._lift_s = math.inf
         self._landing_told_s = math.nan
         self._takeoff_height_m = math.nan
 
@@ -100,11 +105,14 @@ class Px4:
     @property
     def landed_state(self) -> int:
         """EXTENDED_SYS_STATE.landed_state."""
-        if self.state.on_ground and not (self.state.armed and self.state.flew and self.state.standing_s < LANDED_S):
+        if not self._left and self.state.on_ground and not self._just_down:
             return Landed.ON_GROUND
-        if self.mode == "TAKEOFF":
+        if self.mode == "TAKEOFF" or (self.mode == "MISSION" and self.mission.climbing):
             return Landed.TAKEOFF
-        return Landed.LANDING if self.mode in _LANDING else Landed.IN_AIR
+        coming_down = (self.mode == "RTL" and self.plan.stage == "land") or (
+            self.mode == "MISSION" and (self.mission.landing or self.mission.over == "landed")
+        )
+        return Landed.LANDING if self.mode in _LANDING or coming_down else Landed.IN_AIR
 
     @property
     def ready_to_arm(self) -> bool:
@@ -192,14 +200,37 @@ class Px4:
             self._check_s = now_s
             self._check(now_s)
         if not self.state.armed or self.mode == "TERMINATION":
+            self._left = False
             return _STOPPED
-        return self._fly(self)
+        setpoint = self._fly(self)
+        self._notice_lifting(now_s, setpoint)
+        return setpoint
+
+    @property
+    def _just_down(self) -> bool:
+        """Whether it stands for too short a time for that to count as a landing."""
+        return self.state.armed and self.state.flew and self.state.standing_s < LANDED_S
+
+    def _notice_lifting(self, now_s: float, setpoint: Setpoint) -> None:
+        """The thrust of a take-off counts as having left the ground before the legs do."""
+        state = self.state
+        if not state.on_ground:
+            self._lift_s = math.inf
+        elif setpoint.kind <= Kind.IDLING:
+            self._lift_s, self._left = math.inf, self._left and self._just_down
+        else:
+            spooled_s = state.armed_s + float(state.parameters["COM_SPOOLUP_TIME"])
+            self._lift_s = min(self._lift_s, max(now_s, spooled_s))
+        if not self._left and (not state.on_ground or now_s > self._lift_s + LIFTING_S):
+            self._left = True
+            state.say(Severity.INFO, "Takeoff detected")
 
     def _check(self, now_s: float) -> None:
         state = self.state
         self.there = safety.available(state, self.plans, self.stream_s)
         if not state.armed:
             self.home.follow(state)
+            self._take_first_sticks()
             self.failsafes.clear()
             self.in_failsafe = False
             self.pilot_counts = False
@@ -221,25 +252,38 @@ class Px4:
 
     def _choose(self, action: Action) -> None:
         """Intention, overruled by the failsafe, stepped down until it can run."""
-        mode = self.intention
         if self.mode == "TERMINATION":
             return
-        forced = MODE_OF.get(action)
+        mode, forced = self.intention, MODE_OF.get(action)
+        if mode == "OFFBOARD":  # a stream that is lost leads to RTL also where Hold is forced already
+            mode = self._runnable(mode)
         if forced is not None and _SEVERITY_OF_MODE.get(mode, 0) < _SEVERITY_OF_MODE[forced]:
             mode = forced
-        while not self.can_run(mode):
-            event = "cannot run"
-            if mode == "OFFBOARD":
-                event = f"stream lost, COM_OBL_RC_ACT = {int(self.state.parameters['COM_OBL_RC_ACT'])}"
-            mode = AFTER.get((mode, event), "RTL")
-            if mode == "disarmed":
-                self.disarm()
-                return
+        mode = self._runnable(mode)
+        if mode == "disarmed":
+            self.disarm()
+            return
         failing = mode != self.intention or action >= Action.HOLD
         if failing and not self.in_failsafe:
             self.state.say(Severity.CRITICAL, "Failsafe activated")
         self.in_failsafe = failing
         self.enter(mode)
+
+    def _runnable(self, mode: str) -> str:
+        """The mode, or the first one below it that can run; a lost stream leads where COM_OBL_RC_ACT says."""
+        while mode != "disarmed" and not self.can_run(mode):
+            event = "cannot run"
+            if mode == "OFFBOARD":
+                event = f"stream lost, COM_OBL_RC_ACT = {int(self.state.parameters['COM_OBL_RC_ACT'])}"
+            mode = AFTER.get((mode, event), "RTL")
+        return mode
+
+    def _take_first_sticks(self) -> None:
+        """Disarmed and in Hold, a client's first MANUAL_CONTROL leads to POSCTL unasked (measured)."""
+        sticks = Need.PILOT in self.there and not math.isfinite(self.state.pilot.radio_s)
+        if sticks and not self._sticks_known and self.intention == "HOLD":
+            self.intention = "POSCTL"
+        self._sticks_known = self._sticks_known or sticks
 
     def enter(self, mode: str) -> None:
         """Begin to fly a mode."""

@@ -9,7 +9,6 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.px4.follow import Follow
 from sitl_mock.px4.orbit import Orbit
-from sitl_mock.setpoints import turned
 from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
@@ -32,6 +31,8 @@ class Plan:
         speed_m_s: Cruise speed set by DO_CHANGE_SPEED, NaN for the default.
         orbit: The circle of DO_ORBIT.
         follow: What following remembers.
+        stick_m_s: Velocity north and east that the sticks have led to, None while they rest.
+        stick_place_m: Where the throttle stick alone climbs or sinks, None while it rests.
     """
 
     entered_m: Vector
@@ -43,6 +44,8 @@ class Plan:
     speed_m_s: float = _NAN
     orbit: Orbit | None = None
     follow: Follow | None = None
+    stick_m_s: tuple[float, float] | None = None
+    stick_place_m: tuple[float, float] | None = None
 
 
 def hold(state: VehicleState, plan: Plan) -> Setpoint:
@@ -69,8 +72,13 @@ def facing(state: VehicleState, goal_m: Vector, kept_rad: float) -> float:
 def takeoff(state: VehicleState, plan: Plan) -> Setpoint:
     """Climb straight up."""
     north, east, _ = plan.entered_m
-    climb = float(state.parameters["MPC_TKO_SPEED"])
-    return Setpoint(Kind.TRAVEL, (north, east, plan.height_m), yaw_rad=plan.yaw_rad, climb_m_s=climb)
+    return Setpoint(Kind.TRAVEL, (north, east, plan.height_m), yaw_rad=plan.yaw_rad, climb_m_s=_lift_off_m_s(state))
+
+
+def _lift_off_m_s(state: VehicleState) -> float:
+    """MPC_TKO_SPEED up to MPC_LAND_ALT1, and as fast as any climb (NaN) above it (measured)."""
+    low = state.ground_m - state.position_m[2] < float(state.parameters["MPC_LAND_ALT1"])
+    return float(state.parameters["MPC_TKO_SPEED"]) if low else _NAN
 
 
 def takeoff_done(state: VehicleState, plan: Plan) -> bool:
@@ -120,6 +128,7 @@ def return_home(state: VehicleState, plan: Plan) -> Setpoint:
         plan.stage = "return"
     if plan.stage == "return" and away_m < _PLACE_REACHED_M:
         plan.stage = "land"  # RTL_LAND_DELAY 0: without a stop at RTL_DESCEND_ALT
+        plan.yaw_rad = state.home_attitude.yaw_rad
     return _RETURN[plan.stage](state, plan)
 
 
@@ -153,28 +162,13 @@ _RETURN: Mapping[str, Callable[[VehicleState, Plan], Setpoint]] = MappingProxyTy
 )
 
 
-def by_stick(state: VehicleState, *, slow: bool = False) -> Setpoint:
-    """POSCTL and the other manual modes: sticks are velocities, and without sticks it stops."""
-    sticks, parameters = state.pilot.sticks, state.parameters
-    fast = float(parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])
-    up, down = float(parameters["MPC_Z_VEL_MAX_UP"]), float(parameters["MPC_Z_VEL_MAX_DN"])
-    if slow:
-        up = down = float(parameters["MC_SLOW_DEF_VVEL"])
-    level = turned((sticks.pitch * fast, sticks.roll * fast, 0.0), state.yaw_rad)
-    vertical = -sticks.throttle * (up if sticks.throttle > 0.0 else down)
-    turn = sticks.yaw * math.radians(float(parameters["MPC_MAN_Y_MAX"]))
-    if not any(sticks[:3]):
-        return Setpoint(Kind.BRAKE, yaw_rate_rad_s=turn)
-    return Setpoint(Kind.TRAVEL, velocity_ned_m_s=(level[0], level[1], vertical), yaw_rate_rad_s=turn)
-
-
 def mission(state: VehicleState, flight: MissionFlight, plan: Plan) -> Setpoint:
     """Follow the mission's present leg; land where it says so."""
     leg = flight.leg(state, plan.entered_m)
     if leg.landing:
         plan.goal_m = leg.position_m
         return land(state, plan)
-    climb = float(state.parameters["MPC_TKO_SPEED"]) if leg.taking_off else _NAN
+    climb = _lift_off_m_s(state) if leg.taking_off else _NAN
     plan.yaw_rad = leg.yaw_rad if math.isfinite(leg.yaw_rad) else facing(state, leg.position_m, plan.yaw_rad)
     speed = cruise_m_s(state, leg.speed_m_s)
     return Setpoint(Kind.TRAVEL, leg.position_m, yaw_rad=plan.yaw_rad, speed_m_s=speed, climb_m_s=climb)

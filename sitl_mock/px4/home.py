@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle_state import VehicleState
 
 CORRECTED_FOR_S: Final = 120.0
 _LEAST_CORRECTION_M: Final = 1.0
@@ -66,7 +66,6 @@ class HomeKeeper:
         stood, self._stood = self._stood, state.on_ground
         if stood and not state.on_ground and state.armed:
             self.took_off_s = state.now_s
-            state.say(Severity.INFO, "Takeoff detected")
             self.arm(state, in_mission=in_mission)
 
     def _correct(self, state: VehicleState, since_s: float) -> None:

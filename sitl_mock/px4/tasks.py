@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.px4 import flying
 from sitl_mock.px4.modes import AFTER, MANUAL_MODES
+from sitl_mock.px4.sticks import by_stick
 from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def _manual(px4: Px4) -> Setpoint:
     state = px4.state
     if state.on_ground and state.pilot.sticks.throttle <= _THROTTLE_WISH:
         return IDLING
-    return flying.by_stick(state, slow=px4.mode == "POSITION_SLOW")
+    return by_stick(state, px4.plan, STEP_S, slow=px4.mode == "POSITION_SLOW")
 
 
 def _takeoff(px4: Px4) -> Setpoint:
@@ -57,7 +58,7 @@ def _mission(px4: Px4) -> Setpoint:
     setpoint = flying.mission(state, flight, px4.plan)
     if flight.over == "return":
         px4.intention = "RTL"
-    elif flight.over:
+    elif flight.over == "finished":
         if not state.on_ground:
             state.say(Severity.INFO, "Mission finished, loitering")
         _go_on(px4, "mission finished")
