@@ -1,72 +1,12 @@
 """MAVProxy, scripted by its standard input: both flavours armed, flown, their parameters and plans listed."""
 
-import os
-import queue
-import subprocess
-import sys
-import threading
 import time
-from pathlib import Path
 
 import pytest
 
+from tests.sitl_mock.flights.mavproxy import Proxy
+
 pytestmark = pytest.mark.slow
-
-MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
-
-
-class Proxy:
-    """One MAVProxy process; its words come line by line. It ends when its standard input does."""
-
-    def __init__(self, port, folder):
-        command = [sys.executable, str(MAVPROXY), f"--master=udpin:127.0.0.1:{port}", f"--state-basedir={folder}"]
-        command += [f"--logfile={folder}/flight.tlog", "--default-modules=cmdlong,param,arm,mode,wp,fence"]
-        self.process = subprocess.Popen(
-            command,
-            cwd=folder,
-            env={**os.environ, "HOME": str(folder), "TERM": "dumb"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        self._lines = queue.Queue()
-        self.heard = []
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    def _read(self):
-        for line in self.process.stdout:
-            self._lines.put(line.strip())
-
-    def say(self, command):
-        """Type a command."""
-        self.process.stdin.write(command + "\n")
-        self.process.stdin.flush()
-
-    def expect(self, words, within_s=6.0):
-        """Wait for a line with these words."""
-        end_s = time.monotonic() + within_s
-        while time.monotonic() < end_s:
-            try:
-                line = self._lines.get(timeout=0.1)
-            except queue.Empty:
-                continue
-            self.heard.append(line)
-            if words in line:
-                return line
-        raise AssertionError(f"MAVProxy did not say {words!r}; it said {self.heard[-15:]}")
-
-    def close(self):
-        """End it."""
-        self.process.stdin.close()
-        try:
-            self.process.wait(5.0)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        self._reader.join()
-        self.process.stdout.close()
 
 
 @pytest.fixture
@@ -75,7 +15,7 @@ def proxy(tmp_path):
     started = []
 
     def start(vehicle):
-        started.append(Proxy(vehicle.udp_port, tmp_path))
+        started.append(Proxy(vehicle.udp_port, tmp_path, "cmdlong,param,arm,mode,wp,fence"))
         return started[-1]
 
     yield start

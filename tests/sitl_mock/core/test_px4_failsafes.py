@@ -145,7 +145,7 @@ def test_stick_movement_takes_over_from_auto_modes(fly):
     flight.vehicle.inject("rc", True)
     flight.command(20)
     flight.run(1.0)
-    flight.vehicle.inject("sticks", (0.5, 0.0, 0.0, 0.0))
+    flight.vehicle.inject("sticks", (0.8, 0.0, 0.0, 0.0))
     flight.run(0.3)
     assert flight.mode == "POSCTL"
     flight.run(3.0)

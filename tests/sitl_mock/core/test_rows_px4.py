@@ -89,7 +89,7 @@ def test_row_02_the_throttle_stick_takes_off_above_65_percent(fly):
     assert flight.height > 2.0
     flight.run(4.0, sticks(), every_s=0.1)
     stood = flight.height
-    flight.run(3.0, sticks(pitch=500), every_s=0.1)
+    flight.run(3.0, sticks(pitch=800), every_s=0.1)
     assert flight.mode == "POSCTL"
     assert flight.velocity[0] > 2.0
     assert flight.height == pytest.approx(stood, abs=0.4)

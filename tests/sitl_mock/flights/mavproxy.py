@@ -1,0 +1,66 @@
+"""One MAVProxy process, scripted by its standard input."""
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
+MODULES = "cmdlong,param,arm,mode,wp,fence,rally,rc,log,ftp"
+
+
+class Proxy:
+    """MAVProxy on a vehicle that sends to a port of loopback; its words come line by line."""
+
+    def __init__(self, port, folder, modules=MODULES):
+        command = [sys.executable, str(MAVPROXY), f"--master=udpin:127.0.0.1:{port}", f"--state-basedir={folder}"]
+        command += [f"--logfile={folder}/flight.tlog", f"--default-modules={modules}"]
+        self.process = subprocess.Popen(
+            command,
+            cwd=folder,
+            env={**os.environ, "HOME": str(folder), "TERM": "dumb"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._lines = queue.Queue()
+        self.heard = []
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            self._lines.put(line.strip())
+
+    def say(self, command):
+        """Type a command."""
+        self.process.stdin.write(command + "\n")
+        self.process.stdin.flush()
+
+    def expect(self, words, within_s=6.0):
+        """Wait for a line with these words."""
+        end_s = time.monotonic() + within_s
+        while time.monotonic() < end_s:
+            try:
+                line = self._lines.get(timeout=0.1)
+            except queue.Empty:
+                continue
+            self.heard.append(line)
+            if words in line:
+                return line
+        raise AssertionError(f"MAVProxy did not say {words!r}; it said {self.heard[-15:]}")
+
+    def close(self):
+        """End it, as the end of its standard input does."""
+        self.process.stdin.close()
+        try:
+            self.process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self._reader.join()
+        self.process.stdout.close()

@@ -1,0 +1,124 @@
+"""Recorded flights: what is kept of a .tlog, and the track, modes, answers and news that both sides are compared by."""
+
+import gzip
+import math
+import struct
+import tempfile
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from sitl_mock.compare import read_tlog
+from sitl_mock.mavlink import Decoder
+
+FOLDER = Path(__file__).parents[2] / "data" / "flights"
+_TIME = struct.Struct(">Q")
+_NOT_KEPT = frozenset({"PING", "TIMESYNC", "SYSTEM_TIME"})
+_THINNED_S = {"LOCAL_POSITION_NED": 0.5, "ATTITUDE": 0.5, "GLOBAL_POSITION_INT": 5.0, "HOME_POSITION": 10.0}
+_NEWS = frozenset(
+    {"HEARTBEAT", "COMMAND_ACK", "STATUSTEXT", "MISSION_ACK", "MISSION_ITEM_REACHED", "MISSION_COUNT", "EVENT"}
+)
+
+
+def keep(tlog: Path, kept: Path) -> None:
+    """Write what a comparison needs: all that the client sent, and of the vehicle's messages those of a flight.
+
+    Places and attitudes are thinned to two a second; of what tells nothing of the flight the first one is kept.
+    """
+    raw, at, out = tlog.read_bytes(), 0, []
+    decoder, last_s, landed = Decoder(), defaultdict(lambda: -math.inf), None
+    while at < len(raw):
+        (time_us,) = _TIME.unpack_from(raw, at)
+        at += _TIME.size
+        size = raw[at + 1] + (12 if raw[at] == 0xFD else 8)
+        (message,) = decoder.feed(raw[at : at + size], whole=True)
+        at += size
+        name = message.get_type()
+        if (message.get_srcSystem(), message.get_srcComponent()) == (1, 1):
+            period_s = _THINNED_S.get(name, 0.0 if name in _NEWS else math.inf)
+            if name == "EXTENDED_SYS_STATE" and message.landed_state != landed:
+                landed, period_s = message.landed_state, 0.0
+            if time_us * 1e-6 < last_s[name] + period_s:
+                continue
+            last_s[name] = time_us * 1e-6
+        elif name in _NOT_KEPT:
+            continue
+        out.append(_TIME.pack(time_us) + bytes(message.get_msgbuf()))
+    kept.parent.mkdir(exist_ok=True)
+    kept.write_bytes(gzip.compress(b"".join(out), mtime=0))
+
+
+def recording(name):
+    """Read a kept flight."""
+    with tempfile.NamedTemporaryFile(suffix=".tlog") as file:
+        file.write(gzip.decompress((FOLDER / f"{name}.tlog.gz").read_bytes()))
+        file.flush()
+        return read_tlog(Path(file.name))
+
+
+@dataclass
+class Flown:
+    """What a vehicle did.
+
+    Attributes:
+        track: Second to north, east, down (m), their rates (m/s) and yaw (rad).
+        modes: Time and mode as HEARTBEAT told it, with whether it was armed, when either changed.
+        answers: Command and result of every COMMAND_ACK.
+        texts: Time and STATUSTEXT.
+        reached: Time by number of MISSION_ITEM_REACHED.
+        plans: Kind and result of every MISSION_ACK.
+        yaw_rad: The last yaw.
+    """
+
+    track: dict = field(default_factory=dict)
+    modes: list = field(default_factory=list)
+    answers: list = field(default_factory=list)
+    texts: list = field(default_factory=list)
+    reached: dict = field(default_factory=dict)
+    plans: list = field(default_factory=list)
+    yaw_rad: float = math.nan
+
+    def modes_between(self, start_s, end_s, least_s=0.0):
+        """The modes of a span of time that lasted for longer than `least_s`, with whether it was armed."""
+        ends_s = [at_s for at_s, *_ in self.modes[1:]] + [math.inf]
+        spans = [(at_s, until_s, (*mode,)) for (at_s, *mode), until_s in zip(self.modes, ends_s, strict=True)]
+        return {
+            mode for at_s, until_s, mode in spans if at_s <= end_s and until_s > start_s and until_s - at_s > least_s
+        }
+
+    def _local_position_ned(self, at_s, m):
+        self.track.setdefault(round(at_s), (m.x, m.y, m.z, m.vx, m.vy, m.vz, self.yaw_rad))
+
+    def _attitude(self, _, m):
+        self.yaw_rad = m.yaw
+
+    def _heartbeat(self, at_s, m):
+        mode = (m.custom_mode, m.base_mode >> 7)
+        if not self.modes or self.modes[-1][1:] != mode:
+            self.modes.append((at_s, *mode))
+
+    def _command_ack(self, _, m):
+        self.answers.append((m.command, m.result))
+
+    def _statustext(self, at_s, m):
+        self.texts.append((at_s, m.text))
+
+    def _mission_item_reached(self, at_s, m):
+        self.reached.setdefault(m.seq, at_s)
+
+    def _mission_ack(self, _, m):
+        self.plans.append((m.mission_type, m.type))
+
+    def take(self, at_s, message):
+        """Measure one message."""
+        measure = getattr(self, f"_{message.get_type().lower()}", None)
+        if measure is not None:
+            measure(at_s, message)
+
+
+def flown(said):
+    """Measure what a vehicle said."""
+    result = Flown()
+    for at_s, message in said:
+        result.take(at_s, message)
+    return result

@@ -1,0 +1,110 @@
+"""The mock flown by the very frames that MAVSDK and MAVProxy sent to the real autopilots, beside what those did.
+
+`tests/data/flights` has each flight, `python -m tests.sitl_mock.flights.record` flies and records it again. A client's
+frames reach the mock at their recorded times, so nothing is waited for: it has to be where the real one was, in the
+mode that it was in, and to answer what it answered.
+"""
+
+import functools
+import math
+from collections import Counter
+from typing import NamedTuple
+
+import pytest
+
+from sitl_mock.compare import fly_recording
+from tests.sitl_mock.flights.recorded import flown, recording
+
+HEARTBEAT_S = 1.2
+"""Modes are known by HEARTBEAT, which both send once a second."""
+
+
+class Bounds(NamedTuple):
+    """How far from the real one: mean and greatest distance, level and in height (m), and yaw in the mean (deg)."""
+
+    level_m: float
+    level_most_m: float
+    height_m: float
+    height_most_m: float
+    yaw_deg: float = 4.0
+    late_s: float = HEARTBEAT_S
+    reached_s: float = 1.5
+
+
+DOWN_S = 6.0
+"""PX4's landing detector: in three landings from 2.5 m the real one disarmed 8.8 to 14.1 s after the order."""
+
+FLIGHTS = {
+    "px4_takeoff_and_land": Bounds(0.6, 1.3, 0.5, 1.0, late_s=DOWN_S),
+    "px4_goto": Bounds(0.9, 2.6, 0.8, 2.8),
+    "px4_offboard_position_ned": Bounds(0.7, 2.3, 0.4, 0.8),
+    "px4_offboard_position_global": Bounds(0.6, 3.2, 0.8, 1.5),
+    "px4_offboard_velocity_ned": Bounds(2.2, 6.2, 0.7, 2.3),
+    "px4_offboard_velocity_body": Bounds(2.8, 8.5, 1.6, 3.8, yaw_deg=14.0),
+    "px4_offboard_attitude": Bounds(0.8, 1.6, 0.9, 1.8),
+    "px4_offboard_acceleration": Bounds(1.3, 2.8, 1.2, 3.0, yaw_deg=12.0),
+    "px4_mission": Bounds(2.0, 9.0, 1.6, 6.2, yaw_deg=9.0, late_s=DOWN_S, reached_s=2.6),
+    "px4_mission_raw": Bounds(1.3, 4.8, 1.3, 3.2, yaw_deg=9.0, late_s=DOWN_S, reached_s=5.0),
+    "px4_geofence": Bounds(0.9, 2.6, 0.6, 2.1, yaw_deg=12.0),
+    "px4_follow_me": Bounds(1.6, 7.5, 0.7, 1.3, yaw_deg=10.0),
+    "px4_do_orbit": Bounds(2.4, 6.0, 0.3, 0.9, yaw_deg=15.0),
+    "px4_manual_control": Bounds(2.0, 4.8, 0.7, 2.3, yaw_deg=14.0),
+    "arducopter_takeoff_and_land": Bounds(0.1, 0.3, 0.3, 0.7),
+    "arducopter_velocity": Bounds(3.2, 6.5, 0.3, 1.1, yaw_deg=23.0),
+    "arducopter_setyaw": Bounds(0.2, 1.3, 0.2, 0.3, yaw_deg=5.0),
+    "arducopter_circle": Bounds(2.4, 4.0, 0.2, 0.4, yaw_deg=14.0),
+    # AUTO's legs begin and end by S-curves there, and are 1.4 to 5 s longer than the mock's.
+    "arducopter_mission": Bounds(4.0, 24.0, 2.6, 8.5, yaw_deg=6.0, late_s=2.0, reached_s=8.0),
+    "arducopter_fence": Bounds(0.8, 4.2, 0.9, 3.4, late_s=2.0),
+    "arducopter_rally": Bounds(0.6, 2.4, 0.7, 2.3, late_s=3.5),
+}
+"""Stated as measured, and a third more."""
+
+
+@functools.cache
+def both(name):
+    """The real one's flight and the mock's."""
+    real = recording(name)
+    return flown(real.said), flown(fly_recording(real)), real.end_s
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_track_is_the_real_ones(name):
+    real, mock, _ = both(name)
+    bounds = FLIGHTS[name]
+    seconds = sorted(real.track.keys() & mock.track.keys())
+    assert len(seconds) >= 0.95 * len(real.track)
+    pairs = [(real.track[at], mock.track[at]) for at in seconds]
+    level = [math.dist(a[:2], b[:2]) for a, b in pairs]
+    height = [abs(a[2] - b[2]) for a, b in pairs]
+    turned = [abs(math.degrees(math.remainder(a[6] - b[6], math.tau))) for a, b in pairs if math.isfinite(a[6] + b[6])]
+    found = Bounds(_mean(level), max(level), _mean(height), max(height), _mean(turned))
+    assert all(a <= b for a, b in zip(found[:5], bounds[:5], strict=True)), (found, bounds)
+
+
+def _mean(values):
+    return sum(values) / len(values)
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_modes_are_the_real_ones_at_their_times(name):
+    """Neither was in a mode, armed or not, for longer than a HEARTBEAT that the other was not in at about that time."""
+    real, mock, end_s = both(name)
+    late_s = FLIGHTS[name].late_s
+    for second in range(2, math.floor(end_s - late_s)):
+        now, around = (second, second, HEARTBEAT_S), (second - late_s, second + late_s)
+        assert mock.modes_between(*now) <= real.modes_between(*around), second
+        assert real.modes_between(*now) <= mock.modes_between(*around), second
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_every_order_is_answered_as_the_real_one_did(name):
+    real, mock, _ = both(name)
+    assert Counter(mock.answers) == Counter(real.answers)
+    assert Counter(mock.plans) == Counter(real.plans)
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_places_of_a_mission_are_reached_when_the_real_one_did(name):
+    real, mock, _ = both(name)
+    assert mock.reached == pytest.approx(real.reached, abs=FLIGHTS[name].reached_s)
