@@ -1,7 +1,8 @@
 """A fleet: its file and its arguments, checked, and the vehicles made of them."""
 
+import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -129,6 +130,43 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
             vehicle["start_ned_m"] = place.split(",")
         vehicles.append(vehicle)
     return vehicles
+
+
+def with_settings(config: FleetConfig, settings: Mapping[str, object], seed: int | None = None) -> FleetConfig:
+    """The same fleet with some keys of every vehicle, and the seed, as the command line has them."""
+    plain = config.model_dump(exclude_none=True)
+    vehicles = [{**each, **settings} for each in plain["vehicle"]]
+    return checked({**plain, **({} if seed is None else {"seed": seed}), "vehicle": vehicles}, "the command line")
+
+
+def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetConfig:
+    """The same fleet with parameters of `--param`: `NAME=VALUE` for every vehicle, `vehicle:NAME=VALUE` for one.
+
+    Raises:
+        ConfigError: It is neither, the vehicle is not in the fleet, or the value is no number.
+    """
+    vehicles = {each.name: each for each in config.vehicle}
+    for text in assignments:
+        where, name, value = _assignment(text)
+        if where and where not in vehicles:
+            raise ConfigError(f"--param {text}: there is no vehicle {where!r}; allowed are {', '.join(vehicles)}")
+        for each in [where] if where else list(vehicles):
+            parameters = {**vehicles[each].parameters, name: value}
+            vehicles[each] = vehicles[each].model_copy(update={"parameters": parameters})
+    return config.model_copy(update={"vehicle": tuple(vehicles.values())})
+
+
+def _assignment(text: str) -> tuple[str, str, float]:
+    """Vehicle ("" for all), name and value of a `--param`."""
+    target, sign, value = text.partition("=")
+    vehicle, _, name = target.rpartition(":")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not (sign and name and math.isfinite(number)):
+        raise ConfigError(f"--param {text}: allowed is NAME=VALUE or vehicle:NAME=VALUE, as MPC_XY_VEL_MAX=8")
+    return vehicle.strip(), name.strip(), number
 
 
 FLEET_LINKS: Mapping[str, str] = {"onboard": "onboard", "gcs": "gcs"}

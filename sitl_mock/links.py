@@ -33,12 +33,14 @@ if TYPE_CHECKING:
 
     from sitl_mock.autopilot import Autopilot
     from sitl_mock.flavour import Flavour
-    from sitl_mock.mavlink import MessageSpec
+    from sitl_mock.mavlink import Message, MessageSpec
 
 COMPONENT: Final = 1
 ARDUPILOT: Final = 3
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 _GROUND_HEARD_S: Final = 2.5
+_CLIENT_HEARD_S: Final = 3.0
+_CLIENTS_MOST: Final = 16
 PROTOCOL_TICKS: Final = 2
 """Late answers are looked for every 20 ms."""
 _ONCE: Final = frozenset({"PING", "TIMESYNC"})
@@ -66,6 +68,7 @@ class Link:
         self.unsendable = 0
         self._requested: list[Reply] = []
         self._ground_s = -math.inf
+        self._heard: dict[tuple[int, int], float] = {}
         self.session = Session(
             system_id,
             COMPONENT,
@@ -96,7 +99,10 @@ class Link:
     def receive(self, now_s: float, data: bytes) -> list[bytes]:
         """Take a datagram or a sample; return the frames that answer it."""
         frames: list[bytes] = []
-        for message in self.decoder.feed(data, whole=True):
+        messages = self.decoder.feed(data, whole=True)
+        if messages:
+            self._hear(now_s, messages[-1])
+        for message in messages:
             if message.get_type() == "HEARTBEAT" and message.type == _GROUND_STATION:
                 self._ground_s = now_s
             replies = self.session.handle(now_s, message)
@@ -107,6 +113,16 @@ class Link:
                 frames += self.pack(self._requested)
                 self._requested = []
         return frames
+
+    def clients(self, now_s: float) -> list[tuple[int, int]]:
+        """(system id, component id) of those who were heard in the last seconds."""
+        return [who for who, heard_s in self._heard.items() if now_s - heard_s <= _CLIENT_HEARD_S]
+
+    def _hear(self, now_s: float, message: Message) -> None:
+        who = (message.get_srcSystem(), message.get_srcComponent())
+        if who not in self._heard and len(self._heard) >= _CLIENTS_MOST:
+            del self._heard[next(iter(self._heard))]
+        self._heard[who] = now_s
 
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""

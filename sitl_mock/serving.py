@@ -12,15 +12,15 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import FrameType
-from typing import Any
 
+from sitl_mock import console
+from sitl_mock.console import Shown
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.fleet import FleetConfig, build
 from sitl_mock.transports import Endpoint, run
 from sitl_mock.transports.disturbance import Disturbances
 from sitl_mock.transports.udp import UdpEndpoint
-from sitl_mock.vehicle import MockVehicle
 
 PX4_LOCAL_OFFSET = 40
 """PX4's simulation listens 40 ports above the one it sends to: 14580 beside 14540."""
@@ -83,9 +83,15 @@ def serve(
             vehicle.autopilot.signing.advance_to(time.time_ns() * 1e-9)
         faults.check_vehicles(list(vehicles))
         faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
-        endpoints = _opened(wires, faulted, stack)
+        ports = (
+            {} if wires.udp is None else udp_ports(wires.udp, {name: each.flavour for name, each in vehicles.items()})
+        )
+        endpoints = _opened(wires, ports, faulted, stack)
         disturbances = Disturbances(faulted, endpoints)
-        _say_ready(vehicles, endpoints, as_json=as_json)
+        targets = {name: target for name, (_, target) in ports.items()}
+        screen = _say_ready(faulted, targets, endpoints, wires, as_json=as_json)
+        if screen is not None:
+            stack.callback(screen.close)
         watched = [stop.wake_fileno]
         if parent_pipe:
             watched.append(sys.stdin.fileno())
@@ -93,19 +99,26 @@ def serve(
         gc.freeze()  # a full collection would delay a cycle by milliseconds
 
         def ended() -> bool:
-            disturbances.carry_out(time.monotonic())
+            now_s = time.monotonic()
+            disturbances.carry_out(now_s)
+            if screen is not None:
+                screen.update(now_s)
             return stop.asked or (parent_pipe and _at_end(sys.stdin.fileno()))
 
         run(faulted, endpoints, time.monotonic, ended, watched)
 
 
-def _opened(wires: Wires, vehicles: Mapping[str, Faulted], stack: contextlib.ExitStack) -> list[Endpoint]:
+def _opened(
+    wires: Wires,
+    udp: dict[str, tuple[int, int]],
+    vehicles: Mapping[str, Faulted],
+    stack: contextlib.ExitStack,
+) -> list[Endpoint]:
     """Open the endpoints; the stack closes them."""
     names = list(vehicles)
     endpoints: list[Endpoint] = []
-    if wires.udp is not None:
-        ports = udp_ports(wires.udp, {name: each.vehicle.flavour for name, each in vehicles.items()})
-        endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("onboard", ports, time.monotonic))))
+    if udp:
+        endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("onboard", udp, time.monotonic))))
     if wires.gcs is not None:
         ports = {name: (GCS_LOCAL_PORT + index, wires.gcs) for index, name in enumerate(names)}
         endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("gcs", ports, time.monotonic))))
@@ -145,27 +158,35 @@ def udp_ports(first: int, flavours: Mapping[str, str]) -> dict[str, tuple[int, i
     return ports
 
 
-def _say_ready(vehicles: dict[str, MockVehicle], endpoints: Sequence[Endpoint], *, as_json: bool) -> None:
-    """Tell a parent or a person where each vehicle can be reached."""
-    told: list[dict[str, Any]] = [
-        {
-            "name": name,
-            "flavour": vehicle.flavour,
-            "system_id": vehicle.system_id,
-            "endpoints": [each.describe()[name] for each in endpoints],
-        }
-        for name, vehicle in vehicles.items()
-    ]
+def _say_ready(
+    vehicles: Mapping[str, Faulted],
+    targets: Mapping[str, int],
+    endpoints: Sequence[Endpoint],
+    wires: Wires,
+    *,
+    as_json: bool,
+) -> Shown | None:
+    """Tell a parent in JSON, or a person in words, where each vehicle can be reached; a person goes on being shown."""
     if as_json:
+        told = [
+            {
+                "name": name,
+                "flavour": each.vehicle.flavour,
+                "system_id": each.vehicle.system_id,
+                "endpoints": [endpoint.describe()[name] for endpoint in endpoints],
+                "clients": console.client_lines(targets[name]) if name in targets else {},
+            }
+            for name, each in vehicles.items()
+        ]
         lines = [json.dumps({"event": "ready", "vehicles": told})]
     else:
-        lines = [
-            f"{each['name']}: {each['flavour']}, system id {each['system_id']}, {', '.join(each['endpoints'])}"
-            for each in told
-        ]
-        lines.append("ready")
-    sys.stdout.write("\n".join(lines) + "\n")
-    sys.stdout.flush()
+        first = next(iter(vehicles))
+        zenoh = next(
+            (place.split()[0] for each in endpoints if "mavlink_raw" in (place := each.describe()[first])), None
+        )
+        lines = [*console.welcome(vehicles, targets, wires.gcs, zenoh), "ready"]
+    read = console.write(sys.stdout, "\n".join(lines))
+    return console.shown(list(vehicles.values()), sys.stdout) if read and not as_json else None
 
 
 @contextlib.contextmanager

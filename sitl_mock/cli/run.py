@@ -8,6 +8,8 @@ import typer
 from sitl_mock.errors import ConfigError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from sitl_mock.fleet import FleetConfig
 
 
@@ -35,8 +37,17 @@ def run(
     ready_after_s: Annotated[
         float | None, typer.Option(help="From boot until arming is possible; as measured if not given.", min=0.0)
     ] = None,
-    noise: Annotated[bool, typer.Option(help="Estimation error as measured on the real autopilots.")] = True,
-    seed: Annotated[int, typer.Option(help="Seed of all randomness.", min=0)] = 0,
+    noise: Annotated[
+        bool | None,
+        typer.Option(
+            "--noise/--no-noise", help="Estimation error as measured on the real autopilots; on if not given."
+        ),
+    ] = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(help="A parameter: `NAME=VALUE`, or `vehicle:NAME=VALUE` for one vehicle; once for each."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all randomness; 0 if not given.", min=0)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Say `ready` as one line of JSON.")] = False,
     parent_pipe: Annotated[
         bool, typer.Option("--parent-pipe", help="End when standard input closes: an orphaned child ends by itself.")
@@ -48,7 +59,12 @@ def run(
 
     `sitl-mock run --vehicles 20 --flavour px4 --udp 14540`
 
+    `sitl-mock run --fleet fleet.toml --gcs 14550 --param COM_OF_LOSS_T=0.5 --param uav1:MPC_XY_VEL_MAX=8`
+
     `sitl-mock run --fleet fleet.toml --zenoh tcp/127.0.0.1:0 --json --parent-pipe`
+
+    It prints what MAVSDK, pymavlink and MAVProxy connect with. On a terminal a table then shows what each vehicle does;
+    elsewhere a line says what changes.
 
     Over Zenoh a client opens a session with `namespace: "uav1"` and uses the keys `mavlink_raw/in` (towards the
     vehicle) and `mavlink_raw/out`, one packet a sample. A query to `faults` lists, injects and clears faults
@@ -58,19 +74,26 @@ def run(
     from sitl_mock.serving import Wires, serve  # noqa: PLC0415 - as above
 
     given = {"ready_after_s": ready_after_s, "noise": noise}
-    config = _configured(vehicles or [], flavour, fleet, {k: v for k, v in given.items() if v is not None}, seed)
+    settings = {key: value for key, value in given.items() if value is not None}
+    config = _configured(vehicles or [], flavour, fleet, settings, seed, param or [])
     script = FaultScript() if faults is None else read_script(faults)
     serve(config, Wires(zenoh, zenoh_connect, udp, gcs), script, as_json=as_json, parent_pipe=parent_pipe)
 
 
 def _configured(
-    specs: list[str], flavour: str, fleet: Path | None, common: dict[str, object], seed: int
+    specs: list[str],
+    flavour: str,
+    fleet: Path | None,
+    settings: "Mapping[str, object]",
+    seed: int | None,
+    parameters: list[str],
 ) -> "FleetConfig":
-    from sitl_mock.fleet import checked, parse_vehicles, read_fleet  # noqa: PLC0415 - as above
+    from sitl_mock.fleet import checked, parse_vehicles, read_fleet, with_parameters, with_settings  # noqa: PLC0415 - as above
 
     if fleet is not None:
         if specs:
             raise ConfigError(f"--fleet {fleet} and --vehicles {specs[0]}: give one of them")
-        return read_fleet(fleet)
-    vehicles = [{**common, **vehicle} for vehicle in parse_vehicles(specs or ["1"], flavour)]
-    return checked({"seed": seed, "vehicle": vehicles}, "--vehicles")
+        config = read_fleet(fleet)
+    else:
+        config = checked({"vehicle": parse_vehicles(specs or ["1"], flavour)}, "--vehicles")
+    return with_parameters(with_settings(config, settings, seed), parameters)

@@ -8,6 +8,7 @@ PARAM_ERROR. Source: https://mavlink.io/en/services/parameter.html, PX4 1.17's `
 
 from __future__ import annotations
 
+import difflib
 import math
 import struct
 import zlib
@@ -103,7 +104,9 @@ class ParameterStore(Mapping[str, float]):
         """
         item = self.definitions.get(name)
         if item is None:
-            raise ParameterError(f"parameter {name!r} = {value!r}: this vehicle has no such parameter")
+            near = difflib.get_close_matches(name.upper(), self.definitions, 1)
+            mended = f"; did you mean {near[0]}?" if near else "; `sitl-mock list parameters` names them"
+            raise ParameterError(f"parameter {name!r} = {value!r}: this vehicle has no such parameter{mended}")
         if not math.isfinite(value):
             raise ParameterError(f"parameter {name!r} = {value!r}: a finite number is needed")
         if check_range and not item.minimum <= value <= item.maximum:

@@ -1,0 +1,236 @@
+"""What a person sees of a fleet that is served: how to connect to each vehicle, and what each one does.
+
+On a terminal that is a table, drawn anew twice a second; elsewhere one line whenever something changes. Neither ever
+waits for who reads it: the vehicles fly on.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, TextIO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from rich.table import Table
+
+    from sitl_mock.faults import Faulted
+
+TABLE_S: Final = 0.5
+LINES_S: Final = 0.1
+SHORT_FLEET: Final = 4
+"""Up to so many vehicles have a line of each client's own; of larger ones each vehicle has one line."""
+
+
+class Status(NamedTuple):
+    """What one vehicle does.
+
+    Attributes:
+        name: Its name in the fleet.
+        flavour: px4, arducopter or rover.
+        system_id: MAVLink system id.
+        mode: Name of the mode that is flown.
+        armed: Whether the motors are.
+        height_m: Estimated height above home.
+        clients: Who was heard in the last seconds, as `system/component`.
+        faults: Kinds of the faults that act now.
+    """
+
+    name: str
+    flavour: str
+    system_id: int
+    mode: str
+    armed: bool
+    height_m: float
+    clients: str
+    faults: str
+
+
+class Shown(Protocol):
+    """Where the status of a fleet is shown."""
+
+    def update(self, now_s: float) -> None:
+        """Show what is new, when it is time."""
+        ...
+
+    def close(self) -> None:
+        """Show no more."""
+        ...
+
+
+def client_lines(udp_port: int) -> dict[str, str]:
+    """What users of each client type to reach a vehicle that sends to a UDP port of this machine."""
+    return {
+        "MAVSDK": f"udpin://127.0.0.1:{udp_port}",
+        "pymavlink": f'mavutil.mavlink_connection("udpin:127.0.0.1:{udp_port}")',
+        "MAVProxy": f"mavproxy.py --master=udpin:127.0.0.1:{udp_port}",
+    }
+
+
+def welcome(vehicles: Mapping[str, Faulted], udp: Mapping[str, int], gcs: int | None, zenoh: str | None) -> list[str]:
+    """How to connect to each vehicle.
+
+    Args:
+        vehicles: The fleet, by name.
+        udp: The port on this machine that each vehicle sends to; empty without UDP.
+        gcs: The ground station's port.
+        zenoh: Where Zenoh clients connect.
+    """
+    lines = list(_each_client(vehicles, udp) if len(vehicles) <= SHORT_FLEET else _each_vehicle(vehicles, udp))
+    if gcs is not None:
+        lines.append(f"QGroundControl: opens all vehicles by itself (UDP port {gcs})" if gcs == 14550 else _ground(gcs))
+    if zenoh is not None:
+        lines.append(f"Zenoh: {zenoh}, the vehicle's name as namespace, mavlink_raw/in and /out")
+    return lines
+
+
+def _ground(port: int) -> str:
+    return f"ground station: listens on UDP port {port} (in QGroundControl a UDP comm link)"
+
+
+def _title(vehicle: Faulted) -> str:
+    return f"{vehicle.name}: {vehicle.vehicle.autopilot.flavour.title}, system id {vehicle.vehicle.system_id}"
+
+
+def _each_client(vehicles: Mapping[str, Faulted], udp: Mapping[str, int]) -> Iterator[str]:
+    for name, vehicle in vehicles.items():
+        yield _title(vehicle)
+        for client, line in client_lines(udp[name]).items() if name in udp else ():
+            yield f"  {client:<10} {line}"
+
+
+def _each_vehicle(vehicles: Mapping[str, Faulted], udp: Mapping[str, int]) -> Iterator[str]:
+    for name, vehicle in vehicles.items():
+        yield f"{_title(vehicle)}, udpin://127.0.0.1:{udp[name]}" if name in udp else _title(vehicle)
+    if udp:
+        yield "These are MAVSDK's URLs; pymavlink and MAVProxy write udpin:127.0.0.1:PORT."
+
+
+def write(out: TextIO, text: str) -> bool:
+    """Write a line; False when nobody reads any more."""
+    try:
+        out.write(text + "\n")
+        out.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())  # what Python still flushes at its end goes nowhere
+        return False
+    return True
+
+
+def status_of(vehicle: Faulted) -> Status:
+    """What a vehicle does now."""
+    mock = vehicle.vehicle
+    now_s = mock.autopilot.state.now_s
+    heard = dict.fromkeys(client for link in mock.links.values() for client in link.clients(now_s))
+    acting = dict.fromkeys(str(fault["kind"]) for fault in vehicle.faults() if fault["state"] == "acting")
+    return Status(
+        vehicle.name,
+        mock.flavour,
+        mock.system_id,
+        mock.mode,
+        mock.armed,
+        round(mock.autopilot.report.relative_m, 1) + 0.0,  # no minus zero
+        " ".join(f"{system}/{component}" for system, component in heard),
+        " ".join(acting),
+    )
+
+
+def shown(vehicles: Sequence[Faulted], out: TextIO) -> Shown:
+    """A table on a terminal that can redraw it, else lines."""
+    if out.isatty() and os.environ.get("TERM", "dumb") != "dumb":
+        return LiveTable(vehicles, out)
+    return ChangeLines(vehicles, out)
+
+
+class LiveTable:
+    """A table of all vehicles, drawn in place."""
+
+    def __init__(self, vehicles: Sequence[Faulted], out: TextIO) -> None:
+        from rich.console import Console  # noqa: PLC0415 - only where somebody looks: it takes a tenth of a second
+        from rich.live import Live  # noqa: PLC0415 - as above
+
+        self._vehicles = vehicles
+        self._next_s = 0.0
+        self._live = Live(console=Console(file=out), auto_refresh=False)
+        self._live.start()
+
+    def update(self, now_s: float) -> None:
+        """Draw the table, twice a second."""
+        if now_s < self._next_s:
+            return
+        self._next_s = now_s + TABLE_S
+        self._live.update(table_of([status_of(each) for each in self._vehicles]), refresh=True)
+
+    def close(self) -> None:
+        """Leave the last table where it is."""
+        self._live.stop()
+
+
+def table_of(fleet: Sequence[Status]) -> Table:
+    """One row a vehicle."""
+    from rich import box  # noqa: PLC0415 - as above
+    from rich.table import Table  # noqa: PLC0415 - as above
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, caption="Ctrl-C ends", caption_justify="left")
+    table.add_column("vehicle", no_wrap=True)
+    table.add_column("flavour", no_wrap=True)
+    table.add_column("mode", no_wrap=True, min_width=9)
+    table.add_column("armed")
+    table.add_column("height", justify="right", no_wrap=True, min_width=8)
+    table.add_column("clients", overflow="ellipsis", no_wrap=True)
+    table.add_column("faults", overflow="ellipsis", no_wrap=True, style="red")
+    for each in fleet:
+        table.add_row(
+            each.name,
+            each.flavour,
+            each.mode,
+            "[bold]armed[/]" if each.armed else "-",
+            f"{each.height_m:.1f} m",
+            each.clients or "[dim]none[/]",
+            each.faults,
+        )
+    return table
+
+
+class ChangeLines:
+    """A line whenever a vehicle's mode, arming, clients or faults change, for pipes and files."""
+
+    def __init__(self, vehicles: Sequence[Faulted], out: TextIO) -> None:
+        self._vehicles = vehicles
+        self._out: TextIO | None = out
+        self._known: dict[str, Status] = {}
+        self._next_s = 0.0
+        self._first_s = -1.0
+
+    def update(self, now_s: float) -> None:
+        """Write what has changed; a line that would have to wait for its reader is written later."""
+        if self._out is None or now_s < self._next_s:
+            return
+        self._next_s = now_s + LINES_S
+        if self._first_s < 0.0:
+            self._first_s = now_s
+        for each in self._vehicles:
+            status = status_of(each)
+            known = self._known.get(each.name)
+            changed = known is None or known._replace(height_m=status.height_m) != status
+            if changed and self._out is not None and select.select([], [self._out], [], 0.0)[1]:
+                self._known[each.name] = status
+                if not write(self._out, line_of(status, now_s - self._first_s)):
+                    self._out = None
+
+    def close(self) -> None:
+        """Nothing is left to do."""
+
+
+def line_of(status: Status, since_s: float) -> str:
+    """One vehicle in a line."""
+    parts = [
+        f"{since_s:8.1f} s",
+        status.name,
+        status.mode,
+        "armed" if status.armed else "disarmed",
+        f"{status.height_m:.1f} m",
+        f"clients {status.clients or 'none'}",
+    ]
+    return "  ".join([*parts, f"faults {status.faults}"] if status.faults else parts)
