@@ -81,7 +81,7 @@ def welcome(vehicles: Mapping[str, Faulted], udp: Mapping[str, int], gcs: int | 
     if gcs is not None:
         lines.append(f"QGroundControl: opens all vehicles by itself (UDP port {gcs})" if gcs == 14550 else _ground(gcs))
     if zenoh is not None:
-        lines.append(f"Zenoh: {zenoh}, the vehicle's name as namespace, mavlink_raw/in and /out")
+        lines += [f"Zenoh: {zenoh}", "  a vehicle's name is its namespace, mavlink_raw/in and mavlink_raw/out its keys"]
     return lines
 
 
