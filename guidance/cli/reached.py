@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from rich.console import Console
 
-from guidance.autopilots import profile
+from guidance.autopilots import autopilot_named
 from guidance.cli.showing import Show, live_line, report
 from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError, FlightError
@@ -160,7 +160,7 @@ def checkup_at(name: str, asked: Asked) -> Iterator[Checkup]:
 
 
 def _laid(scenario: Scenario, own: Config, opened: Opened, clock: MonotonicClock, show: Show) -> Scenario:
-    home, frame = wait_until_placed(opened.link, profile(own.vehicle.autopilot), clock, show)
+    home, frame = wait_until_placed(opened.link, autopilot_named(own.vehicle.autopilot), clock, show)
     return laid_about(scenario, home, frame, own.vehicle.autopilot)
 
 

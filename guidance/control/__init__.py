@@ -1,21 +1,25 @@
 """From the velocity that the game asks for to a setpoint that may be sent: follow it, and limit whatever is sent."""
 
+from guidance.control.approach import Approach
+from guidance.control.catch_up import CatchUp
 from guidance.control.envelope import Envelope, Limiter, SpeedLimits, Speeds, StandOffLimit
 from guidance.control.fence import keep_inside
 from guidance.control.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
-from guidance.control.handling import HANDLING, Handling, handling
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
+from guidance.control.late_start import Acceleration
 from guidance.control.polygon import Polygon
+from guidance.control.servo import ServoGains
 from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
 from guidance.control.situation import Situation
 
 __all__ = [
-    "HANDLING",
+    "Acceleration",
     "AltitudeHold",
+    "Approach",
+    "CatchUp",
     "Envelope",
     "FollowMemory",
     "Following",
-    "Handling",
     "Held",
     "LimitMemory",
     "Limited",
@@ -23,12 +27,12 @@ __all__ = [
     "Motion",
     "NorthEast",
     "Polygon",
+    "ServoGains",
     "Situation",
     "SpeedLimits",
     "Speeds",
     "StandOffLimit",
     "follow",
-    "handling",
     "hold_altitude",
     "keep_inside",
     "keep_station",

@@ -43,7 +43,7 @@ class EventContext:
     def mode(self) -> Mode | None:
         """The mode that HEARTBEAT shows, None until one was heard."""
         heartbeat = self.vehicle.last(Heartbeat)
-        return None if heartbeat is None else self.settings.profile.mode_of(heartbeat.custom_mode)
+        return None if heartbeat is None else self.settings.autopilot.mode_of(heartbeat.custom_mode)
 
     @property
     def heard_since_entry(self) -> bool:
@@ -62,7 +62,7 @@ def events(context: EventContext) -> Iterator[Event]:
 def fit(context: EventContext) -> bool:
     """True when every readiness check passes and preflight refuses nothing."""
     settings = context.settings
-    rows = checks(context.vehicle, settings.profile, context.now_s, battery_minimum=settings.battery_minimum)
+    rows = checks(context.vehicle, settings.autopilot, context.now_s, battery_minimum=settings.battery_minimum)
     return not context.refusals and all(row.passed for row in rows)
 
 
@@ -147,7 +147,7 @@ _QUESTIONS: Mapping[Event, Callable[[EventContext], bool]] = {
     Event.REBOOTED: lambda context: context.vehicle.reboots != context.reboots_seen,
     Event.TELEMETRY_LOST: _telemetry_lost,
     Event.DISARMED: lambda context: context.heard_since_entry and not context.vehicle.armed,
-    Event.LOOP_STOPPED: lambda context: context.dt_s >= context.settings.profile.setpoint_timeout_s,
+    Event.LOOP_STOPPED: lambda context: context.dt_s >= context.settings.autopilot.setpoint_timeout_s,
     Event.FOREIGN: lambda context: context.foreign,
     Event.FENCE: lambda context: _certified(context, "outside_fence"),
     Event.BATTERY_LOW: _battery_low,

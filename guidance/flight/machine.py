@@ -88,7 +88,7 @@ class Flight:
         self.settings = settings
         self.state = State.CONNECTING
         self.vehicle = VehicleState()
-        self.tracking = Tracking(settings.cycle, settings.profile)
+        self.tracking = Tracking(settings.cycle, settings.autopilot)
         self._cycle = settings.cycle
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._taken_up_ned_m: Vector = (0.0, 0.0, 0.0)
@@ -114,7 +114,7 @@ class Flight:
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Show the readiness rows as they stand."""
-        return checks(self.vehicle, self.settings.profile, now_s, battery_minimum=self.settings.battery_minimum)
+        return checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.settings.battery_minimum)
 
     @property
     def mode_name(self) -> str:
@@ -150,7 +150,7 @@ class Flight:
         begun = self._parting is None
         if self._parting is None:
             ours = before in SETPOINT_STATES or (before is not self.state and self._mode() is Mode.GUIDED)
-            self._parting = Parting(self.settings.profile, error, flown=ours and self.state is State.YIELDED)
+            self._parting = Parting(self.settings.autopilot, error, flown=ours and self.state is State.YIELDED)
         outputs = self._part(inputs, self._parting)
         if not begun:
             return outputs
@@ -195,7 +195,7 @@ class Flight:
             self._cycle = replace(self._cycle, envelope=self._about(home_ned_m, frame))
         for message in inputs.messages:
             if isinstance(message, Heartbeat) and message.received_s > self._since_s:
-                self._other_mode_seen |= self.settings.profile.mode_of(message.custom_mode) is not Mode.GUIDED
+                self._other_mode_seen |= self.settings.autopilot.mode_of(message.custom_mode) is not Mode.GUIDED
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Heights and fences count from home, which need not be where the local frame has its zero."""
@@ -254,7 +254,7 @@ class Flight:
 
     def _mode(self) -> Mode | None:
         heartbeat = self.vehicle.last(Heartbeat)
-        return None if heartbeat is None else self.settings.profile.mode_of(heartbeat.custom_mode)
+        return None if heartbeat is None else self.settings.autopilot.mode_of(heartbeat.custom_mode)
 
     def _requests(self, now_s: float, *, fresh_heartbeat: bool) -> tuple[Request, ...]:
         if self.state in FINAL or now_s - self._requested_s < REPEAT_S:
@@ -264,7 +264,7 @@ class Flight:
             return ()  # asked once: the pilot's next switch is an answer, not a fault
         if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
             return ()
-        streamed_s = STREAM_FIRST_S if self.settings.profile.stream_before_guided else 0.0
+        streamed_s = STREAM_FIRST_S if self.settings.autopilot.stream_before_guided else 0.0
         if entering and now_s - self._since_s <= streamed_s + _SAME_S:
             return ()  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
         self._requested_s = now_s
@@ -278,7 +278,7 @@ class Flight:
         if self.state is not State.ENTERING or now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
             return ()
         self._beat_asked_s = now_s
-        return (self.settings.profile.request_message(HEARTBEAT),)
+        return (self.settings.autopilot.request_message(HEARTBEAT),)
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
         leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED

@@ -31,7 +31,7 @@ def requests_in(
         mode: What HEARTBEAT shows.
         start: Latitude and longitude in degrees and altitude of the place to stand by at, if there is one.
     """
-    profile = settings.profile
+    profile = settings.autopilot
     match state:
         case State.CHECKING:
             origin = profile.request_message(GPS_GLOBAL_ORIGIN)
@@ -58,11 +58,11 @@ def _mode_request(state: State, settings: FlightSettings, mode: Mode | None) -> 
         wanted = Mode.HOLD
     elif mode is wanted:
         return ()
-    return () if wanted is None else (settings.profile.set_mode(wanted),)
+    return () if wanted is None else (settings.autopilot.set_mode(wanted),)
 
 
 def _takeoff(settings: FlightSettings, vehicle: VehicleState) -> tuple[Request, ...]:
     home = vehicle.last(Home)
     if home is None or not vehicle.on_ground:
         return ()
-    return (settings.profile.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
+    return (settings.autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
 
-from guidance.autopilots import AutopilotProfile
+from guidance.autopilots import Autopilot
 from guidance.cycle import CycleSettings
 from guidance.flight.fence import Corners
 from guidance.flight.table import State
@@ -45,7 +45,7 @@ class FlightSettings:
     """One flight.
 
     Attributes:
-        profile: Which autopilot.
+        autopilot: Which one.
         cycle: Everything a guidance cycle needs.
         takeoff_height_m: Above home.
         start_game_m: Where the autopilot flies to before standing by, in the game frame; None stays above the take-off.
@@ -60,7 +60,7 @@ class FlightSettings:
             nothing flies.
     """
 
-    profile: AutopilotProfile
+    autopilot: Autopilot
     cycle: CycleSettings
     takeoff_height_m: float
     start_game_m: Vector | None = None

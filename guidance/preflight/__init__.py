@@ -1,10 +1,8 @@
 """Is the autopilot set up for offboard flight? Parameters, frames and rates against the configuration, as rows."""
 
-from guidance.preflight.mending import ParameterChange
-from guidance.preflight.report import advice, changes, parameter_names, refusals, rows
-from guidance.preflight.row import Finding, Verdict
-from guidance.preflight.survey import PreflightMemory
-from guidance.preflight.wants import Facts, Wants
+from guidance.autopilots import Finding, Verdict, Wants
+from guidance.preflight.judging import ParameterChange, advice, changes, parameter_names, refusals, rows
+from guidance.preflight.survey import Facts, PreflightMemory
 
 __all__ = [
     "Facts",

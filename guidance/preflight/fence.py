@@ -5,13 +5,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from guidance.autopilots import Finding, Verdict, Wants
 from guidance.control import Polygon
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
 from guidance.messages import Home
-from guidance.preflight.row import Finding, Verdict
 from guidance.preflight.uploaded import Area, Uploaded
-from guidance.preflight.wants import Wants
 
 Point = tuple[float, float]
 

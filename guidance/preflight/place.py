@@ -7,10 +7,10 @@ needed to notice is to ask the vehicle the same thing twice.
 import math
 from collections.abc import Iterator
 
+from guidance.autopilots import Finding, Verdict, Wants
 from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
 from guidance.messages import GlobalPosition, Home, LocalPosition, Origin
-from guidance.preflight.row import Finding, Verdict
-from guidance.preflight.wants import Facts, Wants
+from guidance.preflight.survey import Facts
 
 _AGREEMENT_M = 5.0
 _HOME_HEIGHT_M = 3.0

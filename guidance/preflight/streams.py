@@ -9,11 +9,12 @@ from guidance.autopilots import (
     LOCAL_POSITION_NED,
     ODOMETRY,
     POSITION_TARGET_LOCAL_NED,
-    AutopilotProfile,
+    Autopilot,
+    Finding,
+    Verdict,
 )
 from guidance.messages import Attitude, GlobalPosition, LocalPosition, Message, Odometry, PositionTarget
-from guidance.preflight.row import Finding, Verdict
-from guidance.preflight.wants import Facts
+from guidance.preflight.survey import Facts
 
 
 class _Stream(NamedTuple):
@@ -41,12 +42,12 @@ _STREAMS: Final = (
 )
 
 
-def rows(facts: Facts, profile: AutopilotProfile) -> Iterator[Finding]:
+def rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
     """Judge the rates of all streams that this autopilot is asked for."""
     for stream in _STREAMS:
-        asked_hz = profile.streams_hz.get(stream.message_id)
+        asked_hz = autopilot.streams_hz.get(stream.message_id)
         # ArduCopter tells its setpoint in GUIDED only.
-        if asked_hz is None or (stream.kind is PositionTarget and profile.autopilot_id == 3):
+        if asked_hz is None or (stream.kind is PositionTarget and not autopilot.tells_setpoint_always):
             continue
         rate_hz = facts.rates_hz.get(stream.kind, 0.0)
         passed = rate_hz >= stream.least_hz

@@ -2,11 +2,11 @@
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 from guidance.messages import EvaderReport, Heartbeat, Message, Parameter, ParameterRequest, Request
-from guidance.preflight.uploaded import Reading
-from guidance.preflight.wants import Facts
+from guidance.preflight.uploaded import Reading, Uploaded
 from guidance.vehicle import VehicleState
 
 ASK_AGAIN_S: Final = 5.0
@@ -14,6 +14,21 @@ ASK_AGAIN_S: Final = 5.0
 
 COUNTED_S: Final = 2.0
 """Rates are counted over this time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """The vehicle's side: parameters and uploaded fence as read, the vehicle as heard, messages per second.
+
+    And the evader's last altitude. `parameter_types` are MAV_PARAM_TYPE.
+    """
+
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameter_types: Mapping[str, int] = field(default_factory=dict)
+    vehicle: VehicleState = field(default_factory=VehicleState)
+    rates_hz: Mapping[type[Message], float] = field(default_factory=dict)
+    evader_amsl_m: float | None = None
+    uploaded: Uploaded = field(default_factory=Uploaded)
 
 
 class PreflightMemory:

@@ -69,7 +69,7 @@ def _around(settings: FlightSettings, home: Home | None) -> list[Feature]:
     features = [] if home is None else list(_fence(settings, home))
     site = settings.cycle.site
     if settings.cycle.target_game_m is not None and site is not None:
-        frame = LocalFrame(*site, projection=settings.profile.projection)
+        frame = LocalFrame(*site, projection=settings.autopilot.projection)
         x, y, _ = settings.cycle.target_game_m
         latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned((y, x, 0.0))
         features.append(Feature("target T", "place", ((longitude_deg, latitude_deg, amsl.metres),), {}))
@@ -79,7 +79,9 @@ def _around(settings: FlightSettings, home: Home | None) -> list[Feature]:
 def _fence(settings: FlightSettings, home: Home) -> Iterator[Feature]:
     """Every edge of the fence, at home's height."""
     envelope, altitude_m = settings.cycle.envelope, home.altitude_amsl_m
-    frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(altitude_m), projection=settings.profile.projection)
+    frame = LocalFrame(
+        home.latitude_deg, home.longitude_deg, Amsl(altitude_m), projection=settings.autopilot.projection
+    )
     if envelope.fence_radius_m is not None:
         edge = tuple(_on_circle(frame, envelope.fence_radius_m, corner) for corner in range(_CIRCLE_CORNERS))
         yield Feature("fence", "area", (*edge, edge[0]), {"radius_m": envelope.fence_radius_m})

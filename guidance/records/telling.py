@@ -47,7 +47,7 @@ class Teller:
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
-        self._tracking = Tracking(settings.cycle, settings.profile)
+        self._tracking = Tracking(settings.cycle, settings.autopilot)
         self._vehicle = VehicleState()
         self._evader_m: Vector = _NOWHERE
         self._report_s = math.nan

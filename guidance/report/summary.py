@@ -20,7 +20,7 @@ def _game(story: Story) -> list[tuple[str, str]]:
     rows = [
         ("game", "target-attacker-defender" if story.with_target else "pursuit-evasion"),
         ("policy", cycle.strategy.name),
-        ("autopilot", story.settings.profile.name),
+        ("autopilot", story.settings.autopilot.name),
         ("stand-off", f"{cycle.standoff.radius_m:g} m around, {cycle.standoff.height_m:g} m above the evader's plane"),
     ]
     engaged = None if story.engaged is None else story.certificates[story.engaged]

@@ -19,7 +19,7 @@ from guidance.messages import (
     ParameterRequest,
 )
 from guidance.preflight import Finding, ParameterChange, Verdict, changes
-from guidance.preflight.mending import single
+from guidance.preflight.judging import single
 from guidance.preflight.survey import COUNTED_S
 from guidance.session.daemon import Daemon
 from guidance.session.log import Log
@@ -87,7 +87,7 @@ class Checkup:
         if plan.wants is None:
             return ()
         facts = self._daemon.facts(self._clock.now_s())
-        return changes(facts, plan.flight.profile, plan.wants, advised=advised)
+        return changes(facts, plan.flight.autopilot, plan.wants, advised=advised)
 
     def apply(self, wanted: Sequence[ParameterChange], told: Callable[[Applied], None]) -> None:
         """Set parameters one after another, and read each back.

@@ -72,7 +72,7 @@ class Daemon:
     def _begin(self, plan: FlightPlan) -> None:
         self._plan = plan
         self.flight = Flight(plan.flight)
-        self._survey = PreflightMemory(parameter_names(plan.flight.profile))
+        self._survey = PreflightMemory(parameter_names(plan.flight.autopilot))
         kept = [one for one in (self._record, self._broadcast) if one is not None]
         self._linked = LinkedFlight(self.flight, self._link, self._evader, Records(kept) if kept else None)
         self._judged_s = float("-inf")
@@ -266,7 +266,7 @@ class Daemon:
         if now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        self._rows = rows(self.facts(now_s), self._plan.flight.profile, wants)
+        self._rows = rows(self.facts(now_s), self._plan.flight.autopilot, wants)
         refused = refusals(self._rows)
         if refused != self._refused and self._survey.complete:
             self._refused = refused

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, PROFILES, AutopilotProfile
+from guidance.autopilots import AUTOPILOTS, GPS_GLOBAL_ORIGIN, HOME_POSITION, AutopilotProfile
 from guidance.clock import Clock
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import State
@@ -38,9 +38,9 @@ def identify(found: Found, url: str, asked: str | None) -> AutopilotProfile:
     Raises:
         ConfigError: If it is none that is flown here, no multicopter, or not the one asked for.
     """
-    if asked is not None and asked not in PROFILES:
-        raise ConfigError(f"--autopilot {asked}: allowed are {', '.join(PROFILES)}")
-    profile = next((one for one in PROFILES.values() if one.autopilot_id == found.autopilot), None)
+    if asked is not None and asked not in AUTOPILOTS:
+        raise ConfigError(f"--autopilot {asked}: allowed are {', '.join(AUTOPILOTS)}")
+    profile = next((one for one in AUTOPILOTS.values() if one.autopilot_id == found.autopilot), None)
     who = f"{url}: system {found.system_id}"
     if profile is None:
         raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; flown are px4 (12) and arducopter (3)")

@@ -90,7 +90,7 @@ def run_vehicle(name: str) -> None:
             "running",
             name=config.name,
             control=config.control.endpoint,
-            autopilot=plan.flight.profile.name,
+            autopilot=plan.flight.autopilot.name,
             scheduling=claim(),
         )
         mailbox.meanwhile(None)

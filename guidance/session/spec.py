@@ -11,9 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from guidance.autopilots import profile
+from guidance.autopilots import autopilot_named
 from guidance.control import Envelope, Polygon, Speeds, StandOffLimit
-from guidance.control.handling import handling
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, FlightSettings, State
@@ -56,7 +55,7 @@ class Specification:
     """One flight, in whichever file it was said. Places are in the game frame, heights of limits above home.
 
     Attributes:
-        autopilot: Name of its profile.
+        autopilot: Its name, as `guidance.autopilots` lists it.
         speed_set: "ball" or "cylinder".
         speeds: Of the pursuer in the game.
         strategy: What the pursuer plays.
@@ -99,9 +98,9 @@ class Specification:
         Raises:
             ConfigError: If the limits contradict each other.
         """
-        flown = handling(self.autopilot)
+        flown = autopilot_named(self.autopilot).handling
         return FlightSettings(
-            profile=profile(self.autopilot),
+            autopilot=autopilot_named(self.autopilot),
             cycle=CycleSettings(
                 speed_set=self._speed_set(),
                 strategy=self.strategy,
@@ -154,7 +153,7 @@ class Specification:
 
     def _envelope(self) -> Envelope:
         """Return the limits, about a home that is not known yet."""
-        limits, flown = self.limits, handling(self.autopilot)
+        limits, flown = self.limits, autopilot_named(self.autopilot).handling
         corners = limits.fence_polygon_ne_m
         return Envelope(
             floor_m=limits.floor_m,

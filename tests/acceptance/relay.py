@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import PROFILES, AutopilotProfile, Mode
+from guidance.autopilots import AUTOPILOTS, AutopilotProfile, Mode
 from guidance.links.dialect import CRC_EXTRA
 from guidance.links.framing import Frame, Framer
 from guidance.links.opening import Found, find_autopilot, open_wire
@@ -47,7 +47,7 @@ class Relay:
             self._wire, clock=time.monotonic, timeout_s=timeout_s, sleep=time.sleep, who=url
         )
         self.profile: AutopilotProfile = next(
-            one for one in PROFILES.values() if one.autopilot_id == self.found.autopilot
+            one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
         )
         self._client = UdpWire(time.monotonic, host="127.0.0.1", port=client_port, listen=False)
         self._down, self._up = Framer(CRC_EXTRA), Framer(CRC_EXTRA)

@@ -23,7 +23,7 @@ from chase import Chased, altered, chase, hover_chase
 from rich.console import Console
 from rich.table import Table
 
-from guidance.control.handling import HANDLING
+from guidance.autopilots import AUTOPILOTS
 from guidance.flight import FlightSettings
 from guidance.messages import Setpoint
 from guidance.strategies import Strategy
@@ -137,7 +137,7 @@ def _figures(autopilot: str, u: float, v: float, ratio: float, seeds: range) -> 
     yield "off the rim on station, m", STATION_M, max(row.worst_reported_m for row in rows)
     yield "alarms", 0.0, float(max(len(row.alarms) for row in rows))
     strictly = [chase(scenario, change=strict) for scenario in scenarios]
-    closing_m_s, ground_m_s2 = u - v, HANDLING[autopilot].acceleration.ground_m_s2
+    closing_m_s, ground_m_s2 = u - v, AUTOPILOTS[autopilot].handling.acceleration.ground_m_s2
     over = [row.flown_s / (row.value_s + u * u / (2.0 * ground_m_s2 * closing_m_s)) for row in strictly]
     yield "limits at the game's speeds: flown / (V + u²/2a(u-v))", ABOVE_THE_BOUND, max(over)
     yield "the same: largest command, m/s", u + 1e-9, max(row.largest_command_m_s for row in strictly)

@@ -88,7 +88,7 @@ class Runner:
         self._has_turned = False
         site = scenario.site
         amsl = Amsl(site.altitude_amsl_m)
-        projection = settings.profile.projection
+        projection = settings.autopilot.projection
         self._frame = LocalFrame(site.latitude_deg, site.longitude_deg, amsl, amsl, projection=projection)
         east, north = scenario.evader.position_m
         self.place_m = (north, east)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.autopilots import PROFILES, PX4, profile
+from guidance.autopilots import AUTOPILOTS, PX4
 from guidance.preflight import Facts, Verdict, Wants, changes, parameter_names, rows
 from guidance.preflight.uploaded import Uploaded
 from sitl_mock import MockVehicle
@@ -22,7 +22,7 @@ WANTS = Wants(
 
 def defaults(autopilot):
     parameters = MockVehicle(autopilot).autopilot.parameters
-    return {name: float(parameters[name]) for name in parameter_names(profile(autopilot)) if name in parameters}
+    return {name: float(parameters[name]) for name in parameter_names(autopilot(autopilot)) if name in parameters}
 
 
 def after(parameters, wanted):
@@ -30,7 +30,7 @@ def after(parameters, wanted):
 
 
 def verdicts(autopilot, parameters):
-    judged = rows(Facts(parameters=parameters), profile(autopilot), WANTS)
+    judged = rows(Facts(parameters=parameters), autopilot(autopilot), WANTS)
     return {row.name: row.verdict for row in judged if row.name in parameters}
 
 
@@ -43,14 +43,14 @@ def test_px4s_defaults_need_two_parameters_and_the_table_says_why():
     assert (vertical.request.name, vertical.request.value, vertical.request.param_type) == ("GF_MAX_VER_DIST", 65.0, 9)
 
 
-@pytest.mark.parametrize("autopilot", sorted(PROFILES))
+@pytest.mark.parametrize("autopilot", sorted(AUTOPILOTS))
 @pytest.mark.parametrize("advised", [False, True])
 def test_with_them_nothing_is_refused_and_where_advice_is_taken_nothing_is_warned_of(autopilot, advised):
     parameters = defaults(autopilot)
-    wanted = changes(Facts(parameters=parameters), profile(autopilot), WANTS, advised=advised)
+    wanted = changes(Facts(parameters=parameters), autopilot(autopilot), WANTS, advised=advised)
     left = set(verdicts(autopilot, after(parameters, wanted)).values())
     assert left == {Verdict.PASS} if advised else Verdict.REFUSE not in left
-    assert changes(Facts(parameters=after(parameters, wanted)), profile(autopilot), WANTS, advised=advised) == ()
+    assert changes(Facts(parameters=after(parameters, wanted)), autopilot(autopilot), WANTS, advised=advised) == ()
 
 
 def test_what_one_change_makes_wrong_is_changed_too():
@@ -65,13 +65,13 @@ def test_what_was_not_read_is_not_set():
     assert changes(Facts(), PX4, WANTS) == ()
 
 
-@given(st.data(), st.sampled_from(sorted(PROFILES)))
+@given(st.data(), st.sampled_from(sorted(AUTOPILOTS)))
 def test_any_values_are_mended_until_nothing_that_has_a_value_to_set_is_refused(data, autopilot):
     parameters = {
         name: data.draw(st.sampled_from([value, 0.0, -1.0, 1.0, 7.0, 250.0, 1e4]))
         for name, value in defaults(autopilot).items()
     }
-    wanted = changes(Facts(parameters=parameters), profile(autopilot), WANTS, advised=True)
-    judged = rows(Facts(parameters=after(parameters, wanted)), profile(autopilot), WANTS)
+    wanted = changes(Facts(parameters=parameters), autopilot(autopilot), WANTS, advised=True)
+    judged = rows(Facts(parameters=after(parameters, wanted)), autopilot(autopilot), WANTS)
     refused = [row for row in judged if row.name in parameters and row.verdict is Verdict.REFUSE]
     assert refused == []

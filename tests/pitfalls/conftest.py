@@ -139,5 +139,5 @@ def sortie():
 
 
 @pytest.fixture(params=["px4", "arducopter"])
-def autopilot(request):
+def autopilot_named(request):
     return request.param

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from guidance.autopilots import MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, PROFILES, Mode
+from guidance.autopilots import AUTOPILOTS, MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, Mode
 from guidance.flight import Event, State
 
 GUIDED = {"px4": "OFFBOARD", "arducopter": "GUIDED"}
@@ -39,17 +39,17 @@ def test_01_setpoints_stream_before_the_mode_is_asked_for_at_any_speed_of_the_si
     flight.cycle(Event.ENGAGE)
     flight.until(State.ENGAGED, 10.0)
     # ArduCopter has been in GUIDED since before it was armed, and is not asked again.
-    asked_s = [sent.now_s for sent in flight.sent if is_guided_request(sent, PROFILES[autopilot])]
-    assert bool(asked_s) == PROFILES[autopilot].stream_before_guided
+    asked_s = [sent.now_s for sent in flight.sent if is_guided_request(sent, AUTOPILOTS[autopilot])]
+    assert bool(asked_s) == AUTOPILOTS[autopilot].stream_before_guided
     entered_s = min(asked_s, default=flight.now_s)
     streamed = len([sent for sent in flight.setpoints if sent.now_s < entered_s])
-    assert streamed >= (10 if PROFILES[autopilot].stream_before_guided else 1)
+    assert streamed >= (10 if AUTOPILOTS[autopilot].stream_before_guided else 1)
     assert flight.mock.mode == GUIDED[autopilot]
 
 
 def test_02_offboard_without_a_stream_is_refused_and_with_a_fresh_one_granted(sortie):
     flight = sortie("px4").standing_by()
-    flight.world.pursuer.request(PROFILES["px4"].set_mode(Mode.GUIDED))
+    flight.world.pursuer.request(AUTOPILOTS["px4"].set_mode(Mode.GUIDED))
     flight.run(2.0)
     assert flight.mock.mode != "OFFBOARD"
     assert flight.state is State.STANDING_BY

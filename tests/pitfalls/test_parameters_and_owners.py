@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import profile
+from guidance.autopilots import autopilot_named
 from guidance.flight import EngageOn, Event, State
 from guidance.preflight import Facts, Verdict, Wants, refusals, rows
 from sitl_mock import MockVehicle
@@ -24,7 +24,7 @@ WANTS = Wants(
 def judged(autopilot, **changed):
     """Every row of a mock's own parameters, with these changed."""
     parameters = dict(MockVehicle(autopilot).autopilot.parameters) | changed
-    return {row.name: row for row in rows(Facts(parameters=parameters), profile(autopilot), WANTS)}
+    return {row.name: row for row in rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)}
 
 
 @pytest.mark.parametrize("action", [-1, 1, 2])
@@ -120,4 +120,4 @@ def test_29_our_own_setpoints_are_never_taken_for_a_strangers(sortie, autopilot)
 
 def test_refusals_name_the_rows_that_hold_the_vehicle_back():
     parameters = dict(MockVehicle("px4").autopilot.parameters) | {"COM_OBL_RC_ACT": -1}
-    assert "COM_OBL_RC_ACT" in refusals(rows(Facts(parameters=parameters), profile("px4"), WANTS))
+    assert "COM_OBL_RC_ACT" in refusals(rows(Facts(parameters=parameters), autopilot_named("px4"), WANTS))

@@ -254,7 +254,7 @@ def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
     heard = [one for row in rows_of(flight[1]) for one in row.inputs.messages if isinstance(one, Home | Heartbeat)]
     armed = next(place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed)
     home = next(one for one in reversed(heard[:armed]) if isinstance(one, Home))
-    frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.profile.projection)
+    frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.autopilot.projection)
     corners_deg = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in SQUARE_NE_M)
     if given == "metres":
         cycle = replace(settings.cycle, envelope=replace(settings.cycle.envelope, fence_polygon=Polygon(SQUARE_NE_M)))

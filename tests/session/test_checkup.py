@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import profile
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import FlightError
@@ -41,7 +40,7 @@ class World(VirtualClock):
         self.log = Log("json", "error")
         document = vehicle_document(vehicle={"autopilot": autopilot, "url": "udpin://127.0.0.1:14540"})
         plan = plan_of(parse(Config, document, source="test"))
-        self.profile = profile(autopilot)
+        self.autopilot = autopilot_named(autopilot)
         self.said = []
         evader = MavlinkEvader(silence, GlobalPositionInt(), system_id=2)
         self.checkup = Checkup("uav1", plan, self.link, evader, self, log=self.log)
@@ -124,7 +123,7 @@ def test_nothing_is_set_while_the_vehicle_is_armed(world):
     there.checkup.rows()
     wanted = there.checkup.changes(advised=False)
     there.said.clear()
-    there.link.request(there.profile.arm())
+    there.link.request(there.autopilot.arm())
     there.checkup.rows(limit_s=2.0)
     assert there.vehicle.armed
     with pytest.raises(FlightError, match="the vehicle is armed: parameters are set on the ground only, disarmed"):
@@ -140,7 +139,7 @@ def test_a_vehicle_that_is_armed_in_the_middle_of_it_gets_no_more(world):
     def arm_after_the_first(one):
         done.append(one)
         if len(done) == 1:
-            there.link.request(there.profile.arm())
+            there.link.request(there.autopilot.arm())
             there.checkup.rows(limit_s=2.0)
 
     with pytest.raises(FlightError, match="the vehicle is armed"):

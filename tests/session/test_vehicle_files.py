@@ -103,7 +103,7 @@ def test_loopback_endpoints_are_allowed(read, endpoint):
 def test_the_vehicle_files_that_come_along_can_be_flown(name):
     config = load(Config, find(name, "vehicles"))
     settings = plan_of(config).flight
-    assert settings.profile.name == name == config.name
+    assert settings.autopilot.name == name == config.name
     assert isinstance(settings.cycle.speed_set, Cylinder)
     assert settings.engage_on is EngageOn.COMMAND
     assert config.preflight.fence_required

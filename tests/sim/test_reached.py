@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import PROFILES
+from guidance.autopilots import AUTOPILOTS
 from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.errors import ConfigError, FlightError, LinkError
@@ -68,7 +68,7 @@ class World(VirtualClock):
         self.faulted = Faulted(self.vehicle, "pursuer")
         self.mock = SteppedMock("pursuer", self.faulted, self)
         self.link = PymavlinkLink(self.mock.wire, self.now_s, system_id=1)
-        self.profile = PROFILES[autopilot]
+        self.profile = AUTOPILOTS[autopilot]
         self.shown = []
 
     def sleep_until(self, moment_s):

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from guidance.autopilots import AUTOPILOTS
 from guidance.control.approach import Approach, Gaps, approach, closing_allowed
-from guidance.control.handling import HANDLING
 
 DT_S = 0.02
 SETTINGS = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.3, margin_m=0.15)
@@ -16,7 +16,7 @@ FAR = Gaps(500.0, 100.0, 1.0, 0.0)
 
 speeds = st.floats(-12.0, 12.0)
 velocities = st.tuples(speeds, speeds, speeds)
-settings = st.sampled_from([SETTINGS, *(handling.following.approach for handling in HANDLING.values())])
+settings = st.sampled_from([SETTINGS, *(autopilot.handling.following.approach for autopilot in AUTOPILOTS.values())])
 
 
 @st.composite
@@ -95,9 +95,9 @@ def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
 
 @pytest.mark.parametrize("pace", [0.0, 3.0, -1.0])
 @pytest.mark.parametrize("lag_s", [0.1, 0.2, 0.3])
-@pytest.mark.parametrize("name", sorted(HANDLING))
+@pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, lag_s, pace):
-    settings = HANDLING[name].following.approach
+    settings = AUTOPILOTS[name].handling.following.approach
     evader = (pace, 0.0, 0.0)
     gap_m, flown, reached_s = 40.0, 0.0, math.inf
     for cycle in range(2000):
@@ -117,9 +117,9 @@ def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, la
 
 @pytest.mark.parametrize("lag_s", [0.1, 0.3])
 @pytest.mark.parametrize(("height_m", "wanted"), [(15.0, 1.5), (-4.0, -3.0), (40.0, 3.0)])
-@pytest.mark.parametrize("name", sorted(HANDLING))
+@pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wanted, lag_s):
-    settings = HANDLING[name].following.approach
+    settings = AUTOPILOTS[name].handling.following.approach
     flown, side = 0.0, math.copysign(1.0, height_m)
     for _ in range(2500):
         # The game turns the sign of its vertical speed at the height of the disc.

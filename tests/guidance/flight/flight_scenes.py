@@ -40,7 +40,7 @@ CYCLE = CycleSettings(
     acceleration=Acceleration(3.0, 3.0),
     evader_timeout_s=1.5,
 )
-SETTINGS = FlightSettings(profile=PX4, cycle=CYCLE, takeoff_height_m=10.0, battery_minimum=0.25)
+SETTINGS = FlightSettings(autopilot=PX4, cycle=CYCLE, takeoff_height_m=10.0, battery_minimum=0.25)
 QUIET = Certificate(
     winner=1,
     value=5.0,
@@ -64,13 +64,13 @@ QUIET = Certificate(
 )
 
 
-def settings_of(profile=PX4, **changes):
-    return replace(SETTINGS, profile=profile, **changes)
+def settings_of(autopilot=PX4, **changes):
+    return replace(SETTINGS, autopilot=autopilot, **changes)
 
 
-def heartbeat(at_s=NOW_S, mode=Mode.HOLD, *, armed=True, profile=PX4):
-    number = 999 if mode is Mode.OTHER else profile.custom_modes[mode]
-    return Heartbeat(at_s, number, armed, 4, profile.autopilot_id)
+def heartbeat(at_s=NOW_S, mode=Mode.HOLD, *, armed=True, autopilot=PX4):
+    number = 999 if mode is Mode.OTHER else autopilot.custom_modes[mode]
+    return Heartbeat(at_s, number, armed, 4, autopilot.autopilot_id)
 
 
 def local(at_s=NOW_S, position=(0.0, 0.0, HOME_DOWN_M - 10.0), velocity=NOWHERE):

@@ -24,7 +24,7 @@ class Flown:
 
     def __init__(self, settings=SETTINGS):
         self.flight = Flight(settings)
-        self.profile = settings.profile
+        self.autopilot = settings.autopilot
         self.now_s = START_S
         self.mode, self.armed, self.landed = Mode.HOLD, False, 1
         self.position = [0.0, 0.0, HOME_DOWN_M]
@@ -44,7 +44,7 @@ class Flown:
         if beat or (not silent and self.now_s - self.beat_s >= 1.0 - 1e-9):
             self.beat_s = self.now_s
             said += [
-                heartbeat(self.now_s, self.mode, armed=self.armed, profile=self.profile),
+                heartbeat(self.now_s, self.mode, armed=self.armed, autopilot=self.autopilot),
                 Attitude(self.now_s, self.now_s, self.yaw_rad),
                 LandedState(self.now_s, self.landed),
                 status(self.now_s),

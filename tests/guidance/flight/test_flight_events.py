@@ -65,15 +65,15 @@ def test_positions_that_stop_end_a_flight_and_not_a_check(age_s, lost):
         assert not happens(Event.TELEMETRY_LOST, state, vehicle=vehicle)
 
 
-@pytest.mark.parametrize("profile", BOTH)
+@pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("state", sorted(OUR_MODES))
-def test_a_mode_that_is_not_our_doing_is_another_hand(state, profile):
-    for mode in [*profile.custom_modes, Mode.OTHER]:
+def test_a_mode_that_is_not_our_doing_is_another_hand(state, autopilot):
+    for mode in [*autopilot.custom_modes, Mode.OTHER]:
         seen = happens(
             Event.PILOT,
             state,
-            vehicle=well(heartbeat(mode=mode, profile=profile)),
-            settings=replace(SETTINGS, profile=profile),
+            vehicle=well(heartbeat(mode=mode, autopilot=autopilot)),
+            settings=replace(SETTINGS, autopilot=autopilot),
         )
         assert seen is (mode not in OUR_MODES[state])
 
@@ -127,7 +127,7 @@ def test_the_guided_mode_is_said_by_a_heartbeat_after_the_state_was_entered(at_s
 
 
 @pytest.mark.parametrize(
-    ("profile", "dt_s", "late", "stopped"),
+    ("autopilot", "dt_s", "late", "stopped"),
     [
         (PX4, 0.25, False, False),
         (PX4, 0.26, True, False),
@@ -138,9 +138,9 @@ def test_the_guided_mode_is_said_by_a_heartbeat_after_the_state_was_entered(at_s
     ],
 )
 def test_a_late_loop_pauses_and_one_that_stopped_for_as_long_as_the_autopilot_waits_yields(
-    profile, dt_s, late, stopped
+    autopilot, dt_s, late, stopped
 ):
-    settings = replace(SETTINGS, profile=profile)
+    settings = replace(SETTINGS, autopilot=autopilot)
     assert happens(Event.LOOP_LATE, State.ENGAGED, dt_s=dt_s, settings=settings) is late
     assert happens(Event.LOOP_STOPPED, State.ENGAGED, dt_s=dt_s, settings=settings) is stopped
 
@@ -300,8 +300,8 @@ def test_fit_is_every_check_and_no_refusal():
         assert list(events(context(State.READY, **unfit))) == [Event.UNFIT]
 
 
-def row(name, vehicle, profile=PX4):
-    (one,) = [check for check in checks(vehicle, profile, NOW_S, battery_minimum=0.25) if check.name == name]
+def row(name, vehicle, autopilot=PX4):
+    (one,) = [check for check in checks(vehicle, autopilot, NOW_S, battery_minimum=0.25) if check.name == name]
     return one.passed, one.found
 
 
@@ -309,7 +309,7 @@ def row(name, vehicle, profile=PX4):
     ("name", "changes", "expected"),
     [
         ("autopilot", [], (True, "MAV_AUTOPILOT 12, want 12")),
-        ("autopilot", [heartbeat(profile=ARDUCOPTER)], (False, "MAV_AUTOPILOT 3, want 12")),
+        ("autopilot", [heartbeat(autopilot=ARDUCOPTER)], (False, "MAV_AUTOPILOT 3, want 12")),
         ("Heartbeat", [heartbeat(NOW_S - 3.0)], (True, "3.0 s old")),
         ("Heartbeat", [heartbeat(NOW_S - 3.1)], (False, "3.1 s old")),
         ("Attitude", [Attitude(NOW_S - 1.0, 0.0, 0.0)], (True, "1.0 s old")),

@@ -94,13 +94,13 @@ def break_at(flown, monkeypatch):
     monkeypatch.setattr(flown.flight.tracking, "evader", broken)
 
 
-@pytest.mark.parametrize("profile", BOTH)
-def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(profile, monkeypatch):
-    flown = Flown(settings_of(profile)).engaged()
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(autopilot, monkeypatch):
+    flown = Flown(settings_of(autopilot)).engaged()
     break_at(flown, monkeypatch)
     failed = flown.cycle()
     assert (failed.state, failed.setpoint) == (State.YIELDED, None)
-    assert failed.requests == (profile.set_mode(Mode.HOLD),)
+    assert failed.requests == (autopilot.set_mode(Mode.HOLD),)
     assert [(h.event, h.before, h.after) for h in failed.happenings] == [(Event.FAULT, State.ENGAGED, State.YIELDED)]
     assert failed.fault.startswith("ZeroDivisionError: the speed is nil (broken, line ")
     assert flown.flight.fault == failed.fault

@@ -21,10 +21,10 @@ def on_the_map(frame, home_ned_m, corners_m=SQUARE_M):
     return tuple((latitude, longitude) for latitude, longitude, _ in places)
 
 
-@pytest.mark.parametrize("profile", BOTH)
+@pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("home_ned_m", [(0.0, 0.0, -2.0), (120.0, -300.0, 5.0)])
-def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(profile, home_ned_m):
-    frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(490.0), projection=profile.projection)
+def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autopilot, home_ned_m):
+    frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(490.0), projection=autopilot.projection)
     latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
     home = Home(0.0, latitude, longitude, altitude.metres, home_ned_m)
     corners_deg = on_the_map(frame, home_ned_m)
@@ -32,9 +32,9 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(profi
     assert [place for corner in made for place in corner] == pytest.approx(
         [place for corner in SQUARE_M for place in corner], abs=1e-3
     )
-    flight = Flight(settings_of(profile, fence_corners_deg=corners_deg))
+    flight = Flight(settings_of(autopilot, fence_corners_deg=corners_deg))
     origin = Origin(50.0, frame.latitude_deg, frame.longitude_deg, 488.0)
-    flight.step(Inputs(50.0, [heartbeat(50.0, profile=profile), origin, home, local(50.0)]))
+    flight.step(Inputs(50.0, [heartbeat(50.0, autopilot=autopilot), origin, home, local(50.0)]))
     envelope = flight._cycle.envelope
     assert envelope.home_ned_m == home_ned_m
     assert envelope.fence_polygon.contains((49.0, 39.0))
@@ -45,7 +45,7 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(profi
 def test_a_home_that_is_set_anew_takes_heights_along_on_the_ground_only_and_leaves_the_fence_on_the_map(
     armed, flown_by
 ):
-    frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=SETTINGS.profile.projection)
+    frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=SETTINGS.autopilot.projection)
     flight = Flight(settings_of(fence_corners_deg=on_the_map(frame, (0.0, 0.0, 0.0))))
     origin = Origin(50.0, 47.397742, 8.545594, 488.0)
     homes = [(0.0, 0.0, 0.0), (10.0, 20.0, -3.0)]
@@ -60,7 +60,7 @@ def test_a_home_that_is_set_anew_takes_heights_along_on_the_ground_only_and_leav
 
 
 def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
-    told = LocalFrame(47.4, 8.55, Amsl(488.0), projection=SETTINGS.profile.projection)
+    told = LocalFrame(47.4, 8.55, Amsl(488.0), projection=SETTINGS.autopilot.projection)
     home_ned_m = told.ned_from_wgs84(47.397742, 8.545594, Amsl(488.0))
     flight = Flight(settings_of(fence_corners_deg=on_the_map(told, home_ned_m)))
     home = Home(50.0, 47.397742, 8.545594, 488.0, home_ned_m)

@@ -26,10 +26,10 @@ def homes(said):
     return [message for message in said if isinstance(message, Home)]
 
 
-@pytest.mark.parametrize("profile", BOTH)
-def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(profile):
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(autopilot):
     vehicle, kept, armed_with = VehicleState(), set(), None
-    said = list(messages(profile.name, profile.autopilot_id))
+    said = list(messages(autopilot.name, autopilot.autopilot_id))
     for message in said:
         before = vehicle
         vehicle = observe(vehicle, [message])
@@ -37,7 +37,7 @@ def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(profile):
             armed_with = armed_with or before.last(Home)
             kept.add(vehicle.last(Home))
     assert kept == {armed_with}
-    assert vehicle.resets == (profile is PX4)  # its ODOMETRY counts one, in the climb; no position jumps
+    assert vehicle.resets == (autopilot is PX4)  # its ODOMETRY counts one, in the climb; no position jumps
     assert vehicle.jumped_ned_m == (0.0, 0.0, 0.0)
 
 
@@ -47,15 +47,15 @@ def test_the_real_px4s_home_wandered_meanwhile():
     assert max(heights_m) - min(heights_m) > 1.5
 
 
-@pytest.mark.parametrize("profile", BOTH)
-def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(profile):
-    flight = Flight(replace(SETTINGS, profile=profile))
-    origin = next(one for one in messages(profile.name, profile.autopilot_id) if isinstance(one, Origin))
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopilot):
+    flight = Flight(replace(SETTINGS, autopilot=autopilot))
+    origin = next(one for one in messages(autopilot.name, autopilot.autopilot_id) if isinstance(one, Origin))
     frame = LocalFrame(
-        origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=profile.projection
+        origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=autopilot.projection
     )
     due_s, floors, silences, places = 0.0, set(), [], []
-    for message in messages(profile.name, profile.autopilot_id):
+    for message in messages(autopilot.name, autopilot.autopilot_id):
         reports = []
         while due_s <= message.received_s:  # an evader at 2 m/s, reported ten times a second
             place = (NORTH_M + 2.0 * due_s, 0.0, -0.2)
@@ -78,16 +78,16 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(profil
     assert (counts["started"], counts.get("jumped", 0), counts.get("reacquired", 0)) == (1, 0, 0)
 
 
-@pytest.mark.parametrize("profile", BOTH)
-def test_a_real_autopilots_local_and_global_positions_agree_by_its_own_map(profile):
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_real_autopilots_local_and_global_positions_agree_by_its_own_map(autopilot):
     vehicle, apart_m = VehicleState(), []
-    for message in messages(profile.name, profile.autopilot_id):
+    for message in messages(autopilot.name, autopilot.autopilot_id):
         vehicle = observe(vehicle, [message])
         origin = vehicle.last(Origin)
         if not isinstance(message, GlobalPosition) or origin is None:
             continue
         frame = LocalFrame(
-            origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=profile.projection
+            origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=autopilot.projection
         )
         reckoned = frame.ned_from_wgs84(message.latitude_deg, message.longitude_deg, Amsl(message.altitude_amsl_m))
         apart_m.append(math.dist(reckoned, _at(vehicle, message.time_boot_s)))

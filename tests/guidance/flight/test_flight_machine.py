@@ -59,16 +59,16 @@ def test_a_request_is_repeated_when_a_heartbeat_shows_that_it_had_no_effect_and_
     assert commands([flown.cycle(beat=True)]) == [SET_MODE, ARM]
 
 
-@pytest.mark.parametrize("profile", BOTH)
-def test_from_the_ground_the_autopilot_takes_off_and_the_flight_stands_by_in_its_hold(profile):
-    flown = Flown(settings_of(profile))
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_from_the_ground_the_autopilot_takes_off_and_the_flight_stands_by_in_its_hold(autopilot):
+    flown = Flown(settings_of(autopilot))
     flown.cycles(0.1)
     flown.cycle(Event.START)
     flown.armed = True
-    flown.mode = profile.arming_mode
+    flown.mode = autopilot.arming_mode
     climbing = flown.cycle(beat=True)
     assert (climbing.state, commands([climbing])) == (State.CLIMBING, [TAKEOFF])
-    assert climbing.requests[0] == profile.takeoff(height_m=10.0, home_amsl_m=492.0)
+    assert climbing.requests[0] == autopilot.takeoff(height_m=10.0, home_amsl_m=492.0)
     flown.landed = 3
     assert commands([*flown.cycles(2.0), flown.cycle(beat=True)]) == []  # it has left the ground
     flown.position[2] = HOME_DOWN_M - 9.5

@@ -235,10 +235,10 @@ def test_every_final_state_is_silent_and_asks_nothing():
         assert {(one.setpoint, one.requests) for one in flown.cycles(2.0)} == {(None, ())}
 
 
-@pytest.mark.parametrize("profile", BOTH)
+@pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("state", sorted(set(State) - {State.STANDING_BY}))
-def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, profile):
-    settings = settings_of(profile)
+def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, autopilot):
+    settings = settings_of(autopilot)
     vehicle = observe(VehicleState(), [home(), LandedState(0.0, 1)])
     modes = {
         State.ENTERING: Mode.GUIDED,
@@ -248,19 +248,19 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
     }
     asked = requests_in(state, settings, vehicle, Mode.OTHER, (47.0, 8.0, Amsl(500.0)))
     if state in modes:
-        assert asked == (profile.set_mode(modes[state]),)
+        assert asked == (autopilot.set_mode(modes[state]),)
         assert requests_in(state, settings, vehicle, modes[state], None) == ()
     elif state is State.ARMING:
-        assert asked == (profile.set_mode(profile.arming_mode), profile.arm())
+        assert asked == (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
     elif state is State.CLIMBING:
-        assert asked == (profile.takeoff(height_m=10.0, home_amsl_m=492.0),)
+        assert asked == (autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),)
         assert requests_in(state, settings, observe(vehicle, [LandedState(0.0, 2)]), None, None) == ()
         assert requests_in(state, settings, observe(VehicleState(), [LandedState(0.0, 1)]), None, None) == ()
     elif state is State.POSITIONING:
-        assert asked == (profile.reposition(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=500.0),)
+        assert asked == (autopilot.reposition(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=500.0),)
         assert requests_in(state, settings, vehicle, Mode.OTHER, None) == ()
     elif state is State.CHECKING:
-        assert len(asked) == len(profile.streams_hz) + 2
+        assert len(asked) == len(autopilot.streams_hz) + 2
     else:
         assert asked == ()
 
@@ -291,7 +291,7 @@ def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
 
 
 def test_a_flight_that_says_nothing_of_it_is_flown_so():
-    said = FlightSettings(profile=ARDUCOPTER, cycle=SETTINGS.cycle, takeoff_height_m=10.0)
+    said = FlightSettings(autopilot=ARDUCOPTER, cycle=SETTINGS.cycle, takeoff_height_m=10.0)
     assert (said.start_game_m, said.after_capture, said.engage_on) == (None, AfterCapture.HOLD, EngageOn.COMMAND)
     assert (said.battery_minimum, said.settle_s, said.guarantee_slack_s) == (0.2, 1.0, 0.3)
     assert said.limits_s == {

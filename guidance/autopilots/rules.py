@@ -1,10 +1,63 @@
-"""A rule about one parameter: how its value is read and judged, and what to set it to."""
+"""A rule about one parameter: how its value is read and judged by what the configuration asks, what to set it to."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final, NamedTuple
 
-from guidance.preflight.row import Finding, Verdict
-from guidance.preflight.wants import Wants
+
+class Verdict(StrEnum):
+    """What a row means for the flight."""
+
+    PASS = "pass"
+    WARN = "warn"  # worth knowing; nothing is held up
+    REFUSE = "refuse"  # the vehicle does not become ready
+
+
+class Finding(NamedTuple):
+    """One condition: what was found, what is wanted, and how to come from one to the other (empty if it is)."""
+
+    name: str
+    value: str
+    wanted: str
+    verdict: Verdict
+    advice: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wants:
+    """What the configuration asks of the autopilot.
+
+    Attributes:
+        speed_m_s: Horizontal speed of the game.
+        limit_speed_m_s: Horizontal speed that our own limits allow (catching up is a little faster than the game).
+        climb_m_s: Climb of the game.
+        descent_m_s: Descent of the game.
+        fence_required: Whether the autopilot's own fence must stand behind ours.
+        fence_radius_m: How far from home our fence lets the vehicle go.
+        ceiling_m: How high above home.
+        fence_circle_m: Radius of our circle about home, where there is one.
+        fence_corners_ne_m: Corners of our polygon, metres north and east of home, where there is one.
+        fence_corners_deg: The same by latitude and longitude, as long as home is not known.
+        loss_time_limit_s: Longest time that an old setpoint may be flown when ours stop.
+        origin_distance_limit_m: Farthest that the local frame's zero may be from home.
+        evader_height_limit_m: Largest difference between the evader's altitude and home's.
+    """
+
+    speed_m_s: float
+    limit_speed_m_s: float
+    climb_m_s: float
+    descent_m_s: float
+    fence_required: bool
+    fence_radius_m: float
+    ceiling_m: float
+    loss_time_limit_s: float = 1.5
+    origin_distance_limit_m: float = 1000.0
+    evader_height_limit_m: float = 30.0
+    fence_circle_m: float | None = None
+    fence_corners_ne_m: tuple[tuple[float, float], ...] | None = None
+    fence_corners_deg: tuple[tuple[float, float], ...] | None = None
+
 
 Parameters = Mapping[str, float]
 

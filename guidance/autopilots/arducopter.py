@@ -1,11 +1,43 @@
-"""ArduCopter's parameters. Meanings as in its parameter list; behaviour as measured on ArduCopter 4.5.7."""
+"""ArduCopter: its modes and streams, how its vehicle handles, and its parameters; and ArduRover's modes.
+
+Sources: ArduCopter's `mode.h`, MAVLink common, its parameter list, and our own measurements of ArduCopter 4.5.7 (its
+simulated quadrotor, default parameters).
+"""
 
 import math
 from typing import Final
 
-from guidance.preflight.row import Verdict
-from guidance.preflight.rule import UPLOADED, Judgement, Parameters, Rule, bits, named, passes
-from guidance.preflight.wants import Wants
+from guidance.autopilots.description import (
+    GLOBAL_POSITION_INT,
+    LOCAL_POSITION_NED,
+    MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    STREAMS_HZ,
+    Autopilot,
+    AutopilotProfile,
+    Handling,
+    Mode,
+)
+from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
+from guidance.control import Acceleration, Approach, CatchUp, Following, ServoGains
+from guidance.frames import MapProjection
+
+HANDLING: Final = Handling(
+    following=Following(
+        # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
+        # both. Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s².
+        # Beside drag it gathers speed with some 3.5 m/s²: a reference that runs ahead of it costs a second at the end.
+        servo=ServoGains(acceleration_m_s2=4.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=9.0),
+        approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=0.9, lag_s=0.15, settle_s=0.2),
+        catch_up=CatchUp(),
+    ),
+    acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0),
+    acceleration_m_s2=5.0,
+    vertical_acceleration_m_s2=2.0,
+    jerk_m_s3=20.0,
+    braking_m_s2=2.3,
+    vertical_braking_m_s2=0.8,
+    reaction_s=0.4,
+)
 
 _OFF_ON: Final = {0: "off", 1: "on"}
 _FENCE_ACTIONS: Final = {
@@ -19,7 +51,7 @@ _FENCE_ACTIONS: Final = {
 _FENCE_TYPES: Final = {0: "height", 1: "circle", 2: "polygon", 3: "floor"}
 _HEIGHT: Final = 1
 _CIRCLE: Final = 2
-POLYGON: Final = 4
+_POLYGON: Final = 4
 """Bits of FENCE_TYPE; with the last one an uploaded fence is in use."""
 
 _RADIO_LOSS_ACTIONS: Final = {0: "none", 1: "RTL", 3: "Land", 4: "SmartRTL or RTL", 5: "SmartRTL or Land"}
@@ -55,7 +87,7 @@ def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
 def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement:
     why = "a height and a circle (or an uploaded polygon) are to stand behind ours"
     mask = round(value)
-    polygon = bool(mask & POLYGON) and parameters.get(UPLOADED) == 1.0
+    polygon = bool(mask & _POLYGON) and parameters.get(UPLOADED) == 1.0
     held = bool(mask & _HEIGHT) and (bool(mask & _CIRCLE) or polygon)
     return passes(held, "with height and circle", mask | _HEIGHT | _CIRCLE, why, otherwise=_otherwise(wants))
 
@@ -126,6 +158,10 @@ def _centi(unit: str) -> str:
     return "{:g} c" + unit
 
 
+def _heeds_uploaded_fence(parameters: Parameters) -> bool:
+    return bool(round(parameters.get("FENCE_TYPE", _POLYGON)) & _POLYGON)
+
+
 RULES: Final = (
     Rule("GUID_TIMEOUT", _guided_timeout, "{:g} s".format),
     Rule("GUID_OPTIONS", _options, bits(_OPTIONS), needed=False),
@@ -142,3 +178,41 @@ RULES: Final = (
     Rule("WPNAV_SPEED_DN", _descent, _centi("m/s").format, needed=False),
     Rule("ANGLE_MAX", _lean, _centi("deg").format, needed=False),
 )
+
+ARDUCOPTER: Final = Autopilot(
+    name="arducopter",
+    autopilot_id=3,
+    custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
+    mode_parameters={Mode.GUIDED: (4, 0), Mode.HOLD: (17, 0), Mode.RETURN: (6, 0), Mode.LAND: (9, 0)},
+    arming_mode=Mode.GUIDED,
+    projection=MapProjection.ARDUPILOT,
+    unused=0.0,
+    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    stream_before_guided=False,
+    loss_parameter="GUID_TIMEOUT",
+    setpoint_timeout_s=3.0,
+    prearm_always_told=False,
+    streams_hz=STREAMS_HZ,
+    handling=HANDLING,
+    rules=RULES,
+    uploaded_fence_counts=_heeds_uploaded_fence,
+    one_inclusion_is_enough=False,
+    tells_setpoint_always=False,
+)
+
+ROVER: Final = AutopilotProfile(
+    name="rover",
+    autopilot_id=3,
+    custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
+    mode_parameters={Mode.GUIDED: (15, 0), Mode.HOLD: (4, 0), Mode.RETURN: (11, 0)},
+    arming_mode=Mode.GUIDED,
+    projection=MapProjection.ARDUPILOT,
+    unused=0.0,
+    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    stream_before_guided=False,
+    loss_parameter="FS_TIMEOUT",
+    setpoint_timeout_s=3.0,
+    prearm_always_told=False,
+    streams_hz={LOCAL_POSITION_NED: 20.0, GLOBAL_POSITION_INT: 20.0},
+)
+"""The ground vehicle that plays the evader in mocked flights."""

@@ -1,11 +1,44 @@
-"""PX4's parameters. Meanings as in PX4 v1.17's parameter reference; behaviour as measured on it."""
+"""PX4: its modes and streams, how its vehicle handles, and its parameters.
+
+Sources: `px4_custom_mode.h`, MAVLink common, PX4 v1.17's parameter reference, and our own measurements of PX4 v1.17
+(SIH quadrotor, default parameters).
+"""
 
 import math
 from typing import Final
 
-from guidance.preflight.row import Verdict
-from guidance.preflight.rule import UPLOADED, Judgement, Parameters, Rule, bits, named, passes
-from guidance.preflight.wants import Wants
+from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Handling, Mode
+from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
+from guidance.control import Acceleration, Approach, CatchUp, Following, ServoGains
+from guidance.frames import MapProjection
+
+HANDLING: Final = Handling(
+    following=Following(
+        # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe
+        # flies no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
+        servo=ServoGains(
+            acceleration_m_s2=7.0,
+            vertical_acceleration_m_s2=2.0,
+            jerk_m_s3=60.0,
+            lag_s=0.3,
+            drag_per_s=0.3,
+            drag_limit_per_s=1.5,
+            trim_limit_m_s2=1.5,
+            drag_learning_per_s2=2.0,
+            trim_learning_per_s2=0.3,
+        ),
+        # It brakes before the stand-off does: a limit that acts takes the fed acceleration away, drag's share too.
+        approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1),
+        catch_up=CatchUp(),
+    ),
+    acceleration=Acceleration(ground_m_s2=3.0, vertical_m_s2=3.0),
+    acceleration_m_s2=9.0,
+    vertical_acceleration_m_s2=3.0,
+    jerk_m_s3=80.0,
+    braking_m_s2=3.0,
+    vertical_braking_m_s2=2.0,
+    reaction_s=0.35,
+)
 
 _LOSS_ACTIONS: Final = {
     -1: "disabled",
@@ -143,4 +176,42 @@ RULES: Final = (
     Rule("MPC_XY_VEL_MAX", _speed, "{:g} m/s".format),
     Rule("MPC_Z_VEL_MAX_UP", _climb, "{:g} m/s".format),
     Rule("MPC_Z_VEL_MAX_DN", _descent, "{:g} m/s".format),
+)
+
+
+def _mode(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+PX4: Final = Autopilot(
+    name="px4",
+    autopilot_id=12,
+    custom_modes={
+        Mode.GUIDED: _mode(6),
+        Mode.HOLD: _mode(4, 3),
+        Mode.TAKEOFF: _mode(4, 2),
+        Mode.RETURN: _mode(4, 5),
+        Mode.LAND: _mode(4, 6),
+    },
+    mode_parameters={
+        Mode.GUIDED: (6, 0),
+        Mode.HOLD: (4, 3),
+        Mode.TAKEOFF: (4, 2),
+        Mode.RETURN: (4, 5),
+        Mode.LAND: (4, 6),
+    },
+    arming_mode=Mode.HOLD,
+    projection=MapProjection.PX4,
+    unused=math.nan,
+    takeoff_frame=MAV_FRAME_GLOBAL,
+    stream_before_guided=True,
+    loss_parameter="COM_OF_LOSS_T",
+    setpoint_timeout_s=1.0,
+    prearm_always_told=True,
+    streams_hz={**STREAMS_HZ, ODOMETRY: 30.0},
+    handling=HANDLING,
+    rules=RULES,
+    uploaded_fence_counts=lambda _: True,
+    one_inclusion_is_enough=True,
+    tells_setpoint_always=True,
 )

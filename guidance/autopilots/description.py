@@ -1,15 +1,12 @@
-"""What differs between PX4 and ArduCopter, as data: mode numbers, how to ask for a mode, which streams to request.
-
-Sources: PX4 `px4_custom_mode.h`, ArduCopter `mode.h`, MAVLink common, and our own measurements of PX4 v1.17 and
-ArduCopter 4.5.7.
-"""
+"""What one autopilot is to us, as data: modes and commands, how its vehicle handles, how its parameters are judged."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from guidance.errors import ConfigError
+from guidance.autopilots.rules import Parameters, Rule
+from guidance.control import Acceleration, Following
 from guidance.frames import MapProjection
 from guidance.messages import Command
 
@@ -37,9 +34,9 @@ class Mode(StrEnum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotProfile:
-    """One flavour.
+    """What is said to one autopilot, and how it is understood.
 
     Attributes:
         name: As in configurations.
@@ -123,11 +120,49 @@ class AutopilotProfile:
         return Command(number, (p1, p2, p3, p4, p5, p6, p7))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handling:
+    """One vehicle's handling.
+
+    `acceleration` is what the vehicle surely achieves, by which the time that it needs is told: the autopilot's own
+    parameter (PX4's MPC_ACC_HOR and MPC_ACC_DOWN_MAX, ArduCopter's WPNAV_ACCEL and WPNAV_ACCEL_Z) at its default. The
+    last six are of `guidance.control.Envelope`, with its names and meanings.
+    """
+
+    following: Following
+    acceleration: Acceleration
+    acceleration_m_s2: float
+    vertical_acceleration_m_s2: float
+    jerk_m_s3: float
+    braking_m_s2: float
+    vertical_braking_m_s2: float
+    reaction_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Autopilot(AutopilotProfile):
+    """One autopilot that a flight can be flown with: everything that is known of it.
+
+    Attributes:
+        handling: Of its vehicle, at default parameters.
+        rules: How its parameters are judged before a flight.
+        uploaded_fence_counts: Whether it heeds an uploaded fence, given its parameters.
+        one_inclusion_is_enough: Whether it is enough to be within one of several uploaded areas, or all of them count.
+        tells_setpoint_always: Whether it tells its setpoint in every mode (POSITION_TARGET_LOCAL_NED), or in ours only.
+    """
+
+    handling: Handling
+    rules: tuple[Rule, ...]
+    uploaded_fence_counts: Callable[[Parameters], bool]
+    one_inclusion_is_enough: bool
+    tells_setpoint_always: bool
+
+
 HEARTBEAT, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, SYS_STATUS = 0, 30, 32, 33, 1
 GPS_GLOBAL_ORIGIN, HOME_POSITION, EXTENDED_SYS_STATE, ODOMETRY = 49, 242, 245, 331
 POSITION_TARGET_LOCAL_NED = 85
 
-_STREAMS_HZ = {
+STREAMS_HZ = {
     ATTITUDE: 20.0,
     LOCAL_POSITION_NED: 50.0,
     GLOBAL_POSITION_INT: 10.0,
@@ -135,83 +170,3 @@ _STREAMS_HZ = {
     EXTENDED_SYS_STATE: 5.0,
     POSITION_TARGET_LOCAL_NED: 5.0,
 }
-
-
-def _px4(main: int, sub: int = 0) -> int:
-    return main << 16 | sub << 24
-
-
-PX4 = AutopilotProfile(
-    name="px4",
-    autopilot_id=12,
-    custom_modes={
-        Mode.GUIDED: _px4(6),
-        Mode.HOLD: _px4(4, 3),
-        Mode.TAKEOFF: _px4(4, 2),
-        Mode.RETURN: _px4(4, 5),
-        Mode.LAND: _px4(4, 6),
-    },
-    mode_parameters={
-        Mode.GUIDED: (6, 0),
-        Mode.HOLD: (4, 3),
-        Mode.TAKEOFF: (4, 2),
-        Mode.RETURN: (4, 5),
-        Mode.LAND: (4, 6),
-    },
-    arming_mode=Mode.HOLD,
-    projection=MapProjection.PX4,
-    unused=_NAN,
-    takeoff_frame=MAV_FRAME_GLOBAL,
-    stream_before_guided=True,
-    loss_parameter="COM_OF_LOSS_T",
-    setpoint_timeout_s=1.0,
-    prearm_always_told=True,
-    streams_hz={**_STREAMS_HZ, ODOMETRY: 30.0},
-)
-
-ARDUCOPTER = AutopilotProfile(
-    name="arducopter",
-    autopilot_id=3,
-    custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
-    mode_parameters={Mode.GUIDED: (4, 0), Mode.HOLD: (17, 0), Mode.RETURN: (6, 0), Mode.LAND: (9, 0)},
-    arming_mode=Mode.GUIDED,
-    projection=MapProjection.ARDUPILOT,
-    unused=0.0,
-    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    stream_before_guided=False,
-    loss_parameter="GUID_TIMEOUT",
-    setpoint_timeout_s=3.0,
-    prearm_always_told=False,
-    streams_hz=_STREAMS_HZ,
-)
-
-ROVER = AutopilotProfile(
-    name="rover",
-    autopilot_id=3,
-    custom_modes={Mode.GUIDED: 15, Mode.HOLD: 4, Mode.RETURN: 11},
-    mode_parameters={Mode.GUIDED: (15, 0), Mode.HOLD: (4, 0), Mode.RETURN: (11, 0)},
-    arming_mode=Mode.GUIDED,
-    projection=MapProjection.ARDUPILOT,
-    unused=0.0,
-    takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    stream_before_guided=False,
-    loss_parameter="FS_TIMEOUT",
-    setpoint_timeout_s=3.0,
-    prearm_always_told=False,
-    streams_hz={LOCAL_POSITION_NED: 20.0, GLOBAL_POSITION_INT: 20.0},
-)
-"""The ground vehicle that plays the evader in mocked flights (ArduRover's numbers)."""
-
-PROFILES: Mapping[str, AutopilotProfile] = {profile.name: profile for profile in (PX4, ARDUCOPTER)}
-
-
-def profile(name: str) -> AutopilotProfile:
-    """Look a profile up by name.
-
-    Raises:
-        ConfigError: If there is no such flavour.
-    """
-    try:
-        return PROFILES[name]
-    except KeyError:
-        raise ConfigError(f"autopilot = {name!r}: allowed are {', '.join(PROFILES)}") from None
