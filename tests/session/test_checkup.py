@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from guidance.autopilots import autopilot_named
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import FlightError
