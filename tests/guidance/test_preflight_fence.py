@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
+from guidance.autopilots import autopilot_named
 from guidance.frames import Amsl, LocalFrame, MapProjection
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -49,7 +50,7 @@ DISC = Area(inclusion=True, corners_deg=on_the_map((0.0, 0.0)), radius_m=120.0)
 def judged(uploaded, *, autopilot="px4", wants=WANTS, **parameters):
     vehicle = observe(VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))])
     facts = Facts(parameters=SET[autopilot] | parameters, vehicle=vehicle, uploaded=uploaded)
-    return {row.name: row for row in rows(facts, autopilot(autopilot), wants)}
+    return {row.name: row for row in rows(facts, autopilot_named(autopilot), wants)}
 
 
 @pytest.mark.parametrize(

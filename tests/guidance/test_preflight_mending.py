@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.autopilots import AUTOPILOTS, PX4
+from guidance.autopilots import AUTOPILOTS, PX4, autopilot_named
 from guidance.preflight import Facts, Verdict, Wants, changes, parameter_names, rows
 from guidance.preflight.uploaded import Uploaded
 from sitl_mock import MockVehicle
@@ -22,7 +22,7 @@ WANTS = Wants(
 
 def defaults(autopilot):
     parameters = MockVehicle(autopilot).autopilot.parameters
-    return {name: float(parameters[name]) for name in parameter_names(autopilot(autopilot)) if name in parameters}
+    return {name: float(parameters[name]) for name in parameter_names(autopilot_named(autopilot)) if name in parameters}
 
 
 def after(parameters, wanted):
@@ -30,7 +30,7 @@ def after(parameters, wanted):
 
 
 def verdicts(autopilot, parameters):
-    judged = rows(Facts(parameters=parameters), autopilot(autopilot), WANTS)
+    judged = rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)
     return {row.name: row.verdict for row in judged if row.name in parameters}
 
 
@@ -47,10 +47,12 @@ def test_px4s_defaults_need_two_parameters_and_the_table_says_why():
 @pytest.mark.parametrize("advised", [False, True])
 def test_with_them_nothing_is_refused_and_where_advice_is_taken_nothing_is_warned_of(autopilot, advised):
     parameters = defaults(autopilot)
-    wanted = changes(Facts(parameters=parameters), autopilot(autopilot), WANTS, advised=advised)
+    wanted = changes(Facts(parameters=parameters), autopilot_named(autopilot), WANTS, advised=advised)
     left = set(verdicts(autopilot, after(parameters, wanted)).values())
     assert left == {Verdict.PASS} if advised else Verdict.REFUSE not in left
-    assert changes(Facts(parameters=after(parameters, wanted)), autopilot(autopilot), WANTS, advised=advised) == ()
+    assert (
+        changes(Facts(parameters=after(parameters, wanted)), autopilot_named(autopilot), WANTS, advised=advised) == ()
+    )
 
 
 def test_what_one_change_makes_wrong_is_changed_too():
@@ -71,7 +73,7 @@ def test_any_values_are_mended_until_nothing_that_has_a_value_to_set_is_refused(
         name: data.draw(st.sampled_from([value, 0.0, -1.0, 1.0, 7.0, 250.0, 1e4]))
         for name, value in defaults(autopilot).items()
     }
-    wanted = changes(Facts(parameters=parameters), autopilot(autopilot), WANTS, advised=True)
-    judged = rows(Facts(parameters=after(parameters, wanted)), autopilot(autopilot), WANTS)
+    wanted = changes(Facts(parameters=parameters), autopilot_named(autopilot), WANTS, advised=True)
+    judged = rows(Facts(parameters=after(parameters, wanted)), autopilot_named(autopilot), WANTS)
     refused = [row for row in judged if row.name in parameters and row.verdict is Verdict.REFUSE]
     assert refused == []

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.autopilots import ARDUCOPTER, PX4
+from guidance.autopilots import ARDUCOPTER, PX4, autopilot_named
 from guidance.preflight import Facts, Verdict, Wants, parameter_names, refusals, rows
 from sitl_mock import MockVehicle
 
@@ -37,15 +37,15 @@ def row_of(autopilot, name, value, wants=WANTS, **others):
         del parameters[name]
     else:
         parameters[name] = value
-    judged = rows(Facts(parameters=parameters), autopilot(autopilot), wants)
+    judged = rows(Facts(parameters=parameters), autopilot_named(autopilot), wants)
     return next(row for row in judged if row.name == name)
 
 
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_a_safe_set_passes_in_every_row(autopilot):
-    judged = rows(Facts(parameters=SAFE[autopilot]), autopilot(autopilot), WANTS)
+    judged = rows(Facts(parameters=SAFE[autopilot]), autopilot_named(autopilot), WANTS)
     by_name = {row.name: row.verdict for row in judged}
-    assert {by_name[name] for name in parameter_names(autopilot(autopilot))} == {Verdict.PASS}
+    assert {by_name[name] for name in parameter_names(autopilot_named(autopilot))} == {Verdict.PASS}
     assert all(row.advice == "" for row in judged if row.name in SAFE[autopilot])
 
 
@@ -125,8 +125,8 @@ def test_a_fence_that_is_not_required_is_warned_of_and_not_refused(autopilot, na
 
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_what_could_not_be_read_is_never_taken_for_safe(autopilot):
-    judged = rows(Facts(), autopilot(autopilot), WANTS)
-    for name in parameter_names(autopilot(autopilot)):
+    judged = rows(Facts(), autopilot_named(autopilot), WANTS)
+    for name in parameter_names(autopilot_named(autopilot)):
         row = next(row for row in judged if row.name == name)
         assert row.verdict is not Verdict.PASS
         assert row.value == "not read"
@@ -154,7 +154,7 @@ def test_advice_keeps_every_digit_of_a_mask():
 
 @given(st.sampled_from(["px4", "arducopter"]), st.data())
 def test_no_value_whatever_breaks_the_report_and_advice_that_is_followed_passes(autopilot, data):
-    name = data.draw(st.sampled_from(parameter_names(autopilot(autopilot))))
+    name = data.draw(st.sampled_from(parameter_names(autopilot_named(autopilot))))
     row = row_of(autopilot, name, data.draw(st.floats(-1e6, 1e6, width=32)))
     command, _, _ = row.advice.partition(";")
     if command.startswith("param set "):
@@ -170,8 +170,8 @@ def test_no_value_whatever_breaks_the_report_and_advice_that_is_followed_passes(
 def test_the_autopilots_defaults_are_refused_for_these_reasons_only(autopilot, refused):
     mock = MockVehicle(autopilot, noise=False)
     mock.step(0.0, [])
-    parameters = {name: float(mock.autopilot.parameters[name]) for name in parameter_names(autopilot(autopilot))}
-    judged = rows(Facts(parameters=parameters), autopilot(autopilot), WANTS)
+    parameters = {name: float(mock.autopilot.parameters[name]) for name in parameter_names(autopilot_named(autopilot))}
+    judged = rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)
     assert [name for name in refusals(judged) if name in parameters] == refused
 
 

@@ -139,5 +139,5 @@ def sortie():
 
 
 @pytest.fixture(params=["px4", "arducopter"])
-def autopilot_named(request):
+def autopilot(request):
     return request.param
