@@ -44,8 +44,8 @@ def show(name: str, console: Console, picture: Path | None) -> Path:
         ConfigError: If there is no such scenario, or a key in it is wrong.
         OutputError: If the picture cannot be written.
     """
-    from guidance.scenarios.preview import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
-    from guidance.scenarios.team_picture import draw_teams  # noqa: PLC0415
+    from guidance.viz.preview import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.team_picture import draw_teams  # noqa: PLC0415
 
     path, scenario = load_any(name)
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name})")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from guidance.view import ViewerBeside
+    from guidance.viz.view import ViewerBeside
 
 
 def fly(
@@ -100,7 +100,7 @@ def _may_fly(vehicle: str, *, fast: bool, port: int, yes: bool) -> None:
 
 
 def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":
-    from guidance.view import ViewerBeside  # noqa: PLC0415
+    from guidance.viz.view import ViewerBeside  # noqa: PLC0415
 
     beside = ViewerBeside("--port", "0", "--web-port", "0")
     closing.callback(beside.close)

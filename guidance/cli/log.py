@@ -18,7 +18,7 @@ File = Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")
 @log.command()
 def info(file: File) -> None:
     """Show what a record holds: how long, which channels, which versions, and whether it is whole."""
-    from guidance.records import making_sense_of, reports_of, survey_of, title_of  # noqa: PLC0415 - numpy takes its time
+    from guidance.log import making_sense_of, reports_of, survey_of, title_of  # noqa: PLC0415 - numpy takes its time
 
     with making_sense_of(file):
         survey = survey_of(file)
@@ -46,7 +46,7 @@ def _words(report: "EvaderReport") -> str:
 @log.command()
 def events(file: File) -> None:
     """List the events: what happened, when, and what it changed."""
-    from guidance.records import events_of, making_sense_of  # noqa: PLC0415
+    from guidance.log import events_of, making_sense_of  # noqa: PLC0415
 
     with making_sense_of(file):
         events = list(events_of(file))
@@ -65,9 +65,10 @@ def export(
     - `.csv`, `.parquet`: one row a cycle, for spreadsheets and pandas
     - `.geojson`, `.kml`: tracks, fence and changes of state on a map
     """
-    from guidance.records import making_sense_of  # noqa: PLC0415
-    from guidance.records.export import export as write  # noqa: PLC0415
+    from guidance.log import making_sense_of  # noqa: PLC0415
+    from guidance.log.export import export as write  # noqa: PLC0415
+    from guidance.session.recorded import recorded_settings  # noqa: PLC0415
 
     with making_sense_of(file):
-        written = write(file, out)
+        written = write(file, out, recorded_settings)
     typer.echo(f"{out}: {written}")

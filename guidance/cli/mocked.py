@@ -12,8 +12,8 @@ from guidance.cli.showing import live_line, report
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
-from guidance.service.background import BackgroundRecorder
-from guidance.service.record import started_utc, versions
+from guidance.log.background import BackgroundRecorder
+from guidance.log.writer import started_utc, versions
 from guidance.session.flown import outcome_of_flight
 from guidance.session.fly import FlightResult, fly
 from guidance.session.linked_flight import Stopped

@@ -2,14 +2,15 @@
 
 import json
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from guidance.records import ReplayedCycle
-    from guidance.records.replay import Apart
+    from guidance.log import ReplayedCycle
+    from guidance.log.replay import Apart
 
 
 def replay(
@@ -29,12 +30,13 @@ def replay(
     - `guidance replay record.mcap --with policy=pure_pursuit`: another policy at the same moments
     - `guidance replay record.mcap --with pursuer.speed_m_s=4.0 --out both.csv`
     """
-    from guidance.records import changes_of, flight_settings, making_sense_of, metadata_of  # noqa: PLC0415 - numpy takes its time
-    from guidance.records.both import compare_into  # noqa: PLC0415
+    from guidance.log import making_sense_of  # noqa: PLC0415 - numpy takes its time
+    from guidance.log.both import compare_into  # noqa: PLC0415
+    from guidance.session.recorded import changes_of, recorded_settings  # noqa: PLC0415
 
     wanted = changes_of(changes or [])
     with making_sense_of(file):
-        comparison, survey = compare_into(file, flight_settings(metadata_of(file), wanted), out, what_if=bool(wanted))
+        comparison, survey = compare_into(file, partial(recorded_settings, changes=wanted), out, what_if=bool(wanted))
     if survey.torn is not None:
         typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
     if survey.missing:
@@ -64,7 +66,7 @@ def _apart(what: str, apart: "Apart") -> str:
 
 
 def _shown(step: "ReplayedCycle") -> str:
-    from guidance.service.record import plain  # noqa: PLC0415
+    from guidance.log.writer import plain  # noqa: PLC0415
 
     recorded, present = step.row.json, step.outputs._asdict()
     lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]

@@ -15,10 +15,11 @@ def report(
     Tracks in space and from above with fence, stand-off and isochrons, the game and its guarantee over time, velocities
     commanded and flown, ages and latencies, events, and a summary.
     """
-    from guidance.records import making_sense_of  # noqa: PLC0415
-    from guidance.report import write_report  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.log import making_sense_of  # noqa: PLC0415
+    from guidance.session.recorded import recorded_settings  # noqa: PLC0415
+    from guidance.viz.report import write_report  # noqa: PLC0415 - matplotlib takes a second
 
     with making_sense_of(file):
-        paths = write_report(file, file.parent if out is None else out)
+        paths = write_report(file, file.parent if out is None else out, recorded_settings)
     for path in paths:
         typer.echo(str(path))

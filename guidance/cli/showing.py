@@ -81,7 +81,7 @@ def plain(progress: Progress) -> str:
 
 def report(console: Console, result: FlightResult, outcome: Outcome, folder: Path) -> None:
     """Print how a flight ended and what it came to, and draw its picture."""
-    from guidance.scenarios.picture import draw  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.picture import draw  # noqa: PLC0415 - matplotlib takes a second
 
     console.print(_table(result, outcome))
     if outcome.run == "fast":

@@ -4,9 +4,12 @@ import os
 import signal
 import threading
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from guidance.log.live import LiveFlight
 
 
 def view(
@@ -35,8 +38,10 @@ def view(
     - `guidance view --live`: the daemon on this computer
     """
     from guidance.errors import ConfigError  # noqa: PLC0415 - with numpy, for this only
-    from guidance.view import Destination, Seen  # noqa: PLC0415
-    from guidance.view import view as show  # noqa: PLC0415
+    from guidance.session.recorded import recorded_settings  # noqa: PLC0415
+    from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
+    from guidance.viz.view import view as show  # noqa: PLC0415
+    from guidance.viz.view.command import require_rerun  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
@@ -45,9 +50,17 @@ def view(
         signal.signal(number, lambda *_: ended.set())
     if with_parent:
         threading.Thread(target=_end_with_parent, args=(ended,), daemon=True).start()
-    seen = Seen(file, follow, endpoint, name, token_file)
-    count = show(seen, Destination(save, port, web_port), typer.echo, ended)
+    require_rerun()
+    source = RecordFile(file, follow=follow) if file is not None else _live(endpoint, name, token_file)
+    count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
+
+
+def _live(endpoint: str, name: str | None, token_file: Path | None) -> "LiveFlight":
+    from guidance.log.live import LiveFlight  # noqa: PLC0415 - Zenoh takes a second
+    from guidance.session.control_bus import join_session  # noqa: PLC0415
+
+    return LiveFlight(join_session(endpoint, token_file), name)
 
 
 def _end_with_parent(ended: threading.Event) -> None:

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from guidance.drawing.figures import figure_of
 from guidance.game import apollonius_circle, apollonius_sphere, solve
 from guidance.paper.cases import GAME, PE_EVADER, PE_PURSUER, TAD_EVADER, TAD_PURSUER, TAD_TARGET, Case, Table
+from guidance.viz.figures import figure_of
 
 OPTIMAL, OTHERS = "-", ("--", ":")
 """Dashes tell the plays of a figure apart, colour the players; darkness does so without colour."""

@@ -8,10 +8,10 @@ from guidance.clock import Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
+from guidance.log.broadcast import Records
+from guidance.log.writer import RELOADED, STOPPED, Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, parameter_names, refusals, rows
-from guidance.service.broadcast import Records
-from guidance.service.record import RELOADED, STOPPED, Record
 from guidance.session.handover import ON_GROUND, ShutdownHandover
 from guidance.session.linked_flight import LinkedFlight
 from guidance.session.log import Log

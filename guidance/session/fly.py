@@ -9,9 +9,9 @@ from guidance.clock import Clock, Timing
 from guidance.cycle import Certificate
 from guidance.flight import Flight, Happening, Outputs, State
 from guidance.frames import Vector
+from guidance.log.writer import Record
 from guidance.messages import LocalPosition
 from guidance.monitor import Alarm
-from guidance.service.record import Record
 from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.sequencer import MissionSequencer
 from guidance.session.spec import plan_of

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from guidance.clock import Timing
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.service.record import BEGUN, Record
+from guidance.log.writer import BEGUN, Record
 
 HEARTBEAT_S = 1.0
 

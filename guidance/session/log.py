@@ -8,7 +8,7 @@ import sys
 from logging.handlers import QueueHandler, QueueListener
 from typing import Any, Final, TextIO
 
-from guidance.service.record import plain
+from guidance.log.writer import plain
 
 LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000

@@ -14,7 +14,7 @@ from typing import Final
 from guidance.clock import Clock
 from guidance.flight import Event
 from guidance.links.wires.shared import Passed
-from guidance.service.record import Record
+from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
 from guidance.session.gc_scheduler import GcScheduler
 from guidance.session.metrics import Metrics

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from guidance.errors import ConfigError
-from guidance.service.background import BackgroundRecorder
-from guidance.service.record import Recorder
+from guidance.log.background import BackgroundRecorder
+from guidance.log.writer import Recorder
 
 RECORD: Final = "record.mcap"
 PICTURE: Final = "flight.png"

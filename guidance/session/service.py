@@ -11,10 +11,10 @@ from typing import Final
 from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
-from guidance.service.background import BackgroundRecorder
-from guidance.service.broadcast import Broadcast
-from guidance.service.record import Recorder, started_utc, versions
-from guidance.service.unwritten import UnwrittenRecord
+from guidance.log.background import BackgroundRecorder
+from guidance.log.broadcast import Broadcast
+from guidance.log.null import NullRecorder
+from guidance.log.writer import Recorder, started_utc, versions
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon
 from guidance.session.gc_scheduler import GcScheduler
@@ -128,21 +128,21 @@ def _metadata(config: Config, clock: MonotonicClock) -> dict[str, str]:
 @contextlib.contextmanager
 def _recording(
     config: Config, metadata: Mapping[str, str], log: Log
-) -> Iterator[BackgroundRecorder | UnwrittenRecord | None]:
+) -> Iterator[BackgroundRecorder | NullRecorder | None]:
     """Open the record. One that cannot be written is said to be so, and keeps no vehicle on the ground."""
     if config.record.folder is None:
         yield None
         return
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
-    recorder: BackgroundRecorder | UnwrittenRecord
+    recorder: BackgroundRecorder | NullRecorder
     try:
         rotate_bytes = round(config.record.rotate_mb * 1e6)
         written = Recorder(path, metadata, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
         recorder = BackgroundRecorder(written)
     except OSError as error:
         where = f"record.folder = {str(config.record.folder)!r}"
-        recorder = UnwrittenRecord(f"{where}: cannot be written ({error.strerror})")
+        recorder = NullRecorder(f"{where}: cannot be written ({error.strerror})")
     try:
         yield recorder
     finally:

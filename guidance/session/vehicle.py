@@ -12,7 +12,7 @@ from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.flight import Event
-from guidance.service.record import started_utc, versions
+from guidance.log.writer import started_utc, versions
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon
 from guidance.session.flown import outcome_of_flight

@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from guidance.drawing.figures import figure_of, literal
 from guidance.sweeps.statistics import share
 from guidance.sweeps.tally import Tally
 from guidance.sweeps.worst import Worst
+from guidance.viz.figures import figure_of, literal
 
 _DPI: Final = 160
 _STYLES: Final = (

@@ -20,7 +20,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from guidance.errors import ConfigError, OutputError
-from guidance.service.commit import PACKAGE, commit
+from guidance.log.provenance import PACKAGE, commit
 from guidance.sweeps.chunk import chunks_of, rows_of
 from guidance.sweeps.plan import Plan, plan_of
 

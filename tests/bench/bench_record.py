@@ -19,9 +19,10 @@ import numpy as np
 
 from guidance.clock import VirtualClock
 from guidance.flight import Flight
-from guidance.records import compare, flight_settings, metadata_of, rows_of, scan
-from guidance.service.record import CYCLE_TOPIC, Recorder
+from guidance.log import compare, metadata_of, rows_of, scan
+from guidance.log.writer import CYCLE_TOPIC, Recorder
 from guidance.session.fly import fly
+from guidance.session.recorded import recorded_settings
 from guidance.sim.fast import FastWorld
 from guidance.sim.files import load_scenario
 
@@ -112,9 +113,9 @@ def main() -> None:
             f"bytes a flight minute    {size / minutes / 1e6:.2f} MB written, {raw / minutes / 1e6:.2f} MB of messages"
         )
 
-        settings = flight_settings(metadata_of(path), {})
+        settings = recorded_settings(metadata_of(path))
         begin = time.perf_counter()
-        comparison, _ = compare(path, settings)
+        comparison, _ = compare(path, recorded_settings)
         replayed_s = time.perf_counter() - begin
         inputs = [row.inputs for row in rows_of(path)]
         flight = Flight(settings)

@@ -24,7 +24,7 @@ from statistics import median
 import numpy as np
 
 from guidance.errors import GuidanceError
-from guidance.records import rows_of, survey_of
+from guidance.log import rows_of, survey_of
 from guidance.session.ask import ask
 
 PROGRAM = [sys.executable, "-c", "from guidance.cli import main; main()"]

@@ -12,12 +12,12 @@ import zenoh
 
 from guidance.flight import State
 from guidance.links.wires.zenoh import open_session
-from guidance.records.rows import inputs_of
-from guidance.service import broadcast as broadcasts
-from guidance.service.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
-from guidance.service.record import RELOADED, STOPPED
+from guidance.log import broadcast as broadcasts
+from guidance.log.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
+from guidance.log.rows import inputs_of
+from guidance.log.writer import RELOADED, STOPPED
 from guidance.session.control_bus import host_session
-from guidance.view.serving import free_port
+from guidance.viz.view.serving import free_port
 
 ONLOOKER = """
 import signal, sys

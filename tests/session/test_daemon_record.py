@@ -2,16 +2,18 @@
 
 import errno
 import json
+from functools import partial
 
 import pytest
 
 from guidance.config import parse
 from guidance.flight import State
-from guidance.records import compare, events_of, flight_settings, metadata_of, rows_of
-from guidance.records.export import export
-from guidance.service import record
-from guidance.service.background import BackgroundRecorder
-from guidance.service.record import BEGUN, RELOADED, STOPPED, Recorder
+from guidance.log import compare, events_of, rows_of
+from guidance.log import writer as record
+from guidance.log.background import BackgroundRecorder
+from guidance.log.export import export
+from guidance.log.writer import BEGUN, RELOADED, STOPPED, Recorder
+from guidance.session.recorded import recorded_settings
 from guidance.session.service import _recording
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
@@ -29,14 +31,14 @@ def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, 
     recorder.close()
     assert [event.event for event in events_of(path)].count(BEGUN) == 2
     assert any(row.inputs.refusals for row in rows_of(path))
-    comparison, survey = compare(path, flight_settings(metadata_of(path), {}))
+    comparison, survey = compare(path, recorded_settings)
     assert survey.torn is None
     assert comparison.setpoints > 300
     assert comparison.differing == 0
     # The evader stands straight ahead, where every policy flies the same way: a slower pursuer does not.
-    other, _ = compare(path, flight_settings(metadata_of(path), {"game.speed_m_s": 4.0}), what_if=True)
+    other, _ = compare(path, partial(recorded_settings, changes={"game.speed_m_s": 4.0}), what_if=True)
     assert other.differing > 100
-    assert "features" in export(path, tmp_path / "map.geojson")
+    assert "features" in export(path, tmp_path / "map.geojson", recorded_settings)
 
 
 def test_a_configuration_that_was_read_again_is_in_the_record_and_its_flight_is_replayed_with_it(base, tmp_path):
@@ -50,10 +52,10 @@ def test_a_configuration_that_was_read_again_is_in_the_record_and_its_flight_is_
     recorder.close()
     (read,) = [event for event in events_of(path) if event.event == RELOADED]
     assert json.loads(read.detail) == again.model_dump(mode="json")
-    comparison, _ = compare(path, flight_settings(metadata_of(path), {}))
+    comparison, _ = compare(path, recorded_settings)
     assert comparison.setpoints > 150
     assert comparison.differing == 0
-    before, _ = compare(path, flight_settings(metadata_of(path), {}), what_if=True)
+    before, _ = compare(path, recorded_settings, what_if=True)
     assert before.differing > 100
 
 

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
-from guidance.service.record import Recorder
+from guidance.log.writer import Recorder
 from guidance.session.gc_scheduler import GcScheduler
 from guidance.session.loop import AGE_S, MOST_NUDGE_S, PERIOD_S, Signals, next_due, nudge_s, run
 from guidance.session.metrics import Metrics

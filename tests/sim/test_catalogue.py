@@ -7,10 +7,10 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.cli.catalogue import expected, facts, names, team_expected
 from guidance.errors import OutputError
-from guidance.scenarios.preview import draw_scenario, played
 from guidance.sim.files import load_any, load_scenario
 from guidance.sim.maths import opening, play
 from guidance.sim.teams import TeamScenario
+from guidance.viz.preview import draw_scenario, played
 
 
 def guidance(*arguments):

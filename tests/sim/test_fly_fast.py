@@ -12,10 +12,8 @@ from mcap.reader import make_reader
 
 from guidance.clock import VirtualClock
 from guidance.config import load
-from guidance.drawing.shapes import isochron
 from guidance.flight import Event, State
-from guidance.scenarios.picture import draw
-from guidance.service.record import CYCLE_TOPIC, EVENT_TOPIC, Recorder
+from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, Recorder
 from guidance.session.flown import ending_words, outcome_of_flight
 from guidance.session.fly import fly
 from guidance.session.recording import next_folder
@@ -23,6 +21,8 @@ from guidance.sim.fast import FastWorld
 from guidance.sim.files import load_scenario
 from guidance.sim.players import game
 from guidance.sim.scenario import Scenario
+from guidance.viz.picture import draw
+from guidance.viz.shapes import isochron
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 

@@ -11,11 +11,12 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.estimation import Observer, TrackSettings, evader_at, observe
 from guidance.frames import Amsl, LocalFrame
+from guidance.log import compare
+from guidance.log.writer import Recorder
 from guidance.messages import EvaderReport
-from guidance.records import compare, flight_settings, metadata_of
-from guidance.service.record import Recorder
 from guidance.session.flown import outcome_of_flight
 from guidance.session.fly import fly
+from guidance.session.recorded import recorded_settings
 from guidance.sim.fast import FastWorld
 from guidance.sim.scenario import Scenario, Sensor
 from guidance.sim.sensed_evader import SensedEvader
@@ -195,6 +196,6 @@ def test_a_flight_that_hears_through_a_sensor_and_plays_any_strategy_replays_bit
         recorder.close()
     assert outcome.end in {"captured", "time_up"}
     assert outcome.game_time_s > 2.0
-    comparison, _ = compare(path, flight_settings(metadata_of(path), {}))
+    comparison, _ = compare(path, recorded_settings)
     assert comparison.setpoints > 100
     assert comparison.differing == 0

@@ -12,10 +12,10 @@ from guidance.config import parse
 from guidance.errors import ConfigError, OutputError
 from guidance.game import Ball, Game, solve
 from guidance.game.team import match_teams
-from guidance.scenarios.team_picture import draw_teams, region
 from guidance.sim.files import load_any, load_scenario
 from guidance.sim.team_maths import TEAM_SCHEMA, TeamOutcome, opening_of, play_teams, summary_of
 from guidance.sim.teams import TeamScenario, teams_of
+from guidance.viz.team_picture import draw_teams, region
 
 TAD = {
     "title": "two on two",

@@ -14,8 +14,7 @@ from guidance.clock import VirtualClock
 from guidance.config import find, load, parse
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
-from guidance.records import flight_settings as recorded_settings
-from guidance.records import metadata_of, replay
+from guidance.log import replay
 from guidance.session.daemon import Daemon
 from guidance.session.flown import outcome_of_flight
 from guidance.session.log import Log
@@ -23,6 +22,7 @@ from guidance.session.merging import merged
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
 from guidance.session.orders import Mailbox
+from guidance.session.recorded import recorded_settings
 from guidance.session.spec import plan_of
 from guidance.session.supervisor import Supervisor
 from guidance.session.vehicle_file import Config
@@ -247,5 +247,5 @@ request_rate_hz = 20.0
     record = tmp_path / "record.mcap"
     with record.open("rb") as stream:
         assert make_reader(stream).get_summary().statistics.message_count > 1000
-    for step in replay(record, recorded_settings(metadata_of(record), {})):
+    for step in replay(record, recorded_settings):
         assert str(step.outputs.state) == step.row.state, step.row.now_s

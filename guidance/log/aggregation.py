@@ -1,0 +1,116 @@
+"""A record's cycles as numbers: where both were, how fast, how old what was known, NaN where nothing was."""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+from guidance.control import Envelope
+from guidance.cycle import Certificate
+from guidance.flight import FlightSettings
+from guidance.flight.fence import polygon_about_home
+from guidance.flight.tracking import Tracking
+from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.log.rows import CycleRow
+from guidance.messages import EvaderReport, LocalPosition, Timesync
+from guidance.vehicle import VehicleState, observe
+
+_NOWHERE = (math.nan, math.nan, math.nan)
+
+
+class Cycle(NamedTuple):
+    """One cycle's numbers: positions in the game frame (m), velocities NED (m/s), ages and times (s)."""
+
+    now_s: float
+    pursuer_m: Vector = _NOWHERE
+    evader_m: Vector = _NOWHERE
+    flown_ned_m_s: Vector = _NOWHERE
+    commanded_ned_m_s: Vector = _NOWHERE
+    wanted_ned_m_s: Vector = _NOWHERE
+    gap_m: float = math.nan
+    height_gap_m: float = math.nan
+    value: float = math.nan
+    meeting_time_s: float = math.nan
+    time_needed_s: float = math.nan
+    assured_distance_m: float = math.nan
+    telemetry_age_s: float = math.nan
+    evader_age_s: float = math.nan
+    round_trip_s: float = math.nan
+    late_s: float = math.nan
+    worked_s: float = math.nan
+
+
+class Aggregator:
+    """What was heard so far, folded as the flight folds it.
+
+    `home_m` is home in the game frame once it is known, and `envelope` the limits as they are then.
+    """
+
+    def __init__(self, settings: FlightSettings) -> None:
+        self._settings = settings
+        self._tracking = Tracking(settings.cycle, settings.autopilot)
+        self._vehicle = VehicleState()
+        self._evader_m: Vector = _NOWHERE
+        self._report_s = math.nan
+        self._home_ned_m: Vector | None = None
+        self.home_m: Vector | None = None
+        self.envelope: Envelope = settings.cycle.envelope
+
+    def cycle(self, row: CycleRow) -> Cycle:
+        """Fold one row."""
+        inputs = row.inputs
+        self._vehicle = observe(self._vehicle, inputs.messages)
+        self._tracking.observe(self._vehicle, ())
+        for report in inputs.reports:
+            self._hear(report)
+        frame = self._tracking.game_frame
+        home_ned_m, local_frame = self._tracking.home_ned_m, self._tracking.local_frame
+        if home_ned_m is not None and frame is not None and local_frame is not None and home_ned_m != self._home_ned_m:
+            self._home_ned_m = home_ned_m
+            self.home_m = frame.position_from_ned(home_ned_m)
+            self.envelope = self._about(home_ned_m, local_frame)
+        local, setpoint, certificate = self._vehicle.last(LocalPosition), row.setpoint, row.certificate
+        trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
+        timing = row.json.get("timing") or {}
+        cycle = Cycle(
+            row.now_s,
+            evader_m=self._evader_m,
+            evader_age_s=row.now_s - self._report_s,
+            round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan),
+            late_s=timing.get("late_s", math.nan),
+            worked_s=timing.get("worked_s", math.nan),
+        )
+        if local is not None:
+            placed = _NOWHERE if frame is None else frame.position_from_ned(local.position_ned_m)
+            age_s = row.now_s - local.received_s
+            cycle = cycle._replace(pursuer_m=placed, flown_ned_m_s=local.velocity_ned_m_s, telemetry_age_s=age_s)
+        if setpoint is not None:
+            cycle = cycle._replace(commanded_ned_m_s=setpoint.velocity_ned_m_s)
+        return cycle if certificate is None else _played(cycle, certificate)
+
+    def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
+        """The limits as the flight has them: a fence given on the map is put about home."""
+        envelope, corners_deg = self._settings.cycle.envelope, self._settings.fence_corners_deg
+        if corners_deg is None:
+            return envelope
+        return replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
+
+    def _hear(self, report: EvaderReport) -> None:
+        self._report_s = report.received_s
+        local, game = self._tracking.local_frame, self._tracking.game_frame
+        if local is None or game is None:
+            return
+        amsl = Amsl(report.altitude_amsl_m)
+        self._evader_m = game.position_from_ned(local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl))
+
+
+def _played(cycle: Cycle, certificate: Certificate) -> Cycle:
+    return cycle._replace(
+        evader_m=certificate.evader_game_m,
+        wanted_ned_m_s=certificate.wanted_ned_m_s,
+        gap_m=certificate.gap_m,
+        height_gap_m=certificate.height_gap_m,
+        value=certificate.value,
+        meeting_time_s=certificate.meeting_time_s,
+        time_needed_s=certificate.time_needed_s,
+        assured_distance_m=certificate.assured_distance_m,
+    )

@@ -1,0 +1,50 @@
+"""Export by the name of the file that is wanted."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from guidance.errors import ConfigError
+from guidance.log.maps import write_geojson, write_kml
+from guidance.log.places import Feature, features_of
+from guidance.log.reader import SettingsOf, metadata_of, title_of
+from guidance.log.table import write_csv, write_parquet
+from guidance.log.tlog import write_tlog
+
+
+def _geojson(path: Path, out: Path, settings_of: SettingsOf) -> int:
+    return write_geojson(*_map(path, settings_of), out)
+
+
+def _kml(path: Path, out: Path, settings_of: SettingsOf) -> int:
+    return write_kml(*_map(path, settings_of), out)
+
+
+def _map(path: Path, settings_of: SettingsOf) -> tuple[list[Feature], str]:
+    metadata = metadata_of(path)
+    return features_of(path, settings_of(metadata)), title_of(metadata)
+
+
+EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]] = {
+    ".tlog": ("frames", lambda path, out, _: write_tlog(path, out)),
+    ".csv": ("cycles", lambda path, out, _: write_csv(path, out)),
+    ".parquet": ("cycles", lambda path, out, _: write_parquet(path, out)),
+    ".geojson": ("features", _geojson),
+    ".kml": ("features", _kml),
+}
+
+
+def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
+    """Write `out` in the format that its name ends in; return how many of what.
+
+    Raises:
+        ConfigError: If the ending is unknown, the record cannot be read, or `out` cannot be written.
+    """
+    if out.suffix not in EXPORTS:
+        raise ConfigError(f"{out}: must end in {', '.join(EXPORTS)}")
+    what, write = EXPORTS[out.suffix]
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        return f"{write(path, out, settings_of)} {what}"
+    except OSError as error:
+        raise ConfigError(f"{out}: cannot be written ({error.strerror or error})") from error

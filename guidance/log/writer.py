@@ -1,0 +1,239 @@
+"""The flight's record: one MCAP file with the raw frames of every link and a JSON row for every cycle and event.
+
+A long flight goes on in a next file from time to time, `NAME.002.mcap` and so on: each can be read by itself, and what
+the writer has to remember for a file's index stays bounded. Written through an unbuffered file in small chunks, so that
+a killed process loses at most the last fraction of a second. A record that cannot be written never disturbs the flight:
+recording stops and `failed` says why.
+"""
+
+import calendar
+import json
+import math
+import platform
+import time
+from collections.abc import Mapping
+from importlib.metadata import version
+from io import BytesIO, FileIO
+from pathlib import Path
+from typing import Any, Protocol
+
+from mcap.writer import CompressionType, Writer
+from typing_extensions import Buffer
+
+from guidance.log.known import in_bytes
+from guidance.log.provenance import PACKAGE, commit
+from guidance.log.scene import Scene
+from guidance.log.schemas import SCHEMAS
+from guidance.messages import EvaderReport
+
+CHUNK_BYTES = 8 * 1024
+CHUNK_S = 0.1
+"""A chunk is written when it is this long or this old: what a killed process had not written is lost."""
+
+ROTATED_S = 1800.0
+ROTATED_BYTES = 256_000_000
+"""A file is finished and the next one begun when it is this long or this large."""
+
+_PACKAGES = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
+
+CYCLE_TOPIC = "guidance/cycle"
+EVENT_TOPIC = "guidance/event"
+EVADER_TOPIC = "guidance/evader_report"
+"""Every report of the evader as its source had it, at the time it arrived."""
+
+BEGUN = "flight begins"
+"""Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
+
+RELOADED = "configuration read again"
+"""Event of a configuration that took the place of the one in the metadata; it is the detail, as JSON."""
+
+PART = "part"
+"""Key of a file's number in its metadata; the first has none."""
+
+STOPPED = "recording has stopped; the flight goes on"
+"""Event of a record that can be written no longer: it is the log's, the metrics' and the bus's, not the record's."""
+
+
+class Record(Protocol):
+    """Where a cycle is kept. Nothing is raised and nothing is waited for that could disturb a flight."""
+
+    @property
+    def failed(self) -> str | None:
+        """Why nothing is written any more; None while all is well."""
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame."""
+
+    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
+        """Keep one guidance cycle."""
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
+
+    def report(self, report: EvaderReport) -> None:
+        """Keep one report of the evader."""
+
+
+class Recorder:
+    """Writes MCAP files. Times are those of the injected clock, in nanoseconds of the file's log time.
+
+    Args:
+        path: Where to write; files that follow are named after it (`guidance.log.writer.part_path`).
+        metadata: Name -> text, written at the start of each file: configuration, versions, seed.
+        rotate_s: How long a file may be.
+        rotate_bytes: How large it may be.
+
+    Raises:
+        OSError: If the file cannot be opened; nothing has flown yet.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        *,
+        rotate_s: float = ROTATED_S,
+        rotate_bytes: int = ROTATED_BYTES,
+    ) -> None:
+        self.path = path
+        self.failed: str | None = None
+        self._metadata = dict(metadata)
+        self._rotate_s, self._rotate_bytes = rotate_s, rotate_bytes
+        self._scene = Scene()
+        self._sequence = 0
+        self._part = 0
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._open_part()
+
+    def _open_part(self) -> None:
+        self._part += 1
+        self._stream = part_path(self.path, self._part).open("wb", buffering=0)
+        self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library="guidance")
+        self._writer.add_metadata("run", {**self._metadata, **({} if self._part == 1 else {PART: str(self._part)})})
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._chunk_began_s = math.inf
+        self._part_began_s: float | None = None
+
+    def _rotate(self) -> None:
+        """Go on in the next file; it is there before the one before is finished, so that who follows finds it."""
+        stream, writer = self._stream, self._writer
+        try:
+            self._open_part()
+        finally:
+            with stream:
+                writer.finish()
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame as it went over the wire; `topic` is the Zenoh key."""
+        self._write(now_s, topic, frame, encoding="mavlink", schema=None)
+
+    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
+        """Keep one guidance cycle, and what viewers draw of it."""
+        self._say(now_s, CYCLE_TOPIC, "guidance.Cycle", row)
+        for drawn in self._scene.of(row):
+            self._say(now_s, drawn.topic, drawn.type_name, drawn.message)
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
+        self._say(now_s, EVENT_TOPIC, "guidance.Event", {"now_s": now_s, "event": event, "detail": detail})
+
+    def report(self, report: EvaderReport) -> None:
+        """Keep one report of the evader."""
+        self._say(report.received_s, EVADER_TOPIC, "guidance.EvaderReport", report)
+
+    def close(self) -> None:
+        """Finish the file; may be called twice."""
+        if self._stream.closed:
+            return
+        try:
+            if self.failed is None:
+                self._writer.finish()
+        except OSError as error:
+            self.failed = str(error)
+        finally:
+            self._stream.close()
+
+    def _say(self, now_s: float, topic: str, schema: str, message: Any) -> None:  # noqa: ANN401 - any row
+        self._write(now_s, topic, in_bytes(message), encoding="json", schema=schema)
+
+    def _write(self, now_s: float, topic: str, data: bytes, *, encoding: str, schema: str | None) -> None:
+        if self.failed is not None or self._stream.closed:
+            return
+        try:
+            if self._part_began_s is None:
+                self._part_began_s = now_s
+            elif now_s - self._part_began_s >= self._rotate_s or self._stream.tell() >= self._rotate_bytes:
+                self._rotate()
+                self._part_began_s = now_s
+            if topic not in self._channels:
+                schema_id = 0 if schema is None else self._schema(schema)
+                self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
+            time_ns = round(now_s * 1e9)
+            self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
+            self._sequence += 1
+            self._chunk_began_s = min(self._chunk_began_s, now_s)
+            if now_s - self._chunk_began_s >= CHUNK_S:
+                self._writer.flush()
+                self._chunk_began_s = math.inf
+        except OSError as error:
+            self.failed = str(error)
+
+    def _schema(self, name: str) -> int:
+        if name not in self._schemas:
+            described = json.dumps(SCHEMAS[name], separators=(",", ":")).encode()
+            self._schemas[name] = self._writer.register_schema(name, "jsonschema", described)
+        return self._schemas[name]
+
+
+def part_path(path: Path, part: int) -> Path:
+    """Return the name of a record's file: the first is `path` itself, the second NAME.002.mcap."""
+    return path if part == 1 else path.with_name(f"{path.stem}.{part:03d}{path.suffix}")
+
+
+class _Whole(BytesIO):
+    """Every write goes to the file at once and whole; the library would put a buffer around a raw file."""
+
+    def __init__(self, raw: FileIO) -> None:
+        super().__init__()
+        self._raw = raw
+
+    def write(self, data: Buffer) -> int:
+        """Write all of it, or raise OSError."""
+        rest = memoryview(data).cast("B")
+        while rest:
+            rest = rest[self._raw.write(rest) or 0 :]
+        return memoryview(data).nbytes
+
+    def tell(self) -> int:
+        """Where the file stands."""
+        return self._raw.tell()
+
+
+def versions() -> dict[str, str]:
+    """Name what a record was made by: Python, the packages whose numbers or bytes are in it, the commit if known."""
+    made_at = commit()
+    return {
+        "python": platform.python_version(),
+        **{name: version(name) for name in _PACKAGES},
+        **({} if made_at is None else {"commit": made_at}),
+    }
+
+
+def started_utc(now_s: float) -> str:
+    """Return when a clock of real time that shows `now_s` was at zero: ISO 8601, to the second."""
+    return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - any value of a row
+    """Turn a value into what JSON can hold: named tuples by field, NaN and infinities as null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if hasattr(value, "_asdict"):
+        return {name: plain(item) for name, item in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {str(name): plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return value

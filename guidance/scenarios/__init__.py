@@ -1,1 +1,0 @@
-"""Scenarios and mocked flights as pictures."""

@@ -1,1 +1,0 @@
-"""The flight's record as it is written, and what is broadcast of it."""

@@ -1,0 +1,108 @@
+"""A scenario as a picture, before anything flies: who starts where, what is promised, and how mathematics plays it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from guidance.frames import Vector
+from guidance.sim.batch import stack, starts
+from guidance.sim.maths import game_of, moments, opening
+from guidance.sim.players import evader_strategy, pursuer_strategy, speed_set, standoff, target_game_m
+from guidance.sim.scenario import Scenario
+from guidance.viz.figures import (
+    COURSE,
+    EVADER,
+    FENCE,
+    ISOCHRON,
+    MEETING,
+    PURSUER,
+    TARGET,
+    draw_place,
+    draw_standoff,
+    label_plan,
+    label_space,
+    legend_below,
+    lifted,
+    literal,
+    save,
+    space_and_plan,
+)
+from guidance.viz.shapes import Array, circle, isochron
+
+
+def draw_scenario(scenario: Scenario, path: Path) -> None:
+    """Draw a scenario into a PNG.
+
+    Raises:
+        OutputError: If the file cannot be written.
+    """
+    figure, space, plan = space_and_plan()
+    played_s, *tracks = played(scenario)
+    for axes, dimensions in ((space, 3), (plan, 2)):
+        _players(axes, scenario, tracks, dimensions)
+        _geometry(axes, scenario, dimensions)
+    _courses(plan, scenario, 2.0 * played_s)
+    label_space(space)
+    space.locator_params(axis="z", nbins=3)
+    label_plan(plan)
+    _fence(plan, scenario)
+    figure.suptitle(literal(scenario.title))
+    legend_below(figure, plan)
+    save(figure, path)
+
+
+def played(scenario: Scenario) -> tuple[float, Array, Array]:
+    """Play a scenario as mathematics; return for how many s, and the tracks of pursuer and evader, (n, 3) each, m."""
+    points = [(moment.now_s[0], moment.pursuer_m[0], moment.evader_m[0]) for moment in moments([scenario])]
+    return float(points[-1][0]), np.array([point[1] for point in points]), np.array([point[2] for point in points])
+
+
+def _players(axes: Any, scenario: Scenario, tracks: Sequence[Array], dimensions: int) -> None:  # noqa: ANN401
+    begun = starts([scenario])
+    for name, style, track, start in zip("PE", (PURSUER, EVADER), tracks, begun, strict=True):
+        axes.plot(*track[:, :dimensions].T, **style, label=f"{name} in mathematics")
+        axes.plot(*start[:, :dimensions].T, "o", color=style["color"], label=f"{name} at engagement")
+    end = tracks[1][-1]
+    draw_standoff(axes, standoff(scenario), (float(end[0]), float(end[1]), 0.0), dimensions, "stand-off disc")
+
+
+def _geometry(axes: Any, scenario: Scenario, dimensions: int) -> None:  # noqa: ANN401
+    P, E = (_vector(start[0]) for start in starts([scenario]))
+    batch = stack([scenario])
+    curve = isochron(game_of(batch, batch.believed_m_s), P, E)
+    axes.plot(*lifted(curve, 0.0, dimensions), **ISOCHRON, label="isochron")
+    meeting = opening([scenario]).meeting_point_m[0]
+    if np.isfinite(meeting).all():
+        draw_place(axes, (float(meeting[0]), float(meeting[1]), 0.0), MEETING, dimensions, "predicted meeting")
+    target = target_game_m(scenario)
+    if target is not None:
+        draw_place(axes, target, TARGET, dimensions, "T, target")
+
+
+def _courses(plan: Any, scenario: Scenario, until_s: float) -> None:  # noqa: ANN401
+    """Draw the players' courses, and no more of them than the game needs: some go on for minutes."""
+    P, E = starts([scenario])
+    for name, strategy in (
+        ("P", pursuer_strategy(scenario, P[0], speed_set(scenario), scenario.seed)),
+        ("E", evader_strategy(scenario, E[0], scenario.evader.speed_m_s, scenario.seed)),
+    ):
+        if strategy.course is not None:
+            within = np.concatenate([[True], strategy.course.times_s[:-1] <= until_s])
+            places = strategy.course.places_m[within]
+            plan.plot(*places[:, :2].T, **COURSE, label=f"course of {name}")
+
+
+def _fence(plan: Any, scenario: Scenario) -> None:  # noqa: ANN401
+    """Draw as much of the fence as is in view: a wide one would make all else small."""
+    home_x, home_y = scenario.home_m
+    x, y = circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361).T
+    (west, east), (south, north) = plan.get_xlim(), plan.get_ylim()
+    if np.any((west < x) & (x < east) & (south < y) & (y < north)):
+        plan.plot(x, y, **FENCE, label="fence", scalex=False, scaley=False)
+
+
+def _vector(place: Array) -> Vector:
+    x, y, z = (float(part) for part in place)
+    return (x, y, z)

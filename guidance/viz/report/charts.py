@@ -1,0 +1,150 @@
+"""What happened over time: the game and its guarantee, velocities, ages and latencies, events."""
+
+from itertools import groupby
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from guidance.viz.figures import EVADER, MARK, PURSUER, figure_of, legend_beside, literal, panels, thinned
+from guidance.viz.report.drawing import mark_moments, playing_span
+from guidance.viz.report.story import Array, Story
+
+_MOST_EVENTS = 60
+_THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
+_SHADES = ("0.96", "0.86", "0.91", "0.82")
+
+
+def game(story: Story) -> Figure:
+    """Draw range, time to go and what the vehicle promises: t + time needed never rises in PE, its L never falls."""
+    figure = figure_of(11.0, 7.0)
+    distance, value, guarantee = axes = panels(figure, 3)
+    span = playing_span(story)
+    now_s, to_go_s = story.column("now_s")[span], story.column("meeting_time_s")[span]
+    distance.plot(now_s, story.column("gap_m")[span], **PURSUER, label="ground distance to the disc's rim")
+    distance.plot(now_s, story.column("height_gap_m")[span], **EVADER, label="height above the disc")
+    distance.axhline(0.0, color="0.0", linewidth=0.6)
+    distance.set_ylabel("range, m")
+    needed_s = story.column("time_needed_s")[span]
+    value.plot(now_s, to_go_s, **EVADER, label="the game's pursuer")
+    value.plot(now_s, needed_s, **PURSUER, label="this vehicle")
+    value.set_ylabel("time to go, s")
+    game_line, thin = {**EVADER, "linewidth": 0.9}, {**PURSUER, "linewidth": 0.9}
+    certificate = None if story.engaged is None else story.certificates[story.engaged]
+    if story.with_target:
+        guarantee.plot(now_s, story.column("value")[span], **game_line, label="L, evader's final\ndistance to T")
+        guarantee.plot(now_s, story.column("assured_distance_m")[span], **thin, label="the same, of\nthis vehicle")
+        guarantee.set_ylabel("guarantee L, m")
+        promised = None if certificate is None else certificate.assured_distance_m
+    else:
+        since_s = now_s - (now_s[0] if story.engaged is None else story.cycles[story.engaged].now_s)
+        guarantee.plot(now_s, story.column("value")[span] + since_s, **game_line, label="V + t, the game's\npursuer")
+        guarantee.plot(now_s, needed_s + since_s, **thin, label="time of capture,\nthis vehicle")
+        guarantee.set_ylabel("time of capture, s")
+        promised = None if certificate is None else certificate.time_needed_s
+    if promised is not None:
+        guarantee.axhline(promised, **_THIRD, label="promised at engagement")
+    _alarms(guarantee, story)
+    mark_moments(axes, story)
+    for one in axes:
+        legend_beside(one)
+    return figure
+
+
+def velocities(story: Story) -> Figure:
+    """Draw what was flown, commanded and wanted, by axis."""
+    figure = figure_of(11.0, 7.0)
+    axes = panels(figure, 3)
+    span = playing_span(story)
+    now_s = thinned(story.column("now_s")[span])
+    shown = (
+        ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
+        ("commanded_ned_m_s", {**PURSUER, "linewidth": 1.1}, "commanded"),
+        ("wanted_ned_m_s", {**EVADER, "linewidth": 1.1}, "wanted by the game"),
+    )
+    for name, style, label in shown:
+        columns = thinned(story.column(name)[span])
+        for axis, one in enumerate(axes):
+            one.plot(now_s, columns[:, axis], **style, label=label)
+    for one, direction in zip(axes, ("north", "east", "down"), strict=True):
+        one.set_ylabel(f"velocity {direction}, m/s")
+    mark_moments(axes, story)
+    legend_beside(axes[0])
+    return figure
+
+
+def ages(story: Story) -> Figure:
+    """Draw how old what was known was, how long a question and its answer took, and how the loop kept time."""
+    figure = figure_of(11.0, 6.4)
+    known, trips, loop = axes = panels(figure, 3)
+    now_s = story.column("now_s")
+    for one, name, style, label in (
+        (known, "telemetry_age_s", PURSUER, "vehicle's position"),
+        (known, "evader_age_s", EVADER, "evader's last report"),
+        (loop, "late_s", PURSUER, "began late by"),
+        (loop, "worked_s", EVADER, "worked for"),
+    ):
+        seconds, worst_s = worst_of_each_second(now_s, story.column(name))
+        one.plot(seconds, 1e3 * worst_s, **style, drawstyle="steps-post", label=label)
+    known.set_ylabel("oldest in each\nsecond, ms")
+    loop.set_ylabel("loop, longest in\neach second, ms")
+    round_trip_s = story.column("round_trip_s")
+    answered = np.isfinite(round_trip_s)
+    trips.plot(now_s[answered], 1e3 * round_trip_s[answered], "k.", ms=4, label="TIMESYNC\nthere and back")
+    trips.set_ylabel("round trip, ms")
+    for one in axes:
+        one.set_ylim(*_from_zero(one.get_ylim()))
+        legend_beside(one)
+    mark_moments(axes, story)
+    return figure
+
+
+def events(story: Story) -> Figure:
+    """Draw the states as a band and every event below it, all on one time axis."""
+    shown = story.events[:_MOST_EVENTS]
+    figure = figure_of(11.0, 1.4 + 0.27 * len(shown))
+    axes = figure.subplots()
+    now_s = story.column("now_s")
+    end_s = float(now_s[-1])
+    first = 0
+    for number, (_, run) in enumerate(groupby(story.states)):
+        last = first + len(list(run))
+        until_s = float(now_s[last]) if last < len(now_s) else end_s
+        axes.axvspan(float(now_s[first]), until_s, color=_SHADES[number % len(_SHADES)], linewidth=0.0)
+        first = last
+    middle_s = 0.5 * (float(now_s[0]) + end_s)
+    for row, event in enumerate(shown):
+        axes.plot([event.now_s], [row], "ko", ms=4)
+        right = event.now_s < middle_s
+        words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.detail})" if event.detail else "")
+        axes.annotate(
+            literal(words),
+            (event.now_s, row),
+            xytext=(7 if right else -7, 0),
+            textcoords="offset points",
+            ha="left" if right else "right",
+            va="center",
+            fontsize=8.5,
+        )
+    axes.set(xlabel="time, s", ylim=(len(shown) - 0.4, -0.6), yticks=[])
+    axes.margins(x=0.02)
+    left = len(story.events) - len(shown)
+    axes.set_title("shades: the flight's states" + (f"; {left} later events are not shown" if left else ""), fontsize=9)
+    return figure
+
+
+def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
+    """Return the seconds in which something is known, and the largest value in each: a sawtooth as a line."""
+    known = np.isfinite(values)
+    seconds, starts = np.unique(np.floor(now_s[known]), return_index=True)
+    worst = np.maximum.reduceat(values[known], starts) if len(starts) else np.zeros(0)
+    return seconds, worst
+
+
+def _alarms(axes: object, story: Story) -> None:
+    for number, (now_s, _) in enumerate(story.alarms):
+        style = {**MARK, "color": "0.0", "linestyle": "-"}
+        axes.axvline(now_s, **style, label=None if number else "alarm")  # type: ignore[attr-defined]
+
+
+def _from_zero(limits: tuple[float, float]) -> tuple[float, float]:
+    return (min(0.0, limits[0]), max(limits[1], 1.0))

@@ -1,0 +1,132 @@
+"""One HTML page that needs nothing else: the pictures are inside it, and there is no script."""
+
+import base64
+from collections.abc import Callable, Mapping
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from guidance.errors import ConfigError
+from guidance.log import SettingsOf
+from guidance.viz.report import charts
+from guidance.viz.report.story import Story, story_of
+from guidance.viz.report.summary import summary
+from guidance.viz.report.tracks import tracks
+
+
+class Picture(NamedTuple):
+    """One picture of a report: its heading, what it shows, and what draws it."""
+
+    heading: str
+    caption: str
+    draw: Callable[[Story], Figure]
+
+
+PICTURES: Final[Mapping[str, Picture]] = {
+    "tracks": Picture(
+        "Tracks",
+        "Pursuer (solid) and evader (dashed) in the game frame. The isochron is where an evader that runs straight is "
+        "caught, by heading; whatever it does, it is caught inside the one at engagement.",
+        tracks,
+    ),
+    "game": Picture(
+        "The game",
+        "Under optimal play V + t (pursuit-evasion) never rises and L (target-attacker-defender) never falls. What it "
+        "rises or falls by is lost to what the game does not know: acceleration, lag, wind, noise.",
+        charts.game,
+    ),
+    "velocities": Picture(
+        "Velocities",
+        "Flown (grey), commanded after servo and limits (solid), and wanted by the game (dashed).",
+        charts.velocities,
+    ),
+    "ages": Picture("Ages and latencies", "How old what each cycle knew was, and how the loop kept time.", charts.ages),
+    "events": Picture("Events", "Every event of the flight.", charts.events),
+}
+
+_STYLE: Final = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 system-ui, sans-serif; color: #111; background: #fff; max-width: 72rem; margin: 2rem auto;
+  padding: 0 1rem; }
+h1 { font-size: 1.5rem; margin-bottom: 0.5rem; }
+h2 { font-size: 1.15rem; margin: 2rem 0 0.5rem; }
+table { border-collapse: collapse; }
+th, td { text-align: left; padding: 0.2rem 1.2rem 0.2rem 0; border-bottom: 1px solid #ccc; vertical-align: top; }
+th { font-weight: 600; white-space: nowrap; }
+figure { margin: 0; break-inside: avoid; }
+figure img { width: 100%; height: auto; display: block; }
+figcaption { color: #444; max-width: 60rem; }
+"""
+
+
+def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path]:
+    """Write `report.html` and one PNG a picture into `folder`; return the files, the page first.
+
+    Raises:
+        ConfigError: If the record cannot be read or the folder cannot be written.
+    """
+    story = story_of(path, settings_of)
+    page = folder / "report.html"
+    written = [page]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        figures = {name: picture.draw(story) for name, picture in PICTURES.items()}
+        for name, figure in figures.items():
+            written.append(folder / f"{name}.png")
+            figure.savefig(written[-1], dpi=130)
+        page.write_text(page_of(story, {name: svg_of(figure) for name, figure in figures.items()}), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: cannot be written ({error.strerror})") from error
+    return written
+
+
+def svg_of(figure: Figure) -> bytes:
+    """Draw a figure as SVG, the same bytes for the same figure."""
+    stream = BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "report"}):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return stream.getvalue()
+
+
+def page_of(story: Story, pictures: Mapping[str, bytes]) -> str:
+    """Lay out the page around pictures in SVG."""
+    title = escape(story.title)
+    rows = "\n".join(
+        f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in summary(story)
+    )
+    sections = "\n".join(_section(name, image) for name, image in pictures.items())
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<title>{title}</title>
+<link rel="icon" href="data:,">
+<style>{_STYLE}</style>
+</head>
+<body>
+<h1>{title}</h1>
+<table>
+<tbody>
+{rows}
+</tbody>
+</table>
+{sections}
+</body>
+</html>
+"""
+
+
+def _section(name: str, image: bytes) -> str:
+    picture = PICTURES[name]
+    data = base64.b64encode(image).decode("ascii")
+    return (
+        f'<h2 id="{name}">{escape(picture.heading)}</h2>\n'
+        f'<figure><img alt="{escape(picture.heading)}: {escape(picture.caption)}" '
+        f'src="data:image/svg+xml;base64,{data}">\n<figcaption>{escape(picture.caption)}</figcaption></figure>'
+    )

@@ -1,0 +1,7 @@
+"""A flight to look at, live or from its record, in a process of its own. Needs the extra `viz`."""
+
+from guidance.viz.view.beside import ViewerBeside
+from guidance.viz.view.command import view
+from guidance.viz.view.places import Destination, FlightSource, RecordFile
+
+__all__ = ["Destination", "FlightSource", "RecordFile", "ViewerBeside", "view"]

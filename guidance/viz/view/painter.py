@@ -1,0 +1,206 @@
+"""Lays a flight out for Rerun, item by item as they come from a file, a file that grows, or a daemon."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from guidance.cycle import Certificate
+from guidance.game import Winner
+from guidance.log import Aggregator, Cycle, CycleRow, Item, SettingsOf
+from guidance.log.reader import CONFIG
+from guidance.log.rows import event_of, row_of
+from guidance.log.writer import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.viz.shapes import circle, fence_edges, isochron_at
+from guidance.viz.view import names
+from guidance.viz.view.plots import PLOTS
+
+TIMELINE: Final = "flight"
+DRAWN_EVERY_S: Final = 0.2
+"""How often the circle, the isochron and the meeting point are drawn anew."""
+
+MOST_AT_ONCE: Final = 250
+"""Cycles that are kept back at most, to be handed over together: one by one they would take the viewer's time."""
+
+_POINTS: Final = 73
+_GRAVE: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
+
+Array = NDArray[np.float64]
+
+
+class Painter:
+    """Draws one flight after the other into one recording of Rerun.
+
+    Args:
+        recording: Where to; its sinks are the caller's.
+        settings_of: Makes the flight's settings of its metadata.
+        metadata: The flight's.
+        source: Named where an item cannot be read.
+    """
+
+    def __init__(
+        self, recording: rr.RecordingStream, settings_of: SettingsOf, metadata: Mapping[str, str], source: str
+    ) -> None:
+        self._to = recording
+        self._settings_of = settings_of
+        self._settings = settings_of(metadata)
+        self._source = Path(source)
+        self._aggregator = Aggregator(self._settings)
+        self._cycles: list[tuple[Cycle, Certificate | None]] = []
+        self._tails: dict[str, Array] = {}
+        self._drawn_s = -math.inf
+        self._engaged_s: float | None = None
+        self._fenced = False
+        self._state = ""
+        self.cycles = 0
+        self._still()
+
+    def take(self, item: Item) -> None:
+        """Take one item; others than cycles and events are passed over.
+
+        Raises:
+            ConfigError: If it is one of another version.
+        """
+        if item.topic == EVENT_TOPIC:
+            event = event_of(item, self._source)
+            if event.event == RELOADED:
+                self._settings = self._settings_of({CONFIG: event.detail})
+                self._begin(event.now_s)
+            elif event.event == BEGUN:
+                self._begin(event.now_s)
+            detail = "" if event.event == RELOADED else event.detail
+            self._say(event.now_s, f"{event.event}  {detail}".rstrip())
+        elif item.topic == CYCLE_TOPIC:
+            self._cycle(row_of(item, self._source))
+            if len(self._cycles) >= MOST_AT_ONCE:
+                self.flush()
+
+    def flush(self) -> None:
+        """Hand over what was kept back."""
+        told, self._cycles = self._cycles, []
+        if not told:
+            return
+        cycles = [cycle for cycle, _ in told]
+        now_s = np.array([cycle.now_s for cycle in cycles])
+        for name in (names.PURSUER, names.EVADER):
+            self._track(name, now_s, np.array([getattr(cycle, names.COLUMN[name]) for cycle in cycles]))
+        for plot in PLOTS:
+            for name, curve in plot.curves.items():
+                self._plot(f"{plot.path}/{name}", now_s, np.array([curve.of(cycle) for cycle in cycles]))
+        certificates = [certificate for _, certificate in told]
+        self._plot(f"{names.GUARANTEE}/value", now_s, np.array(list(map(self._guaranteed, cycles, certificates))))
+
+    def _begin(self, now_s: float) -> None:
+        """A flight begins: what was known in one before it is known no more."""
+        self.flush()
+        self._aggregator = Aggregator(self._settings)
+        self._tails.clear()
+        self._engaged_s = None
+        self._fenced = False
+        for name in (names.DISC, names.ISOCHRON, names.MEETING):
+            self._log(now_s, name, rr.Clear(recursive=False))
+
+    def _cycle(self, row: CycleRow) -> None:
+        cycle, certificate = self._aggregator.cycle(row), row.certificate
+        self.cycles += 1
+        self._cycles.append((cycle, certificate))
+        if certificate is not None and self._engaged_s is None:
+            self._engaged_s = row.now_s
+        if not self._fenced and self._aggregator.home_m is not None:
+            self._fence()
+        if row.state != self._state:
+            self._state = row.state
+            self._log(row.now_s, names.STATE, rr.TextDocument(row.state))
+        if certificate is not None and row.now_s - self._drawn_s >= DRAWN_EVERY_S:
+            self._drawn_s = row.now_s
+            self._game(row.now_s, certificate)
+
+    def _guaranteed(self, cycle: Cycle, certificate: Certificate | None) -> float:
+        """V + t of PE since engagement, s, or L of TAD, m: what a perfect pursuer never loses of."""
+        if certificate is None or certificate.winner != Winner.PURSUER:
+            return math.nan
+        if self._settings.cycle.target_game_m is not None:
+            return certificate.value
+        return certificate.value + cycle.now_s - (self._engaged_s or 0.0)
+
+    def _still(self) -> None:
+        """What holds for all times: axes, colours, names, the target."""
+        self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for name in (names.PURSUER, names.EVADER):
+            points = rr.Points3D.from_fields(colors=[names.COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
+            self._to.log(name, points, static=True)
+        for plot in PLOTS:
+            for name, curve in plot.curves.items():
+                style = rr.SeriesLines(names=[curve.label], colors=[curve.colour])
+                self._to.log(f"{plot.path}/{name}", style, static=True)
+        with_target = self._settings.cycle.target_game_m is not None
+        label = "L, m from T" if with_target else "V + t since engagement, s"
+        style = rr.SeriesLines(names=[label], colors=[names.COLOURS[names.PURSUER]])
+        self._to.log(f"{names.GUARANTEE}/value", style, static=True)
+        if self._settings.cycle.target_game_m is not None:
+            at = rr.Points3D([self._settings.cycle.target_game_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
+            self._to.log(names.TARGET, at, static=True)
+
+    def _fence(self) -> None:
+        home = self._aggregator.home_m
+        if home is None:
+            return
+        self._fenced = True
+        edges = [lifted(edge, home[2]) for edge in fence_edges(self._aggregator.envelope, home)]
+        if edges:
+            strips = rr.LineStrips3D(edges, colors=[names.COLOURS[names.FENCE]], radii=rr.Radius.ui_points(1.5))
+            self._to.log(names.FENCE, strips, static=True)
+
+    def _game(self, now_s: float, certificate: Certificate) -> None:
+        cycle = self._settings.cycle
+        evader = certificate.evader_game_m
+        rim = lifted(circle(evader, cycle.standoff.radius_m, _POINTS), evader[2] + cycle.standoff.height_m)
+        self._line(now_s, names.DISC, rim)
+        if certificate.no_game:
+            return
+        self._line(now_s, names.ISOCHRON, lifted(isochron_at(cycle, certificate, _POINTS), 0.0))
+        name = "q*" if cycle.target_game_m is None else "g*"
+        star = rr.Points3D(
+            [certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[names.COLOURS[names.MEETING]]
+        )
+        self._log(now_s, names.MEETING, star)
+
+    def _line(self, now_s: float, name: str, curve: Array) -> None:
+        self._log(now_s, name, rr.LineStrips3D([curve], colors=[names.COLOURS[name]], radii=rr.Radius.ui_points(1.5)))
+
+    def _say(self, now_s: float, text: str) -> None:
+        grave = any(word in text for word in _GRAVE)
+        self._log(now_s, names.EVENTS, rr.TextLog(text, level="WARN" if grave else "INFO"))
+
+    def _track(self, name: str, now_s: Array, positions: Array) -> None:
+        """The place at every cycle, and the line to here from where the last one ended."""
+        known = np.isfinite(positions).all(axis=-1)
+        if not known.any():
+            return
+        run = positions[known]
+        self._columns(name, now_s[known], rr.Points3D.columns(positions=run))
+        line = np.concatenate([self._tails.get(name, run[:1]), run])
+        self._tails[name] = run[-1:]
+        strip = rr.LineStrips3D([line], colors=[names.COLOURS[name]], radii=rr.Radius.ui_points(1.0))
+        self._log(float(now_s[known][-1]), f"{name}/track", strip)
+
+    def _plot(self, name: str, now_s: Array, values: Array) -> None:
+        known = np.isfinite(values)
+        if known.any():
+            self._columns(name, now_s[known], rr.Scalars.columns(scalars=values[known]))
+
+    def _columns(self, name: str, now_s: Array, columns: Any) -> None:  # noqa: ANN401 - of any of Rerun's types
+        self._to.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=now_s)], columns=columns)
+
+    def _log(self, now_s: float, name: str, what: rr.AsComponents) -> None:
+        self._to.set_time(TIMELINE, duration=now_s)
+        self._to.log(name, what)
+
+
+def lifted(curve: Array, height_m: float) -> Array:
+    """A curve (n, 2) at a height: (n, 3)."""
+    return np.column_stack([curve, np.full(len(curve), height_m)])

@@ -1,0 +1,276 @@
+"""Every export is read back with a tool of its own ecosystem, and compared with the record itself."""
+
+import itertools
+import json
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import geojson
+import numpy as np
+import pandas
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import all as dialect
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.control import Polygon
+from guidance.errors import ConfigError
+from guidance.flight import State
+from guidance.frames import Amsl, LocalFrame
+from guidance.log import Aggregator, metadata_of, reports_of, rows_of, scan, survey_of
+from guidance.log.columns import SCHEMA
+from guidance.log.export import EXPORTS, export
+from guidance.log.maps import write_geojson
+from guidance.log.places import Feature, features_of
+from guidance.log.tlog import started_unix_s, write_tlog
+from guidance.log.writer import EVADER_TOPIC, Recorder
+from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
+from guidance.session.recorded import recorded_settings
+from guidance.viz.shapes import fence_edges
+
+
+@pytest.fixture(scope="module")
+def exported(flight, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("exports")
+    for suffix in EXPORTS:
+        export(flight[1], folder / f"flight{suffix}", recorded_settings)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rows(flight):
+    return list(rows_of(flight[1]))
+
+
+@pytest.fixture(scope="module")
+def frames(flight):
+    """Frames of the record from a number on; a function, since hypothesis would print a list."""
+    all_of_them = [frame for _, frame in frames_of(flight[1])]
+    return lambda begin, count: all_of_them[begin : begin + count]
+
+
+def frames_of(path):
+    return [(item.now_s, item.data) for item in scan(path) if item.encoding == "mavlink"]
+
+
+def test_the_mcap_library_reads_the_record_itself(flight):
+    with flight[1].open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        count = sum(1 for _ in reader.iter_messages())
+        schemas = reader.get_summary().schemas.values()
+    assert count == sum(survey_of(flight[1]).messages.values())
+    assert {schema.encoding for schema in schemas} == {"jsonschema"}
+    assert all(json.loads(schema.data)["type"] == "object" for schema in schemas)
+
+
+def test_pymavlink_reads_the_tlog_frame_by_frame_in_order_of_time(flight, exported):
+    link = mavutil.mavlink_connection(str(exported / "flight.tlog"))
+    read = []
+    while (message := link.recv_msg()) is not None:
+        read.append((message._timestamp, bytes(message.get_msgbuf())))
+    link.close()
+    recorded = sorted(frames_of(flight[1]), key=lambda frame: frame[0])
+    assert [frame for _, frame in read] == [frame for _, frame in recorded]
+    assert [stamp for stamp, _ in read] == pytest.approx([now_s for now_s, _ in recorded], abs=1e-6)
+
+
+def test_mavlogdump_prints_the_setpoints_that_were_sent(flight, exported):
+    script = Path(sys.executable).with_name("mavlogdump.py")
+    command = [sys.executable, "-W", "ignore", str(script), "--types", "SET_POSITION_TARGET_LOCAL_NED"]
+    done = subprocess.run(
+        [*command, "--format", "json", str(exported / "flight.tlog")], capture_output=True, text=True, check=True
+    )
+    said = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    to_pursuer = [one for one in said if one["data"]["target_system"] == 1]
+    assert len(to_pursuer) == flight[0].setpoints_sent
+
+
+def test_pandas_reads_the_parquet_bit_for_bit(exported, rows):
+    frame = pandas.read_parquet(exported / "flight.parquet")
+    assert list(frame.columns) == SCHEMA.names
+    assert frame["now_s"].tolist() == [row.now_s for row in rows]
+    assert frame["state"].tolist() == [row.state for row in rows]
+    for name, value in (
+        ("setpoint_velocity_east_m_s", lambda row: row.setpoint and row.setpoint.velocity_ned_m_s[1]),
+        ("game_value", lambda row: row.certificate and row.certificate.value),
+        ("game_pursuer_up_m", lambda row: row.certificate and row.certificate.pursuer_game_m[2]),
+    ):
+        expected = np.array([value(row) for row in rows], dtype=float)
+        np.testing.assert_array_equal(frame[name].to_numpy(dtype=float), expected)
+
+
+def test_a_column_keeps_what_was_heard_last(exported, rows):
+    frame = pandas.read_parquet(exported / "flight.parquet")
+    north_m = math.nan
+    expected = []
+    for row in rows:
+        for message in row.inputs.messages:
+            north_m = message.position_ned_m[0] if isinstance(message, LocalPosition) else north_m
+        expected.append(north_m)
+    np.testing.assert_array_equal(frame["vehicle_position_north_m"].to_numpy(dtype=float), expected)
+
+
+def test_the_evader_is_exported_as_it_was_received_with_both_clocks_and_the_datum(exported, flight):
+    frame = pandas.read_parquet(exported / "flight.parquet").dropna(subset=["evader_received_s"])
+    reports = {report.received_s: report for report in reports_of(flight[1])}
+    assert len(frame) > 100
+    for row in frame.itertuples():
+        report = reports[row.evader_received_s]
+        assert (row.evader_sent_s, row.evader_source) == (report.sent_s, report.source)
+        assert (row.evader_said_altitude_m, row.evader_said_datum) == report.said
+
+
+def test_pandas_reads_the_same_from_csv(exported):
+    from_csv = pandas.read_csv(exported / "flight.csv")
+    from_parquet = pandas.read_parquet(exported / "flight.parquet")
+    assert list(from_csv.columns) == list(from_parquet.columns)
+    for name in from_csv.select_dtypes("number").columns:
+        cells, kept = (table[name].to_numpy(dtype=float, na_value=math.nan) for table in (from_csv, from_parquet))
+        np.testing.assert_allclose(cells, kept, rtol=1e-15, atol=0.0)  # pandas rounds what it reads; the file does not
+
+
+def test_a_geojson_reader_finds_valid_shapes_where_the_flight_was(exported, rows):
+    collection = geojson.loads((exported / "flight.geojson").read_text())
+    assert collection.is_valid, collection.errors()
+    by_name = {feature.properties["name"]: feature for feature in collection.features}
+    track = by_name["pursuer"]
+    said = [
+        (one.longitude_deg, one.latitude_deg, one.altitude_amsl_m)
+        for row in rows
+        for one in row.inputs.messages
+        if isinstance(one, GlobalPosition)
+    ]
+    np.testing.assert_allclose(np.array(track.geometry.coordinates), np.array(said), atol=1e-3, rtol=0)
+    assert len(track.properties["times_s"]) == len(said)
+    assert {State.CLIMBING, State.ENGAGED, State.ON_STATION, State.LANDED} <= by_name.keys()
+    assert by_name["evader (GLOBAL_POSITION_INT)"].geometry.type == "LineString"
+    fence = by_name["fence"].geometry.coordinates[0]
+    assert fence[0] == fence[-1]
+    area = sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence))
+    assert area > 0.0  # anticlockwise, as RFC 7946 wants it
+    north = max(corner[1] for corner in fence) - min(corner[1] for corner in fence)
+    assert math.radians(north) * 6371000.0 == pytest.approx(2.0 * 300.0, rel=0.01)
+
+
+def test_the_kml_is_well_formed_and_holds_the_same_places(exported):
+    root = ElementTree.parse(exported / "flight.kml").getroot()
+    space = {"k": "http://www.opengis.net/kml/2.2"}
+    marks = root.findall(".//k:Placemark", space)
+    features = json.loads((exported / "flight.geojson").read_text())["features"]
+    assert [mark.findtext("k:name", namespaces=space) for mark in marks] == [
+        feature["properties"]["name"] for feature in features
+    ]
+    for mark, feature in zip(marks, features, strict=True):
+        said = [
+            [float(part) for part in place.split(",")]
+            for place in mark.findtext(".//k:coordinates", namespaces=space).split()
+        ]
+        kind, coordinates = feature["geometry"]["type"], feature["geometry"]["coordinates"]
+        assert said == {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
+
+
+def test_without_settings_there_is_a_map_without_a_fence(flight):
+    names = {feature.name for feature in features_of(flight[1], None)}
+    assert "fence" not in names
+    assert "pursuer" in names
+
+
+def test_an_unknown_altitude_is_left_out_of_a_place(tmp_path):
+    feature = Feature("evader", "place", ((8.0, 47.0, math.nan),), {})
+    write_geojson([feature], "t", tmp_path / "t.geojson")
+    assert json.loads((tmp_path / "t.geojson").read_text())["features"][0]["geometry"]["coordinates"] == [8.0, 47.0]
+
+
+@given(cuts=st.lists(st.integers(1, 60), min_size=1, max_size=20), begin=st.integers(0, 1000))
+def test_a_byte_stream_is_written_as_whole_frames_however_it_was_cut(frames, tmp_path_factory, cuts, begin):
+    # A message that pymavlink does not know (EVENT) cannot be checked, nor told from garbage in a stream.
+    sent = [one for one in frames(begin, 12) if int.from_bytes(one[7:10], "little") in dialect.mavlink_map]
+    stream = b"".join(sent)
+    path = tmp_path_factory.mktemp("stream") / "stream.mcap"
+    recorder = Recorder(path, {})
+    position = 0
+    while position < len(stream):
+        length = cuts[position % len(cuts)]
+        recorder.frame(1.0, "uav/mavlink_raw/out", stream[position : position + length])
+        position += length
+    recorder.close()
+    out = path.with_suffix(".tlog")
+    assert write_tlog(path, out) == len(sent)
+    data = out.read_bytes()
+    stamp = (1_000_000).to_bytes(8, "big")
+    assert data == b"".join(stamp + frame for frame in sent)
+
+
+def test_a_start_in_utc_is_where_the_log_begins(flight, tmp_path):
+    path = tmp_path / "dated.mcap"
+    recorder = Recorder(path, {"started_utc": "2026-03-01T12:00:00+00:00"})
+    recorder.frame(2.5, "uav/mavlink_raw/out", frames_of(flight[1])[0][1])
+    recorder.close()
+    write_tlog(path, tmp_path / "dated.tlog")
+    assert int.from_bytes((tmp_path / "dated.tlog").read_bytes()[:8], "big") == 1_772_366_402_500_000
+    survey = survey_of(path)
+    survey.metadata["started_utc"] = "yesterday"
+    assert started_unix_s(survey) == 0.0
+
+
+def test_an_unknown_ending_and_an_unwritable_place_are_refused(flight, tmp_path):
+    with pytest.raises(ConfigError, match=r"flight\.bin: must end in \.tlog, \.csv"):
+        export(flight[1], tmp_path / "flight.bin", recorded_settings)
+    (tmp_path / "file").write_text("")
+    for suffix in EXPORTS:
+        with pytest.raises(ConfigError, match="cannot be written"):
+            export(flight[1], tmp_path / "file" / f"flight{suffix}", recorded_settings)
+
+
+def test_the_log_commands_show_what_a_record_holds(flight, tmp_path):
+    runner = CliRunner()
+    info = runner.invoke(app, ["log", "info", str(flight[1])])
+    assert info.exit_code == 0, info.output
+    assert "pursuer/mavlink_raw/in" in info.output
+    assert "whole" in info.output
+    count = survey_of(flight[1]).messages[EVADER_TOPIC]
+    words = "reports of the evader by GLOBAL_POSITION_INT, altitudes amsl, with the sender's clock"
+    assert f"{count} {words}" in info.output
+    events = runner.invoke(app, ["log", "events", str(flight[1])])
+    assert [line.split("  ")[-1].strip() for line in events.output.splitlines()][-1] == "landing -> landed"
+    done = runner.invoke(app, ["log", "export", str(flight[1]), str(tmp_path / "a" / "b.csv")])
+    assert f"{flight[0].cycles} cycles" in done.output
+    assert metadata_of(flight[1])["seed"] == "0"
+
+
+SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
+
+
+@pytest.mark.parametrize("given", ["metres", "degrees", "the other way round"])
+def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
+    settings = recorded_settings(metadata_of(flight[1]))
+    heard = [one for row in rows_of(flight[1]) for one in row.inputs.messages if isinstance(one, Home | Heartbeat)]
+    armed = next(place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed)
+    home = next(one for one in reversed(heard[:armed]) if isinstance(one, Home))
+    frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.autopilot.projection)
+    corners_deg = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in SQUARE_NE_M)
+    if given == "metres":
+        cycle = replace(settings.cycle, envelope=replace(settings.cycle.envelope, fence_polygon=Polygon(SQUARE_NE_M)))
+        settings = replace(settings, cycle=cycle)
+    else:
+        corners = corners_deg if given == "degrees" else corners_deg[::-1]
+        settings = replace(settings, fence_corners_deg=corners)
+    (fence,) = [one for one in features_of(flight[1], settings) if one.name == "fence, polygon"]
+    drawn = {(round(latitude, 9), round(longitude, 9)) for longitude, latitude, _ in fence.places}
+    assert drawn == {(round(latitude, 9), round(longitude, 9)) for latitude, longitude in corners_deg}
+    assert fence.places[0] == fence.places[-1]
+    assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence.places)) > 0.0  # anticlockwise
+    aggregator = Aggregator(settings)
+    for row in itertools.islice(rows_of(flight[1]), 400):
+        aggregator.cycle(row)
+    (edge,) = fence_edges(replace(aggregator.envelope, fence_radius_m=None), (0.0, 0.0, 0.0))
+    drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north in edge}
+    assert drawn_ne_m == set(SQUARE_NE_M)

@@ -1,0 +1,125 @@
+import json
+import struct
+
+import pytest
+from mcap.opcode import Opcode
+from mcap.writer import Writer
+
+from guidance.errors import ConfigError
+from guidance.log import Survey, events_of, metadata_of, rows_of, scan, survey_of
+from guidance.log.writer import CYCLE_TOPIC, Recorder
+
+
+def written(path, cycles=60):
+    recorder = Recorder(path, {"seed": "3"})
+    for number in range(cycles):
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
+    recorder.close()
+    return path
+
+
+def chunks_in(data):
+    """Where each chunk begins and ends, read from the format's own description: opcode, length, content."""
+    position, found = 8, []
+    while position < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, position)
+        if opcode == Opcode.CHUNK:
+            found.append((position, position + 9 + length))
+        position += 9 + length
+    return found
+
+
+def test_what_was_flown_is_surveyed_in_full(flight):
+    result, path = flight
+    survey = survey_of(path)
+    assert survey.torn is None
+    assert survey.missing == 0
+    assert survey.messages[CYCLE_TOPIC] == result.cycles
+    assert survey.metadata["guidance"] == "0.1.0"
+    assert survey.duration_s == pytest.approx(result.duration_s, abs=0.05)
+    assert [event.event for event in events_of(path)].count("stand-off reached") == 1
+    assert sum(survey.data_bytes.values()) == sum(len(item.data) for item in scan(path))
+
+
+def test_a_record_cut_at_any_byte_of_its_last_chunk_is_read_up_to_the_chunk_before(tmp_path):
+    whole = written(tmp_path / "whole.mcap").read_bytes()
+    chunks = chunks_in(whole)
+    assert len(chunks) >= 3
+    begin, end = chunks[-1]
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[:begin])
+    before = [json.loads(item.data)["number"] for item in scan(cut)]
+    assert before == list(range(len(before)))
+    assert 0 < len(before) < 60
+    assert 0.02 * (59 - before[-1]) <= 0.2  # what a torn last chunk loses
+    for length in range(begin, end + 1):
+        cut.write_bytes(whole[:length])
+        survey = Survey()
+        read = [json.loads(item.data)["number"] for item in scan(cut, survey)]
+        assert read == (before if length < end else list(range(60)))
+        assert survey.torn is not None
+        assert survey.metadata == {"seed": "3"}
+
+
+def test_a_record_cut_anywhere_at_all_is_no_traceback(tmp_path):
+    recorder = Recorder(tmp_path / "whole.mcap", {"seed": "3"})
+    for number in range(3):
+        recorder.event(0.02 * number, "happened")  # a short schema: every byte of the file is cut at
+    recorder.close()
+    whole = (tmp_path / "whole.mcap").read_bytes()
+    cut = tmp_path / "cut.mcap"
+    most = 0
+    for length in range(len(whole)):
+        cut.write_bytes(whole[:length])
+        survey = Survey()
+        count = sum(1 for _ in scan(cut, survey))
+        assert count >= most
+        assert survey.torn is not None
+        most = count
+    assert most == 3
+
+
+def test_a_flipped_bit_is_noticed_and_never_taken_for_data(tmp_path):
+    whole = bytearray(written(tmp_path / "whole.mcap").read_bytes())
+    begin, end = chunks_in(whole)[1]
+    path = tmp_path / "flipped.mcap"
+    for position in range(begin, end, 7):
+        flipped = bytearray(whole)
+        flipped[position] ^= 0x10
+        path.write_bytes(flipped)
+        survey = Survey()
+        read = [json.loads(item.data) for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
+        # A chunk whose opcode was hit is a record of an unknown kind, which the format says to pass over.
+        assert [row["number"] for row in read] == sorted({row["number"] for row in read})
+        assert all(row["text"] == "x" * 400 for row in read)
+        assert survey.torn is not None or survey.missing == 60 - len(read)
+
+
+@pytest.mark.parametrize("content", [b"no record, but long enough to look at", b"\x89PNG\r\n\x1a\n" + bytes(100)])
+def test_a_file_that_is_no_record_is_refused_by_name(tmp_path, content):
+    path = tmp_path / "other"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match="other: is no MCAP file"):
+        survey_of(path)
+
+
+def test_a_missing_file_and_an_empty_one_are_said_to_be_so(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.mcap: cannot be read"):
+        survey_of(tmp_path / "none.mcap")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    assert survey_of(tmp_path / "empty.mcap").torn is not None
+    with pytest.raises(ConfigError, match="nothing in it can be read"):
+        metadata_of(tmp_path / "empty.mcap")
+
+
+@pytest.mark.parametrize("data", [b"{", b"[1]", b'{"now_s": 1.0}', b"\xff"])
+def test_a_foreign_cycle_is_refused_with_its_time(tmp_path, data):
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel(CYCLE_TOPIC, "json", 0)
+        writer.add_message(channel, 1_500_000_000, data, 1_500_000_000)
+        writer.finish()
+    with pytest.raises(ConfigError, match=r"1\.500 s"):
+        list(rows_of(path))

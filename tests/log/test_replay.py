@@ -1,0 +1,181 @@
+import csv
+import json
+import math
+from functools import partial
+
+import pytest
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.errors import ConfigError
+from guidance.log import compare, metadata_of, replay, scan, title_of
+from guidance.log.replay import angle_between_rad
+from guidance.log.writer import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, Recorder
+from guidance.session.recorded import changes_of, recorded_settings
+
+
+def rewritten(path, out, change=lambda number, row: row, repeat=1):
+    """Copy the cycles of a record, each changed as told; a repeated flight begins with the daemon's event."""
+    recorder = Recorder(out, metadata_of(path))
+    rows = [json.loads(item.data) for item in scan(path) if item.topic == CYCLE_TOPIC]
+    for _ in range(repeat):
+        recorder.event(0.0, BEGUN)
+        for number, row in enumerate(rows):
+            recorder.cycle(row["now_s"], change(number, row))
+    recorder.close()
+    return out
+
+
+def test_a_flight_is_replayed_bit_for_bit(flight):
+    result, path = flight
+    comparison, survey = compare(path, recorded_settings)
+    assert (comparison.cycles, comparison.setpoints) == (result.cycles, result.setpoints_sent)
+    assert comparison.differing == 0
+    assert comparison.first is None
+    assert comparison.commanded.cycles == result.setpoints_sent
+    assert comparison.commanded.speed_most_m_s == 0.0
+    assert survey.torn is None
+
+
+def test_the_replay_says_the_same_of_the_game_too(flight):
+    for step in replay(flight[1], recorded_settings):
+        recorded = step.row.certificate
+        if recorded is not None:
+            # Null stands for infinity too: a record says that no number was there, not which.
+            assert recorded.pursuer_game_m == step.outputs.certificate.pursuer_game_m
+            assert recorded.value == step.outputs.certificate.value
+        assert step.row.alarm == step.outputs.alarm
+
+
+def test_a_nanometre_in_one_input_is_found(flight, tmp_path):
+    flown = [step.row for step in replay(flight[1], recorded_settings)]
+    chosen = next(number for number, row in enumerate(flown) if row.state == "engaged") + 100
+
+    def nudge(number, row):
+        if number == chosen:
+            local = next(one for one in row["inputs"]["messages"] if one["kind"] == "LocalPosition")
+            local["position_ned_m"][0] += 1e-9
+        return row
+
+    comparison, _ = compare(rewritten(flight[1], tmp_path / "nudged.mcap", nudge), recorded_settings)
+    assert comparison.differing > 0
+    assert comparison.first.row.now_s == flown[chosen].now_s
+    assert comparison.first.differing == ("setpoint",)
+
+
+def test_minus_zero_is_not_zero(flight, tmp_path):
+    negated = []
+
+    def negate(number, row):
+        for params in (request["params"] for request in row.get("requests", ()) if 0.0 in request["params"]):
+            params[params.index(0.0)] = -0.0
+            negated.append(number)
+        return row
+
+    comparison, _ = compare(rewritten(flight[1], tmp_path / "zero.mcap", negate), recorded_settings)
+    assert negated
+    assert comparison.differing == len(set(negated))
+    assert comparison.first.differing == ("requests",)
+
+
+def test_another_policy_wants_another_way_while_the_motion_stays_as_recorded(flight):
+    pursuit = partial(recorded_settings, changes={"policy": "pure_pursuit"})
+    assert pursuit(metadata_of(flight[1])).cycle.strategy.name == "pure_pursuit"
+    comparison, _ = compare(flight[1], pursuit, what_if=True)
+    assert comparison.differing > 100
+    assert comparison.wanted.speed_most_m_s > 0.1
+    for step in replay(flight[1], pursuit, what_if=True):
+        assert str(step.outputs.state) == step.row.state
+        certificate = step.outputs.certificate
+        if step.row.state == "engaged" and certificate is not None:
+            assert certificate.pursuer_game_m == step.row.certificate.pursuer_game_m
+
+
+def test_the_same_policy_as_a_what_if_commands_the_same(flight):
+    same = partial(recorded_settings, changes={"policy": "optimal"})
+    comparison, _ = compare(flight[1], same, what_if=True)
+    assert comparison.commanded.speed_most_m_s == 0.0
+    assert comparison.wanted.angle_most_rad == 0.0
+
+
+def test_a_daemons_second_flight_is_replayed_without_the_memory_of_the_first(flight, tmp_path):
+    path = rewritten(flight[1], tmp_path / "twice.mcap", repeat=2)
+    comparison, _ = compare(path, recorded_settings)
+    assert comparison.cycles == 2 * flight[0].cycles
+    assert comparison.differing == 0
+
+
+def test_angles_are_right_and_a_vector_without_direction_has_none():
+    assert angle_between_rad((1.0, 0.0, 0.0), (0.0, 0.0, -2.0)) == pytest.approx(math.pi / 2.0)
+    assert angle_between_rad((1.0, 1.0, 0.0), (-1.0, -1.0, 0.0)) == pytest.approx(math.pi)
+    assert angle_between_rad((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)) == 0.0
+
+
+def test_changes_are_read_as_toml_and_wrong_ones_are_refused():
+    assert changes_of(["policy=hold", "pursuer.speed_m_s = 4.0"]) == {"policy": "hold", "pursuer.speed_m_s": 4.0}
+    assert changes_of(["target.position_m=[1, 2]"]) == {"target.position_m": [1, 2]}
+    with pytest.raises(ConfigError, match=r"--with policy: must be KEY=VALUE"):
+        changes_of(["policy"])
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"policy": "swerve"}, "allowed are optimal"),
+        ({"pursuer.speed": 4.0}, "pursuer.speed: unknown key; did you mean"),
+        ({"pursuer.speed_m_s": 400.0}, "pursuer.speed_m_s = 400"),
+        ({"title.text": 1}, "title is no section"),
+    ],
+)
+def test_settings_that_do_not_exist_are_refused(flight, change, what):
+    with pytest.raises(ConfigError, match=what):
+        recorded_settings(metadata_of(flight[1]), change)
+
+
+def test_a_record_without_settings_cannot_be_replayed():
+    with pytest.raises(ConfigError, match="no scenario and no config, only seed"):
+        recorded_settings({"seed": "1"})
+    assert title_of({"seed": "1"}) == "flight"
+
+
+def test_the_command_says_that_everything_came_back(flight):
+    run = CliRunner().invoke(app, ["replay", str(flight[1])])
+    assert run.exit_code == 0, run.output
+    assert "bit for bit" in run.output
+
+
+def test_the_command_shows_the_first_difference_with_its_inputs_and_exits_with_1(flight, tmp_path):
+    def shift(number, row):
+        if "setpoint" in row:
+            row["setpoint"]["velocity_ned_m_s"][1] += 0.25
+        return row
+
+    run = CliRunner().invoke(app, ["replay", str(rewritten(flight[1], tmp_path / "shifted.mcap", shift))])
+    assert run.exit_code == 1
+    assert f"{flight[0].setpoints_sent} cycles differ" in run.output
+    assert "recorded" in run.output
+    assert '"kind": "LocalPosition"' in run.output
+
+
+def test_the_command_writes_both_velocities(flight, tmp_path):
+    out = tmp_path / "deep" / "both.csv"
+    run = CliRunner().invoke(app, ["replay", str(flight[1]), "--with", "policy=pure_pursuit", "--out", str(out)])
+    assert run.exit_code == 0, run.output
+    assert "wanted by the policy over" in run.output
+    with out.open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == flight[0].cycles
+    played = [row for row in rows if row["recorded_wanted_east_m_s"]]
+    assert any(row["recorded_wanted_east_m_s"] != row["replayed_wanted_east_m_s"] for row in played)
+    speeds = [math.hypot(*(float(row[f"replayed_wanted_{axis}_m_s"]) for axis in ("north", "east", "down")))
+              for row in played]  # fmt: skip
+    assert max(speeds) <= 1.1 * 3.0 + 1e-9  # the limits of this scenario
+
+
+def test_a_torn_record_is_replayed_up_to_where_it_is_torn(flight, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(flight[1].read_bytes()[:400_000])
+    run = CliRunner().invoke(app, ["replay", str(torn)])
+    assert run.exit_code == 0, run.output
+    assert "the record is torn" in run.output
+    assert EVENT_TOPIC in {item.topic for item in scan(torn)}

@@ -1,0 +1,120 @@
+"""A long flight in several files: each readable by itself, all of them as one, nothing growing without end."""
+
+import gc
+import json
+import shutil
+
+import pytest
+
+from guidance.clock import VirtualClock
+from guidance.errors import ConfigError
+from guidance.log import Survey, compare, metadata_of, rows_of, scan
+from guidance.log.replay import Comparison
+from guidance.log.writer import CYCLE_TOPIC, Recorder, part_path
+from guidance.session.fly import fly
+from guidance.session.recorded import recorded_settings
+from guidance.session.vehicle_file import RecordSection
+from guidance.sim.fast import FastWorld
+
+
+def write(path, seconds, **rotation):
+    recorder = Recorder(path, {"seed": "3"}, **rotation)
+    for number in range(round(seconds * 50)):
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "inputs": {}, "number": number})
+    recorder.close()
+    assert recorder.failed is None
+    return recorder
+
+
+def numbers(path, survey=None):
+    return [json.loads(item.data)["number"] for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
+
+
+def test_the_first_file_stands_for_all_and_each_other_for_itself(tmp_path):
+    path = tmp_path / "flight.mcap"
+    write(path, 25.0, rotate_s=10.0)
+    names = ["flight.002.mcap", "flight.003.mcap", "flight.mcap"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == names
+    survey = Survey()
+    assert numbers(path, survey) == list(range(1250))
+    assert (survey.torn, survey.missing, survey.metadata) == (None, 0, {"seed": "3"})
+    assert numbers(tmp_path / "flight.002.mcap") == list(range(500, 1000))
+    assert metadata_of(tmp_path / "flight.003.mcap") == {"seed": "3", "part": "3"}
+
+
+def test_a_file_that_grows_too_large_is_followed_by_the_next(tmp_path):
+    path = tmp_path / "flight.mcap"
+    write(path, 60.0, rotate_bytes=20_000)
+    assert len(list(tmp_path.iterdir())) > 2
+    assert max(one.stat().st_size for one in tmp_path.iterdir()) < 60_000  # its index comes on top
+    assert numbers(path) == list(range(3000))
+
+
+def test_a_lost_file_in_between_is_counted(tmp_path):
+    path = tmp_path / "flight.mcap"
+    write(path, 25.0, rotate_s=10.0)
+    shutil.move(tmp_path / "flight.003.mcap", tmp_path / "flight.002.mcap")
+    survey = Survey()
+    assert numbers(path, survey) == [*range(500), *range(1000, 1250)]
+    assert survey.missing == 500
+
+
+def test_a_disk_that_fills_up_at_the_seam_ends_the_record_and_keeps_what_there_was(tmp_path):
+    path = tmp_path / "flight.mcap"
+    (tmp_path / "flight.002.mcap").mkdir()
+    recorder = Recorder(path, {"seed": "3"}, rotate_s=1.0)
+    for number in range(100):
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "inputs": {}, "number": number})
+    assert "Is a directory" in recorder.failed
+    recorder.close()
+    shutil.rmtree(tmp_path / "flight.002.mcap")
+    survey = Survey()
+    assert numbers(path, survey) == list(range(50))
+    assert survey.torn is None
+
+
+def test_a_flight_is_replayed_bit_for_bit_across_its_seams(tmp_path, flight):
+    result, whole = flight
+    path, clock = tmp_path / "record.mcap", VirtualClock()
+    world = FastWorld(result.scenario, clock)
+    recorder = Recorder(path, metadata_of(whole), rotate_s=10.0)
+    try:
+        fly(result.scenario, world, clock, recorder, lambda _: None)
+    finally:
+        world.close()
+        recorder.close()
+    assert part_path(path, 3).exists()
+    assert [row.json for row in rows_of(path)] == [row.json for row in rows_of(whole)]
+    comparison, survey = compare(path, recorded_settings)
+    assert isinstance(comparison, Comparison)
+    assert (comparison.differing, survey.missing, survey.torn) == (0, 0, None)
+    assert comparison.cycles == result.cycles
+
+
+def test_what_a_writer_remembers_does_not_grow_from_file_to_file(tmp_path):
+    """The index of a file is kept until it is finished: the same at the end of each file."""
+    remembered = []
+    recorder = Recorder(tmp_path / "flight.mcap", {}, rotate_s=20.0)
+    for number in range(5000):
+        recorder.event(0.02 * number, "happened")
+        if number % 1000 == 998:
+            gc.collect()
+            remembered.append(sum(type(one).__name__ == "ChunkIndex" for one in gc.get_objects()))
+    recorder.close()
+    assert len(remembered) == 5
+    assert max(remembered) < 1.2 * min(remembered)
+
+
+@pytest.mark.parametrize(("key", "value"), [("rotate_s", 1.0), ("rotate_mb", 0.1)])
+def test_files_of_no_length_are_refused(key, value):
+    with pytest.raises(ValueError, match=key):
+        RecordSection(**{key: value})
+
+
+def test_a_later_file_without_the_first_is_no_record_of_the_whole(tmp_path):
+    path = tmp_path / "flight.mcap"
+    write(path, 25.0, rotate_s=10.0)
+    path.unlink()
+    with pytest.raises(ConfigError, match="cannot be read"):
+        metadata_of(path)
+    assert numbers(tmp_path / "flight.003.mcap") == list(range(1000, 1250))

@@ -1,0 +1,194 @@
+"""Every message keeps its channel's schema, and the schemas are such that the viewers of records can read them."""
+
+import json
+import math
+from typing import NamedTuple, get_args
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+from mcap.reader import make_reader
+
+from guidance.clock import Timing
+from guidance.cycle import Certificate
+from guidance.log import reports_of, rows_of, scan, schemas
+from guidance.log.foxglove import time_of
+from guidance.log.known import known
+from guidance.log.reader import Item
+from guidance.log.scene import EVERY_S, disc
+from guidance.log.writer import CYCLE_TOPIC, EVADER_TOPIC
+from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
+from guidance.monitor import Alarm
+
+RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
+
+
+def as_a_viewer_reads(schema):
+    """What Foxglove's and Lichtblick's own reader of schemas asks for: one plain type, at every depth."""
+    assert schema["type"] == "object"
+    for name, field in schema["properties"].items():
+        kind = field["type"]
+        inner = field["items"] if kind == "array" else field
+        assert inner["type"] in {"boolean", "string", "number", "integer", "object"}, name
+        if inner["type"] == "object":
+            as_a_viewer_reads(inner)
+
+
+@pytest.fixture(scope="module")
+def channels(flight):
+    """Topic -> (schema's name, schema, messages) of every JSON channel."""
+    found = {}
+    with flight[1].open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if channel.message_encoding == "json":
+                name, described = schema.name, json.loads(schema.data)
+                assert schema.encoding == "jsonschema"
+                found.setdefault(channel.topic, (name, described, []))[2].append(json.loads(message.data))
+    return found
+
+
+def test_every_message_of_a_flight_keeps_the_schema_of_its_channel(channels):
+    names = {name for name, _, _ in channels.values()}
+    assert names == set(schemas.SCHEMAS)
+    for topic, (_, schema, messages) in channels.items():
+        Draft202012Validator.check_schema(schema)
+        validator = Draft202012Validator(schema)
+        every = max(1, len(messages) // 300)
+        for message in messages[::every]:
+            assert (topic, [error.message for error in validator.iter_errors(message)]) == (topic, [])
+
+
+@pytest.mark.parametrize("name", schemas.SCHEMAS)
+def test_viewers_can_read_every_schema(name):
+    as_a_viewer_reads(schemas.SCHEMAS[name])
+
+
+def test_every_field_of_inputs_and_certificate_is_described():
+    cycle = schemas.CYCLE["properties"]
+    assert cycle["certificate"]["properties"].keys() == set(Certificate._fields)
+    messages = cycle["inputs"]["properties"]["messages"]["items"]["properties"]
+    assert messages.keys() == {"kind"}.union(*(kind._fields for kind in get_args(Message)))
+    assert messages["kind"]["enum"] == [kind.__name__ for kind in get_args(Message)]
+    assert cycle["setpoint"]["properties"]["velocity_ned_m_s"]["items"] == {"type": "number"}
+
+
+@pytest.mark.parametrize("damage", ["text", "unknown", "missing", "long", "null"])
+def test_what_does_not_keep_the_schema_is_noticed(channels, damage):
+    _, schema, messages = channels[CYCLE_TOPIC]
+    cycle = json.loads(json.dumps(next(message for message in messages if "certificate" in message)))
+    certificate = cycle["certificate"]
+    assert Draft202012Validator(schema).is_valid(cycle)
+    match damage:
+        case "text":
+            certificate["value"] = "1.5"
+        case "unknown":
+            certificate["valve"] = 1.5
+        case "missing":
+            del certificate["winner"]
+        case "long":
+            certificate["pursuer_game_m"].append(0.0)
+        case "null":
+            certificate["value"] = None
+    assert not Draft202012Validator(schema).is_valid(cycle)
+
+
+numbers = st.floats() | st.just(math.nan)
+
+
+@given(st.tuples(numbers, numbers, numbers), numbers)
+def test_nan_and_infinity_are_left_out_and_keep_the_schema(velocity, yaw_rad):
+    setpoint = json.loads(json.dumps(known(Setpoint(velocity, yaw_rad=yaw_rad)), allow_nan=False))
+    assert Draft202012Validator(schemas.schema_of(Setpoint)).is_valid(setpoint)
+    assert ("yaw_rad" in setpoint) == math.isfinite(yaw_rad)
+    assert setpoint["velocity_ned_m_s"] == [one if math.isfinite(one) else None for one in velocity]
+
+
+@pytest.mark.parametrize("kind", RECORDED)
+def test_what_is_absent_can_only_mean_one_thing(kind):
+    assert all(value is None or value != value for value in kind._field_defaults.values())
+
+
+class Nested(NamedTuple):
+    corners: tuple[tuple[float, float], ...]
+
+
+class Mixed(NamedTuple):
+    pair: tuple[float, str]
+
+
+@pytest.mark.parametrize("kind", [Nested, Mixed, dict, float | str])
+def test_a_type_that_no_viewer_could_read_is_refused_when_it_is_described(kind):
+    with pytest.raises(TypeError, match="no viewer could read"):
+        schemas.schema_of(kind)
+
+
+def test_two_kinds_may_not_mean_different_things_by_one_name():
+    with pytest.raises(TypeError, match=r"Mixed\.pair|Other\.amount"):
+        schemas._object((Alarm, Other), ())
+
+
+class Other(NamedTuple):
+    amount: str
+
+
+def json_of(item: Item):
+    return json.loads(item.data)
+
+
+def test_evader_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datum_as_received(flight):
+    items = [item for item in scan(flight[1]) if item.topic == EVADER_TOPIC]
+    read = [report for row in rows_of(flight[1]) for report in row.inputs.reports]
+    assert len(items) == len(read) > 100
+    assert repr(list(reports_of(flight[1]))) == repr(read)
+    for item, report in zip(items, read, strict=True):
+        said = json_of(item)
+        assert item.now_s == pytest.approx(report.received_s, abs=1e-9)
+        assert (said["received_s"], said["sent_s"]) == (report.received_s, report.sent_s)
+        assert said["said"] == {"altitude_m": report.altitude_amsl_m, "datum": Datum.AMSL}
+
+
+def test_the_map_shows_both_where_they_said_they_were_ten_times_a_second(flight):
+    fixes = {name: [] for name in ("pursuer", "evader")}
+    for item in scan(flight[1]):
+        if item.topic.startswith("guidance/map/"):
+            said = json_of(item)
+            assert item.topic.endswith(said["frame_id"])
+            fixes[said["frame_id"]].append((said["timestamp"], said["latitude"], said["longitude"], said["altitude"]))
+    heard = {
+        (time_of(one.received_s).sec, time_of(one.received_s).nsec): one
+        for row in rows_of(flight[1])
+        for one in row.inputs.messages
+        if isinstance(one, GlobalPosition)
+    }
+    for stamp, latitude, longitude, altitude in fixes["pursuer"]:
+        there = heard[stamp["sec"], stamp["nsec"]]
+        assert (latitude, longitude, altitude) == (there.latitude_deg, there.longitude_deg, there.altitude_amsl_m)
+    for places in fixes.values():
+        times_s = [stamp["sec"] + 1e-9 * stamp["nsec"] for stamp, *_ in places]
+        apart_s = (times_s[-1] - times_s[0]) / (len(times_s) - 1)
+        assert 0.9 * EVERY_S <= apart_s <= 0.25
+
+
+def test_the_scene_shows_the_game_as_its_certificate_has_it(flight):
+    rows = {round(row.now_s * 1e9): row for row in rows_of(flight[1])}
+    seen = 0
+    for item in scan(flight[1]):
+        if item.topic != "guidance/scene":
+            continue
+        (entity,) = json_of(item)["entities"]
+        certificate = rows[round(item.now_s * 1e9)].certificate
+        centres = [tuple(sphere["pose"]["position"].values()) for sphere in entity["spheres"]]
+        assert centres == [certificate.pursuer_game_m, certificate.evader_game_m, certificate.meeting_point_game_m]
+        rim = [tuple(point.values()) for point in entity["lines"][0]["points"]]
+        assert rim == list(disc(certificate))
+        seen += 1
+    assert seen > 20
+
+
+def test_the_discs_rim_is_the_stand_off_about_the_evader(flight):
+    row = next(row for row in rows_of(flight[1]) if row.certificate is not None)
+    x, y, _ = row.certificate.evader_game_m
+    standoff = flight[0].scenario.standoff
+    for corner in disc(row.certificate):
+        assert math.hypot(corner[0] - x, corner[1] - y) == pytest.approx(standoff.radius_m)

@@ -1,0 +1,151 @@
+"""Records that a stranger made, or a disk damaged: bounded in memory, and one clear line from every command."""
+
+import json
+import random
+import resource
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.errors import ConfigError, GuidanceError
+from guidance.log import Survey, making_sense_of, scan
+from guidance.log.writer import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
+
+SHORT = Path(__file__).parents[1] / "data" / "short_chase.mcap"
+MAGIC = b"\x89MCAP0\r\n"
+HOSTILE = [None, True, -1, 10**400, 1e308, -1e308, "", "x", "NaN", [], {}, [[]], {"kind": 7}, {"kind": "Home"}]
+COMMANDS = {
+    "info": ["log", "info", "{file}"],
+    "events": ["log", "events", "{file}"],
+    "csv": ["log", "export", "{file}", "{folder}/a.csv"],
+    "geojson": ["log", "export", "{file}", "{folder}/a.geojson"],
+    "tlog": ["log", "export", "{file}", "{folder}/a.tlog"],
+    "replay": ["replay", "{file}"],
+    "what if": ["replay", "{file}", "--with", "policy=pure_pursuit"],
+}
+
+
+def prefixed(text: bytes) -> bytes:
+    return struct.pack("<I", len(text)) + text
+
+
+def record(opcode: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def bomb(claimed: int, true: int) -> bytes:
+    """One chunk that says it holds `claimed` bytes and unpacks to `true` zeros."""
+    packed = zstandard.ZstdCompressor(level=19).compress(bytes(true))
+    chunk = struct.pack("<QQQI", 0, 0, claimed, 0) + prefixed(b"zstd") + struct.pack("<Q", len(packed)) + packed
+    return MAGIC + record(1, prefixed(b"") + prefixed(b"")) + record(6, chunk)
+
+
+@pytest.mark.parametrize(("claimed", "true"), [(2**32, 2**27), (2**20, 2**27), (2**62, 100), (10, 2**20)])
+def test_a_chunk_that_unpacks_to_more_than_may_be_is_torn_and_takes_no_memory(tmp_path, claimed, true):
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(bomb(claimed, true))
+    before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    survey = Survey()
+    assert list(scan(path, survey)) == []
+    assert "cannot be" in survey.torn or "has others" in survey.torn
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib < 2**27 / 1024
+
+
+def test_a_length_that_no_record_has_is_not_asked_for(tmp_path):
+    path = tmp_path / "long.mcap"
+    text = struct.pack("<I", 2**32 - 1) + b"abc"
+    path.write_bytes(MAGIC + record(1, text))
+    survey = Survey()
+    assert list(scan(path, survey)) == []
+    assert survey.torn == f"a length of {2**32 - 1} bytes in it cannot be"
+
+
+def test_the_cause_of_nonsense_stays_known():
+    said = r"a\.mcap: cannot be made sense of \(KeyError: 'x'\)"
+    with pytest.raises(ConfigError, match=said) as raised, making_sense_of(Path("a.mcap")):
+        {}["x"]
+    assert isinstance(raised.value.__cause__, KeyError)
+
+
+def nodes(value, path=()):
+    """Every place in a JSON document."""
+    yield path
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inside in items:
+        yield from nodes(inside, (*path, key))
+
+
+def spoilt(document, draw):
+    """The document with one place in it replaced by what does not belong there, or left out."""
+    *way, last = draw.choice([path for path in nodes(document) if path])
+    holder = document
+    for key in way:
+        holder = holder[key]
+    if isinstance(holder, dict) and draw.random() < 0.3:
+        del holder[last]
+    else:
+        holder[last] = draw.choice(HOSTILE)
+    return document
+
+
+def mutated(out: Path, seed: int) -> None:
+    """The short chase again, its checksums right, with one nonsense in its metadata, a cycle, an event or a report."""
+    draw, survey = random.Random(seed), Survey()
+    items = list(scan(SHORT, survey))[:900]
+    topics = [CYCLE_TOPIC] * 6 + [EVENT_TOPIC, EVADER_TOPIC, None, None]
+    topic = topics[seed % len(topics)]
+    of_topic = [number for number, item in enumerate(items) if item.topic == topic]
+    chosen = draw.choice(of_topic) if of_topic else None
+    metadata = dict(survey.metadata)
+    if topic is None:
+        scenario = spoilt(json.loads(metadata["scenario"]), draw)
+        metadata["scenario"] = json.dumps(scenario) if draw.random() < 0.8 else draw.choice(["", "[", "[]", "7"])
+    with out.open("wb") as stream:
+        writer, channels = Writer(stream, compression=CompressionType.ZSTD), {}
+        writer.start()
+        writer.add_metadata("run", metadata)
+        for number, item in enumerate(items):
+            data = item.data
+            if number == chosen:
+                nested = draw.random() < 0.05
+                data = b"[" * 50_000 if nested else json.dumps(spoilt(json.loads(data), draw)).encode()
+            if item.topic not in channels:
+                channels[item.topic] = writer.register_channel(item.topic, item.encoding, 0)
+            time_ns = round(item.now_s * 1e9)
+            writer.add_message(channels[item.topic], time_ns, data, time_ns, number)
+        writer.finish()
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_command_meets_a_mutated_record_with_a_traceback(tmp_path, seed):
+    path = tmp_path / "mutated.mcap"
+    mutated(path, seed)
+    names = list(COMMANDS)
+    for name in (names[seed % len(names)], names[(seed + 3) % len(names)]):
+        given = [word.format(file=path, folder=tmp_path) for word in COMMANDS[name]]
+        result = CliRunner().invoke(app, given)
+        assert result.exception is None or isinstance(result.exception, GuidanceError | SystemExit), (name, result)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_report_meets_a_mutated_record_with_a_traceback(tmp_path, seed):
+    path = tmp_path / "mutated.mcap"
+    mutated(path, seed)
+    result = CliRunner().invoke(app, ["report", str(path)])
+    assert result.exception is None or isinstance(result.exception, GuidanceError | SystemExit), result
+
+
+def test_a_stranger_s_record_is_one_line_on_a_terminal(tmp_path):
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(bomb(2**32, 1000))
+    program = [sys.executable, "-c", "from guidance.cli import main; main()", "replay", str(path)]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60.0, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [f"error: {path}: is torn before its first message: nothing in it can be read"]

@@ -1,0 +1,106 @@
+import json
+import math
+from typing import NamedTuple, get_args, get_type_hints
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from guidance.errors import ConfigError
+from guidance.flight import Event, Inputs, Outputs, State
+from guidance.log.known import known
+from guidance.log.rows import inputs_of
+from guidance.log.typed import decoder
+from guidance.messages import AltitudeSaid, Datum, EvaderReport, Message, Setpoint, Timesync
+from guidance.session.linked_flight import row
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+VALUES = {
+    float: finite | st.just(math.nan),
+    int: st.integers(-(2**63), 2**63),
+    bool: st.booleans(),
+    str: st.text(max_size=30),
+    tuple[float, float, float]: st.tuples(finite, finite, finite | st.just(math.nan)),
+}
+
+
+def of_kind(kind):
+    return st.builds(kind, **{name: VALUES[hint] for name, hint in get_type_hints(kind).items()})
+
+
+VALUES[int | None] = st.none() | VALUES[int]
+VALUES[Datum] = st.sampled_from(Datum)
+VALUES[Timesync | None] = st.none() | of_kind(Timesync)
+VALUES[AltitudeSaid | None] = st.none() | of_kind(AltitudeSaid)
+
+inputs = st.builds(
+    Inputs,
+    now_s=finite,
+    messages=st.lists(st.one_of([of_kind(kind) for kind in get_args(Message)]), max_size=6).map(tuple),
+    reports=st.lists(of_kind(EvaderReport), max_size=3).map(tuple),
+    orders=st.lists(st.sampled_from(Event), max_size=3).map(tuple),
+    refusals=st.lists(st.text(max_size=10), max_size=3).map(tuple),
+)
+
+
+@given(inputs)
+def test_any_inputs_come_back_bit_for_bit_with_their_types(given_inputs):
+    laid_out = row(given_inputs, Outputs(State.READY, None, (), (), None))
+    read = json.loads(json.dumps(known(laid_out), allow_nan=False))
+    back = inputs_of(read["inputs"], read["now_s"])
+    assert repr(back) == repr(given_inputs)  # repr tells NaN, -0.0, 1 and 1.0 apart
+    assert [type(message) for message in back.messages] == [type(message) for message in given_inputs.messages]
+
+
+def test_an_absent_part_of_a_setpoint_stays_none_and_is_no_nan():
+    setpoint = Setpoint((1.0, -0.0, 2.0), yaw_rad=0.5)
+    assert repr(decoder(Setpoint | None)(json.loads(json.dumps(known(setpoint))))) == repr(setpoint)
+    assert decoder(Setpoint | None)(None) is None
+
+
+class Later(NamedTuple):
+    a: int
+    b: float = 2.0
+    c: float | None = None
+
+
+def test_what_came_later_with_a_default_may_be_missing_in_an_older_record():
+    assert decoder(Later)({"a": 1}) == Later(1, 2.0)
+    assert decoder(Later)({"a": 1, "c": None}) == Later(1, 2.0)
+    with pytest.raises(ConfigError, match="Later with b"):
+        decoder(Later)({"b": 1.0})
+
+
+def test_a_number_that_is_absent_or_null_is_unknown_and_never_zero():
+    for said in ({}, {"amount": None}):
+        assert math.isnan(decoder(Amount)(said).amount)
+
+
+class Amount(NamedTuple):
+    amount: float
+
+
+class Old(NamedTuple):
+    a: float
+    state: State
+
+
+@pytest.mark.parametrize(
+    ("value", "what"),
+    [
+        ({"a": 1.0}, "Old with a: this version knows a, state"),
+        ({"a": 1.0, "state": "ready", "b": 2}, "Old with a, b, state"),
+        ({"a": "1", "state": "ready"}, "'1' where a number belongs"),
+        ({"a": True, "state": "ready"}, "True where a number belongs"),
+        ({"a": 1.0, "state": "flying"}, "'flying' where State belongs"),
+        (3, "3"),
+    ],
+)
+def test_a_row_of_another_version_is_refused_by_what_does_not_fit(value, what):
+    with pytest.raises(ConfigError, match=what):
+        decoder(Old)(value)
+
+
+def test_an_unknown_message_kind_is_named():
+    with pytest.raises(ConfigError, match=r"'Wind'.*Attitude"):
+        inputs_of({"messages": [{"kind": "Wind"}], "reports": [], "orders": []}, 0.0)

@@ -1,0 +1,142 @@
+import calendar
+import errno
+import json
+import math
+import subprocess
+import sys
+import time
+from datetime import datetime
+from typing import NamedTuple
+
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.reader import NonSeekingReader, make_reader
+
+from guidance.log import writer as record
+from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, Recorder, plain, started_utc, versions
+
+
+class Pair(NamedTuple):
+    a: float
+    b: tuple[float, ...]
+
+
+def rows_of(path):
+    rows = []
+    with path.open("rb") as stream:
+        try:
+            for _, channel, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
+                rows.append((channel.topic, message))
+        except EndOfFile:
+            pass
+    return rows
+
+
+def test_what_is_written_is_read_back_with_its_time_topic_and_schema(tmp_path):
+    path = tmp_path / "deep" / "record.mcap"
+    recorder = Recorder(path, {"seed": "3"})
+    recorder.frame(1.25, "uav1/mavlink_raw/in", b"\xfd\x00")
+    recorder.cycle(1.5, {"now_s": 1.5, "state": "ready"})
+    recorder.event(1.75, "armed", "ready -> arming")
+    recorder.close()
+    recorder.close()
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        found = [
+            (schema and schema.name, channel.topic, message) for schema, channel, message in reader.iter_messages()
+        ]
+        assert [metadata.metadata for metadata in reader.iter_metadata()] == [{"seed": "3"}]
+    assert [(schema, topic) for schema, topic, _ in found] == [
+        (None, "uav1/mavlink_raw/in"),
+        ("guidance.Cycle", CYCLE_TOPIC),
+        ("guidance.Event", EVENT_TOPIC),
+    ]
+    assert found[0][2].data == b"\xfd\x00"
+    assert found[0][2].log_time == 1_250_000_000
+    assert json.loads(found[2][2].data) == {"now_s": 1.75, "event": "armed", "detail": "ready -> arming"}
+
+
+def test_a_killed_process_loses_no_more_than_the_last_chunk(tmp_path):
+    path = tmp_path / "record.mcap"
+    recorder = Recorder(path, {})
+    written = 2000
+    for number in range(written):
+        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
+    # As kill -9 leaves it: nothing is flushed or finished. One chunk is 8 KiB, a cycle here about half of one.
+    read = [json.loads(message.data)["number"] for _, message in rows_of(path)]
+    assert read == list(range(len(read)))
+    assert written - len(read) <= record.CHUNK_BYTES // 400 + 1
+    recorder.close()
+
+
+def test_a_full_disk_stops_the_recording_and_not_the_flight(tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path / "record.mcap", {})
+    recorder.event(0.0, "before")
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(recorder._writer, "add_message", full)
+    recorder.event(1.0, "lost")
+    assert "No space left" in recorder.failed
+    recorder.event(2.0, "quietly dropped")
+    recorder.close()
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_flies(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        Recorder(tmp_path / "file" / "record.mcap", {})
+
+
+def test_rows_become_plain_json():
+    value = {"pair": Pair(1.0, (math.nan, math.inf)), "n": 3, "none": None, "yes": True}
+    assert plain(value) == {"pair": {"a": 1.0, "b": [None, None]}, "n": 3, "none": None, "yes": True}
+
+
+def test_a_slow_record_too_loses_no_more_than_a_fifth_of_a_second_to_a_kill(tmp_path):
+    path = tmp_path / "record.mcap"
+    recorder = Recorder(path, {})
+    for number in range(100):
+        now_s = 0.02 * number
+        recorder.event(now_s, "a little")  # far too little to fill a chunk
+        if now_s > 0.2:
+            assert now_s - rows_of(path)[-1][1].log_time * 1e-9 <= 0.2
+    recorder.close()
+
+
+FLYING = """
+import sys
+from pathlib import Path
+from guidance.log.background import BackgroundRecorder
+from guidance.clock import MonotonicClock
+from guidance.log.writer import Recorder
+recorder, clock, due_s = BackgroundRecorder(Recorder(Path(sys.argv[1]), {})), MonotonicClock(), 0.0
+while True:
+    clock.sleep_until(due_s)
+    due_s += 0.02
+    now_s = clock.now_s()
+    recorder.cycle(now_s, {"now_s": now_s, "state": "engaged"})
+    print(now_s, flush=True)
+"""
+
+
+def test_a_kill_9_of_a_flying_process_loses_at_most_a_fifth_of_a_second(tmp_path):
+    path = tmp_path / "record.mcap"
+    child = subprocess.Popen([sys.executable, "-c", FLYING, path], stdout=subprocess.PIPE, text=True)
+    try:
+        flown_s = [float(child.stdout.readline()) for _ in range(60)]
+    finally:
+        child.kill()
+        child.wait()
+        flown_s += [float(line) for line in child.stdout.read().splitlines()]
+        child.stdout.close()
+    kept_s = [message.log_time * 1e-9 for _, message in rows_of(path)]
+    assert kept_s == pytest.approx(flown_s[: len(kept_s)])  # nothing is missing in between
+    assert flown_s[-1] - kept_s[-1] <= 0.2
+
+
+def test_versions_and_the_start_are_told():
+    assert {"python", "pursuit-guidance", "numpy", "pymavlink"} <= versions().keys()
+    started = datetime.fromisoformat(started_utc(100.0)).timestamp()
+    assert started == pytest.approx(calendar.timegm(time.gmtime()) - 100.0, abs=2.0)

@@ -1,0 +1,248 @@
+"""The page as a browser has it, and what the pictures are drawn from."""
+
+import base64
+import math
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.errors import ConfigError
+from guidance.log import metadata_of, scan
+from guidance.log.writer import EVENT_TOPIC, Recorder
+from guidance.session.recorded import recorded_settings
+from guidance.viz.report import PICTURES, charts, story_of, summary, write_report
+from guidance.viz.report.tracks import tracks
+
+VOID = {"meta", "link", "img", "br"}
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+QUIET = [
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-sync",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--enable-logging=stderr",
+    "--hide-scrollbars",
+]
+
+
+class Strict(HTMLParser):
+    """Every element that is opened is closed, in order; what a page would fetch is kept."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.seen, self.fetched, self.ids = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.seen.append(tag)
+        self.fetched += [value for name, value in attrs if name in {"src", "href", "srcset", "data", "action"}]
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        assert tag != "img" or attributes["alt"]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def parsed(page):
+    parser = Strict()
+    parser.feed(page)
+    parser.close()
+    return parser
+
+
+def page_in(folder):
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def looked_at(page, folder):
+    """Show a page in a headless browser: the picture of it, and what the console said."""
+    picture = folder / "page.png"
+    command = [BROWSER, *QUIET, f"--user-data-dir={folder / 'profile'}", "--window-size=1200,4000"]
+    done = subprocess.run(
+        [*command, f"--screenshot={picture}", page.as_uri()], capture_output=True, text=True, timeout=120, check=True
+    )
+    return imread(picture), [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def test_the_page_is_well_formed_and_needs_nothing_from_outside(pe):
+    page = page_in(pe[2])
+    parser = parsed(page)
+    assert parser.open == []
+    assert parser.fetched
+    assert all(value.startswith("data:") for value in parser.fetched)
+    assert "script" not in parser.seen
+    assert "url(" not in page
+    assert sorted(parser.ids) == sorted(PICTURES)
+    assert parser.seen.count("img") == len(PICTURES)
+
+
+def test_every_picture_is_in_the_page_as_sound_svg_without_a_reference_to_outside(pe):
+    images = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', page_in(pe[2]))
+    for image in images:
+        root = ElementTree.fromstring(base64.b64decode(image))
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        references = [value for one in root.iter() for name, value in one.attrib.items() if name.endswith("href")]
+        assert all(reference.startswith("#") for reference in references)
+    assert len(images) == len(PICTURES)
+
+
+def test_every_picture_is_also_a_png_with_something_in_it(pe, tad):
+    for _, _, folder in (pe, tad):
+        for name in PICTURES:
+            image = imread(folder / f"{name}.png")
+            assert image.shape[1] > 1000
+            assert (image[..., :3].min(axis=-1) < 0.5).mean() > 0.002
+
+
+def test_a_browser_shows_the_page_without_a_word_on_its_console(pe, tmp_path):
+    page = page_in(pe[2])
+    assert parsed(page).open == []  # all that can be said where no browser is installed
+    if BROWSER is None:
+        print("no chromium here: the page was checked for its structure only")
+        return
+    image, console = looked_at(pe[2] / "report.html", tmp_path)
+    assert console == []
+    ink = (image[..., :3].min(axis=-1) < 0.6).any(axis=1)
+    assert ink[:3000].mean() > 0.5
+    # The console is where an outside request would show: the page forbids it to itself.
+    reaching = tmp_path / "reaching.html"
+    reaching.write_text(page.replace("</body>", '<img alt="x" src="http://127.0.0.1:9/x.png"></body>'), "utf-8")
+    assert any("Content Security Policy" in line for line in looked_at(reaching, tmp_path)[1])
+
+
+def test_the_summary_says_what_the_flight_itself_said(pe, tad):
+    for result, path, _ in (pe, tad):
+        rows = dict(summary(story_of(path, recorded_settings)))
+        assert rows["value predicted at engagement, to the disc itself"].startswith(f"{result.predicted:.2f} ")
+        # The disc is reached in one cycle and declared in the next.
+        assert float(rows["flown"].split()[0]) == pytest.approx(result.achieved, abs=0.031)
+        assert rows["setpoints sent"] == str(result.setpoints_sent)
+        assert rows["guarantee alarms"] == str(len(result.alarms))
+        assert rows["outcome"] == "captured; ended landed"
+        assert float(rows["game lasted"].split()[0]) == pytest.approx(result.capture_time_s, abs=0.031)
+
+
+def test_the_tracks_are_those_that_were_flown(pe):
+    result, path, _ = pe
+    story = story_of(path, recorded_settings)
+    by_time = {round(cycle.now_s, 6): number for number, cycle in enumerate(story.cycles)}
+    for sample in result.samples[::50]:
+        cycle = story.cycles[by_time[round(sample.now_s, 6)] - 1]  # a sample is taken before the cycle has read
+        assert cycle.pursuer_m == pytest.approx(sample.pursuer_m, abs=1e-9)
+        if math.isfinite(cycle.evader_m[0]):
+            # Estimated from reports against where it was: telemetry's noise and age lie between them.
+            assert math.dist(cycle.evader_m, sample.evader_m) < 1.0
+
+
+def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
+    for _, path, _ in (pe, tad):
+        story = story_of(path, recorded_settings)
+        for draw in (tracks, charts.game, charts.velocities, charts.ages):
+            axes = draw(story).axes
+            assert axes[-1].get_xlabel() in {"time, s", "x east, m"}
+            for one in axes:
+                assert re.search(r", (m|s|ms|m/s)$", one.get_ylabel())
+
+
+def test_no_legend_covers_what_is_drawn(pe):
+    story = story_of(pe[1], recorded_settings)
+    for draw in (tracks, charts.game, charts.velocities, charts.ages):
+        figure = draw(story)
+        figure.canvas.draw()
+        legends = [*figure.legends, *filter(None, (one.get_legend() for one in figure.axes))]
+        assert legends
+        for legend in legends:
+            box = legend.get_window_extent()
+            assert not any(box.overlaps(one.get_window_extent()) for one in figure.axes)
+
+
+def test_without_colours_the_players_are_still_told_apart(pe):
+    plan = tracks(story_of(pe[1], recorded_settings)).axes[1]
+    drawn = {line.get_label(): line for line in plan.lines}
+    looks = [
+        (line.get_linestyle(), line.get_marker(), line.get_linewidth())
+        for name, line in drawn.items()
+        if not name.startswith("_")
+    ]
+    assert {"pursuer", "evader", "isochron at engagement", "isochron at capture"} <= drawn.keys()
+    assert len(set(looks)) == len(looks)
+
+
+def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
+    story = story_of(pe[1], recorded_settings)
+    line = charts.game(story).axes[2].lines[0]
+    engaged = story.cycles[story.engaged]
+    at = np.searchsorted(line.get_xdata(), engaged.now_s)
+    assert line.get_ydata()[at] == pytest.approx(engaged.value)
+    at = np.searchsorted(line.get_xdata(), engaged.now_s + 2.0)
+    assert line.get_ydata()[at] == pytest.approx(story.cycles[story.engaged + 100].value + 2.0, abs=0.05)
+
+
+def test_the_worst_of_each_second_is_kept():
+    seconds, worst = charts.worst_of_each_second(
+        np.array([0.0, 0.5, 0.9, 1.0, 1.5, 3.0]), np.array([1.0, 7.0, 2.0, np.nan, 3.0, 4.0])
+    )
+    assert seconds.tolist() == [0.0, 1.0, 3.0]
+    assert worst.tolist() == [7.0, 3.0, 4.0]
+    assert len(charts.worst_of_each_second(np.zeros(0), np.zeros(0))[0]) == 0
+
+
+def test_a_flight_that_never_engaged_or_was_torn_is_reported_too(pe, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(pe[1].read_bytes()[:150_000])
+    written = write_report(torn, tmp_path / "report", recorded_settings)
+    assert [path.name for path in written] == ["report.html", *(f"{name}.png" for name in PICTURES)]
+    rows = dict(summary(story_of(torn, recorded_settings)))
+    assert rows["outcome"].startswith("no game was played")
+    assert rows["record"].startswith("torn (")
+
+
+def test_a_title_cannot_break_out_of_the_page(pe, tmp_path):
+    path = tmp_path / "r.mcap"
+    metadata = {**metadata_of(pe[1])}
+    metadata["scenario"] = metadata["scenario"].replace("A short chase", "<script>alert(1)</script>")
+    recorder = Recorder(path, metadata)
+    for item in scan(torn_copy(pe[1], tmp_path)):
+        if item.encoding == "json" and item.topic != EVENT_TOPIC:
+            recorder._write(item.now_s, item.topic, item.data, encoding="json", schema=None)
+    recorder.close()
+    write_report(path, tmp_path, recorded_settings)
+    assert "script" not in parsed(page_in(tmp_path)).seen
+
+
+def torn_copy(path, folder):
+    copy = folder / "copy.mcap"
+    copy.write_bytes(path.read_bytes()[:100_000])
+    return copy
+
+
+def test_a_record_without_a_cycle_and_a_folder_that_cannot_be_written_are_refused(pe, tmp_path):
+    path = tmp_path / "empty.mcap"
+    recorder = Recorder(path, metadata_of(pe[1]))
+    recorder.event(0.0, "vehicle heard")
+    recorder.close()
+    with pytest.raises(ConfigError, match="holds no guidance cycle"):
+        write_report(path, tmp_path, recorded_settings)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be written"):
+        write_report(torn_copy(pe[1], tmp_path), tmp_path / "file" / "deep", recorded_settings)
+
+
+def test_the_command_names_what_it_wrote(pe, tmp_path):
+    run = CliRunner().invoke(app, ["report", str(torn_copy(pe[1], tmp_path)), "--out", str(tmp_path / "out")])
+    assert run.exit_code == 0, run.output
+    assert all((tmp_path / "out" / line.rsplit("/", 1)[-1]).is_file() for line in run.output.split())

@@ -1,0 +1,242 @@
+"""The viewer as a process of its own: bound to loopback, silent to the world, ended with whoever started it."""
+
+import contextlib
+import http.client
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+from guidance.errors import ConfigError, LinkError
+from guidance.log import metadata_of, scan
+from guidance.log.broadcast import Broadcast, is_watched
+from guidance.log.live import LiveFlight
+from guidance.log.reader import Item
+from guidance.session.control_bus import host_session, join_session
+from guidance.viz.view import ViewerBeside
+from guidance.viz.view.beside import command
+from guidance.viz.view.front import Front
+from guidance.viz.view.serving import free_port, recording_server
+
+FREE = ("--port", "0", "--web-port", "0")
+LISTENING = "0A"
+
+
+def children(pid):
+    """A process and all that it has started."""
+    found = [pid]
+    for one in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in one.read_text().split():
+            found += children(int(child))
+    return found
+
+
+def listening(pid):
+    """Addresses (hexadecimal, as the kernel has them) that a process listens on."""
+    sockets = set()
+    for one in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(OSError):
+            sockets.add(str(one.readlink()).removeprefix("socket:[").rstrip("]"))
+    rows = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
+    ]
+    return {row[1].split(":")[0] for row in rows if row[3] == LISTENING and row[9] in sockets}
+
+
+def is_running(pid):
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+def until(true, limit_s=15.0):
+    deadline_s = time.monotonic() + limit_s
+    while not true():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def served(record):
+    """A viewer of a record, its page's address, and all of its processes."""
+    child = subprocess.Popen(command(record, FREE), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    words = child.stdout.readline().split()
+    yield child, words[-1], children(child.pid)
+    child.kill()
+    child.wait()
+    child.stdin.close()
+    child.stdout.close()
+
+
+def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else(served):
+    child, url, pids = served
+    addresses = set().union(*(listening(pid) for pid in pids))
+    assert addresses == {"0100007F"}  # 127.0.0.1
+    with urllib.request.urlopen(url, timeout=10.0) as page:
+        policy = dict(part.split(" ", 1) for part in page.headers["Content-Security-Policy"].split("; "))
+        assert b"<html" in page.read()
+    recording = urlsplit(parse_qs(urlsplit(url).query)["url"][0].removeprefix("rerun+"))
+    assert policy["default-src"] == "'none'"
+    assert policy["connect-src"] == f"'self' http://127.0.0.1:{recording.port} data: blob:"
+    outside = {word for words in policy.values() for word in words.split() if "://" in word}
+    assert outside == {f"http://127.0.0.1:{recording.port}"}
+    base = f"http://{urlsplit(url).netloc}"
+    with urllib.request.urlopen(f"{base}/re_viewer_bg.wasm", timeout=20.0) as program:
+        assert len(program.read()) > 1_000_000
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(f"{base}/nothing", timeout=10.0)
+    child.send_signal(signal.SIGTERM)
+    assert child.wait(10.0) == 0
+    until(lambda: not any(map(is_running, pids)))
+
+
+@pytest.mark.parametrize("end", ["our end", "kill -9"])
+def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
+    child, _, pids = served
+    assert len(pids) == 2
+    if end == "our end":
+        child.stdin.close()  # as the kernel does for a process that is gone
+    else:
+        child.kill()
+    until(lambda: not any(map(is_running, pids)))
+
+
+def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capfd):
+    beside = ViewerBeside(*FREE)
+    beside.wait()  # nothing was started
+    beside.start(record)
+    pids = children(beside._child.pid)
+    beside._child.kill()
+    beside.wait()
+    beside.close()
+    beside.close()
+    assert not any(map(is_running, pids))
+
+
+def test_a_mocked_flight_is_viewed_while_it_is_flown_and_afterwards_until_it_is_ended(tmp_path):
+    scenario = Path(__file__).parents[1] / "data" / "short_chase.toml"
+    program = "from guidance.cli import main; main()"
+    words = [sys.executable, "-c", program, "fly", str(scenario), "--fast", "--view", "--out", str(tmp_path)]
+    child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    try:
+        lines = list(iter(child.stdout.readline, "the view stays: Ctrl-C ends it\n"))
+        pids = children(child.pid)
+        if not any(line.startswith("look at") for line in lines):  # the flight took less time than the viewer's start
+            assert "look at" in child.stdout.readline()
+        child.send_signal(signal.SIGINT)
+        rest = child.communicate(timeout=20.0)[0]
+    finally:
+        child.kill()
+        child.wait()
+    assert child.returncode == 0
+    assert any("captured" in line for line in lines)
+    assert "cycles shown" in rest
+    until(lambda: not any(map(is_running, pids)))
+
+
+def test_a_port_in_use_is_one_clear_error():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(LinkError, match=rf"--port {port}: Address already in use; choose another"):
+            recording_server(port)
+
+
+@pytest.fixture
+def bus(record):
+    """A daemon's broadcast, without the daemon."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    session = host_session(endpoint)
+    opened = [Broadcast(name, session, {"scenario": "{}"}) for name in ("uav1", "uav2")]
+    yield opened, endpoint
+    for one in opened:
+        one.close()
+    session.close()
+
+
+def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
+    (broadcast, _), endpoint = bus
+    cycles = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/cycle"]
+    for cycle in cycles[:200]:
+        broadcast.cycle(cycle["now_s"], cycle)
+    until(lambda: not broadcast._waiting)
+    flight = LiveFlight(join_session(endpoint), "uav1")
+    assert flight.metadata(lambda: False) == {"scenario": "{}"}
+    until(lambda: all(map(is_watched, broadcast._publishers.values())))
+    broadcast.event(cycles[200]["now_s"], "armed", "ready -> arming")
+    for cycle in cycles[200:230]:
+        broadcast.cycle(cycle["now_s"], cycle)
+    flight._arrived.append(("guidance/cycle", b"{"))  # whoever is on the bus may say anything
+    until(lambda: len(flight._arrived) == 32)
+    items = list(flight.items(lambda: True))
+    flight.close()
+    flight.close()
+    assert all(isinstance(item, Item) for item in items)
+    said = [json.loads(item.data) for item in items]
+    assert {"Home", "LocalPosition"} <= {one["kind"] for one in said[0]["inputs"]["messages"]}
+    assert [one for one in said[1:] if "event" not in one] == cycles[200:230]
+    assert [one["event"] for one in said if "event" in one] == ["armed"]
+
+
+def test_with_several_daemons_a_name_is_asked_for_and_nobody_is_one_clear_error(bus):
+    _, endpoint = bus
+    with pytest.raises(ConfigError, match=r"which vehicle\? daemons on this bus: uav1, uav2"):
+        LiveFlight(join_session(endpoint), None)
+    with pytest.raises(LinkError, match=r"uav9: no answer"):
+        LiveFlight(join_session(endpoint), "uav9")
+
+
+def test_the_command_shows_a_daemon_live(bus, record):
+    """The whole way: a broadcast, `guidance view --live` as its own process, and an end by signal."""
+    (broadcast, other), endpoint = bus
+    other.close()
+    broadcast._metadata = dict(metadata_of(record))
+    cycles = [json.loads(item.data) for item in scan(record) if item.topic == "guidance/cycle"]
+    program = "from guidance.cli import main; main()"
+    words = [sys.executable, "-c", program, "view", "--live", "--name", "uav1", "--endpoint", endpoint, *FREE]
+    child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    try:
+        assert "look at" in child.stdout.readline()
+        until(lambda: is_watched(broadcast._publishers["cycle"]))
+        for cycle in cycles[:100]:
+            broadcast.cycle(cycle["now_s"], cycle)
+        until(lambda: not broadcast._waiting)
+        time.sleep(0.5)  # a process of its own: no clock of ours moves it
+        child.send_signal(signal.SIGINT)
+        rest = child.communicate(timeout=15.0)[0]
+    finally:
+        child.kill()
+        child.wait()
+    assert "101 cycles shown" in rest
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1:1", "", "127.0.0.1", "[::1]:{port}"]
+)
+def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
+    """DNS rebinding: a stranger's page whose name leads to loopback reads nothing from here."""
+    front = Front(0, behind=free_port(), recording_port=1)
+    try:
+        port = front.port
+        assert status_for(port, host.format(port=port)) == http.HTTPStatus.MISDIRECTED_REQUEST
+        for ours in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            assert status_for(port, ours) == http.HTTPStatus.BAD_GATEWAY  # let in; nothing is served behind
+    finally:
+        front.close()
+
+
+def status_for(port, host):
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
+    with contextlib.closing(connection):
+        connection.request("GET", "/", headers={"Host": host})
+        return connection.getresponse().status
