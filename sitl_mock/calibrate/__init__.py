@@ -1,8 +1,8 @@
 """Comparing the mock's velocity response with a log of a real autopilot."""
 
 from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
-from sitl_mock.calibrate.flight import Flavour, fly_log, guess, replay, vehicle_of
-from sitl_mock.calibrate.step_log import COLUMNS, StepLog, read_step_log
+from sitl_mock.calibrate.flight import fly_log, guess, replay, vehicle_of
+from sitl_mock.calibrate.step_log import COLUMNS, Flavour, StepLog, read_step_log
 
 __all__ = [
     "COLUMNS",

@@ -1,16 +1,86 @@
 """What `sitl-mock calibrate` does, from a file's path to the exit code."""
 
 import json
+import math
 from pathlib import Path
+from typing import Any
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
-from sitl_mock.calibrate.comparison import compare
-from sitl_mock.calibrate.flight import Flavour, fly_log, guess, replay, vehicle_of
-from sitl_mock.calibrate.report import as_plain, table_of, verdict_of
-from sitl_mock.calibrate.step_log import read_step_log
+from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
+from sitl_mock.calibrate.flight import fly_log, guess, replay, vehicle_of
+from sitl_mock.calibrate.step_log import Flavour, read_step_log
 from sitl_mock.errors import ConfigError
+
+
+def table_of(comparison: Comparison) -> Table:
+    """One row a segment and axis; cells with two numbers are real / mock."""
+    how = f", guessed by {comparison.guessed_by}" if comparison.guessed_by else ""
+    table = Table(title=f"{comparison.flavour.value}{how}: real / mock", caption="m/s, s; - is nothing to measure")
+    for name in ("from", "axis", "command", "rise 10-90 %", "overshoot", "steady error", "RMS difference"):
+        table.add_column(name, justify="right")
+    for segment in comparison.segments:
+        for axis in segment.axes:
+            table.add_row(
+                f"{segment.start_s:.1f}" if axis.axis == "N" else "",
+                axis.axis,
+                "varying" if segment.varying else f"{axis.command_m_s:g}",
+                _pair(axis.real.rise_s, axis.mock.rise_s),
+                _pair(axis.real.overshoot_m_s, axis.mock.overshoot_m_s),
+                _pair(axis.real.steady_error_m_s, axis.mock.steady_error_m_s),
+                f"{axis.rms_m_s:.3f}",
+                end_section=axis.axis == "D",
+            )
+    return table
+
+
+def verdict_of(comparison: Comparison) -> str:
+    """The overall numbers in a line."""
+    n, e, d = comparison.rms_ned_m_s
+    word = "within" if comparison.passed else "ABOVE"
+    return (
+        f"Overall velocity RMS: N {n:.3f}, E {e:.3f}, D {d:.3f} m/s, {word} the limit of {RMS_LIMIT_M_S} m/s per axis."
+    )
+
+
+def as_plain(comparison: Comparison) -> dict[str, Any]:
+    """The comparison as JSON takes it: NaN becomes null."""
+    return {
+        "flavour": comparison.flavour.value,
+        "passed": comparison.passed,
+        "rms_ned_m_s": list(comparison.rms_ned_m_s),
+        "segments": [
+            {
+                "start_s": segment.start_s,
+                "end_s": segment.end_s,
+                "varying": segment.varying,
+                "axes": {
+                    axis.axis: {
+                        "command_m_s": _null(axis.command_m_s),
+                        "rms_m_s": axis.rms_m_s,
+                        "real": {name: _null(value) for name, value in axis.real._asdict().items()},
+                        "mock": {name: _null(value) for name, value in axis.mock._asdict().items()},
+                    }
+                    for axis in segment.axes
+                },
+            }
+            for segment in comparison.segments
+        ],
+    }
+
+
+def _null(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _pair(real: float, mock: float) -> str:
+    return f"{_cell(real)} / {_cell(mock)}" if not (math.isnan(real) and math.isnan(mock)) else "-"
+
+
+def _cell(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2f}"
 
 
 def calibrate_file(

@@ -1,13 +1,12 @@
 """Flying a log's commands with a whole mock vehicle by MAVLink bytes, or with the dynamics alone; time by hand."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sitl_mock.calibrate.measures import Samples
-from sitl_mock.calibrate.step_log import StepLog
+from sitl_mock.calibrate.comparison import Samples
+from sitl_mock.calibrate.step_log import Flavour, StepLog
 from sitl_mock.dynamics import CALM, Kind, Setpoint, Vehicle, arducopter_quadrotor, px4_quadrotor
 from sitl_mock.errors import MockError
 from sitl_mock.mavlink import Decoder, Encoder
@@ -38,13 +37,6 @@ def replay(log: StepLog, vehicle: Vehicle) -> Samples:
             n, e, d = command
             setpoint = Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d), yaw_rad=0.0)
     return np.array(answers)
-
-
-class Flavour(StrEnum):
-    """Autopilots with a calibrated copter."""
-
-    PX4 = "px4"
-    ARDUCOPTER = "arducopter"
 
 
 def vehicle_of(flavour: Flavour) -> Vehicle:

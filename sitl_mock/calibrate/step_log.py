@@ -3,6 +3,7 @@
 import csv
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import TextIO
 
@@ -19,6 +20,13 @@ COLUMNS = (_TIME, *_COMMANDS, *_VELOCITIES, *_POSITIONS)
 """What a file has to have; other columns are ignored, the order does not matter."""
 
 _ROWS_LEAST = 10
+
+
+class Flavour(StrEnum):
+    """Autopilots with a calibrated copter."""
+
+    PX4 = "px4"
+    ARDUCOPTER = "arducopter"
 
 
 @dataclass(frozen=True)

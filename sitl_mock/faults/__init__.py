@@ -1,9 +1,8 @@
 """Faults of links, flights and evaders: seeded, scripted in TOML, put upon a vehicle that runs stepped or live."""
 
-from sitl_mock.faults.catalogue import KINDS
 from sitl_mock.faults.effect import Direction, Group, Kind, Option
 from sitl_mock.faults.faulted import STATES, Faulted
-from sitl_mock.faults.script import Fault, FaultScript, parse_fault, parse_script, read_script
+from sitl_mock.faults.script import KINDS, Fault, FaultScript, parse_fault, parse_script, read_script
 
 __all__ = [
     "KINDS",

@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.catalogue import KINDS
 from sitl_mock.faults.effect import Direction, Effect, Making
 from sitl_mock.faults.other_senders import GUIDED_OF
-from sitl_mock.faults.script import Fault, FaultScript, parse_fault
+from sitl_mock.faults.script import KINDS, Fault, FaultScript, parse_fault
 from sitl_mock.mavlink import SPEC_BY_NAME
 
 if TYPE_CHECKING:

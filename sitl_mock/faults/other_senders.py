@@ -104,7 +104,7 @@ def _statustext(making: Making) -> Effect:
     return Effect(begin=begin, advance=advance, alter=alter)
 
 
-STRANGER_KINDS: Mapping[str, Kind] = MappingProxyType(
+OTHER_SENDER_KINDS: Mapping[str, Kind] = MappingProxyType(
     {
         "foreign_heartbeat": Kind(
             Group.LINK,

@@ -18,17 +18,29 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.errors import ConfigError
-from sitl_mock.faults.catalogue import KINDS
+from sitl_mock.faults.acks import ACK_KINDS
+from sitl_mock.faults.contents import CONTENT_KINDS
 from sitl_mock.faults.effect import REQUIRED, Direction, Kind, Option, choice, integer, number, text, words
+from sitl_mock.faults.evader import EVADER_KINDS
+from sitl_mock.faults.links import LINK_KINDS
+from sitl_mock.faults.other_senders import OTHER_SENDER_KINDS
+from sitl_mock.faults.vehicle import FLIGHT_KINDS
 from sitl_mock.mavlink import SPEC_BY_NAME
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
+
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {**LINK_KINDS, **ACK_KINDS, **CONTENT_KINDS, **OTHER_SENDER_KINDS, **FLIGHT_KINDS, **EVADER_KINDS}
+)
+
 
 EVERY: Final = "*"
 _FOREVER_S: Final = 1e9

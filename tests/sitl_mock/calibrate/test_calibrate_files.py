@@ -17,7 +17,7 @@ from sitl_mock.calibrate import (
     replay,
     vehicle_of,
 )
-from sitl_mock.calibrate.measures import segments_of
+from sitl_mock.calibrate.comparison import segments_of
 from sitl_mock.errors import MockError
 
 DATA = Path(__file__).parents[2] / "data"

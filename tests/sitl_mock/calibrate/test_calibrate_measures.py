@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl_mock.calibrate.measures import response_of, segments_of
+from sitl_mock.calibrate.comparison import response_of, segments_of
 
 
 @given(
