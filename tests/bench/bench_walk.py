@@ -1,0 +1,128 @@
+"""The walk of one LOCAL_POSITION_NED to its setpoint: `python -m tests.bench.bench_walk [--list] [--autopilot NAME]`.
+
+A mock is flown in virtual time until the game is on; then one cycle hears one LOCAL_POSITION_NED and nothing else, and
+every call of a function of `guidance` is counted until the setpoint's frame lies on the wire. Printed: calls, functions,
+files, and changes of file from one call to the next; with `--list` the calls in order, indented by depth. A
+comprehension is no call: newer Pythons inline it.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from chase import CYCLE_S, ORDERS, Runner, hover_chase
+
+import guidance
+from guidance.clock import VirtualClock
+from guidance.flight import Flight, State
+from guidance.links import MemoryWire
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.session.linked_flight import LinkedFlight
+from guidance.session.scenario_spec import flight_settings
+from sitl_mock.vehicle import MockVehicle
+
+ROOT = str(Path(guidance.__file__).parent)
+ENGAGED_S = 4.0
+LOCAL_POSITION_NED = 32
+INLINED = {"<listcomp>", "<setcomp>", "<dictcomp>", "<genexpr>"}
+
+
+class Call(NamedTuple):
+    """One call: how deep it lies, and which function of which file."""
+
+    depth: int
+    file: str
+    function: str
+
+
+class Walk:
+    """Every call within `guidance`, while the profile is set and until `arrived`."""
+
+    def __init__(self) -> None:
+        self.calls: list[Call] = []
+        self.arrived = False
+        self._depth = 0
+
+    def __call__(self, frame: FrameType, event: str, _: Any) -> None:
+        code = frame.f_code
+        if self.arrived or not code.co_filename.startswith(ROOT) or code.co_name in INLINED:
+            return
+        if event == "call":
+            self.calls.append(Call(self._depth, code.co_filename[len(ROOT) + 1 :], code.co_qualname))
+            self._depth += 1
+        elif event == "return":
+            self._depth -= 1
+
+    def summary(self) -> str:
+        """Say how long the walk is."""
+        changes = sum(one.file != other.file for one, other in zip(self.calls, self.calls[1:], strict=False))
+        functions, files = {call[1:] for call in self.calls}, {call.file for call in self.calls}
+        return f"{len(self.calls)} calls, {len(functions)} functions, {len(files)} files, {changes} changes of file"
+
+
+class Watched(MemoryWire):
+    """A wire that notes on a walk when something was sent."""
+
+    walk: Walk | None = None
+
+    def send(self, frame: bytes) -> None:
+        """See `Wire`."""
+        super().send(frame)
+        if self.walk is not None:
+            self.walk.arrived = True
+
+
+def walk(autopilot: str) -> Walk:
+    """Fly until the game has been on for a while, and count one cycle."""
+    scenario, clock, walked = hover_chase(autopilot, seed=1), VirtualClock(), Walk()
+    settings = flight_settings(scenario)
+    vehicle = MockVehicle(autopilot, seed=1, ready_after_s=1.0)
+    ours, theirs = Watched.pair(clock.now_s)
+    link, runner = PymavlinkLink(ours, clock.now_s, system_id=1), Runner(scenario, settings)
+    flight = Flight(settings)
+    linked, engaged_s = LinkedFlight(flight, link, runner, None), float("inf")
+    while not walked.arrived:
+        now_s = clock.now_s()
+        frames = vehicle.step(now_s, [frame for _, frame in theirs.receive()])
+        place = vehicle.truth.position_ned_m
+        runner.advance(now_s, place[:2], running=now_s > engaged_s)
+        if flight.state is State.ENGAGED:
+            engaged_s = min(engaged_s, now_s)
+        positions = [frame for frame in frames if int.from_bytes(frame[7:10], "little") == LOCAL_POSITION_NED]
+        counted = now_s > engaged_s + ENGAGED_S and len(positions) == 1
+        for frame in positions if counted else frames:
+            theirs.send(frame)
+        if counted:
+            runner.receive()
+            ours.walk = walked
+            sys.setprofile(walked)
+        try:
+            linked.run(now_s, ORDERS.get(flight.state, ()))
+        finally:
+            sys.setprofile(None)
+        clock.sleep_until(now_s + CYCLE_S)
+    return walked
+
+
+def main() -> None:
+    """Print the walk."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--autopilot", choices=("px4", "arducopter"), default="px4")
+    parser.add_argument("--list", action="store_true", help="print every call, indented by depth, and calls by file")
+    given = parser.parse_args()
+    walked = walk(given.autopilot)
+    if given.list:
+        for call in walked.calls:
+            print(f"{'  ' * call.depth}{call.function}  ({call.file})")
+        for file, calls in Counter(call.file for call in walked.calls).most_common():
+            print(f"{calls:4d}  {file}")
+    print(walked.summary())
+
+
+if __name__ == "__main__":
+    main()
