@@ -3,21 +3,21 @@
 Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
 """
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from guidance.control import AltitudeHold, Envelope, Limited, LimitMemory, Situation, hold_altitude, limit
-from guidance.control.approach import Gaps
-from guidance.control.fence import keep_inside
-from guidance.control.follow import Following, FollowMemory, Motion, follow, less_drift, observe_drift, with_drift
+from guidance.certificate import Certificate, Players, answer, certify, certify_no_game, vector
+from guidance.control import AltitudeHold, Envelope, LimitMemory, Situation, hold_altitude, limit
+from guidance.control.approach import gaps_to_disc
+from guidance.control.fence import keep_inside, measure_fence
+from guidance.control.follow import Following, FollowMemory, follow, less_drift, observe_drift, with_drift
 from guidance.control.hold import NorthEast, keep_station
-from guidance.control.late_start import Acceleration, late_start
+from guidance.control.late_start import Acceleration
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
-from guidance.game import Game, Reason, Solution, SpeedSet, StandOff, Winner, guaranteed_age_s, solve
+from guidance.game import Game, Reason, SpeedSet, StandOff, guaranteed_age_s
 from guidance.game.game import horizontal_speed
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
@@ -42,6 +42,10 @@ class CycleSettings:
         target_velocity_m_s: Velocity of that place, x and y of the game frame, from the begin of play on.
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
         evader_timeout_s: Age of the evader's last report from which it counts as lost.
+        game: What is played against the declared speed, checked once; a cycle takes the estimated one.
+
+    Raises:
+        ConfigError: If that is no game, for an evader that is too fast, say.
     """
 
     speed_set: SpeedSet
@@ -57,6 +61,12 @@ class CycleSettings:
     evader_timeout_s: float = 1.5
     target_velocity_m_s: tuple[float, float] = (0.0, 0.0)
     speed_sigmas: float = 0.5
+    game: Game = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        speed_m_s, target_m_s = self.declared_evader_speed_m_s, self.target_velocity_m_s
+        game = Game(self.speed_set, speed_m_s, standoff=self.standoff, target_velocity_m_s=target_m_s)
+        object.__setattr__(self, "game", game)
 
 
 class EvaderEstimate(NamedTuple):
@@ -69,12 +79,10 @@ class EvaderEstimate(NamedTuple):
 
 
 class CycleInputs(NamedTuple):
-    """One cycle's view of the world, read once."""
+    """One cycle's view of the world, read once: `situation` has the evader where `evader` does."""
 
     dt_s: float
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector
-    yaw_rad: float
+    situation: Situation
     evader: EvaderEstimate | None
     game_frame: GameFrame | None
 
@@ -91,49 +99,6 @@ class CycleMemory(NamedTuple):
     optimal_game_m_s: Vector | None = None
 
 
-class Certificate(NamedTuple):
-    """What the game says at this cycle, and what became of it.
-
-    `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD), of the game's
-    pursuer, which is at full speed at once. What this vehicle can promise, from the velocity and with the acceleration
-    that it has (`guidance.control.late_start`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
-    keep the evader `assured_distance_m` from its target: negative by what it comes short where the evader gets there,
-    NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
-    `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `acted`. `reason` is
-    the `guidance.game.Reason` of the game's answer: with TOO_OLD nothing here is guaranteed.
-    """
-
-    winner: int
-    value: float
-    margin_s: float
-    meeting_point_game_m: Vector
-    meeting_time_s: float
-    speed_ratio: float
-    evader_age_s: float
-    pursuer_game_m: Vector
-    evader_game_m: Vector
-    gap_m: float
-    height_gap_m: float
-    wanted_ned_m_s: Vector
-    command_ned_m_s: Vector
-    acted: tuple[str, ...]
-    captured: bool
-    strayed: bool
-    evader_arrived: bool
-    no_game: bool
-    outside_fence: bool
-    time_needed_s: float = math.nan
-    assured_distance_m: float = math.nan
-    reason: int | None = None
-
-
-class Promise(NamedTuple):
-    """What this vehicle can do; see `Certificate`."""
-
-    time_needed_s: float
-    assured_distance_m: float
-
-
 class CycleOutput(NamedTuple):
     """The setpoint to send, the certificate (None for a hover), and the memory for the next cycle."""
 
@@ -148,225 +113,86 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     Raises:
         ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    estimate, frame = inputs.evader, inputs.game_frame
-    if estimate is None or frame is None:
+    (dt_s, here, evader, frame), envelope = inputs, settings.envelope
+    if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
-    settings = _target_now(settings, memory.strategy.played_s)
-    pursuer, evader = frame.position_from_ned(inputs.position_ned_m), frame.position_from_ned(estimate.position_ned_m)
-    gaps = _gaps(inputs.position_ned_m, estimate.position_ned_m, settings.standoff)
+    players = Players(
+        frame.position_from_ned(here.position_ned_m),
+        game_from_ned(here.velocity_ned_m_s),
+        frame.position_from_ned(evader.position_ned_m),
+        game_from_ned(evader.velocity_ned_m_s),
+        _target_at(settings, memory.strategy.played_s),
+    )
+    gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
+    fence = measure_fence(here.position_ned_m, envelope)
+    # The position is the estimate for now; its age says how long the evader may have been running elsewhere.
+    age_s = min(max(evader.age_s, 0.0), settings.evader_timeout_s)
     try:
-        # The position is the estimate for now; its age says how long the evader may have been running elsewhere.
-        game = Game(
-            settings.speed_set,
-            estimate.speed_bound_m_s,
-            standoff=settings.standoff,
-            information_age_s=min(max(estimate.age_s, 0.0), settings.evader_timeout_s),
-            target_velocity_m_s=settings.target_velocity_m_s,
-        )
+        game = settings.game.against(evader.speed_bound_m_s, age_s)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
-        return output._replace(certificate=_no_game(inputs, settings, pursuer, evader, gaps, output.setpoint))
-    too_old = game.information_age_s > guaranteed_age_s(game)
+        refused = certify_no_game(
+            players, gaps, output.setpoint, evader_age_s=evader.age_s, outside_fence=fence.outside
+        )
+        return output._replace(certificate=refused)
+    too_old = age_s > guaranteed_age_s(game)
     if too_old:
         # No law is guaranteed then. Of those that tests/bench/bench_game_age.py sets against a worst evader, the one
         # that takes the estimate for new loses least: answering all that the evader may have done answers nothing.
-        game = replace(game, information_age_s=0.0)
-    seen = game_from_ned(estimate.velocity_ned_m_s)
-    flown = game_from_ned(inputs.velocity_ned_m_s)
-    solution, promise = _solve(game, settings, pursuer, evader, seen, flown, memory.optimal_game_m_s)
-    optimal = _vector(solution.pursuer_velocity_m_s)
-    wanted_game = _strategy(game, settings, pursuer, evader, seen, optimal, memory.strategy, inputs.dt_s)
-    motion = Motion(inputs.position_ned_m, inputs.velocity_ned_m_s, estimate.velocity_ned_m_s)
-    wanted = keep_inside(ned_from_game(wanted_game), inputs.position_ned_m, settings.envelope)
-    most = settings.envelope.speed_m_s / float(horizontal_speed(settings.speed_set))
-    followed = follow(wanted, motion, gaps, settings.following, memory.follow, most=most, dt_s=inputs.dt_s)
-    yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
+        game = game.against(evader.speed_bound_m_s, 0.0)
+    answered = answer(game, players, settings.acceleration, memory.optimal_game_m_s)
+    asked = answered.pursuer_m_s
+    if settings.strategy.name != OPTIMAL:
+        asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
+    asked_ned_m_s = keep_inside(ned_from_game(asked), fence, envelope)
+    most = envelope.speed_m_s / float(horizontal_speed(settings.speed_set))
+    followed = follow(asked_ned_m_s, here, gaps, settings.following, memory.follow, most=most, dt_s=dt_s)
+    yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
-    limited = _limit(command, inputs, settings, memory)
-    certificate = _certify(
-        inputs, settings, game, solution, promise, pursuer, evader, gaps, followed.wanted_ned_m_s, limited
+    limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence)
+    certificate = certify(
+        game,
+        answered,
+        players,
+        gaps,
+        limited,
+        wanted_ned_m_s=followed.desired_ned_m_s,
+        evader_age_s=evader.age_s,
+        tolerance_m=settings.tolerance_m,
+        outside_fence=fence.outside,
+        reason=int(Reason.TOO_OLD if too_old else answered.solution.reason),
     )
-    return CycleOutput(
-        limited.setpoint,
-        certificate._replace(reason=int(Reason.TOO_OLD)) if too_old else certificate,
-        CycleMemory(
-            followed.memory,
-            limited.memory,
-            None,
-            yaw_rad,
-            strategy=StrategyMemory(np.array(wanted_game), memory.strategy.played_s + inputs.dt_s),
-            optimal_game_m_s=optimal,
-        ),
+    played = StrategyMemory(np.array(asked), memory.strategy.played_s + dt_s)
+    kept = CycleMemory(
+        followed.memory, limited.memory, None, yaw_rad, strategy=played, optimal_game_m_s=answered.pursuer_m_s
     )
+    return CycleOutput(limited.setpoint, certificate, kept)
 
 
 def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
     """Stop and keep the place, the height and the heading, within the limits."""
-    yaw_rad = inputs.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
+    dt_s, here, envelope = inputs.dt_s, inputs.situation, settings.envelope
+    yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     held = hold_altitude(
-        memory.height,
-        down_m=inputs.position_ned_m[2],
-        wanted_down_m=None,
-        envelope=settings.envelope,
-        dt_s=inputs.dt_s,
+        memory.height, down_m=here.position_ned_m[2], desired_down_m=None, envelope=envelope, dt_s=dt_s
     )
-    drift = observe_drift(memory.follow.drift, inputs.position_ned_m, inputs.velocity_ned_m_s, dt_s=inputs.dt_s)
-    (north, east), place = keep_station(memory.place, inputs.position_ned_m, less_drift(inputs.velocity_ned_m_s, drift))
+    drift = observe_drift(memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
+    (north, east), place = keep_station(memory.place, here.position_ned_m, less_drift(here.velocity_ned_m_s, drift))
     still = with_drift((north, east, held.velocity_down_m_s), drift)
-    limited = _limit(Setpoint(still, yaw_rad=yaw_rad), inputs, settings, memory)
+    limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s)
     begun = memory.strategy.velocity_m_s is not None
-    paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + inputs.dt_s) if begun else StrategyMemory()
+    paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
     kept = CycleMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused)
     return CycleOutput(limited.setpoint, None, kept)
 
 
-def _target_now(settings: CycleSettings, played_s: float) -> CycleSettings:
-    """Return the settings with the evader's target where it is after so long a play."""
+def _target_at(settings: CycleSettings, played_s: float) -> Vector | None:
+    """Return where the evader's target is after so long a play."""
     place, (x_m_s, y_m_s) = settings.target_game_m, settings.target_velocity_m_s
-    if place is None or (x_m_s == 0.0 and y_m_s == 0.0):
-        return settings
-    return replace(settings, target_game_m=(place[0] + x_m_s * played_s, place[1] + y_m_s * played_s, place[2]))
+    return None if place is None else (place[0] + x_m_s * played_s, place[1] + y_m_s * played_s, place[2])
 
 
-def _solve(
-    game: Game,
-    settings: CycleSettings,
-    pursuer: Vector,
-    evader: Vector,
-    evader_velocity: Vector,
-    flown: Vector,
-    optimal: Vector | None,
-) -> tuple[Solution, Promise]:
-    """Solve the game, and once more from where a pursuer would begin that does as well as this vehicle.
-
-    Both at once, which takes no longer than one: with the optimal velocity of the last cycle.
-    """
-    E, seen = np.array(evader), np.array(evader_velocity)
-    T = None if settings.target_game_m is None else np.array(settings.target_game_m)
-    if optimal is None:
-        optimal = _vector(solve(game, np.array(pursuer), E, T, evader_velocity_m_s=seen).pursuer_velocity_m_s)
-    late = late_start(pursuer, optimal, flown, settings.acceleration)
-    both = solve(game, np.array((pursuer, late)), E, T, evader_velocity_m_s=seen)
-    here, there = (Solution(*(column[row] for column in both)) for row in (0, 1))
-    if T is None:
-        return here, Promise(float(there.value), math.nan)
-    short = int(there.winner) == Winner.EVADER
-    return here, Promise(float(there.meeting_time_s), float(-there.value if short else there.value))
-
-
-def _strategy(
-    game: Game,
-    settings: CycleSettings,
-    pursuer: Vector,
-    evader: Vector,
-    evader_velocity: Vector,
-    optimal: Vector,
-    memory: StrategyMemory,
-    dt_s: float,
-) -> Vector:
-    if settings.strategy.name == OPTIMAL:
-        return optimal
-    P, E, seen = np.array(pursuer), np.array(evader), np.array(evader_velocity)
-    T = None if settings.target_game_m is None else np.array(settings.target_game_m)
-    return _vector(pursue(settings.strategy, game, P, E, T, seen, memory, dt_s=dt_s))
-
-
-def _vector(parts: np.typing.NDArray[np.float64]) -> Vector:
-    x, y, z = (float(part) for part in parts)
-    return (x, y, z)
-
-
-def _gaps(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOff) -> Gaps:
-    north, east = evader_ned_m[0] - position_ned_m[0], evader_ned_m[1] - position_ned_m[1]
-    distance_m = math.hypot(north, east)
-    scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
-    height_m = evader_ned_m[2] - position_ned_m[2] - standoff.height_m
-    return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
-
-
-def _limit(command: Setpoint, inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> Limited:
-    evader = inputs.evader
-    situation = Situation(
-        inputs.position_ned_m,
-        inputs.velocity_ned_m_s,
-        inputs.yaw_rad,
-        None if evader is None else evader.position_ned_m,
-        None if evader is None else evader.velocity_ned_m_s,
-    )
-    return limit(command, situation, settings.envelope, memory.limits, inputs.dt_s)
-
-
-def _certify(
-    inputs: CycleInputs,
-    settings: CycleSettings,
-    game: Game,
-    solution: Solution,
-    promise: Promise,
-    pursuer: Vector,
-    evader: Vector,
-    gaps: Gaps,
-    wanted: Vector,
-    limited: Limited,
-) -> Certificate:
-    meeting_x, meeting_y, meeting_z = (float(part) for part in solution.meeting_point_m)
-    near_m = settings.tolerance_m
-    reached = gaps.ground_m <= near_m and abs(gaps.height_m) <= near_m
-    at = settings.target_game_m
-    return Certificate(
-        winner=int(solution.winner),
-        value=float(solution.value),
-        margin_s=float(solution.margin_s),
-        meeting_point_game_m=(meeting_x, meeting_y, meeting_z),
-        meeting_time_s=float(solution.meeting_time_s),
-        speed_ratio=float(horizontal_speed(game.pursuer) / game.evader_speed_m_s),
-        evader_age_s=inputs.evader.age_s if inputs.evader is not None else math.inf,
-        pursuer_game_m=pursuer,
-        evader_game_m=evader,
-        gap_m=gaps.ground_m,
-        height_gap_m=gaps.height_m,
-        wanted_ned_m_s=wanted,
-        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
-        acted=tuple(str(one) for one in limited.acted),
-        captured=reached,
-        strayed=gaps.ground_m > 3.0 * near_m or abs(gaps.height_m) > 3.0 * near_m,
-        evader_arrived=at is not None and not reached and math.dist(at[:2], evader[:2]) <= near_m,
-        no_game=False,
-        outside_fence=_outside(inputs.position_ned_m, settings.envelope),
-        time_needed_s=promise.time_needed_s,
-        assured_distance_m=promise.assured_distance_m,
-        reason=int(solution.reason),
-    )
-
-
-def _no_game(
-    inputs: CycleInputs, settings: CycleSettings, pursuer: Vector, evader: Vector, gaps: Gaps, setpoint: Setpoint
-) -> Certificate:
-    nowhere = (math.nan, math.nan, math.nan)
-    return Certificate(
-        winner=0,
-        value=math.nan,
-        margin_s=math.nan,
-        meeting_point_game_m=nowhere,
-        meeting_time_s=math.nan,
-        speed_ratio=math.nan,
-        evader_age_s=inputs.evader.age_s if inputs.evader is not None else math.inf,
-        pursuer_game_m=pursuer,
-        evader_game_m=evader,
-        gap_m=gaps.ground_m,
-        height_gap_m=gaps.height_m,
-        wanted_ned_m_s=nowhere,
-        command_ned_m_s=setpoint.velocity_ned_m_s,
-        acted=(),
-        captured=False,
-        strayed=False,
-        evader_arrived=False,
-        no_game=True,
-        outside_fence=_outside(inputs.position_ned_m, settings.envelope),
-    )
-
-
-def _outside(position_ned_m: Vector, envelope: Envelope) -> bool:
-    """Whether the vehicle has left the fence: the limits should have kept it in."""
-    north, east = (position_ned_m[axis] - envelope.home_ned_m[axis] for axis in (0, 1))
-    beyond = envelope.fence_radius_m is not None and math.hypot(north, east) > envelope.fence_radius_m
-    return beyond or (envelope.fence_polygon is not None and not envelope.fence_polygon.contains((north, east)))
+def _pursue(strategy: Strategy, game: Game, players: Players, memory: StrategyMemory, dt_s: float) -> Vector:
+    P, E, seen = np.array(players.pursuer_m), np.array(players.evader_m), np.array(players.evader_m_s)
+    T = None if players.target_m is None else np.array(players.target_m)
+    return vector(pursue(strategy, game, P, E, T, seen, memory, dt_s=dt_s))

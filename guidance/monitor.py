@@ -21,7 +21,7 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.game import Reason, Winner
 
 SCATTER_M: Final = 1.0

@@ -3,8 +3,8 @@
 from guidance.control.approach import Approach
 from guidance.control.catch_up import CatchUp
 from guidance.control.envelope import Envelope, Limiter, SpeedLimits, Speeds, StandOffLimit
-from guidance.control.fence import keep_inside
-from guidance.control.follow import Following, FollowMemory, Motion, follow, less_drift, with_drift
+from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
+from guidance.control.follow import Following, FollowMemory, follow, less_drift, with_drift
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
 from guidance.control.late_start import Acceleration
 from guidance.control.polygon import Polygon
@@ -18,13 +18,13 @@ __all__ = [
     "Approach",
     "CatchUp",
     "Envelope",
+    "FenceGeometry",
     "FollowMemory",
     "Following",
     "Held",
     "LimitMemory",
     "Limited",
     "Limiter",
-    "Motion",
     "NorthEast",
     "Polygon",
     "ServoGains",
@@ -38,6 +38,7 @@ __all__ = [
     "keep_station",
     "less_drift",
     "limit",
+    "measure_fence",
     "start",
     "with_drift",
 ]

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from guidance.control.stopping import approach_speed
 from guidance.frames import Vector
+from guidance.game import StandOff
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,15 @@ class Gaps(NamedTuple):
     towards_east: float
 
 
+def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOff) -> Gaps:
+    """Return how far a place is from the stand-off disc of an evader."""
+    north, east = evader_ned_m[0] - position_ned_m[0], evader_ned_m[1] - position_ned_m[1]
+    distance_m = math.hypot(north, east)
+    scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
+    height_m = evader_ned_m[2] - position_ned_m[2] - standoff.height_m
+    return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
+
+
 class Approached(NamedTuple):
     """The velocity to fly, and whether the approach has slowed the closing down."""
 
@@ -69,32 +79,32 @@ def closing_allowed(left_m: float, braking_m_s2: float, settle_s: float, backing
 
 
 def approach(
-    wanted_ned_m_s: Vector, flown_ned_m_s: Vector, evader_ned_m_s: Vector, gaps: Gaps, settings: Approach
+    desired_ned_m_s: Vector, flown_ned_m_s: Vector, evader_ned_m_s: Vector, gaps: Gaps, settings: Approach
 ) -> Approached:
     """Slow a velocity down near the disc.
 
     Args:
-        wanted_ned_m_s: What is wanted without regard to braking.
+        desired_ned_m_s: What is desired without regard to braking.
         flown_ned_m_s: What the vehicle flies.
         evader_ned_m_s: What the evader does, as estimated.
         gaps: To the disc.
         settings: How the vehicle brakes.
     """
-    north, east, braking = _over_ground(wanted_ned_m_s, flown_ned_m_s, evader_ned_m_s, gaps, settings)
-    return Approached((north, east, _vertical(wanted_ned_m_s[2], flown_ned_m_s[2], gaps.height_m, settings)), braking)
+    north, east, braking = _over_ground(desired_ned_m_s, flown_ned_m_s, evader_ned_m_s, gaps, settings)
+    return Approached((north, east, _vertical(desired_ned_m_s[2], flown_ned_m_s[2], gaps.height_m, settings)), braking)
 
 
 def _over_ground(
-    wanted: Vector, flown: Vector, evader: Vector, gaps: Gaps, settings: Approach
+    desired: Vector, flown: Vector, evader: Vector, gaps: Gaps, settings: Approach
 ) -> tuple[float, float, bool]:
     to_north, to_east = gaps.towards_north, gaps.towards_east
-    north, east = wanted[0] - evader[0], wanted[1] - evader[1]
+    north, east = desired[0] - evader[0], desired[1] - evader[1]
     closing = north * to_north + east * to_east
     closing_now = (flown[0] - evader[0]) * to_north + (flown[1] - evader[1]) * to_east
     left_m = gaps.ground_m - settings.margin_m - settings.lag_s * closing_now
     allowed = closing_allowed(left_m, settings.braking_m_s2, settings.settle_s, settings.backing_m_s)
     if closing <= allowed:
-        return wanted[0], wanted[1], False
+        return desired[0], desired[1], False
     across = max(0.0, allowed / closing) if closing > 0.0 else 0.0
     return (
         evader[0] + across * (north - closing * to_north) + allowed * to_north,
@@ -103,9 +113,9 @@ def _over_ground(
     )
 
 
-def _vertical(wanted_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:
+def _vertical(desired_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:
     """Return the vertical speed (down positive), slowed down near the height of the disc; never away from it."""
     closing_now = math.copysign(flown_m_s, height_m * flown_m_s)
     left_m = max(0.0, abs(height_m) - settings.lag_s * closing_now)
     allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
-    return max(-allowed, min(allowed, wanted_m_s))
+    return max(-allowed, min(allowed, desired_m_s))

@@ -36,13 +36,13 @@ class CaughtUp(NamedTuple):
     """The velocity with what catching up adds to it, and what is owed now, in metres."""
 
     velocity_ned_m_s: Vector
-    owed_m: float
+    deficit_m: float
 
 
 def catch_up(
-    wanted_ned_m_s: Vector,
+    desired_ned_m_s: Vector,
     flown_ned_m_s: Vector,
-    owed_m: float,
+    deficit_m: float,
     settings: CatchUp,
     *,
     most: float,
@@ -51,19 +51,19 @@ def catch_up(
     """Add to a velocity what makes up for the way over ground that is owed, along it.
 
     Args:
-        wanted_ned_m_s: What the game asks for.
+        desired_ned_m_s: What the game asks for.
         flown_ned_m_s: What the vehicle flies.
-        owed_m: From the last call; 0 at engagement.
+        deficit_m: From the last call; 0 at engagement.
         settings: How fast it is worked off.
         most: The largest multiple of the velocity, which is what the speed limits are of the game's speeds; at least 1.
         dt_s: Seconds since the last call.
     """
-    speed = math.hypot(*wanted_ned_m_s[:2])
+    speed = math.hypot(*desired_ned_m_s[:2])
     if speed <= 0.0:
-        return CaughtUp(wanted_ned_m_s, owed_m)
-    along = sum(w * f for w, f in zip(wanted_ned_m_s[:2], flown_ned_m_s[:2], strict=True)) / speed
-    owed_m = min(settings.limit_m, max(0.0, owed_m + (speed - along) * dt_s))
+        return CaughtUp(desired_ned_m_s, deficit_m)
+    along = sum(w * f for w, f in zip(desired_ned_m_s[:2], flown_ned_m_s[:2], strict=True)) / speed
+    deficit_m = min(settings.limit_m, max(0.0, deficit_m + (speed - along) * dt_s))
     over = max(0.0, along / speed - (1.0 + OVER) * most)
-    scale = max(0.0, min(most, 1.0 + settings.gain_per_s * owed_m / speed) - EASE * over)
-    north, east, down = wanted_ned_m_s
-    return CaughtUp((scale * north, scale * east, scale * down), owed_m)
+    scale = max(0.0, min(most, 1.0 + settings.gain_per_s * deficit_m / speed) - EASE * over)
+    north, east, down = desired_ned_m_s
+    return CaughtUp((scale * north, scale * east, scale * down), deficit_m)

@@ -7,59 +7,71 @@ import math
 from typing import NamedTuple
 
 from guidance.control.envelope import Envelope, Limiter
-from guidance.control.fence import keep_in_circle, outward_wall, polygon_walls
+from guidance.control.fence import FenceGeometry, circle_constraint, keep_in_circle, polygon_constraints
 from guidance.control.situation import Situation
-from guidance.control.stopping import stop
-from guidance.control.velocity_constraints import Wall, floor_and_ceiling, leans, shrink, slide, stand_off_walls
+from guidance.control.stopping import drift_ned_m, stop
+from guidance.control.velocity_constraints import (
+    VelocityConstraint,
+    floor_and_ceiling,
+    is_active,
+    shrink,
+    slide,
+    stand_off_constraints,
+)
 from guidance.frames import Vector
 
 
-class Allowed(NamedTuple):
-    """A velocity that every limit in space allows, and the walls that took something away from the one asked for."""
+class Feasible(NamedTuple):
+    """A velocity that every limit in space allows, and the constraints that took something away from the one asked."""
 
     velocity_ned_m_s: Vector
-    leaning: tuple[Wall, ...]
+    active: tuple[VelocityConstraint, ...]
 
 
-def walls(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> tuple[Wall, ...]:
-    """Every wall as this velocity meets it: stand-off, polygon, floor and ceiling."""
-    seconds = stop(velocity_ned_m_s, envelope)
-    return (
-        *stand_off_walls(velocity_ned_m_s, situation, envelope),
-        *polygon_walls(situation, envelope, seconds),
-        *floor_and_ceiling(situation, envelope, seconds),
-    )
-
-
-def keep_within(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> Allowed:
+def feasible_velocity(
+    velocity_ned_m_s: Vector, situation: Situation, fence: FenceGeometry, envelope: Envelope
+) -> Feasible:
     """Slide along every limit in turn, then scale until all hold at once.
 
     The sliding keeps as much of the motion as may be; the scaling makes it exact where limits meet in a corner, and
     leaves the circle's law alone: what may be may also be slower. Speed over the ground and vertical speed never rise.
+
+    Args:
+        velocity_ned_m_s: What is asked for.
+        situation: Where vehicle and evader are.
+        fence: Where the vehicle is to the fences.
+        envelope: What is allowed.
     """
-    seconds = stop(velocity_ned_m_s, envelope)
-    obstacles = walls(velocity_ned_m_s, situation, envelope)
-    leaning: list[Wall] = []
+    seconds, drift = stop(velocity_ned_m_s, envelope), drift_ned_m(situation.velocity_ned_m_s, envelope)
+    constraints = (
+        *stand_off_constraints(velocity_ned_m_s, situation, envelope),
+        *polygon_constraints(fence, envelope, seconds, drift),
+        *floor_and_ceiling(situation.position_ned_m[2], envelope, seconds, drift),
+    )
+    active: list[VelocityConstraint] = []
     velocity = velocity_ned_m_s
-    for one in obstacles:
-        if leans(velocity, one):
-            leaning.append(one)
-            velocity = slide(velocity, one)
-    inside = keep_in_circle(velocity, situation, envelope, seconds)
+    for one in constraints:
+        slid = slide(velocity, one)
+        if slid is not velocity:
+            active.append(one)
+            velocity = slid
+    inside = keep_in_circle(velocity, fence, envelope, seconds, drift)
     if inside is not velocity:
-        leaning.append(outward_wall(situation, envelope))
+        active.append(circle_constraint(fence))
         velocity = inside
-    for one in obstacles:
+    for one in constraints if active else ():
         velocity = shrink(velocity, one)
-    return Allowed(velocity, tuple(leaning))
+    return Feasible(velocity, tuple(active))
 
 
 OVER_SPEED = 0.05
 """Share of a speed limit over which what a feed-forward may push along it fades away, once the vehicle flies faster."""
 
 
-def full_speed_walls(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope) -> tuple[Wall, ...]:
-    """Where a speed limit is commanded, it is a wall to the feed-forward as well, of m/s² for a distance.
+def full_speed_constraints(
+    velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope
+) -> tuple[VelocityConstraint, ...]:
+    """Where a speed limit is commanded, it constrains the feed-forward as well, of m/s² for a distance.
 
     A feed-forward may turn the velocity, and hold it against drag, which takes several m/s² at full speed: along a
     limit it may push as long as the vehicle itself flies no faster, and not at all from `OVER_SPEED` above it on.
@@ -70,14 +82,14 @@ def full_speed_walls(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: 
     if ground_m_s >= envelope.speed_m_s * (1.0 - 1e-9):
         along = (north / ground_m_s, east / ground_m_s, 0.0)
         push = _push(flown[0] * along[0] + flown[1] * along[1], envelope.speed_m_s, envelope.acceleration_m_s2)
-        found.append(Wall(Limiter.SPEED, along, push))
+        found.append(VelocityConstraint(Limiter.SPEED, along, push))
     vertical_m_s2 = envelope.vertical_acceleration_m_s2
     if down >= envelope.descent_m_s * (1.0 - 1e-9):
         push = _push(flown[2], envelope.descent_m_s, vertical_m_s2)
-        found.append(Wall(Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), push))
+        found.append(VelocityConstraint(Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), push))
     if -down >= envelope.climb_m_s * (1.0 - 1e-9):
         push = _push(-flown[2], envelope.climb_m_s, vertical_m_s2)
-        found.append(Wall(Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), push))
+        found.append(VelocityConstraint(Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), push))
     return tuple(found)
 
 
@@ -87,27 +99,28 @@ def _push(flown_m_s: float, limit_m_s: float, most_m_s2: float) -> float:
     return most_m_s2 * min(1.0, max(0.0, 1.0 - over))
 
 
-def cut_height(wanted_down_m: float, velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> float:
+def cut_height(desired_down_m: float, velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> float:
     """The height (down, metres) nearest to the wanted one for which the vertical speed is still within every limit.
 
     The autopilot adds gain · (height error) to the vertical velocity, so that sum has to respect the speed limits and
-    the walls; and the height itself is never below the floor or above the ceiling, nor beyond the present height
+    the constraints; and the height itself is never below the floor or above the ceiling, nor beyond the present height
     where the vehicle is outside them.
 
     Args:
-        wanted_down_m: The height asked for.
+        desired_down_m: The height asked for.
         velocity_ned_m_s: The velocity that is sent with it, already within every limit.
         situation: Where the vehicle is.
         envelope: What is allowed.
     """
     present_m, gain = situation.position_ned_m[2], envelope.height_gain_per_s
     north, east, down = velocity_ned_m_s
-    total = down + gain * (wanted_down_m - present_m)
+    total = down + gain * (desired_down_m - present_m)
     total = min(envelope.descent_m_s, max(-envelope.climb_m_s, total))
     asked = (north, east, total)
-    walls = floor_and_ceiling(situation, envelope, stop(asked, envelope))
-    for one in (*stand_off_walls(asked, situation, envelope), *walls):  # a fence holds no height
-        if leans((north, east, total), one):
+    drift = drift_ned_m(situation.velocity_ned_m_s, envelope)
+    level_limits = floor_and_ceiling(present_m, envelope, stop(asked, envelope), drift)
+    for one in (*stand_off_constraints(asked, situation, envelope), *level_limits):  # a fence holds no height
+        if is_active((north, east, total), one):
             level = one.normal_ned_s[0] == one.normal_ned_s[1] == 0.0
             total = slide((north, east, total), one)[2] if level else down
     floor_m = max(present_m, envelope.home_ned_m[2] - envelope.floor_m)

@@ -17,12 +17,14 @@ from typing import NamedTuple
 from guidance.control.approach import Approach, Gaps, approach
 from guidance.control.catch_up import CatchUp, catch_up
 from guidance.control.servo import ServoGains, ServoMemory, serve
+from guidance.control.situation import Situation
 from guidance.frames import Vector
 
 SETTLE_S = 1.2
 LARGEST_M_S = 0.6
 JUMP_M = 1.0
 _LONGEST_STEP_S = 0.1
+_STILL: Vector = (0.0, 0.0, 0.0)
 
 
 class Drift(NamedTuple):
@@ -71,30 +73,22 @@ class FollowMemory(NamedTuple):
     """What one call leaves to the next: the servo's memory, the way that is owed (m), and the drift."""
 
     servo: ServoMemory = ServoMemory()
-    owed_m: float = 0.0
+    deficit_m: float = 0.0
     drift: Drift = Drift()
 
 
-class Motion(NamedTuple):
-    """Position and velocity of the vehicle as reported, and the evader's velocity as estimated; NED."""
-
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector
-    evader_velocity_ned_m_s: Vector
-
-
 class Followed(NamedTuple):
-    """What to command, before the limits; the velocity wanted after the approach; the memory for the next call."""
+    """What to command, before the limits; the velocity desired after the approach; the memory for the next call."""
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector | None
-    wanted_ned_m_s: Vector
+    desired_ned_m_s: Vector
     memory: FollowMemory
 
 
 def follow(
-    wanted_ned_m_s: Vector,
-    motion: Motion,
+    desired_ned_m_s: Vector,
+    here: Situation,
     gaps: Gaps,
     following: Following | None,
     memory: FollowMemory,
@@ -105,8 +99,8 @@ def follow(
     """Follow the game's velocity for one cycle; None for `following` sends it as it is.
 
     Args:
-        wanted_ned_m_s: What the game asks for.
-        motion: Of both.
+        desired_ned_m_s: What the game asks for.
+        here: Where the vehicle is and how it moves, and the evader's velocity.
         gaps: To the disc.
         following: How this vehicle is made to.
         memory: From the last call.
@@ -114,21 +108,21 @@ def follow(
         dt_s: Seconds since the last call.
     """
     if following is None:
-        return Followed(wanted_ned_m_s, None, wanted_ned_m_s, memory)
-    drift = observe_drift(memory.drift, motion.position_ned_m, motion.velocity_ned_m_s, dt_s=dt_s)
-    flown = less_drift(motion.velocity_ned_m_s, drift)
-    caught_up = catch_up(wanted_ned_m_s, flown, memory.owed_m, following.catch_up, most=most, dt_s=dt_s)
-    wanted, braking = approach(
-        caught_up.velocity_ned_m_s, flown, motion.evader_velocity_ned_m_s, gaps, following.approach
+        return Followed(desired_ned_m_s, None, desired_ned_m_s, memory)
+    drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
+    flown = less_drift(here.velocity_ned_m_s, drift)
+    caught_up = catch_up(desired_ned_m_s, flown, memory.deficit_m, following.catch_up, most=most, dt_s=dt_s)
+    desired, braking = approach(
+        caught_up.velocity_ned_m_s, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach
     )
     # What braking at the disc costs is not owed.
-    owed_m = memory.owed_m if braking else caught_up.owed_m
-    served = serve(wanted, flown, memory.servo, following.servo, dt_s=dt_s)
+    deficit_m = memory.deficit_m if braking else caught_up.deficit_m
+    served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s)
     return Followed(
         with_drift(served.velocity_ned_m_s, drift),
         served.acceleration_ned_m_s2,
-        wanted,
-        FollowMemory(served.memory, owed_m, drift),
+        desired,
+        FollowMemory(served.memory, deficit_m, drift),
     )
 
 

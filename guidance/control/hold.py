@@ -35,18 +35,18 @@ class Held(NamedTuple):
 
 
 def hold_altitude(
-    memory: AltitudeHold | None, *, down_m: float, wanted_down_m: float | None, envelope: Envelope, dt_s: float
+    memory: AltitudeHold | None, *, down_m: float, desired_down_m: float | None, envelope: Envelope, dt_s: float
 ) -> Held:
     """Vertical speed that keeps a height, for whenever no vertical motion is wanted.
 
     Proportional with a braking curve for far errors, and a slow, bounded integral against a steady sink, which waits
-    while the error is large. `wanted_down_m` None keeps the height at which holding began. The height is kept within
+    while the error is large. `desired_down_m` None keeps the height at which holding began. The height is kept within
     floor and ceiling, so that a vehicle found outside them comes back.
 
     Args:
         memory: None at the first cycle of a hold.
         down_m: The present height in the local frame (down, metres); one that is no number commands no vertical motion.
-        wanted_down_m: The height to hold, if it is given by someone; one that is no number counts as not given.
+        desired_down_m: The height to hold, if it is given by someone; one that is no number counts as not given.
         envelope: Its floor, ceiling, speeds and vertical braking are respected.
         dt_s: Time since the last cycle, seconds.
     """
@@ -54,8 +54,8 @@ def hold_altitude(
         return Held(0.0, memory)
     begun = memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
     held, trim_m_s = begun
-    if wanted_down_m is not None and usable(wanted_down_m):
-        held = wanted_down_m
+    if desired_down_m is not None and usable(desired_down_m):
+        held = desired_down_m
     home_down_m = envelope.home_ned_m[2]
     held = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held))
     error_m = held - down_m
@@ -63,8 +63,8 @@ def hold_altitude(
         trim_m_s += _INTEGRAL_PER_S2 * error_m * min(_LONGEST_STEP_S, max(0.0, dt_s))
         trim_m_s = min(_TRIM_LIMIT_M_S, max(-_TRIM_LIMIT_M_S, trim_m_s))
     reach_m_s = approach_speed(abs(error_m), envelope.vertical_braking_m_s2, 1.0 / _GAIN_PER_S)
-    wanted_m_s = (reach_m_s if error_m > 0.0 else -reach_m_s) + trim_m_s
-    return Held(min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(held, trim_m_s))
+    desired_m_s = (reach_m_s if error_m > 0.0 else -reach_m_s) + trim_m_s
+    return Held(min(envelope.descent_m_s, max(-envelope.climb_m_s, desired_m_s)), AltitudeHold(held, trim_m_s))
 
 
 GAIN_PER_S = 0.8

@@ -25,16 +25,16 @@ class Acceleration:
     vertical_m_s2: float
 
 
-def late_start(position_m: Vector, wanted_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration) -> Vector:
+def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration) -> Vector:
     """Return where the game's pursuer would begin that comes to fly beside this vehicle, m.
 
     Args:
         position_m: Where the vehicle is; axes of any frame, the third one vertical.
-        wanted_m_s: The velocity that the game asks for, in the same axes.
+        desired_m_s: The velocity that the game asks for, in the same axes.
         flown_m_s: What the vehicle flies.
         acceleration: Of the vehicle.
     """
-    east, north, up = (wanted - flown for wanted, flown in zip(wanted_m_s, flown_m_s, strict=True))
+    east, north, up = (desired - flown for desired, flown in zip(desired_m_s, flown_m_s, strict=True))
     over_ground_s = math.hypot(east, north) / (2.0 * acceleration.ground_m_s2)
     vertical_s = abs(up) / (2.0 * acceleration.vertical_m_s2)
     x, y, z = position_m

@@ -1,6 +1,6 @@
 """Velocity servo: makes a real vehicle fly the velocity that the game asks for.
 
-    wanted ──▶ reference, within acceleration and jerk ──▶ velocity, and its acceleration fed forward
+    desired ─▶ reference, within acceleration and jerk ──▶ velocity, and its acceleration fed forward
                    │ late, as the vehicle is                    ▲
                    └──▶ expected − flown ──▶ drag and trim ─────┘
 
@@ -19,6 +19,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from guidance.control.shaping import next_acceleration
 from guidance.frames import Vector
 
 _ZERO: Vector = (0.0, 0.0, 0.0)
@@ -86,12 +87,12 @@ class Served(NamedTuple):
 
 
 def serve(
-    wanted_ned_m_s: Vector, flown_ned_m_s: Vector, memory: ServoMemory, gains: ServoGains, *, dt_s: float
+    desired_ned_m_s: Vector, flown_ned_m_s: Vector, memory: ServoMemory, gains: ServoGains, *, dt_s: float
 ) -> Served:
-    """Turn the wanted velocity into what to command.
+    """Turn the desired velocity into what to command.
 
     Args:
-        wanted_ned_m_s: What game and approach ask for.
+        desired_ned_m_s: What game and approach ask for.
         flown_ned_m_s: What the vehicle flies, from its telemetry.
         memory: From the last call.
         gains: Of the vehicle.
@@ -100,7 +101,16 @@ def serve(
     dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
     begun = memory.reference_ned_m_s is not None
     before = memory.reference_ned_m_s if memory.reference_ned_m_s is not None else flown_ned_m_s
-    acceleration = _towards(wanted_ned_m_s, before, memory.acceleration_ned_m_s2, gains, dt_s)
+    acceleration = next_acceleration(
+        desired_ned_m_s,
+        before,
+        memory.acceleration_ned_m_s2,
+        ground_m_s2=gains.acceleration_m_s2,
+        vertical_m_s2=gains.vertical_acceleration_m_s2,
+        jerk_m_s3=gains.jerk_m_s3,
+        dt_s=dt_s,
+        settle_per_s=gains.settle_per_s,
+    )
     reference = _moved(before, acceleration, dt_s)
 
     late = memory.expected_ned_m_s if begun else flown_ned_m_s
@@ -117,33 +127,6 @@ def serve(
         acceleration[2],
     )
     return Served(reference, feed_forward, ServoMemory(reference, acceleration, expected, drag_per_s, trim))
-
-
-def _towards(wanted: Vector, velocity: Vector, acceleration: Vector, gains: ServoGains, dt_s: float) -> Vector:
-    """Return the next acceleration of the reference on its way, over the ground by size and vertically by itself."""
-    north, east, down = _less(wanted, velocity)
-    ground = math.hypot(north, east)
-    level = _eased(ground, gains.acceleration_m_s2, gains, dt_s) / ground if ground > 0.0 else 0.0
-    steep = math.copysign(_eased(abs(down), gains.vertical_acceleration_m_s2, gains, dt_s), down)
-    change = _less((north * level, east * level, steep), acceleration)
-    most = gains.jerk_m_s3 * dt_s
-    size = math.hypot(change[0], change[1])
-    share = most / size if size > most else 1.0
-    return (
-        acceleration[0] + share * change[0],
-        acceleration[1] + share * change[1],
-        acceleration[2] + max(-most, min(most, change[2])),
-    )
-
-
-def _eased(missing_m_s: float, largest_m_s2: float, gains: ServoGains, dt_s: float) -> float:
-    """Return the acceleration towards a velocity: the largest from which the jerk can still ease off in time.
-
-    The velocity gained while easing off from a is a²/(2·jerk), and a·dt more because of the step.
-    """
-    reserve = gains.jerk_m_s3 * dt_s
-    root = math.sqrt(reserve * reserve + 2.0 * gains.jerk_m_s3 * missing_m_s) - reserve
-    return min(root, gains.settle_per_s * missing_m_s, largest_m_s2)
 
 
 def _weight(error_m_s: float, within_m_s: float) -> float:

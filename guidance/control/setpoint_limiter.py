@@ -7,12 +7,12 @@ The order, and why:
  3. clock          A late or impossible time step counts as 0.1 s or 0 s: no step is made up for.
  4. speed          Ground vector scaled, vertical cut. First, so that what follows starts from a velocity that may be.
  5. acceleration   From the last setpoint towards the velocity, within acceleration and jerk. Comfort comes before
-                   safety in order, so that safety can overrule it: a wall may stop more sharply than this allows.
- 6. stand-off      ┐ Walls, each takes away only what closes on it and keeps what goes along it. A later wall can bend
+                   safety in order, so that safety can overrule it: a constraint may stop more sharply than this allows.
+ 6. stand-off      ┐ Constraints, each takes away only what closes on it and keeps what goes along. A later one can bend
  7. fences         │ a velocity back into an earlier one, so all are asked again by scaling alone, which breaks none
  8. floor, ceiling ┘ of the others: in the end all hold together. Standing still always does.
- 9. height         A height beside the velocity is cut to what the autopilot may make of it, by the same walls.
-10. feed-forward   Within acceleration and jerk; nothing of it leans on a limit that acts, or drives past one of speed.
+ 9. height         A height beside the velocity is cut to what the autopilot may make of it, by the same constraints.
+10. feed-forward   Within acceleration and jerk; nothing of it pushes where a limit is active, or drives past a speed's.
 11. yaw            Turned at the turn rate.
 
 Nothing is kept here: the memory goes in and comes out, and it holds what was sent, not what was wished, so that
@@ -22,14 +22,22 @@ nothing winds up behind a limit.
 from typing import NamedTuple
 
 from guidance.control.envelope import Envelope, Limiter
-from guidance.control.feasible_velocity import cut_height, full_speed_walls, keep_within
-from guidance.control.shaping import clamp_acceleration, clamp_speed, next_acceleration, next_yaw, slew
-from guidance.control.situation import Situation, is_usable, usable, without_unknowns
-from guidance.control.velocity_constraints import Wall, shrink, slide
+from guidance.control.feasible_velocity import cut_height, feasible_velocity, full_speed_constraints
+from guidance.control.fence import FenceGeometry, measure_fence
+from guidance.control.shaping import clamp_acceleration, clamp_speed, next_acceleration, slew
+from guidance.control.situation import Situation, known, usable
+from guidance.control.velocity_constraints import VelocityConstraint, shrink, slide
 from guidance.frames import Vector, wrap_rad
 from guidance.messages import Setpoint
 
 STILL: Vector = (0.0, 0.0, 0.0)
+_LONGEST_STEP_S = 0.1
+NOTED = 0.05
+"""A limiter of the command itself is named for a change of more than this (m/s, m/s², m or rad).
+
+Less is what a multicopter's velocity wanders by as it hovers (0.03 to 0.08 m/s), and what shaping a command a second
+time that the servo has shaped already comes to. Constraints are named for any change.
+"""
 
 
 class LimitMemory(NamedTuple):
@@ -41,6 +49,14 @@ class LimitMemory(NamedTuple):
     yaw_rad: float = 0.0
 
 
+class Limited(NamedTuple):
+    """The setpoint to send, the limiters that changed the command (see `NOTED`), and the memory for the next cycle."""
+
+    setpoint: Setpoint
+    active: tuple[Limiter, ...]
+    memory: LimitMemory
+
+
 def start(situation: Situation, envelope: Envelope) -> LimitMemory:
     """The memory at engagement: the vehicle's own velocity and heading, so that the first setpoint is no step."""
     if not usable(*situation.velocity_ned_m_s, situation.yaw_rad):
@@ -48,142 +64,131 @@ def start(situation: Situation, envelope: Envelope) -> LimitMemory:
     return LimitMemory(clamp_speed(situation.velocity_ned_m_s, envelope), yaw_rad=situation.yaw_rad)
 
 
-def restored(memory: LimitMemory | None, situation: Situation, envelope: Envelope) -> LimitMemory:
-    """The memory handed in, or a new start where there is none or one that is no number."""
-    if memory is None or not usable(*(number for part in memory[:3] for number in part), memory.yaw_rad):
-        return start(situation, envelope)
-    return memory
-
-
-_LONGEST_STEP_S = 0.1
-NOTED = 0.05
-"""A limiter of the command itself is named for a change of more than this (m/s, m/s², m or rad).
-
-Less is what a multicopter's velocity wanders by as it hovers (0.03 to 0.08 m/s), and what shaping a command a second
-time that the servo has shaped already comes to. Walls are named for any change.
-"""
-
-
-class Limited(NamedTuple):
-    """The setpoint to send, the limiters that changed the command (see `NOTED`), and the memory for the next cycle."""
-
-    setpoint: Setpoint
-    acted: tuple[Limiter, ...]
-    memory: LimitMemory
-
-
 def limit(
-    command: Setpoint, situation: Situation, envelope: Envelope, memory: LimitMemory | None, dt_s: float
+    command: Setpoint,
+    situation: Situation,
+    envelope: Envelope,
+    memory: LimitMemory | None,
+    dt_s: float,
+    *,
+    fence: FenceGeometry | None = None,
 ) -> Limited:
     """Turn a command into a setpoint that the envelope allows. Never raises, and never returns a NaN.
 
     Args:
-        command: What guidance wants; any numbers at all.
+        command: What guidance asks for; any numbers at all.
         situation: Own state and the evader's; any numbers at all.
         envelope: What is allowed.
         memory: From the last call; None at the first one, which then starts at the vehicle's own velocity.
         dt_s: Time since the last call, seconds.
+        fence: Where the vehicle is to the fences, where that is measured already.
     """
-    memory = restored(memory, situation, envelope)
-    if not is_usable(situation):
+    if memory is None or not usable(*(number for part in memory[:3] for number in part), memory.yaw_rad):
+        memory = start(situation, envelope)
+    here = known(situation)
+    if here is None:
         return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
-    situation = without_unknowns(situation)
-    acted: list[Limiter] = []
-    command = _numbers_only(command, memory, acted)
-    dt_s = _step(dt_s, acted)
+    active: list[Limiter] = []
+    command = _numbers_only(command, memory, active)
+    if not 0.0 <= dt_s <= _LONGEST_STEP_S:
+        active.append(Limiter.CLOCK)
+        dt_s = _LONGEST_STEP_S if dt_s > _LONGEST_STEP_S else 0.0
 
-    shaped, acceleration = _shape(command.velocity_ned_m_s, memory, envelope, dt_s, acted)
-    velocity, leaning = keep_within(shaped, situation, envelope)
-    acted.extend(dict.fromkeys(one.limiter for one in leaning))
-    down_m = _height(command.down_m, velocity, situation, envelope, acted)
-    forbidden = tuple(one.forbidding_all() for one in leaning)
-    at_speed = full_speed_walls(velocity, situation.velocity_ned_m_s, envelope)
-    feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*forbidden, *at_speed), envelope, dt_s, acted)
-    yaw_rad = _yaw(command.yaw_rad, memory, envelope, dt_s, acted)
+    shaped, acceleration = _shape(command.velocity_ned_m_s, memory, envelope, dt_s, active)
+    fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
+    velocity, constraints = feasible_velocity(shaped, here, fence, envelope)
+    active.extend(dict.fromkeys(one.limiter for one in constraints))
+    down_m = _height(command.down_m, velocity, here, envelope, active)
+    closed = tuple(one.closed() for one in constraints)
+    at_speed = full_speed_constraints(velocity, here.velocity_ned_m_s, envelope)
+    feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*closed, *at_speed), envelope, dt_s, active)
+    yaw_rad = _yaw(command.yaw_rad, memory, envelope, dt_s, active)
     sent = LimitMemory(
         velocity,
-        _stripped(acceleration, (*forbidden, *(one.forbidding_all() for one in at_speed))),
+        _without_pushing(acceleration, (*closed, *(one.closed() for one in at_speed))),
         feed_forward or STILL,
-        situation.yaw_rad if yaw_rad is None else yaw_rad,
+        here.yaw_rad if yaw_rad is None else yaw_rad,
     )
-    return Limited(Setpoint(velocity, feed_forward, down_m, yaw_rad), tuple(acted), sent)
+    return Limited(Setpoint(velocity, feed_forward, down_m, yaw_rad), tuple(active), sent)
 
 
-def _numbers_only(command: Setpoint, memory: LimitMemory, acted: list[Limiter]) -> Setpoint:
+def _numbers_only(command: Setpoint, memory: LimitMemory, active: list[Limiter]) -> Setpoint:
     given = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()))
     if usable(*given, *(number for number in (command.down_m, command.yaw_rad) if number is not None)):
         return command
-    acted.append(Limiter.COMMAND)
+    active.append(Limiter.COMMAND)
     return Setpoint(STILL, yaw_rad=memory.yaw_rad)
 
 
-def _step(dt_s: float, acted: list[Limiter]) -> float:
-    if 0.0 <= dt_s <= _LONGEST_STEP_S:
-        return dt_s
-    acted.append(Limiter.CLOCK)
-    return _LONGEST_STEP_S if dt_s > _LONGEST_STEP_S else 0.0
-
-
 def _shape(
-    wanted: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float, acted: list[Limiter]
+    desired: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float, active: list[Limiter]
 ) -> tuple[Vector, Vector]:
-    allowed = clamp_speed(wanted, envelope)
-    _note(acted, Limiter.SPEED, allowed[:2], wanted[:2])
-    _note(acted, Limiter.VERTICAL_SPEED, allowed[2:], wanted[2:])
+    allowed = clamp_speed(desired, envelope)
+    _note(active, Limiter.SPEED, allowed[:2], desired[:2])
+    _note(active, Limiter.VERTICAL_SPEED, allowed[2:], desired[2:])
     before = clamp_speed(memory.velocity_ned_m_s, envelope)
-    acceleration = clamp_acceleration(memory.acceleration_ned_m_s2, envelope)
-    acceleration = next_acceleration(allowed, before, acceleration, envelope, dt_s)
+    acceleration = next_acceleration(
+        allowed,
+        before,
+        clamp_acceleration(memory.acceleration_ned_m_s2, envelope),
+        ground_m_s2=envelope.acceleration_m_s2,
+        vertical_m_s2=envelope.vertical_acceleration_m_s2,
+        jerk_m_s3=envelope.jerk_m_s3,
+        dt_s=dt_s,
+    )
     north, east, down = (now + rate * dt_s for now, rate in zip(before, acceleration, strict=True))
     shaped = clamp_speed((north, east, down), envelope)
-    _note(acted, Limiter.ACCELERATION, shaped[:2], allowed[:2])
-    _note(acted, Limiter.VERTICAL_ACCELERATION, shaped[2:], allowed[2:])
+    _note(active, Limiter.ACCELERATION, shaped[:2], allowed[:2])
+    _note(active, Limiter.VERTICAL_ACCELERATION, shaped[2:], allowed[2:])
     return shaped, acceleration
 
 
 def _height(
-    wanted_m: float | None, velocity: Vector, situation: Situation, envelope: Envelope, acted: list[Limiter]
+    desired_m: float | None, velocity: Vector, situation: Situation, envelope: Envelope, active: list[Limiter]
 ) -> float | None:
-    if wanted_m is None:
+    if desired_m is None:
         return None
-    allowed_m = cut_height(wanted_m, velocity, situation, envelope)
-    _note(acted, Limiter.HEIGHT, (allowed_m,), (wanted_m,))
+    allowed_m = cut_height(desired_m, velocity, situation, envelope)
+    _note(active, Limiter.HEIGHT, (allowed_m,), (desired_m,))
     return allowed_m
 
 
 def _yaw(
-    wanted_rad: float | None, memory: LimitMemory, envelope: Envelope, dt_s: float, acted: list[Limiter]
+    desired_rad: float | None, memory: LimitMemory, envelope: Envelope, dt_s: float, active: list[Limiter]
 ) -> float | None:
-    if wanted_rad is None:
+    """Turn towards the desired heading, the short way round, within the turn rate."""
+    if desired_rad is None:
         return None
-    allowed_rad = next_yaw(wanted_rad, memory.yaw_rad, envelope, dt_s)
-    _note(acted, Limiter.YAW, (wrap_rad(allowed_rad - wanted_rad),), (0.0,))
-    return allowed_rad
+    largest, turn = envelope.yaw_rate_rad_s * dt_s, wrap_rad(desired_rad - memory.yaw_rad)
+    allowed = min(largest, max(-largest, turn))
+    _note(active, Limiter.YAW, (allowed,), (turn,))
+    return wrap_rad(memory.yaw_rad + allowed)
 
 
 def _feed_forward(
-    wanted: Vector | None,
+    desired: Vector | None,
     memory: LimitMemory,
-    walls: tuple[Wall, ...],
+    constraints: tuple[VelocityConstraint, ...],
     envelope: Envelope,
     dt_s: float,
-    acted: list[Limiter],
+    active: list[Limiter],
 ) -> Vector | None:
-    if wanted is None:
+    if desired is None:
         return None
-    allowed = slew(clamp_acceleration(wanted, envelope), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
-    allowed = _stripped(clamp_acceleration(allowed, envelope), walls)
-    _note(acted, Limiter.FEED_FORWARD, allowed, wanted)
+    allowed = slew(clamp_acceleration(desired, envelope), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
+    allowed = _without_pushing(clamp_acceleration(allowed, envelope), constraints)
+    _note(active, Limiter.FEED_FORWARD, allowed, desired)
     return allowed
 
 
-def _stripped(acceleration: Vector, walls: tuple[Wall, ...]) -> Vector:
-    for one in walls:
+def _without_pushing(acceleration: Vector, constraints: tuple[VelocityConstraint, ...]) -> Vector:
+    for one in constraints:
         acceleration = slide(acceleration, one)
-    for one in walls:
+    for one in constraints:
         acceleration = shrink(acceleration, one)
     return acceleration
 
 
-def _note(acted: list[Limiter], limiter: Limiter, got: tuple[float, ...], wanted: tuple[float, ...]) -> None:
-    if any(abs(one - other) > NOTED for one, other in zip(got, wanted, strict=True)):
-        acted.append(limiter)
+def _note(active: list[Limiter], limiter: Limiter, got: tuple[float, ...], desired: tuple[float, ...]) -> None:
+    if any(abs(one - other) > NOTED for one, other in zip(got, desired, strict=True)):
+        active.append(limiter)

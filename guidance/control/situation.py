@@ -26,15 +26,9 @@ def usable(*numbers: float) -> bool:
     return all(abs(number) <= _LARGEST for number in numbers)
 
 
-def is_usable(situation: Situation) -> bool:
-    """Whether the situation can be judged. An evader's velocity may be anything: see `without_unknowns`."""
-    evader = situation.evader_position_ned_m or ()
-    return usable(*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad, *evader)
-
-
-def without_unknowns(situation: Situation) -> Situation:
-    """The situation with an evader velocity that is a number or None."""
-    velocity = situation.evader_velocity_ned_m_s
-    if velocity is None or usable(*velocity):
-        return situation
-    return situation._replace(evader_velocity_ned_m_s=None)
+def known(situation: Situation) -> Situation | None:
+    """The situation with an evader velocity that is a number or None; None where it cannot be judged."""
+    evader, velocity = situation.evader_position_ned_m or (), situation.evader_velocity_ned_m_s
+    if not usable(*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad, *evader):
+        return None
+    return situation if velocity is None or usable(*velocity) else situation._replace(evader_velocity_ned_m_s=None)

@@ -1,9 +1,9 @@
-"""A wall: the part of a velocity that closes on it may use up no more than the distance to it before the stop.
+"""A velocity constraint: what closes on something forbidden may use up no more than the distance before the stop.
 
-Only closing parts are ever taken away, each towards zero: a wall adds no motion, reverses nothing and pushes nowhere.
-Standing still satisfies every wall, so that any number of walls has a common answer.
+Only closing parts are ever taken away, each towards zero: a constraint adds no motion, reverses nothing and pushes
+nowhere. Standing still satisfies every one, so that any number of them has a common answer.
 
-Floor and ceiling above home, and the stand-off cylinder about the evader, are made of walls here; the fences in
+Floor and ceiling above home, and the stand-off cylinder about the evader, are given here; the fences in
 `guidance.control.fence`.
 """
 
@@ -15,8 +15,15 @@ from guidance.control.situation import Situation
 from guidance.control.stopping import Stop, drift_ned_m, stop
 from guidance.frames import Vector
 
+COVER_M = 0.5
+"""Height above the lid from which on an evader that flees is trusted to go on."""
 
-class Wall(NamedTuple):
+_DOWN: Vector = (0.0, 0.0, 1.0)
+_UP: Vector = (0.0, 0.0, -1.0)
+_STILL: Vector = (0.0, 0.0, 0.0)
+
+
+class VelocityConstraint(NamedTuple):
     """`normal_ned_s` points at what is forbidden, scaled by the seconds until the stop; `distance_m` is never negative.
 
     Law: max(0, ground part of normal · velocity) + max(0, vertical part of it) ≤ distance.
@@ -26,32 +33,42 @@ class Wall(NamedTuple):
     normal_ned_s: Vector
     distance_m: float
 
-    def forbidding_all(self) -> "Wall":
-        """The same wall with nothing allowed: for accelerations, which must not lean on a wall that is acting."""
+    def closed(self) -> "VelocityConstraint":
+        """The same with nothing allowed: for accelerations, which must not push where a constraint is active."""
         return self._replace(distance_m=0.0)
 
 
-def wall(limiter: Limiter, normal_ned: Vector, distance_m: float, stop: Stop, drift_ned_m: Vector) -> Wall:
-    """Build a wall from a unit normal, the distance to what is forbidden (≤ 0 beyond it) and the vehicle's drift."""
+def constrain(
+    limiter: Limiter, normal_ned: Vector, distance_m: float, stop: Stop, drift_ned_m: Vector
+) -> VelocityConstraint:
+    """Make a constraint.
+
+    Args:
+        limiter: Its name.
+        normal_ned: Unit vector towards what is forbidden.
+        distance_m: To what is forbidden, ≤ 0 beyond it.
+        stop: Seconds of travel until a standstill.
+        drift_ned_m: Where the vehicle goes before it answers.
+    """
     north, east, down = normal_ned
     drift_m = max(0.0, north * drift_ned_m[0] + east * drift_ned_m[1]) + max(0.0, down * drift_ned_m[2])
-    return Wall(
+    return VelocityConstraint(
         limiter,
         (north * stop.ground_s, east * stop.ground_s, down * stop.vertical_s),
         max(distance_m - drift_m, 0.0),
     )
 
 
-def slide(velocity_ned_m_s: Vector, wall: Wall) -> Vector:
-    """Take away what closes too fast and keep what goes along the wall."""
-    closing_ground, closing_vertical = _closing(velocity_ned_m_s, wall)
+def slide(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
+    """Take away what closes too fast and keep what goes along; the very same velocity where nothing does."""
+    closing_ground, closing_vertical = _closing(velocity_ned_m_s, constraint)
     used_m = closing_ground + closing_vertical
-    if used_m <= wall.distance_m:
+    if used_m <= constraint.distance_m:
         return velocity_ned_m_s
-    taken = 1.0 - wall.distance_m / used_m
+    taken = 1.0 - constraint.distance_m / used_m
     north, east, down = velocity_ned_m_s
     if closing_ground > 0.0:
-        normal_north, normal_east, _ = wall.normal_ned_s
+        normal_north, normal_east, _ = constraint.normal_ned_s
         size_s = math.hypot(normal_north, normal_east)
         part = taken * closing_ground / size_s
         north, east = north - part * (normal_north / size_s), east - part * (normal_east / size_s)
@@ -60,13 +77,13 @@ def slide(velocity_ned_m_s: Vector, wall: Wall) -> Vector:
     return (north, east, down)
 
 
-def shrink(velocity_ned_m_s: Vector, wall: Wall) -> Vector:
-    """Scale down, direction kept, until the wall is respected; what respected other walls before still does."""
-    closing_ground, closing_vertical = _closing(velocity_ned_m_s, wall)
+def shrink(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
+    """Scale down, direction kept, until the constraint holds; those that held before still do."""
+    closing_ground, closing_vertical = _closing(velocity_ned_m_s, constraint)
     used_m = closing_ground + closing_vertical
-    if used_m <= wall.distance_m:
+    if used_m <= constraint.distance_m:
         return velocity_ned_m_s
-    share = wall.distance_m / used_m
+    share = constraint.distance_m / used_m
     north, east, down = velocity_ned_m_s
     if closing_ground > 0.0:
         north, east = share * north, share * east
@@ -75,48 +92,41 @@ def shrink(velocity_ned_m_s: Vector, wall: Wall) -> Vector:
     return (north, east, down)
 
 
-def leans(velocity_ned_m_s: Vector, wall: Wall) -> bool:
-    """Whether a velocity asks for more than the wall allows."""
-    return sum(_closing(velocity_ned_m_s, wall)) > wall.distance_m
+def is_active(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> bool:
+    """Whether a velocity asks for more than the constraint allows."""
+    return sum(_closing(velocity_ned_m_s, constraint)) > constraint.distance_m
 
 
-def _closing(velocity_ned_m_s: Vector, wall: Wall) -> tuple[float, float]:
-    (north, east, down), (normal_north, normal_east, normal_down) = velocity_ned_m_s, wall.normal_ned_s
+def _closing(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> tuple[float, float]:
+    (north, east, down), (normal_north, normal_east, normal_down) = velocity_ned_m_s, constraint.normal_ned_s
     return max(0.0, north * normal_north + east * normal_east), max(0.0, down * normal_down)
 
 
-_DOWN: Vector = (0.0, 0.0, 1.0)
-_UP: Vector = (0.0, 0.0, -1.0)
-
-
-def floor_and_ceiling(situation: Situation, envelope: Envelope, stop: Stop) -> tuple[Wall, Wall]:
+def floor_and_ceiling(
+    down_m: float, envelope: Envelope, stop: Stop, drift_ned_m: Vector
+) -> tuple[VelocityConstraint, VelocityConstraint]:
     """The vehicle would come to rest at or above the floor and at or below the ceiling.
 
     Below the floor nothing descends, above the ceiling nothing climbs; the way back is free and not taken by itself
     (`hold_altitude` takes it).
     """
-    height_m = envelope.home_ned_m[2] - situation.position_ned_m[2]
-    drift = drift_ned_m(situation.velocity_ned_m_s, envelope)
+    height_m = envelope.home_ned_m[2] - down_m
     return (
-        wall(Limiter.FLOOR, _DOWN, height_m - envelope.floor_m, stop, drift),
-        wall(Limiter.CEILING, _UP, envelope.ceiling_m - height_m, stop, drift),
+        constrain(Limiter.FLOOR, _DOWN, height_m - envelope.floor_m, stop, drift_ned_m),
+        constrain(Limiter.CEILING, _UP, envelope.ceiling_m - height_m, stop, drift_ned_m),
     )
 
 
-COVER_M = 0.5
-"""Height above the lid from which on an evader that flees is trusted to go on."""
+def stand_off_constraints(
+    velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope
+) -> tuple[VelocityConstraint, ...]:
+    """The nearest point of the cylinder is forbidden; beside, above, or across its rim where both gaps are open.
 
-_STILL: Vector = (0.0, 0.0, 0.0)
-
-
-def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> tuple[Wall, ...]:
-    """The nearest point of the cylinder is a wall; beside, above, or across its rim where both gaps are open.
-
-    Above the cylinder, an evader that flees takes the wall with it: only the closing speed beyond its own has to be
-    braked. Should it stop dead, the vehicle flies past over it, at the height that it has. Beside the cylinder there is
-    nothing to fly past over, and the law is that of an evader at rest, however fast it flees: it may stop at any time.
-    In between, the last `COVER_M` above the lid, the one law goes over into the other. An evader that comes nearer does
-    not push: its law is that of an evader at rest. Inside, what leads deeper is forbidden.
+    Above the cylinder, an evader that flees takes the constraint with it: only the closing speed beyond its own has to
+    be braked. Should it stop dead, the vehicle flies past over it, at the height that it has. Beside the cylinder there
+    is nothing to fly past over, and the law is that of an evader at rest, however fast it flees: it may stop at any
+    time. In between, the last `COVER_M` above the lid, the one law goes over into the other. An evader that comes
+    nearer does not push: its law is that of an evader at rest. Inside, what leads deeper is forbidden.
     """
     zone, evader = envelope.stand_off, situation.evader_position_ned_m
     if zone is None or evader is None:
@@ -129,15 +139,15 @@ def stand_off_walls(velocity_ned_m_s: Vector, situation: Situation, envelope: En
 
     flight = situation.evader_velocity_ned_m_s or _STILL
     fleeing_m_s = max(0.0, flight[0] * toward[0] + flight[1] * toward[1]) * min(1.0, above_m / COVER_M)
-    wall_velocity = (fleeing_m_s * toward[0], fleeing_m_s * toward[1])
-    seconds = stop(_less_over_ground(velocity_ned_m_s, wall_velocity), envelope)
-    drift = drift_ned_m(_less_over_ground(situation.velocity_ned_m_s, wall_velocity), envelope)
+    fleeing = (fleeing_m_s * toward[0], fleeing_m_s * toward[1])
+    seconds = stop(_less_over_ground(velocity_ned_m_s, fleeing), envelope)
+    drift = drift_ned_m(_less_over_ground(situation.velocity_ned_m_s, fleeing), envelope)
 
     gap_m = math.hypot(beside_m, above_m)
     normals = [(beside_m / gap_m, above_m / gap_m)] if gap_m > 0.0 else [(1.0, 0.0), (0.0, 1.0)]
     found = []
     for level, steep in normals:
-        one = wall(Limiter.STAND_OFF, (level * toward[0], level * toward[1], steep), gap_m, seconds, drift)
+        one = constrain(Limiter.STAND_OFF, (level * toward[0], level * toward[1], steep), gap_m, seconds, drift)
         found.append(one._replace(distance_m=one.distance_m + level * fleeing_m_s * seconds.ground_s))
     return tuple(found)
 

@@ -2,7 +2,7 @@
 
 from guidance.estimation.clock_offset import ClockOffset
 from guidance.estimation.measurement import Measurement
-from guidance.estimation.observer import EvaderState, Observer, compare_clocks, evader_at, moved, observe, predict
+from guidance.estimation.observer import EvaderState, Observer, compare_clocks, moved, observe, predict
 from guidance.estimation.settings import TrackSettings
 from guidance.estimation.track import TAKEN, ReportOutcome, Track, update
 
@@ -16,7 +16,6 @@ __all__ = [
     "Track",
     "TrackSettings",
     "compare_clocks",
-    "evader_at",
     "moved",
     "observe",
     "predict",

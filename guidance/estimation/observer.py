@@ -114,11 +114,6 @@ def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
     return observer._replace(clock=clock)
 
 
-def evader_at(observer: Observer, now_s: float, settings: TrackSettings) -> EvaderState | None:
-    """The evader at a time of our clock; None before the first report."""
-    return predict(observer.track, now_s, settings)
-
-
 def _true_at(report: EvaderReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
     """When the report was true: by its sender's clock where it has one, else by its arrival less the latency."""
     if math.isnan(report.sent_s) or clock is None:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from guidance.autopilots import Mode
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import OUR_MODES, TRANSITIONS, Event, State

@@ -9,8 +9,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from guidance.autopilots import HEARTBEAT, Mode
-from guidance.control import Envelope
-from guidance.cycle import Certificate, CycleInputs, CycleMemory, hover, play
+from guidance.certificate import Certificate
+from guidance.control import Envelope, Situation
+from guidance.cycle import CycleInputs, CycleMemory, hover, play
 from guidance.flight.carrying import carried, difference
 from guidance.flight.detect import EventContext, events
 from guidance.flight.echo import Echo
@@ -290,14 +291,15 @@ class Flight:
         if inviting:
             # Neutral: what a pilot flies into meanwhile must not be remembered as a height to go back to.
             self._memory = CycleMemory(limits=self._memory.limits)
-        inputs = CycleInputs(
-            dt_s=dt_s,
-            position_ned_m=difference(local.position_ned_m, self.tracking.held_back_ned_m),
-            velocity_ned_m_s=local.velocity_ned_m_s,
-            yaw_rad=self.vehicle.yaw_rad,
-            evader=self.tracking.evader(now_s),
-            game_frame=self.tracking.game_frame,
+        evader = self.tracking.evader(now_s)
+        here = Situation(
+            difference(local.position_ned_m, self.tracking.held_back_ned_m),
+            local.velocity_ned_m_s,
+            self.vehicle.yaw_rad,
+            None if evader is None else evader.position_ned_m,
+            None if evader is None else evader.velocity_ned_m_s,
         )
+        inputs = CycleInputs(dt_s, here, evader, self.tracking.game_frame)
         playing = self.state is State.ENGAGED or (
             self.state is State.ON_STATION and self.settings.after_capture is AfterCapture.SHADOW
         )

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from guidance.autopilots import AutopilotProfile
 from guidance.cycle import CycleSettings, EvaderEstimate
-from guidance.estimation import Observer, ReportOutcome, TrackSettings, evader_at, moved, observe
+from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
 from guidance.flight.zero import Zero
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.messages import EvaderReport, Home
@@ -56,12 +56,12 @@ class Tracking:
 
     def silence_s(self, now_s: float) -> float:
         """Seconds since a report of the evader arrived that could be used; infinite if none ever did."""
-        state = evader_at(self._observer, now_s, self._track)
-        return math.inf if state is None else state.silence_s
+        last = self._observer.track.estimate
+        return math.inf if last is None else max(0.0, now_s - last.received_s)
 
     def evader(self, now_s: float) -> EvaderEstimate | None:
         """Return the estimate for now; None until the evader was heard."""
-        state = evader_at(self._observer, now_s, self._track)
+        state = predict(self._observer.track, now_s, self._track)
         if state is None:
             return None
         velocity = state.velocity_ned_m_s if state.velocity_known else (0.0, 0.0, 0.0)

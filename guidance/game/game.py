@@ -6,6 +6,7 @@ so that a game is the same game whichever kind of number it was written with.
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -182,6 +183,22 @@ class Game:
         object.__setattr__(self, "varies", any(is_array(value) for value in parameters(self).values()))
         self._require_speeds()
         self._require_space()
+
+    def against(self, evader_speed_m_s: float, information_age_s: float) -> "Game":
+        """Return the same game against an evader of this speed, seen this long ago; only these numbers are checked.
+
+        A flight plays one game, of which nothing else changes from cycle to cycle.
+
+        Raises:
+            ConfigError: a number is not finite or out of range, or the evader is too fast.
+        """
+        require("evader_speed_m_s", evader_speed_m_s)
+        require("information_age_s", information_age_s, zero_allowed=True)
+        other = copy(self)
+        object.__setattr__(other, "evader_speed_m_s", float(evader_speed_m_s))
+        object.__setattr__(other, "information_age_s", float(information_age_s))
+        Game._require_speeds(other)
+        return other
 
     def _require_speeds(self) -> None:
         hand = speed_in_hand(self)

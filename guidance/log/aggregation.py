@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
+from guidance.certificate import Certificate
 from guidance.control import Envelope
-from guidance.cycle import Certificate
 from guidance.flight import FlightSettings
 from guidance.flight.fence import polygon_about_home
 from guidance.flight.tracking import Tracking

@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 from typing import Final
 
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.log.reader import SettingsOf, Survey
 from guidance.log.replay import Comparison, ReplayedCycle, compare, replay

@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple, get_type_hints
 
 import pyarrow as pa
 
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.log.rows import CycleRow
 from guidance.log.schemas import inside
 from guidance.messages import (

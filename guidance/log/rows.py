@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs
 from guidance.log.reader import Item, Survey, scan

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.frames import Vector
 from guidance.log import foxglove
 from guidance.log.foxglove import Color, SceneEntity, SceneUpdate, Time

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
+from guidance.certificate import Certificate
 from guidance.clock import Timing
-from guidance.cycle import Certificate
 from guidance.flight import Event, State
 from guidance.log.scene import TYPES as DRAWN
 from guidance.messages import EvaderReport, Message, Request, Setpoint

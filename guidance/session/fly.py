@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from guidance.certificate import Certificate
 from guidance.clock import Clock, Timing
-from guidance.cycle import Certificate
 from guidance.flight import Flight, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.log.writer import Record

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from guidance.certificate import Certificate
 from guidance.control import Envelope
-from guidance.cycle import Certificate, CycleSettings
+from guidance.cycle import CycleSettings
 from guidance.frames import Vector
 from guidance.game import Game, solve
 

@@ -1,12 +1,14 @@
 """The walk of one LOCAL_POSITION_NED to its setpoint: `python -m tests.bench.bench_walk [--list] [--autopilot NAME]`.
 
 A mock is flown in virtual time until the game is on; then one cycle hears one LOCAL_POSITION_NED and nothing else, and
-every call of a function of `guidance` is counted until the setpoint's frame lies on the wire. Printed: calls, functions,
-files, and changes of file from one call to the next; with `--list` the calls in order, indented by depth. A
-comprehension is no call: newer Pythons inline it.
+every call of a function of `guidance` is counted until the setpoint's frame lies on the wire. Printed: calls,
+functions, files, and changes of file from one call to the next, with and without the closed form of the game
+(`guidance.game`); with `--list` the calls in order, indented by depth. A comprehension is no call: newer Pythons
+inline it.
 """
 
 import argparse
+import itertools
 import sys
 from collections import Counter
 from pathlib import Path
@@ -58,11 +60,12 @@ class Walk:
         elif event == "return":
             self._depth -= 1
 
-    def summary(self) -> str:
-        """Say how long the walk is."""
-        changes = sum(one.file != other.file for one, other in zip(self.calls, self.calls[1:], strict=False))
-        functions, files = {call[1:] for call in self.calls}, {call.file for call in self.calls}
-        return f"{len(self.calls)} calls, {len(functions)} functions, {len(files)} files, {changes} changes of file"
+
+def summary(calls: list[Call]) -> str:
+    """Say how long a walk is."""
+    changes = sum(one.file != other.file for one, other in itertools.pairwise(calls))
+    functions, files = {call[1:] for call in calls}, {call.file for call in calls}
+    return f"{len(calls)} calls, {len(functions)} functions, {len(files)} files, {changes} changes of file"
 
 
 class Watched(MemoryWire):
@@ -121,7 +124,8 @@ def main() -> None:
             print(f"{'  ' * call.depth}{call.function}  ({call.file})")
         for file, calls in Counter(call.file for call in walked.calls).most_common():
             print(f"{calls:4d}  {file}")
-    print(walked.summary())
+    beside = [call for call in walked.calls if not call.file.startswith("game/")]
+    print(f"{summary(walked.calls)}; beside the game's closed form {summary(beside)}")
 
 
 if __name__ == "__main__":

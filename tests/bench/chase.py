@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
 
+from guidance.certificate import Certificate
 from guidance.clock import VirtualClock
-from guidance.cycle import Certificate
 from guidance.flight import AfterCapture, Event, Flight, FlightSettings, State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire

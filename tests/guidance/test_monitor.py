@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.game import Winner
 from guidance.monitor import ARRIVAL_S, LASTING_S, SCATTER_M, SCATTER_M_S, STALE_S, Broken, Guarantee, watch
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from guidance.certificate import Certificate
 from guidance.clock import Timing
-from guidance.cycle import Certificate
 from guidance.log import reports_of, rows_of, scan, schemas
 from guidance.log.foxglove import time_of
 from guidance.log.known import known

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from guidance.certificate import Certificate
 from guidance.control import Envelope
-from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
 from guidance.frames import Vector

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from guidance.cycle import Certificate
+from guidance.certificate import Certificate
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleRow, Item, SettingsOf
 from guidance.log.reader import CONFIG

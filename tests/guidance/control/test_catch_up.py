@@ -17,28 +17,28 @@ velocities = st.tuples(speeds, speeds, speeds)
 
 
 @given(velocities, velocities, st.floats(0.0, 12.0), st.floats(0.0, 0.5))
-def test_never_more_than_the_limits_leave_is_added_and_the_direction_is_kept(wanted, flown, owed_m, dt_s):
-    velocity, owed_m = catch_up(wanted, flown, owed_m, SETTINGS, most=1.05, dt_s=dt_s)
+def test_never_more_than_the_limits_leave_is_added_and_the_direction_is_kept(wanted, flown, deficit_m, dt_s):
+    velocity, deficit_m = catch_up(wanted, flown, deficit_m, SETTINGS, most=1.05, dt_s=dt_s)
     size = math.hypot(*wanted)
     along = sum(w * f for w, f in zip(wanted[:2], flown[:2], strict=True))
     slow = along <= 1.05 * math.hypot(*wanted[:2]) ** 2  # what flies faster than the limits is told to fly slower
     assert (size if slow else 0.0) - 1e-9 <= math.hypot(*velocity) <= 1.05 * size + 1e-9
-    assert 0.0 <= owed_m <= SETTINGS.limit_m
+    assert 0.0 <= deficit_m <= SETTINGS.limit_m
     assert sum(v * w for v, w in zip(velocity, wanted, strict=True)) >= size * math.hypot(*velocity) - 1e-6
 
 
 @given(velocities, st.floats(0.0, 12.0))
-def test_limits_at_the_games_speed_leave_nothing_to_catch_up_with(wanted, owed_m):
-    velocity, _ = catch_up(wanted, (0.0, 0.0, 0.0), owed_m, SETTINGS, most=1.0, dt_s=DT_S)
+def test_limits_at_the_games_speed_leave_nothing_to_catch_up_with(wanted, deficit_m):
+    velocity, _ = catch_up(wanted, (0.0, 0.0, 0.0), deficit_m, SETTINGS, most=1.0, dt_s=DT_S)
     assert velocity == wanted
 
 
 @pytest.mark.parametrize("lag_s", [0.2, 0.5, 1.0])
 def test_a_vehicle_from_hover_comes_as_far_as_the_games_pursuer_and_no_further(lag_s):
-    flown = way_m = owed_m = 0.0
+    flown = way_m = deficit_m = 0.0
     ahead_m = -math.inf
     for cycle in range(1, 3001):
-        velocity, owed_m = catch_up(WANTED, (flown, 0.0, 0.0), owed_m, SETTINGS, most=1.05, dt_s=DT_S)
+        velocity, deficit_m = catch_up(WANTED, (flown, 0.0, 0.0), deficit_m, SETTINGS, most=1.05, dt_s=DT_S)
         way_m += flown * DT_S
         flown += (velocity[0] - flown) * (1.0 - math.exp(-DT_S / lag_s))
         ahead_m = max(ahead_m, way_m - 6.0 * cycle * DT_S)
@@ -54,15 +54,15 @@ def test_a_vehicle_that_is_faster_than_the_limits_is_told_to_fly_slower_by_more_
 
 
 def test_a_height_that_is_owed_is_not_made_good_over_ground():
-    velocity, owed_m = catch_up((6.0, 0.0, 1.5), (6.0, 0.0, 0.0), 0.0, SETTINGS, most=1.05, dt_s=DT_S)
-    assert (velocity, owed_m) == ((6.0, 0.0, 1.5), 0.0)
+    velocity, deficit_m = catch_up((6.0, 0.0, 1.5), (6.0, 0.0, 0.0), 0.0, SETTINGS, most=1.05, dt_s=DT_S)
+    assert (velocity, deficit_m) == ((6.0, 0.0, 1.5), 0.0)
 
 
 def test_a_vehicle_that_cannot_keep_up_owes_no_more_than_the_limit():
-    owed_m = 0.0
+    deficit_m = 0.0
     for _ in range(1000):
-        _, owed_m = catch_up(WANTED, (3.0, 0.0, 0.0), owed_m, SETTINGS, most=1.05, dt_s=DT_S)
-    assert owed_m == SETTINGS.limit_m
+        _, deficit_m = catch_up(WANTED, (3.0, 0.0, 0.0), deficit_m, SETTINGS, most=1.05, dt_s=DT_S)
+    assert deficit_m == SETTINGS.limit_m
 
 
 def test_where_the_game_asks_for_no_motion_nothing_is_added_or_owed():

@@ -45,7 +45,7 @@ def test_a_fence_allows_the_speed_that_still_stops(limits, velocity, distance_m,
     limited = settled(velocity, envelope=replace(OPEN, **limits))
     assert limited.setpoint.velocity_ned_m_s[axis] == pytest.approx(asked_ground(distance_m, 8.0))
     assert limited.setpoint.velocity_ned_m_s[1 - axis] == pytest.approx(0.0)
-    assert limited.acted == (limiter,)
+    assert limited.active == (limiter,)
 
 
 def test_the_vehicle_s_own_drift_is_taken_from_the_distance():
@@ -163,7 +163,7 @@ def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
 def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(limits, velocity, allowed, limiter):
     limited = settled((7.0, 4.0, velocity), Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0)), replace(OPEN, **limits))
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((7.0, 4.0, allowed))
-    assert limited.acted == (limiter,)
+    assert limited.active == (limiter,)
 
 
 ZONE = replace(OPEN, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
@@ -184,7 +184,7 @@ ZONE = replace(OPEN, stand_off=StandOffLimit(radius_m=3.0, height_m=5.0))
 def test_the_stand_off_is_a_wall_beside_and_a_lid_above(position, velocity, allowed):
     limited = settled(velocity, Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), ZONE)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx(allowed, abs=1e-12)
-    assert limited.acted == ((Limiter.STAND_OFF,) if allowed != velocity else ())
+    assert limited.active == ((Limiter.STAND_OFF,) if allowed != velocity else ())
 
 
 def test_the_stand_off_is_about_the_evader_wherever_that_is():
@@ -272,4 +272,4 @@ def test_each_axis_has_its_own_braking(braking):
 
 
 def test_no_evader_no_stand_off():
-    assert settled((8.0, 0.0, 0.0), Situation((-4.0, 0.0, -2.0), (0.0, 0.0, 0.0)), ZONE).acted == ()
+    assert settled((8.0, 0.0, 0.0), Situation((-4.0, 0.0, -2.0), (0.0, 0.0, 0.0)), ZONE).active == ()

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.control import Envelope, Polygon
-from guidance.control.fence import RETURN_M_S, RETURN_PER_S, keep_inside
+from guidance.control.fence import RETURN_M_S, RETURN_PER_S, keep_inside, measure_fence
 
 PLAIN = {
     "floor_m": 3.0,
@@ -30,37 +30,45 @@ def at(north, east):
     return (10.0 + north, -20.0 + east, -12.0)
 
 
+def kept(velocity, position, envelope):
+    return keep_inside(velocity, measure_fence(position, envelope), envelope)
+
+
 @given(speeds, speeds, speeds, st.floats(-15.0, 15.0), st.floats(-15.0, 15.0))
 def test_far_inside_nothing_is_changed(north, east, down, x, y):
     for envelope in (CIRCLE, SQUARE, Envelope(**PLAIN)):
-        assert keep_inside((north, east, down), at(0.3 * x, 0.3 * y), envelope) == (north, east, down)
+        assert kept((north, east, down), at(0.3 * x, 0.3 * y), envelope) == (
+            north,
+            east,
+            down,
+        )
 
 
 @pytest.mark.parametrize("envelope", [CIRCLE, SQUARE], ids=["circle", "polygon"])
 def test_on_the_margins_line_nothing_leads_out_and_beyond_it_the_way_is_in(envelope):
-    assert keep_inside((3.0, 1.0, 0.5), at(29.0, 0.0), envelope) == pytest.approx((0.0, 1.0, 0.5), abs=1e-9)
-    north, east, _ = keep_inside((3.0, 1.0, 0.5), at(29.6, 0.0), envelope)
+    assert kept((3.0, 1.0, 0.5), at(29.0, 0.0), envelope) == pytest.approx((0.0, 1.0, 0.5), abs=1e-9)
+    north, east, _ = kept((3.0, 1.0, 0.5), at(29.6, 0.0), envelope)
     assert (north, east) == pytest.approx((-0.6 * RETURN_PER_S, 1.0), abs=1e-9)
 
 
 @pytest.mark.parametrize("envelope", [CIRCLE, SQUARE], ids=["circle", "polygon"])
 def test_outside_it_returns_at_a_bounded_speed_and_never_slows_a_faster_return(envelope):
-    assert keep_inside((2.0, 0.0, 0.0), at(80.0, 0.0), envelope)[0] == pytest.approx(-RETURN_M_S)
-    assert keep_inside((-4.0, 0.0, 0.0), at(80.0, 0.0), envelope)[0] == -4.0
+    assert kept((2.0, 0.0, 0.0), at(80.0, 0.0), envelope)[0] == pytest.approx(-RETURN_M_S)
+    assert kept((-4.0, 0.0, 0.0), at(80.0, 0.0), envelope)[0] == -4.0
 
 
 @pytest.mark.parametrize("envelope", [CIRCLE, SQUARE], ids=["circle", "polygon"])
 @given(gap_m=st.floats(0.01, 25.0))
 def test_towards_the_fence_it_flies_no_faster_than_it_can_brake(envelope, gap_m):
-    speed = keep_inside((6.0, 0.0, 0.0), at(29.0 - gap_m, 0.0), envelope)[0]
+    speed = kept((6.0, 0.0, 0.0), at(29.0 - gap_m, 0.0), envelope)[0]
     assert speed * envelope.reaction_s + speed**2 / (2 * envelope.braking_m_s2) <= gap_m + 1e-6 or speed == 6.0
 
 
 @given(speeds, speeds, st.floats(0.0, 2 * math.pi), st.floats(0.0, 60.0))
 def test_the_speed_along_the_circle_is_kept(north, east, bearing, distance):
     position = at(distance * math.cos(bearing), distance * math.sin(bearing))
-    kept = keep_inside((north, east, 0.0), position, CIRCLE)
+    velocity = kept((north, east, 0.0), position, CIRCLE)
     along = (-math.sin(bearing), math.cos(bearing))
     if distance > 0.01:
-        before, after = (v[0] * along[0] + v[1] * along[1] for v in ((north, east), kept[:2]))
+        before, after = (v[0] * along[0] + v[1] * along[1] for v in ((north, east), velocity[:2]))
         assert after == pytest.approx(before, abs=1e-6)

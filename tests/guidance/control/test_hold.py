@@ -30,7 +30,7 @@ def test_a_height_is_cut_to_what_the_autopilot_may_make_of_it(wanted_m, vertical
     at = Situation((0.0, 0.0, -20.0), (0.0, 0.0, 0.0))
     limited = settled((0.0, 0.0, vertical), at, replace(OPEN, **limits), down_m=wanted_m)
     assert limited.setpoint.down_m == pytest.approx(sent_m)
-    assert (Limiter.HEIGHT in limited.acted) == (sent_m != wanted_m)
+    assert (Limiter.HEIGHT in limited.active) == (sent_m != wanted_m)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def held_at(error_m, *, trim_m_s=0.0, dt_s=DT_S, **limits):
     """A hold at 50 m, found `error_m` too high (down positive: it has to sink by that much)."""
     envelope = replace(OPEN, **limits)
     memory = AltitudeHold(-50.0, trim_m_s)
-    return hold_altitude(memory, down_m=-50.0 - error_m, wanted_down_m=None, envelope=envelope, dt_s=dt_s)
+    return hold_altitude(memory, down_m=-50.0 - error_m, desired_down_m=None, envelope=envelope, dt_s=dt_s)
 
 
 @pytest.mark.parametrize("error_m", [0.1, -0.1, 1.0, -1.0, 3.0])
@@ -92,16 +92,16 @@ def test_the_trim_of_a_hold_is_bounded(sign):
 
 
 def test_a_hold_begins_without_trim_and_keeps_a_wanted_height_over_its_own():
-    begun = hold_altitude(None, down_m=-50.0, wanted_down_m=None, envelope=OPEN, dt_s=DT_S)
+    begun = hold_altitude(None, down_m=-50.0, desired_down_m=None, envelope=OPEN, dt_s=DT_S)
     assert begun == (0.0, AltitudeHold(-50.0, 0.0))
-    moved = hold_altitude(begun.memory, down_m=-50.0, wanted_down_m=-60.0, envelope=OPEN, dt_s=DT_S)
+    moved = hold_altitude(begun.memory, down_m=-50.0, desired_down_m=-60.0, envelope=OPEN, dt_s=DT_S)
     assert moved.memory.down_m == -60.0
     assert moved.velocity_down_m_s < 0.0
-    kept = hold_altitude(moved.memory, down_m=-50.0, wanted_down_m=None, envelope=OPEN, dt_s=DT_S)
+    kept = hold_altitude(moved.memory, down_m=-50.0, desired_down_m=None, envelope=OPEN, dt_s=DT_S)
     assert kept.memory.down_m == -60.0
 
 
 @pytest.mark.parametrize(("down_m", "held_m"), [(-3.0, -10.0), (-90.0, -40.0)])
 def test_a_hold_stays_between_floor_and_ceiling_above_home(down_m, held_m):
     between = replace(OPEN, floor_m=5.0, ceiling_m=35.0, home_ned_m=(0.0, 0.0, -5.0))
-    assert hold_altitude(None, down_m=down_m, wanted_down_m=None, envelope=between, dt_s=DT_S).memory.down_m == held_m
+    assert hold_altitude(None, down_m=down_m, desired_down_m=None, envelope=between, dt_s=DT_S).memory.down_m == held_m

@@ -250,7 +250,7 @@ def test_standing_still_is_never_turned_into_motion(command, situation, memory, 
     still = LimitMemory((0.0, 0.0, 0.0))
     limited = limit(Setpoint((0.0, 0.0, 0.0)), situation, ENVELOPE, still, dt)
     assert limited.setpoint.velocity_ned_m_s == (0.0, 0.0, 0.0)
-    assert limited.acted == ()
+    assert limited.active == ()
 
 
 @settings(deadline=None)
@@ -269,8 +269,8 @@ def test_walls_never_add_speed(command, situation, memory, dt):
 def test_a_limiter_is_named_whenever_the_velocity_is_not_the_one_asked_for(command, situation, memory, dt):
     limited = limit(command, situation, ENVELOPE, memory, dt)
     changed = math.dist(limited.setpoint.velocity_ned_m_s, command.velocity_ned_m_s) > 4.0 * NOTED
-    assert bool(set(limited.acted) - {Limiter.HEIGHT, Limiter.FEED_FORWARD, Limiter.YAW}) >= changed
-    assert len(set(limited.acted)) == len(limited.acted)
+    assert bool(set(limited.active) - {Limiter.HEIGHT, Limiter.FEED_FORWARD, Limiter.YAW}) >= changed
+    assert len(set(limited.active)) == len(limited.active)
 
 
 @settings(deadline=None)
@@ -308,7 +308,7 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
 @settings(deadline=None)
 @given(st.none() | st.builds(AltitudeHold, wild, wild), wild, st.none() | wild, wild)
 def test_no_numbers_at_all_make_a_hold_leave_the_speeds_or_the_heights(memory, down_m, wanted_m, dt):
-    held = hold_altitude(memory, down_m=down_m, wanted_down_m=wanted_m, envelope=ENVELOPE, dt_s=dt)
+    held = hold_altitude(memory, down_m=down_m, desired_down_m=wanted_m, envelope=ENVELOPE, dt_s=dt)
     assert -ENVELOPE.climb_m_s <= held.velocity_down_m_s <= ENVELOPE.descent_m_s
     if held.memory is not memory:
         assert all(math.isfinite(number) for number in held.memory)

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from guidance.control.envelope import Limiter
 from guidance.control.stopping import Stop
-from guidance.control.velocity_constraints import Wall, leans, shrink, slide, wall
+from guidance.control.velocity_constraints import VelocityConstraint, constrain, is_active, shrink, slide
 
 parts = st.floats(-10.0, 10.0)
 vectors = st.tuples(parts, parts, parts)
-walls = st.builds(Wall, st.just(Limiter.STAND_OFF), vectors, st.floats(0.0, 20.0))
+constraints = st.builds(VelocityConstraint, st.just(Limiter.STAND_OFF), vectors, st.floats(0.0, 20.0))
 
 
 def used_m(velocity, one):
@@ -22,19 +22,19 @@ def used_m(velocity, one):
 
 
 @settings(deadline=None)
-@given(vectors, walls)
+@given(vectors, constraints)
 def test_what_slides_and_what_shrinks_obeys_the_law_and_what_obeys_is_left_alone(velocity, one):
-    assert leans(velocity, one) == (used_m(velocity, one) > one.distance_m)
+    assert is_active(velocity, one) == (used_m(velocity, one) > one.distance_m)
     for kept in (slide(velocity, one), shrink(velocity, one)):
         assert used_m(kept, one) <= one.distance_m + 1e-9
-        if not leans(velocity, one):
+        if not is_active(velocity, one):
             assert kept == velocity
         else:
             assert used_m(kept, one) == pytest.approx(one.distance_m, abs=1e-9)
 
 
 @settings(deadline=None)
-@given(vectors, walls)
+@given(vectors, constraints)
 def test_sliding_keeps_what_goes_along_the_wall_and_adds_no_speed(velocity, one):
     north, east, _ = one.normal_ned_s
     kept = slide(velocity, one)
@@ -47,18 +47,18 @@ def test_sliding_keeps_what_goes_along_the_wall_and_adds_no_speed(velocity, one)
 
 
 @settings(deadline=None)
-@given(vectors, walls)
+@given(vectors, constraints)
 def test_shrinking_keeps_directions_and_touches_only_what_closes(velocity, one):
     north, east, down = one.normal_ned_s
     kept = shrink(velocity, one)
-    share = one.distance_m / used_m(velocity, one) if leans(velocity, one) else 1.0
+    share = one.distance_m / used_m(velocity, one) if is_active(velocity, one) else 1.0
     ground = share if velocity[0] * north + velocity[1] * east > 0.0 else 1.0
     vertical = share if velocity[2] * down > 0.0 else 1.0
     assert kept == pytest.approx((velocity[0] * ground, velocity[1] * ground, velocity[2] * vertical))
 
 
 @settings(deadline=None)
-@given(vectors, st.lists(walls, min_size=2, max_size=5))
+@given(vectors, st.lists(constraints, min_size=2, max_size=5))
 def test_shrinking_for_one_wall_breaks_no_other(velocity, several):
     for one in several:
         velocity = shrink(velocity, one)
@@ -82,16 +82,16 @@ def test_shrinking_for_one_wall_breaks_no_other(velocity, several):
     ],
 )
 def test_a_wall_s_distance_is_what_the_drift_leaves_of_it(normal, drift, left_m):
-    built = wall(Limiter.FLOOR, normal, 10.0, Stop(2.0, 3.0), drift)
+    built = constrain(Limiter.FLOOR, normal, 10.0, Stop(2.0, 3.0), drift)
     assert built.distance_m == pytest.approx(left_m)
     assert built.normal_ned_s == pytest.approx((2.0 * normal[0], 2.0 * normal[1], 3.0 * normal[2]))
     assert built.limiter is Limiter.FLOOR
 
 
 def test_beyond_a_wall_its_distance_is_nothing():
-    assert wall(Limiter.FLOOR, (0.0, 0.0, 1.0), -5.0, Stop(2.0, 3.0), (0.0, 0.0, 0.0)).distance_m == 0.0
+    assert constrain(Limiter.FLOOR, (0.0, 0.0, 1.0), -5.0, Stop(2.0, 3.0), (0.0, 0.0, 0.0)).distance_m == 0.0
 
 
 def test_a_wall_that_forbids_all_is_the_same_wall_without_distance():
-    one = Wall(Limiter.FLOOR, (1.0, 2.0, 3.0), 4.0)
-    assert one.forbidding_all() == Wall(Limiter.FLOOR, (1.0, 2.0, 3.0), 0.0)
+    one = VelocityConstraint(Limiter.FLOOR, (1.0, 2.0, 3.0), 4.0)
+    assert one.closed() == VelocityConstraint(Limiter.FLOOR, (1.0, 2.0, 3.0), 0.0)

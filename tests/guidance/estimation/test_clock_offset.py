@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimation import ClockOffset, Observer, ReportOutcome, TrackSettings, compare_clocks, evader_at, observe
+from guidance.estimation import ClockOffset, Observer, ReportOutcome, TrackSettings, compare_clocks, observe, predict
 from guidance.estimation.clock_offset import hear, synchronise
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, Timesync
@@ -137,7 +137,7 @@ def wire_report(
 
 def test_a_report_off_the_wire_ends_in_local_metres_on_our_clock():
     observer = Observer()
-    assert evader_at(observer, 0.0, SETTINGS) is None
+    assert predict(observer.track, 0.0, SETTINGS) is None
     for step in range(40):
         delay_s = 0.1 if step % 4 else 0.02
         report = wire_report(
@@ -147,7 +147,7 @@ def test_a_report_off_the_wire_ends_in_local_metres_on_our_clock():
             velocity=(3.0, 0.0, 0.0),
         )
         observer = observe(observer, report, FRAME, SETTINGS)
-    evader = evader_at(observer, 104.0, SETTINGS)
+    evader = predict(observer.track, 104.0, SETTINGS)
     # The sender's 7 s are our 100.02 s, as far as reports can tell.
     assert evader.position_ned_m == pytest.approx((3.0 * (104.0 - 100.02), 0.0, -5.0), abs=0.02)
     assert evader.age_s == pytest.approx(104.0 - (100.02 + 3.9), abs=1e-3)
@@ -167,21 +167,23 @@ def test_a_declared_latency_is_taken_off_and_a_timesync_makes_it_needless():
 def test_spreads_that_are_given_are_used_and_the_others_are_the_settings():
     told = observe(Observer(), wire_report(received_s=0.0, position_sd_m=0.2), FRAME, SETTINGS)
     silent = observe(Observer(), wire_report(received_s=0.0, position_sd_m=-1.0), FRAME, SETTINGS)
-    assert evader_at(told, 0.0, SETTINGS).position_sd_m == pytest.approx(0.2)
-    assert evader_at(silent, 0.0, SETTINGS).position_sd_m == pytest.approx(SETTINGS.position_sd_m)
+    assert predict(told.track, 0.0, SETTINGS).position_sd_m == pytest.approx(0.2)
+    assert predict(silent.track, 0.0, SETTINGS).position_sd_m == pytest.approx(SETTINGS.position_sd_m)
     moving = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), velocity_sd_m_s=0.1)
-    assert evader_at(observe(Observer(), moving, FRAME, SETTINGS), 0.0, SETTINGS).velocity_sd_m_s == pytest.approx(0.1)
+    assert predict(observe(Observer(), moving, FRAME, SETTINGS).track, 0.0, SETTINGS).velocity_sd_m_s == pytest.approx(
+        0.1
+    )
 
 
 def test_nobody_is_believed_to_a_millimetre():
     boasting = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), position_sd_m=1e-9, velocity_sd_m_s=1e-9)
-    evader = evader_at(observe(Observer(), boasting, FRAME, SETTINGS), 0.0, SETTINGS)
+    evader = predict(observe(Observer(), boasting, FRAME, SETTINGS).track, 0.0, SETTINGS)
     assert (evader.position_sd_m, evader.velocity_sd_m_s) == pytest.approx((0.01, 0.01))
 
 
 def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
     partly = wire_report(received_s=0.0, velocity=(3.0, 0.0, math.nan))
-    assert not evader_at(observe(Observer(), partly, FRAME, SETTINGS), 0.0, SETTINGS).velocity_known
+    assert not predict(observe(Observer(), partly, FRAME, SETTINGS).track, 0.0, SETTINGS).velocity_known
 
 
 @pytest.mark.parametrize("report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)])

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.certificate import Certificate
 from guidance.control import Envelope
 from guidance.control.late_start import Acceleration
-from guidance.cycle import Certificate, CycleSettings
+from guidance.cycle import CycleSettings
 from guidance.flight import FlightSettings
 from guidance.flight.detect import EventContext
 from guidance.game import Ball, StandOff

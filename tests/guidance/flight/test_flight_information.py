@@ -8,6 +8,7 @@ import pytest
 from flight_scenes import CYCLE
 
 from guidance.config import parse
+from guidance.control import Situation
 from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
 from guidance.errors import ConfigError
 from guidance.frames import GameFrame
@@ -21,7 +22,8 @@ PURSUER_NED, EVADER_NED = (-30.0, 5.0, -20.0), (10.0, -4.0, 0.0)
 
 def cycle(age_s=0.1, *, settings=CYCLE, played_s=0.0, at=EVADER_NED):
     evader = EvaderEstimate(at, (1.0, 2.0, 0.0), 3.0, age_s)
-    inputs = CycleInputs(0.02, PURSUER_NED, (0.0, 0.0, 0.0), 0.0, evader, GameFrame((0.0, 0.0, 0.0)))
+    here = Situation(PURSUER_NED, (0.0, 0.0, 0.0), 0.0, evader.position_ned_m, evader.velocity_ned_m_s)
+    inputs = CycleInputs(0.02, here, evader, GameFrame((0.0, 0.0, 0.0)))
     return play(inputs, settings, CycleMemory(strategy=StrategyMemory(None, played_s))).certificate
 
 

@@ -9,7 +9,7 @@ from links_peer import Peer
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
-from guidance.estimation import Observer, TrackSettings, evader_at, observe
+from guidance.estimation import Observer, TrackSettings, observe, predict
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.evaders import (
@@ -408,5 +408,5 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_know
     for _ in range(3):
         for report in world.second():
             observer = observe(observer, report, FRAME, settings)
-        ages.append(evader_at(observer, world.now_s, settings).age_s)
+        ages.append(predict(observer.track, world.now_s, settings).age_s)
     assert ages[-1] == pytest.approx(0.1, abs=0.03)  # the last report was true when it was sent, 0.1 s ago

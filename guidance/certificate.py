@@ -1,0 +1,184 @@
+"""What the game says at one cycle, and what this vehicle can do of it: solved, and laid down as the certificate."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.control.approach import Gaps
+from guidance.control.late_start import Acceleration, late_start
+from guidance.control.setpoint_limiter import Limited
+from guidance.frames import Vector
+from guidance.game import Game, Solution, Winner, solve
+from guidance.game.game import horizontal_speed
+from guidance.messages import Setpoint
+
+_NOWHERE: Vector = (math.nan, math.nan, math.nan)
+
+
+class Players(NamedTuple):
+    """Where everybody is in the game frame, m, and how they move, m/s. `target_m` is T of the TAD game, None in PE."""
+
+    pursuer_m: Vector
+    pursuer_m_s: Vector
+    evader_m: Vector
+    evader_m_s: Vector
+    target_m: Vector | None
+
+
+class Certificate(NamedTuple):
+    """What the game says at this cycle, and what became of it.
+
+    `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD), of the game's
+    pursuer, which is at full speed at once. What this vehicle can promise, from the velocity and with the acceleration
+    that it has (`guidance.control.late_start`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
+    keep the evader `assured_distance_m` from its target: negative by what it comes short where the evader gets there,
+    NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
+    `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `acted`. `reason` is
+    the `guidance.game.Reason` of the game's answer: with TOO_OLD nothing here is guaranteed.
+    """
+
+    winner: int
+    value: float
+    margin_s: float
+    meeting_point_game_m: Vector
+    meeting_time_s: float
+    speed_ratio: float
+    evader_age_s: float
+    pursuer_game_m: Vector
+    evader_game_m: Vector
+    gap_m: float
+    height_gap_m: float
+    wanted_ned_m_s: Vector
+    command_ned_m_s: Vector
+    acted: tuple[str, ...]
+    captured: bool
+    strayed: bool
+    evader_arrived: bool
+    no_game: bool
+    outside_fence: bool
+    time_needed_s: float = math.nan
+    assured_distance_m: float = math.nan
+    reason: int | None = None
+
+
+class Answer(NamedTuple):
+    """The game's answer, and what this vehicle can do: see `Certificate`."""
+
+    solution: Solution
+    pursuer_m_s: Vector
+    time_needed_s: float
+    assured_distance_m: float
+
+
+def answer(game: Game, players: Players, acceleration: Acceleration, before_m_s: Vector | None) -> Answer:
+    """Solve the game, and once more from where a pursuer would begin that does as well as this vehicle.
+
+    Both at once, which takes no longer than one: with the optimal velocity of the last cycle.
+
+    Args:
+        game: What is played.
+        players: From where.
+        acceleration: Of the vehicle.
+        before_m_s: The pursuer's optimal velocity of the last cycle, None at the first.
+    """
+    P, E, seen = players.pursuer_m, np.array(players.evader_m), np.array(players.evader_m_s)
+    T = None if players.target_m is None else np.array(players.target_m)
+    if before_m_s is None:
+        before_m_s = vector(solve(game, np.array(P), E, T, evader_velocity_m_s=seen).pursuer_velocity_m_s)
+    late = late_start(P, before_m_s, players.pursuer_m_s, acceleration)
+    both = solve(game, np.array((P, late)), E, T, evader_velocity_m_s=seen)
+    here, there = (Solution(*(column[row] for column in both)) for row in (0, 1))
+    optimal = vector(here.pursuer_velocity_m_s)
+    if T is None:
+        return Answer(here, optimal, float(there.value), math.nan)
+    short = int(there.winner) == Winner.EVADER
+    return Answer(here, optimal, float(there.meeting_time_s), float(-there.value if short else there.value))
+
+
+def vector(parts: np.typing.NDArray[np.float64]) -> Vector:
+    """Return an array (3,) as plain numbers."""
+    x, y, z = parts.tolist()
+    return (x, y, z)
+
+
+def certify(
+    game: Game,
+    answered: Answer,
+    players: Players,
+    gaps: Gaps,
+    limited: Limited,
+    *,
+    wanted_ned_m_s: Vector,
+    evader_age_s: float,
+    tolerance_m: float,
+    outside_fence: bool,
+    reason: int,
+) -> Certificate:
+    """Lay down a cycle of the game.
+
+    Args:
+        game: What was played.
+        answered: What the game and the vehicle's promise were.
+        players: In the game frame.
+        gaps: To the disc.
+        limited: What was commanded, and the limits that changed it.
+        wanted_ned_m_s: What approach and game asked for.
+        evader_age_s: Age of what is known of the evader.
+        tolerance_m: How near to the disc counts as reached.
+        outside_fence: Whether the vehicle has left the fence.
+        reason: `guidance.game.Reason`.
+    """
+    solution, at = answered.solution, players.target_m
+    reached = gaps.ground_m <= tolerance_m and abs(gaps.height_m) <= tolerance_m
+    return Certificate(
+        winner=int(solution.winner),
+        value=float(solution.value),
+        margin_s=float(solution.margin_s),
+        meeting_point_game_m=vector(solution.meeting_point_m),
+        meeting_time_s=float(solution.meeting_time_s),
+        speed_ratio=float(horizontal_speed(game.pursuer) / game.evader_speed_m_s),
+        evader_age_s=evader_age_s,
+        pursuer_game_m=players.pursuer_m,
+        evader_game_m=players.evader_m,
+        gap_m=gaps.ground_m,
+        height_gap_m=gaps.height_m,
+        wanted_ned_m_s=wanted_ned_m_s,
+        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
+        acted=tuple(str(one) for one in limited.active),
+        captured=reached,
+        strayed=gaps.ground_m > 3.0 * tolerance_m or abs(gaps.height_m) > 3.0 * tolerance_m,
+        evader_arrived=at is not None and not reached and math.dist(at[:2], players.evader_m[:2]) <= tolerance_m,
+        no_game=False,
+        outside_fence=outside_fence,
+        time_needed_s=answered.time_needed_s,
+        assured_distance_m=answered.assured_distance_m,
+        reason=reason,
+    )
+
+
+def certify_no_game(
+    players: Players, gaps: Gaps, setpoint: Setpoint, *, evader_age_s: float, outside_fence: bool
+) -> Certificate:
+    """Lay down a cycle in which the evader is too fast for a game. What is commanded then is a hover."""
+    return Certificate(
+        winner=0,
+        value=math.nan,
+        margin_s=math.nan,
+        meeting_point_game_m=_NOWHERE,
+        meeting_time_s=math.nan,
+        speed_ratio=math.nan,
+        evader_age_s=evader_age_s,
+        pursuer_game_m=players.pursuer_m,
+        evader_game_m=players.evader_m,
+        gap_m=gaps.ground_m,
+        height_gap_m=gaps.height_m,
+        wanted_ned_m_s=_NOWHERE,
+        command_ned_m_s=setpoint.velocity_ned_m_s,
+        acted=(),
+        captured=False,
+        strayed=False,
+        evader_arrived=False,
+        no_game=True,
+        outside_fence=outside_fence,
+    )
