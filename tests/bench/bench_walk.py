@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 sys.path.insert(0, str(Path(__file__).parent))
 
 from chase import CYCLE_S, ORDERS, Runner, hover_chase
+from guidance.session.scenario_spec import flight_settings
 
 import guidance
 from guidance.clock import VirtualClock
@@ -25,7 +26,6 @@ from guidance.flight import Flight, State
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.linked_flight import LinkedFlight
-from guidance.session.scenario_spec import flight_settings
 from sitl_mock.vehicle import MockVehicle
 
 ROOT = str(Path(guidance.__file__).parent)
