@@ -12,13 +12,11 @@ from guidance.autopilots import HEARTBEAT, Mode
 from guidance.certificate import Certificate
 from guidance.control import Envelope, Situation
 from guidance.cycle import CycleInputs, CycleMemory, hover, play
-from guidance.flight.carrying import carried, difference
-from guidance.flight.detect import EventContext, events
+from guidance.flight.detection import EventContext, events
 from guidance.flight.echo import Echo
-from guidance.flight.fence import polygon_about_home
-from guidance.flight.parting import REPEAT_S, Parting
+from guidance.flight.local_frame import difference, polygon_about_home, shifted
 from guidance.flight.readiness import Check, checks
-from guidance.flight.requests import requests_in
+from guidance.flight.requests import REPEAT_S, FaultHandover, requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, Event, State, next_state
 from guidance.flight.tracking import Tracking
@@ -106,12 +104,12 @@ class Flight:
         self._beat_asked_s = float("-inf")
         self._resets_seen = 0
         self._reboots_seen = 0
-        self._parting: Parting | None = None
+        self._fault_handover: FaultHandover | None = None
 
     @property
     def fault(self) -> str | None:
         """The error of our own that ended the flight, if one did."""
-        return None if self._parting is None else self._parting.fault
+        return None if self._fault_handover is None else self._fault_handover.fault
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Show the readiness rows as they stand."""
@@ -133,10 +131,10 @@ class Flight:
             if order not in ORDERS:
                 raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
         try:
-            if self._parting is None:
+            if self._fault_handover is None:
                 return self._step(inputs)
             self.vehicle = observe(self.vehicle, inputs.messages)  # for people to see
-            return self._part(inputs, self._parting)
+            return self._hand_over(inputs, self._fault_handover)
         except Exception as error:  # whatever it was: nobody else flies this vehicle
             return self.give_up(inputs, error)
 
@@ -148,19 +146,21 @@ class Flight:
             error: What went wrong.
         """
         before, self.state = self.state, next_state(self.state, Event.FAULT)
-        begun = self._parting is None
-        if self._parting is None:
+        begun = self._fault_handover is None
+        if self._fault_handover is None:
             ours = before in SETPOINT_STATES or (before is not self.state and self._mode() is Mode.GUIDED)
-            self._parting = Parting(self.settings.autopilot, error, flown=ours and self.state is State.YIELDED)
-        outputs = self._part(inputs, self._parting)
+            self._fault_handover = FaultHandover(
+                self.settings.autopilot, error, flown=ours and self.state is State.YIELDED
+            )
+        outputs = self._hand_over(inputs, self._fault_handover)
         if not begun:
             return outputs
         failed = Happening(inputs.now_s, Event.FAULT, before, self.state)
-        return outputs._replace(happenings=(*outputs.happenings, failed), fault=self._parting.fault)
+        return outputs._replace(happenings=(*outputs.happenings, failed), fault=self._fault_handover.fault)
 
-    def _part(self, inputs: Inputs, parting: Parting) -> Outputs:
+    def _hand_over(self, inputs: Inputs, handover: FaultHandover) -> Outputs:
         unheeded = tuple(Happening(inputs.now_s, order, self.state, self.state) for order in inputs.orders)
-        return Outputs(self.state, None, parting.requests(inputs.now_s, inputs.messages), unheeded, None)
+        return Outputs(self.state, None, handover.requests(inputs.now_s, inputs.messages), unheeded, None)
 
     def _step(self, inputs: Inputs) -> Outputs:
         now_s = inputs.now_s
@@ -188,7 +188,7 @@ class Flight:
         # A pilot's takeover shows as strange setpoints before a HEARTBEAT tells of it: the next one must not.
         self._foreign = strange and self._echo.foreign and _beat(inputs)
         taken_up = difference(self.vehicle.jumped_ned_m, self.tracking.held_back_ned_m)
-        self._memory = carried(self._memory, difference(taken_up, self._taken_up_ned_m))
+        self._memory = shifted(self._memory, difference(taken_up, self._taken_up_ned_m))
         self._taken_up_ned_m = taken_up
         home_ned_m, frame = self.tracking.home_ned_m, self.tracking.local_frame
         if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
@@ -199,7 +199,7 @@ class Flight:
                 self._other_mode_seen |= self.settings.autopilot.mode_of(message.custom_mode) is not Mode.GUIDED
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
-        """Heights and fences count from home, which need not be where the local frame has its zero."""
+        """Heights and fences count from home, which need not be the origin of the local frame."""
         envelope, corners_deg = self._cycle.envelope, self.settings.fence_corners_deg
         if corners_deg is not None:
             envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
@@ -211,7 +211,7 @@ class Flight:
         context = self._context(inputs.now_s, dt_s, inputs.refusals)
         for event in events(context):
             yield self._change(inputs.now_s, event)
-            return  # the gravest only: the state it leads to is judged by the next cycle
+            return  # the most severe only: the state it leads to is judged by the next cycle
 
     def _order(self, order: Event) -> Event:
         # A vehicle that a pilot has brought up already is taken over in its hold, without arming or climbing.

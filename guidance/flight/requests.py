@@ -1,11 +1,21 @@
-"""What is asked of the vehicle in each state; asked again until its effect is seen."""
+"""What is asked of the vehicle in each state, and after an error of our own; asked again until its effect is seen."""
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, Mode
+import traceback
+from collections.abc import Sequence
+from typing import Final
+
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, Autopilot, Mode
 from guidance.flight.settings import EngageOn, FlightSettings
 from guidance.flight.table import State
 from guidance.frames import Amsl
-from guidance.messages import Home, Request
+from guidance.messages import Heartbeat, Home, Message, Request
 from guidance.vehicle import VehicleState
+
+REPEAT_S: Final = 1.5
+"""A request whose effect is not seen is made again after this time, and only in a cycle in which a HEARTBEAT came.
+
+HEARTBEAT is up to a second old: repeated blindly, a request would take the vehicle back from a pilot who just took it.
+"""
 
 _MODE_OF_STATE = {
     State.ENTERING: Mode.GUIDED,
@@ -31,19 +41,19 @@ def requests_in(
         mode: What HEARTBEAT shows.
         start: Latitude and longitude in degrees and altitude of the place to stand by at, if there is one.
     """
-    profile = settings.autopilot
+    autopilot = settings.autopilot
     match state:
         case State.CHECKING:
-            origin = profile.request_message(GPS_GLOBAL_ORIGIN)
-            return (*profile.stream_requests(), profile.request_message(HOME_POSITION), origin)
+            origin = autopilot.request_message(GPS_GLOBAL_ORIGIN)
+            return (*autopilot.stream_requests(), autopilot.request_message(HOME_POSITION), origin)
         case State.ARMING:
-            return (profile.set_mode(profile.arming_mode), profile.arm())
+            return (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
         case State.CLIMBING:
             return _takeoff(settings, vehicle)
         case State.POSITIONING if start is not None:
             latitude_deg, longitude_deg, altitude = start
             return (
-                profile.reposition(
+                autopilot.reposition(
                     latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
                 ),
             )
@@ -66,3 +76,31 @@ def _takeoff(settings: FlightSettings, vehicle: VehicleState) -> tuple[Request, 
     if home is None or not vehicle.on_ground:
         return ()
     return (settings.autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
+
+
+class FaultHandover:
+    """After the error `fault` only the hold is asked for, until a HEARTBEAT shows any mode but the guided one."""
+
+    def __init__(self, autopilot: Autopilot, error: Exception, *, flown: bool) -> None:
+        self._autopilot = autopilot
+        self._asking = flown
+        self._asked_s = float("-inf")
+        self.fault = _described(error)
+
+    def requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
+        """Return what to ask in one cycle."""
+        begun = self._asked_s == float("-inf")
+        modes = [self._autopilot.mode_of(one.custom_mode) for one in messages if isinstance(one, Heartbeat)]
+        if not begun and any(mode is not Mode.GUIDED for mode in modes):
+            self._asking = False
+        due = begun or (modes and now_s - self._asked_s >= REPEAT_S)
+        if not (self._asking and due):
+            return ()
+        self._asked_s = now_s
+        return (self._autopilot.set_mode(Mode.HOLD),)
+
+
+def _described(error: Exception) -> str:
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {error}{where}"

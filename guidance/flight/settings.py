@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from guidance.autopilots import Autopilot
 from guidance.cycle import CycleSettings
-from guidance.flight.fence import Corners
+from guidance.flight.local_frame import Corners
 from guidance.flight.table import State
 from guidance.frames import Vector
 

@@ -2,7 +2,7 @@
 
 A pair that is not in the table changes nothing, on purpose: the event is recorded and the state stays. What must never
 happen is therefore visible as a line that is not there: nothing leads from YIELDED to any state that commands the
-vehicle, and nothing but a person's word (`Event.ENGAGE`), or a pilot's hand on the mode switch where that is configured
+vehicle, and nothing but a person's word (`Event.ENGAGE`), or a pilot's mode switch where that is configured
 (`Event.INVITED`), begins the game.
 """
 
@@ -57,7 +57,7 @@ class Event(StrEnum):
     DONE = "stand-off reached, return configured"
     STRAYED = "stand-off left"
     ESCAPED = "evader reached its target"
-    PILOT = "mode changed by another hand"
+    PILOT = "external mode change"
     FOREIGN = "setpoints of another source"
     EVADER_LOST = "evader lost"
     ESTIMATOR_RESET = "estimator reset"
@@ -153,7 +153,7 @@ OUR_MODES: Mapping[State, frozenset[Mode]] = {
     State.RETURNING: frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED}),
     State.LANDING: frozenset({Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.GUIDED}),
 }
-"""The modes that are our own doing. Any other mode in HEARTBEAT is another hand's, and ends the flight for us."""
+"""The modes that are our own doing. Any other mode in HEARTBEAT is an external mode change, and final."""
 
 
 def next_state(state: State, event: Event) -> State:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from guidance.autopilots import AutopilotProfile
 from guidance.cycle import CycleSettings, EvaderEstimate
 from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
-from guidance.flight.zero import Zero
+from guidance.flight.local_frame import OriginEstimate
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.messages import EvaderReport, Home
 from guidance.vehicle import VehicleState
@@ -15,14 +15,14 @@ from guidance.vehicle import VehicleState
 class Tracking:
     """The memory of the evader in one flight, and all places that stay where they are on Earth.
 
-    When the zero of the local frame moves, the evader's track, home and the game frame are moved into the new one.
+    When the origin of the local frame moves, the evader's track, home and the game frame are moved into the new one.
     """
 
     def __init__(self, settings: CycleSettings, profile: AutopilotProfile) -> None:
         self._site = settings.site
         self._track = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
         self._observer = Observer()
-        self._zero = Zero(profile.projection)
+        self._origin = OriginEstimate(profile.projection)
         self._home: Home | None = None
         self.home_ned_m: Vector | None = None
         self.local_frame: LocalFrame | None = None
@@ -30,7 +30,7 @@ class Tracking:
 
     def observe(self, vehicle: VehicleState, reports: Sequence[EvaderReport]) -> None:
         """Take in what was heard in one cycle."""
-        frame = self._zero.observe(vehicle)
+        frame = self._origin.observe(vehicle)
         if frame is None:
             return
         if frame != self.local_frame:
@@ -46,8 +46,8 @@ class Tracking:
 
     @property
     def held_back_ned_m(self) -> Vector:
-        """A jump of the vehicle's position of which it is not known yet whether the frame's zero was moved."""
-        return self._zero.held_back_ned_m
+        """A jump of the vehicle's position of which it is not known yet whether the frame's origin was moved."""
+        return self._origin.held_back_ned_m
 
     @property
     def counts(self) -> Mapping[ReportOutcome, int]:

@@ -39,11 +39,11 @@ FLIGHTS = (
 )
 CLOSED_LOOP = ("test_setpoint_limiter_any_input", "test_setpoint_limiter_in_flight")
 FLIGHT = {
-    "test_flight_events": "flight/detect flight/readiness flight/settings",
+    "test_flight_events": "flight/detection flight/readiness flight/settings",
     "test_flight_echo": "flight/echo",
     "test_flight_playing": "flight/machine",
     "test_flight_machine": "flight/requests",
-    "test_flight_fence": "flight/fence",
+    "test_flight_fence": "flight/local_frame",
     "test_flight_table": "flight/table",
     "test_flight_tracking": "flight/tracking",
 }

@@ -8,7 +8,7 @@ from guidance.control import Envelope
 from guidance.control.late_start import Acceleration
 from guidance.cycle import CycleSettings
 from guidance.flight import FlightSettings
-from guidance.flight.detect import EventContext
+from guidance.flight.detection import EventContext
 from guidance.game import Ball, StandOff
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.strategies import Strategy

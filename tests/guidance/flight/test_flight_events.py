@@ -21,7 +21,7 @@ from flight_scenes import (
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import TRANSITIONS, AfterCapture, EngageOn, Event, State
-from guidance.flight.detect import events, fit
+from guidance.flight.detection import events, fit
 from guidance.flight.readiness import checks
 from guidance.flight.table import OUR_MODES
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition

@@ -9,7 +9,7 @@ from flown import SET_MODE, Flown, commands
 
 from guidance.autopilots import Mode
 from guidance.flight import FINAL, Event, State
-from guidance.flight.parting import REPEAT_S
+from guidance.flight.requests import REPEAT_S
 from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
 from guidance.plausible import is_plausible
 

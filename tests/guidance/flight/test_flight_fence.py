@@ -7,7 +7,7 @@ from flight_scenes import BOTH, SETTINGS, heartbeat, local, settings_of
 
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs
-from guidance.flight.fence import polygon_about_home
+from guidance.flight.local_frame import polygon_about_home
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import Home, Origin
 

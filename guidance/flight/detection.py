@@ -1,4 +1,4 @@
-"""What has happened? One small question an event, asked once a cycle of what was heard; no memory of its own."""
+"""Event detection: one predicate an event, evaluated once a cycle on what was heard, without memory of its own."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -53,9 +53,9 @@ class EventContext:
 
 
 def events(context: EventContext) -> Iterator[Event]:
-    """Yield what happened, the gravest first; asked is only what the table has an answer to in this state."""
+    """Yield what happened, the most severe first; only events that the table answers in this state are tested."""
     return (
-        event for event, happened in _QUESTIONS.items() if (context.state, event) in TRANSITIONS and happened(context)
+        event for event, happened in _DETECTORS.items() if (context.state, event) in TRANSITIONS and happened(context)
     )
 
 
@@ -75,7 +75,7 @@ def _telemetry_lost(context: EventContext) -> bool:
     return flying and vehicle.age_s(LocalPosition, context.now_s) > TELEMETRY_LIMIT_S
 
 
-def _another_hand(context: EventContext) -> bool:
+def _external_mode_change(context: EventContext) -> bool:
     ours = OUR_MODES.get(context.state)
     if _waiting_for_the_pilot(context):
         return False  # who flies here, in whichever mode, is to choose the guided one
@@ -142,8 +142,8 @@ def _certified(context: EventContext, name: str) -> bool:
     return context.certificate is not None and bool(getattr(context.certificate, name))
 
 
-_QUESTIONS: Mapping[Event, Callable[[EventContext], bool]] = {
-    Event.PILOT: _another_hand,
+_DETECTORS: Mapping[Event, Callable[[EventContext], bool]] = {
+    Event.PILOT: _external_mode_change,
     Event.REBOOTED: lambda context: context.vehicle.reboots != context.reboots_seen,
     Event.TELEMETRY_LOST: _telemetry_lost,
     Event.DISARMED: lambda context: context.heard_since_entry and not context.vehicle.armed,
