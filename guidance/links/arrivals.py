@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import Final, Generic, TypeVar
 
 Clock = Callable[[], float]
-Handler = Callable[[float, bytes], None]
 Wake = Callable[[], None]
 T = TypeVar("T")
 
@@ -19,7 +18,7 @@ MOST_WAITING: Final = 1024
 
 
 class Arrivals(Generic[T]):
-    """Filled by a library's thread, emptied by the loop's; or handed on at once to a `handler`, on that thread."""
+    """Filled by a library's or a reader's thread, emptied by the loop's."""
 
     def __init__(self, clock: Clock, *, most: int = MOST_WAITING, on_arrival: Wake | None = None) -> None:
         """Start empty. `on_arrival` is called after each arrival on the library's thread; it may only wake the loop."""
@@ -28,7 +27,6 @@ class Arrivals(Generic[T]):
         self._on_arrival = on_arrival
         self._waiting: deque[tuple[float, T]] = deque()
         self._lock = threading.Lock()
-        self._handler: Callable[[float, T], None] | None = None
         self.closed = False
         self.dropped = 0
 
@@ -38,15 +36,11 @@ class Arrivals(Generic[T]):
         with self._lock:
             if self.closed:
                 return
-            handler = self._handler
-            if handler is None:
-                if len(self._waiting) >= self._most:
-                    self._waiting.popleft()
-                    self.dropped += 1
-                self._waiting.append((now_s, item))
-        if handler is not None:
-            handler(now_s, item)
-        elif self._on_arrival is not None:
+            if len(self._waiting) >= self._most:
+                self._waiting.popleft()
+                self.dropped += 1
+            self._waiting.append((now_s, item))
+        if self._on_arrival is not None:
             self._on_arrival()
 
     def take(self) -> list[tuple[float, T]]:
@@ -55,13 +49,6 @@ class Arrivals(Generic[T]):
             taken = list(self._waiting)
             self._waiting.clear()
         return taken
-
-    def hand_to(self, handler: Callable[[float, T], None]) -> None:
-        """From now on give everything to `handler` instead, beginning with what waits; nothing overtakes that."""
-        with self._lock:
-            self._handler = handler
-            while self._waiting:
-                handler(*self._waiting.popleft())
 
     def close(self) -> None:
         """Take nothing more."""

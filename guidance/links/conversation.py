@@ -1,38 +1,85 @@
-"""What every link does whatever its library: decode, join, answer, ask again, count. No wire and no thread in here.
+"""What every link does whatever its library: frame, decode, join, answer, ask again, count.
 
-A link feeds the messages it heard to `hear`, calls `tend` once per poll, and hands out what `take` returns; frames to
-be sent leave through the `send` function it gave.
+One wire is heard and one vehicle on it; everybody else is dropped and counted. What is to be sent leaves through the
+`send` function of the link, MAVSDK's or pymavlink's.
 """
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from guidance.links import encode
 from guidance.links.decode import DECODERS, Fields, OpenText, decode, expire_text, join_text, meant, parameter
+from guidance.links.dialect import CRC_EXTRA, IDS, NAMES, fields_of
+from guidance.links.framing import Frame, Framer
+from guidance.links.port import Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
 
 Send = Callable[[str, dict[str, Any]], None]
+Admit = Callable[[Frame], str | None]
 
 HEARD: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
+_HEARD_IDS: Final = frozenset(IDS[name] for name in HEARD)
 MOST_KEPT: Final = 2048
+
+
+class Address(NamedTuple):
+    """Who speaks, as MAVLink says it."""
+
+    system_id: int
+    component_id: int
 
 
 class Conversation:
     """One vehicle's messages, in order of arrival, bounded; our requests to it, repeated until answered."""
 
-    def __init__(self, send: Send, *, system_id: int, component_id: int, own: tuple[int, int]) -> None:
+    def __init__(self, wire: Wire, send: Send, admit: Admit, *, vehicle: Address, own: Address) -> None:
+        """Begin to hear a wire.
+
+        Args:
+            wire: Where the vehicle and others speak.
+            send: Puts a message, by name and fields, on the wire.
+            admit: Sees each of the vehicle's frames first; a word says why one is not heard, and is counted.
+            vehicle: Who is heard.
+            own: Who we are: what is addressed to another station is not for us.
+        """
+        self._wire = wire
         self._send = send
-        self._target = {"system_id": system_id, "component_id": component_id}
+        self._admit = admit
+        self._vehicle = vehicle
         self._own = own
+        self._framer = Framer(CRC_EXTRA)
         self._inbox: deque[Message] = deque()
         self._requests = RequestQueue()
         self._timesync = TimesyncPeer()
         self._open_text: OpenText | None = None
+        self._closed = False
         self.autopilot = 0
         self.heartbeats = 0
+        self.others: set[int] = set()
+        """System ids of whoever else speaks, to name them in an error."""
         self.counts: Counter[str] = Counter()
+
+    def poll(self, now_s: float) -> None:
+        """Read the wire and keep what comes for the next `take`; send what is due."""
+        if self._closed:
+            return
+        for received_s, data in self._wire.receive():
+            for frame in self._framer.feed(data, stream=self._wire.stream):
+                self._take_in(frame, received_s)
+        self.tend(now_s)
+
+    def _take_in(self, frame: Frame, received_s: float) -> None:
+        if (frame.system_id, frame.component_id) != self._vehicle:
+            self.counts["foreign"] += 1
+            self.others.add(frame.system_id)
+        elif (reason := self._admit(frame)) is not None:
+            self.counts[reason] += 1
+        elif frame.message_id not in _HEARD_IDS:
+            self.counts["unused"] += 1
+        else:
+            self.hear(NAMES[frame.message_id], fields_of(frame), received_s)
 
     def hear(self, name: str, fields: Fields, received_s: float) -> None:
         """Take one message of the vehicle; what cannot be meant is counted as invalid and dropped."""
@@ -90,14 +137,10 @@ class Conversation:
         self._open_text, texts = expire_text(self._open_text, now_s)
         self._keep(*texts)
         for request, attempt in self._requests.due(now_s):
-            self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._target))
+            self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._vehicle._asdict()))
             self.counts["requests_sent"] += 1
         if self.heartbeats and (question := self._timesync.ask(now_s)) is not None:
             self._send("TIMESYNC", question)
-
-    def awaits_parameter(self, name: str) -> bool:
-        """Whether we asked for it and have no answer yet."""
-        return self._requests.awaits_parameter(name)
 
     def take(self) -> list[Message]:
         """All messages since the last call, oldest first."""
@@ -111,7 +154,9 @@ class Conversation:
         Raises:
             ValueError: If it cannot be sent as it is.
         """
-        encode.request(request, attempt=0, autopilot=self.autopilot, **self._target)
+        if self._closed:
+            return
+        encode.request(request, attempt=0, autopilot=self.autopilot, **self._vehicle._asdict())
         self._requests.add(request)
         self.tend(now_s)
 
@@ -121,19 +166,25 @@ class Conversation:
         Raises:
             ValueError: If it is not finite; nothing is sent then.
         """
-        self._send(*encode.setpoint(setpoint, now_s=now_s, **self._target))
-        self.counts["setpoints_sent"] += 1
+        if not self._closed:
+            self._send(*encode.setpoint(setpoint, now_s=now_s, **self._vehicle._asdict()))
+            self.counts["setpoints_sent"] += 1
 
     def counters(self) -> Mapping[str, int]:
         """What was received, sent and dropped."""
+        reasons = ("foreign", "unused", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
         return {
-            "received": 0,
-            "invalid": 0,
-            "for_others": 0,
-            "overflowed": 0,
-            "requests_sent": 0,
-            "setpoints_sent": 0,
+            **dict.fromkeys((*reasons, "overflowed", "requests_sent", "setpoints_sent"), 0),
             **self.counts,
+            "garbage_bytes": self._framer.garbage_bytes,
+            "unknown": self._framer.unknown,
             "requests_unanswered": self._requests.unanswered,
             "requests_refused": self._requests.refused,
+            **self._wire.counters(),
         }
+
+    def close(self) -> None:
+        """Close the wire; nothing is heard or sent any more. May be called twice."""
+        self._closed = True
+        self._inbox.clear()
+        self._wire.close()

@@ -1,11 +1,10 @@
-"""MAVLink fields to typed values: one literal table, used whatever library took the frame apart.
+"""MAVLink fields to typed values: one literal table, for every link and every wire.
 
-Fields are what both libraries agree on: names of the MAVLink definition, integers as integers, text as str, and NaN as
-NaN (pymavlink) or None (MAVSDK's JSON `null`). A STATUSTEXT longer than 50 bytes comes in chunks; they are joined here.
+Fields are those of `guidance.links.dialect.fields_of`, by the names of MAVLink's definition. A STATUSTEXT longer than
+50 bytes comes in chunks; they are joined here.
 """
 
 import math
-import struct
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -44,18 +43,12 @@ _TEXT_PATIENCE_S: Final = 1.0
 _MOST_TEXT_CHUNKS: Final = 16
 
 
-def number(value: float | None) -> float:
-    """A field as a float; None, which is JSON's NaN, as NaN."""
-    return math.nan if value is None else float(value)
-
-
-def finite(*values: float | None) -> Vector:
+def finite(x: float, y: float, z: float) -> Vector:
     """Three fields that make no sense unless they are all finite.
 
     Raises:
         ValueError: If one of them is not.
     """
-    x, y, z = (number(value) for value in values)
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
         raise ValueError(f"not finite: {x}, {y}, {z}")
     return x, y, z
@@ -93,10 +86,9 @@ def _global_position(f: Fields, received_s: float) -> Message:
 
 
 def _attitude(f: Fields, received_s: float) -> Message:
-    yaw = number(f["yaw"])
-    if not math.isfinite(yaw):
+    if not math.isfinite(f["yaw"]):
         raise ValueError("yaw is not finite")
-    return Attitude(received_s, f["time_boot_ms"] / 1e3, yaw)
+    return Attitude(received_s, f["time_boot_ms"] / 1e3, f["yaw"])
 
 
 def _odometry(f: Fields, received_s: float) -> Message:
@@ -116,7 +108,7 @@ def _system_status(f: Fields, received_s: float) -> Message:
 
 def _home(f: Fields, received_s: float) -> Message:
     latitude, longitude = degrees(f["latitude"], f["longitude"])
-    position = (number(f["x"]), number(f["y"]), number(f["z"]))
+    position = (f["x"], f["y"], f["z"])
     return Home(received_s, latitude, longitude, f["altitude"] / 1e3, position)
 
 
@@ -130,7 +122,7 @@ def _command_ack(f: Fields, received_s: float) -> Message:
 
 
 def _position_target(f: Fields, received_s: float) -> Message:
-    velocity = (number(f["vx"]), number(f["vy"]), number(f["vz"]))
+    velocity = (f["vx"], f["vy"], f["vz"])
     return PositionTarget(received_s, f["time_boot_ms"] / 1e3, f["type_mask"], velocity)
 
 
@@ -146,7 +138,7 @@ def _fence_count(f: Fields, received_s: float) -> Message:
 
 def _fence_item(f: Fields, received_s: float) -> Message:
     _of_the_fence(f)
-    size = number(f["param1"])
+    size = f["param1"]
     if not math.isfinite(size):
         raise ValueError(f"param1 = {size}: neither a number of corners nor a radius")
     latitude, longitude = degrees(f["x"], f["y"])
@@ -199,17 +191,9 @@ def decode(name: str, fields: Fields, received_s: float) -> Message:
 
 
 def parameter(fields: Fields, received_s: float, *, autopilot: int) -> Parameter:
-    """PARAM_VALUE as a number. PX4 carries integers bytewise in the float, everyone else as the number itself.
-
-    An adapter that has the frame's bytes gives a bytewise integer as `param_integer`; without it one whose bits are a
-    NaN (every small negative number) is unreadable, and the value NaN.
-    """
-    if "param_integer" in fields:
-        return Parameter(received_s, fields["param_id"], float(fields["param_integer"]), MAV_PARAM_TYPE_INT32)
-    value = number(fields["param_value"])
-    if is_bytewise(fields, autopilot=autopilot) and not math.isnan(value):
-        value = float(struct.unpack("<i", struct.pack("<f", value))[0])
-    return Parameter(received_s, fields["param_id"], value, fields["param_type"])
+    """PARAM_VALUE as a number. PX4 carries integers bytewise in the float, everyone else as the number itself."""
+    value = fields["param_integer" if is_bytewise(fields, autopilot=autopilot) else "param_value"]
+    return Parameter(received_s, fields["param_id"], float(value), fields["param_type"])
 
 
 def is_bytewise(fields: Fields, *, autopilot: int) -> bool:

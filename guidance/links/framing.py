@@ -32,6 +32,12 @@ class Frame(NamedTuple):
     component_id: int
     signed: bool
 
+    @property
+    def payload(self) -> bytes:
+        """As sent: without the zeros at its end in MAVLink 2."""
+        start = 10 if self.data[0] == MAGIC_V2 else 6
+        return self.data[start : start + self.data[1]]
+
 
 class Framer:
     """Feed pieces of a byte stream, get frames. `crc_extra` maps a message id to MAVLink's seed for its checksum.

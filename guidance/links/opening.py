@@ -2,19 +2,17 @@
 
 import time
 from collections.abc import Callable, Collection
-from typing import Final, NamedTuple, Protocol
-
-from pymavlink.dialects.v20 import common
+from typing import Final, NamedTuple
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.arrivals import Clock, Wake
 from guidance.links.decode import MAV_MODE_FLAG_SAFETY_ARMED
-from guidance.links.dialect import CRC_EXTRA
+from guidance.links.dialect import CRC_EXTRA, NAMES, Station, fields_of
 from guidance.links.endpoint import parse
 from guidance.links.framing import Frame, Framer
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import VehicleLink, Wire
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.pymavlink_link import OWN_HEARTBEAT, PymavlinkLink
 from guidance.links.signing import SigningKey
 from guidance.links.wires.serial import SerialWire
 from guidance.links.wires.tcp import TcpWire
@@ -29,20 +27,8 @@ MAV_AUTOPILOT_INVALID: Final = 8
 
 MAV_TYPE_GCS: Final = 6
 _OWN: Final = (255, 191)
-_HEARTBEAT: Final = 0
 
 Sleep = Callable[[float], None]
-
-
-class _Polled(Protocol):
-    @property
-    def heartbeats(self) -> int: ...
-
-    def poll(self) -> None: ...
-
-    def send_heartbeat(self) -> None: ...
-
-    def close(self) -> None: ...
 
 
 def open_wire(
@@ -107,14 +93,12 @@ def open_vehicle_link(
         signing_key: Sign what is sent and refuse what is not signed (pymavlink only: MAVSDK cannot).
         timeout_s: How long to wait for the wire, and then for the first HEARTBEAT.
         sleep: How to wait between looks.
-        on_arrival: Called on a library's thread whenever something arrived; it may only wake the loop.
+        on_arrival: Called on the wire's thread whenever something arrived; it may only wake the loop.
 
     Raises:
         ConfigError: If an argument is wrong.
         LinkError: If the wire cannot be opened, or no HEARTBEAT came in time.
     """
-    if kind not in KINDS:
-        raise ConfigError(f"link = {kind!r}: allowed are {', '.join(KINDS)}")
     for name, value in (
         ("system_id", system_id),
         ("component_id", component_id),
@@ -122,54 +106,91 @@ def open_vehicle_link(
     ):
         if not 1 <= value <= 255:
             raise ConfigError(f"{name} = {value}: 1 to 255 are allowed")
-    ids = {
-        "system_id": system_id,
-        "component_id": component_id,
-        "own_component_id": own_component_id,
-    }
-    if kind == "mavsdk" and signing_key is not None:
-        raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
-    who = f"{url}: system {system_id}"
-    if kind == "mavsdk":
-        return MavsdkLink(
-            open_wire(url, clock=clock, systems=(system_id,), timeout_s=timeout_s),
-            clock,
-            own_system_id=own_system_id,
-            who=who,
-            sleep=sleep,
-            timeout_s=timeout_s,
-            on_arrival=on_arrival,
-            **ids,
-        )
-    link = PymavlinkLink(
-        open_wire(url, clock=clock, systems=(system_id,), timeout_s=timeout_s, on_arrival=on_arrival),
-        clock,
+    _check_kind(kind, signing_key)
+    wire = open_wire(url, clock=clock, systems=(system_id,), timeout_s=timeout_s, on_arrival=on_arrival)
+    return link_over(
+        wire,
+        kind,
+        clock=clock,
+        who=f"{url}: system {system_id}",
+        system_id=system_id,
+        component_id=component_id,
         own_system_id=own_system_id,
+        own_component_id=own_component_id,
         signing_key=signing_key,
-        unix_s=time.time_ns() / 1e9,  # signing alone needs the calendar: its timestamps must rise from flight to flight
-        **ids,
+        timeout_s=timeout_s,
+        sleep=sleep,
     )
-    wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
+
+
+def link_over(
+    wire: Wire,
+    kind: str,
+    *,
+    system_id: int,
+    clock: Clock,
+    who: str,
+    component_id: int = 1,
+    own_system_id: int | None = None,
+    own_component_id: int = 195,
+    signing_key: SigningKey | None = None,
+    timeout_s: float = 10.0,
+    sleep: Sleep = time.sleep,
+) -> VehicleLink:
+    """The same over a wire that is open, which is closed with the link; `who` names the vehicle in errors.
+
+    Raises:
+        ConfigError: If an argument is wrong.
+        LinkError: If no HEARTBEAT came in time; the wire is closed then.
+    """
+    _check_kind(kind, signing_key)
+    ids = {"system_id": system_id, "component_id": component_id, "own_component_id": own_component_id}
+    link: MavsdkLink | PymavlinkLink
+    if kind == "mavsdk":
+        link = MavsdkLink(wire, clock, own_system_id=own_system_id, **ids)
+    else:
+        # Signing alone needs the calendar: its timestamps must rise from flight to flight.
+        calendar_s = time.time_ns() / 1e9
+        link = PymavlinkLink(
+            wire, clock, own_system_id=own_system_id, signing_key=signing_key, unix_s=calendar_s, **ids
+        )
+    try:
+        wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
+    except BaseException:
+        link.close()
+        raise
     return link
 
 
-def wait_until_heard(link: _Polled, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> None:
+def _check_kind(kind: str, signing_key: SigningKey | None) -> None:
+    if kind not in KINDS:
+        raise ConfigError(f"link = {kind!r}: allowed are {', '.join(KINDS)}")
+    if kind == "mavsdk" and signing_key is not None:
+        raise ConfigError("link = 'mavsdk' with a signing key: MAVSDK does not sign; use link = 'pymavlink'")
+
+
+def wait_until_heard(
+    link: MavsdkLink | PymavlinkLink, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str
+) -> None:
     """Poll until the first HEARTBEAT, sending our own meanwhile; what comes is kept for `receive`.
 
     Raises:
-        LinkError: If none came in time; the link is closed then.
+        LinkError: If none came in time.
     """
     deadline_s = clock() + timeout_s
     next_heartbeat_s = clock()
-    while not link.heartbeats:
+    while not link.heard:
         if clock() >= deadline_s:
-            link.close()
-            raise LinkError(f"{who}: no HEARTBEAT within {timeout_s:g} s; is it running, and is the system id right?")
+            others = ", ".join(map(str, sorted(link.others))) or "none"
+            raise LinkError(
+                f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. "
+                "Is it running, does it send here, and is its system id right?"
+            )
         if clock() >= next_heartbeat_s:
             link.send_heartbeat()
             next_heartbeat_s += _HEARTBEAT_EVERY_S
         link.poll()
-        if not link.heartbeats:
+        if not link.heard:
             sleep(_LOOK_EVERY_S)
 
 
@@ -192,15 +213,15 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
     Raises:
         LinkError: If none came within `timeout_s`.
     """
-    framer, mavlink = Framer(CRC_EXTRA), common.MAVLink(None, *_OWN)
+    framer, station = Framer(CRC_EXTRA), Station(*_OWN)
     deadline_s, beat_s, others = clock() + timeout_s, clock(), 0
     while True:
         if clock() >= beat_s:
             beat_s += _HEARTBEAT_EVERY_S
-            wire.send(_own_heartbeat(mavlink))
+            wire.send(station.pack("HEARTBEAT", OWN_HEARTBEAT))
         for _, data in wire.receive():
             for frame in framer.feed(data, stream=wire.stream):
-                found = _found(mavlink, frame)
+                found = _found(frame)
                 if found is not None:
                     return found
                 others += 1
@@ -212,21 +233,11 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
         sleep(_LOOK_EVERY_S)
 
 
-def _found(mavlink: common.MAVLink, frame: Frame) -> Found | None:
-    if frame.message_id != _HEARTBEAT:
+def _found(frame: Frame) -> Found | None:
+    if NAMES[frame.message_id] != "HEARTBEAT":
         return None
-    try:
-        beat = mavlink.decode(bytearray(frame.data))
-    except common.MAVError:
+    beat = fields_of(frame)
+    if beat["autopilot"] == MAV_AUTOPILOT_INVALID or beat["type"] == MAV_TYPE_GCS:
         return None
-    if beat.autopilot == MAV_AUTOPILOT_INVALID or beat.type == MAV_TYPE_GCS:
-        return None
-    armed = bool(beat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
-    return Found(frame.system_id, frame.component_id, int(beat.autopilot), int(beat.type), armed)
-
-
-def _own_heartbeat(mavlink: common.MAVLink) -> bytes:
-    beat = common.MAVLink_heartbeat_message(common.MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
-    frame = bytes(beat.pack(mavlink))
-    mavlink.seq = (mavlink.seq + 1) % 256
-    return frame
+    armed = bool(beat["base_mode"] & MAV_MODE_FLAG_SAFETY_ARMED)
+    return Found(frame.system_id, frame.component_id, beat["autopilot"], beat["type"], armed)

@@ -8,7 +8,6 @@ counted. It is used from one thread, the loop's; whatever threads its library ha
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from guidance.links.arrivals import Handler
 from guidance.messages import EvaderReport, Message, Request, Setpoint
 
 
@@ -76,12 +75,6 @@ class Wire(Protocol):
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """(arrival time, frame or piece of a byte stream) since the last call, oldest first, bounded. Never blocks."""
-
-    def hand_to(self, handler: Handler) -> None:
-        """From now on call `handler(arrival time, frame or piece)` on the wire's thread instead of keeping anything.
-
-        What waits is handed over first; `receive` stays empty afterwards.
-        """
 
     def send(self, frame: bytes) -> None:
         """Send one whole frame, from any thread.

@@ -107,10 +107,6 @@ class RequestQueue:
         if not lane:
             del self.waiting["command", command]
 
-    def awaits_parameter(self, name: str) -> bool:
-        """Whether we asked for it and have no answer yet."""
-        return ("parameter", name) in self.waiting
-
     def fence_came(self, sequence: int | None) -> None:
         """A MISSION_COUNT (None) or a MISSION_ITEM_INT of the fence came."""
         lane = self.waiting.get(("fence", 0))

@@ -1,14 +1,18 @@
 """MAVLink 2 signing: the key, and the clock that keeps old frames from being replayed."""
 
+import hashlib
+import hmac
 import re
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 from guidance.errors import ConfigError
+from guidance.links.framing import Frame
 
 KEY_BYTES: Final = 32
 _EPOCH_UNIX_S: Final = 1_420_070_400.0  # signing counts from 1 January 2015 UTC
 _TICKS_PER_S: Final = 1e5  # in 10 microseconds
+_NEW_STREAM_TICKS: Final = 60 * 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,29 +50,33 @@ class SigningKey:
         return cls(bytes.fromhex(digits), link_id)
 
 
-class SigningState(Protocol):
-    """What pymavlink's MAVLinkSigning holds."""
-
-    secret_key: bytes | None
-    link_id: int
-    timestamp: int
-    sign_outgoing: bool
-
-
-class SigningCodec(Protocol):
-    """A pymavlink codec, as far as signing goes."""
-
-    signing: SigningState
-
-
 def ticks(unix_s: float) -> int:
     """Calendar time in signing's units."""
     return int((unix_s - _EPOCH_UNIX_S) * _TICKS_PER_S)
 
 
-def arm(mavlink: SigningCodec, key: SigningKey, unix_s: float) -> None:
-    """Make a pymavlink codec sign all it packs and refuse all that is unsigned."""
-    mavlink.signing.secret_key = key.secret
-    mavlink.signing.link_id = key.link_id
-    mavlink.signing.timestamp = max(mavlink.signing.timestamp, ticks(unix_s))
-    mavlink.signing.sign_outgoing = True
+class Signatures:
+    """Whose signed frames are believed: those with our key, each later than the last of its stream.
+
+    A stream is a link id, system and component; a new one may be a minute behind our own time at most. A frame whose
+    signature is wrong changes nothing, so that a forger cannot make the genuine ones look old.
+    Source: mavlink.io/en/guide/message_signing.html.
+    """
+
+    def __init__(self, key: SigningKey, unix_s: float) -> None:
+        self._secret = key.secret
+        self._last: dict[tuple[int, int, int], int] = {}
+        self.time = ticks(unix_s)
+        """Ours, or the latest that was believed."""
+
+    def believes(self, frame: Frame) -> bool:
+        """Whether a signed frame is genuine and new; then its time is remembered."""
+        link_id, time = frame.data[-13], int.from_bytes(frame.data[-12:-6], "little")
+        stream = link_id, frame.system_id, frame.component_id
+        last = self._last.get(stream, self.time - _NEW_STREAM_TICKS - 1)
+        signature = hashlib.sha256(self._secret + frame.data[:-6]).digest()[:6]
+        if time <= last or not hmac.compare_digest(signature, frame.data[-6:]):
+            return False
+        self._last[stream] = time
+        self.time = max(self.time, time)
+        return True

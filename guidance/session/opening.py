@@ -2,7 +2,6 @@
 
 import contextlib
 import stat
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,8 +11,7 @@ from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.endpoint import parse
 from guidance.links.evaders.opening import EvaderIdentity, open_source
-from guidance.links.mavsdk_link import MavsdkLink
-from guidance.links.opening import open_wire, wait_until_heard
+from guidance.links.opening import link_over, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signing import SigningKey
@@ -109,28 +107,17 @@ def _open_link(
     ours, spare = wire, None
     if config.evader.url is None:
         ours, spare = share(wire, 2)
-    who = f"{vehicle.url}: system {vehicle.system_id}"
-    if vehicle.link == "mavsdk":
-        mavsdk = MavsdkLink(
-            ours,
-            now_s,
-            system_id=vehicle.system_id,
-            component_id=vehicle.component_id,
-            sleep=time.sleep,
-            who=who,
-            timeout_s=vehicle.connect_timeout_s,
-        )
-        return mavsdk, spare
-    pymavlink = PymavlinkLink(
+    link = link_over(
         ours,
-        now_s,
+        vehicle.link,
+        clock=now_s,
+        who=f"{vehicle.url}: system {vehicle.system_id}",
         system_id=vehicle.system_id,
         component_id=vehicle.component_id,
         signing_key=key,
-        unix_s=time.time_ns() / 1e9,  # signing alone needs the calendar: its timestamps must rise from flight to flight
+        timeout_s=vehicle.connect_timeout_s,
     )
-    wait_until_heard(pymavlink, clock=now_s, timeout_s=vehicle.connect_timeout_s, sleep=time.sleep, who=who)
-    return pymavlink, spare
+    return link, spare
 
 
 def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSource:

@@ -2,16 +2,13 @@
 
 import contextlib
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from guidance.clock import Clock
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
-from guidance.links.mavsdk_link import MavsdkLink
-from guidance.links.opening import open_wire, wait_until_heard
+from guidance.links.opening import link_over, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
-from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import Passed, TappedWire, share
 from guidance.links.wires.zenoh import ZenohWire
 from guidance.sim.faulting import check_faults, faults_after
@@ -84,12 +81,6 @@ class LiveWorld:
         now_s = self._clock.now_s
         wire = TappedWire(bare, now_s, name)
         self._taps.append(wire)
-        link: VehicleLink
-        if kind == "mavsdk":
-            link = MavsdkLink(wire, now_s, system_id=system_id, sleep=time.sleep, who=f"the mock's {name}")
-        else:
-            heard = PymavlinkLink(wire, now_s, system_id=system_id)
-            wait_until_heard(heard, clock=now_s, timeout_s=5.0, sleep=time.sleep, who=f"the mock's {name}")
-            link = heard
+        link = link_over(wire, kind, system_id=system_id, clock=now_s, who=f"the mock's {name}", timeout_s=5.0)
         self._closing.callback(link.close)
         return link

@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Protocol
 
-from pymavlink.dialects.v20 import common
-
 from guidance.frames import LocalFrame, Vector
 from guidance.links.arrivals import Clock
-from guidance.links.decode import Fields, decode, degrees, finite, number
-from guidance.links.dialect import CRC_EXTRA, NAMES
+from guidance.links.decode import Fields, decode, degrees, finite
+from guidance.links.dialect import CRC_EXTRA, NAMES, Station, fields_of
 from guidance.links.evaders.carrier import (
     UNKNOWN_VELOCITY,
     Refused,
@@ -73,7 +71,7 @@ class MavlinkEvader:
         self._system_id = system_id
         self._component_id = component_id
         self._framer = Framer(CRC_EXTRA)
-        self._mavlink = common.MAVLink(None, system_id, OWN_COMPONENT_ID)
+        self._station = Station(system_id, OWN_COMPONENT_ID)
         self._clock = clock
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
@@ -93,8 +91,7 @@ class MavlinkEvader:
     def _ask(self, now_s: float) -> None:
         question = self._timesync.ask(now_s)
         if question is not None:
-            self._wire.send(bytes(common.MAVLink_timesync_message(**question).pack(self._mavlink)))
-            self._mavlink.seq = (self._mavlink.seq + 1) % 256
+            self._wire.send(self._station.pack("TIMESYNC", question))
 
     def _is_meant(self, frame: Frame) -> bool:
         if NAMES[frame.message_id] not in (self._carrier.message, "TIMESYNC"):
@@ -106,7 +103,7 @@ class MavlinkEvader:
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
         try:
-            fields = self._mavlink.decode(bytearray(frame.data)).to_dict()
+            fields = fields_of(frame)
             if NAMES[frame.message_id] == "TIMESYNC":
                 answer, _ = self._timesync.hear(fields, received_s)
                 self._answer = answer or self._answer
@@ -115,7 +112,7 @@ class MavlinkEvader:
         except Refused as refused:
             self._counts[f"refused_{refused.reason}"] += 1
             return []
-        except (common.MAVError, ValueError, ArithmeticError):
+        except (ValueError, ArithmeticError):
             self._counts["refused_invalid"] += 1
             return []
         self._counts["reports"] += 1
@@ -159,23 +156,22 @@ class FollowTarget:
     def report(self, fields: Fields, received_s: float) -> EvaderReport:
         """Turn the message into a report."""
         latitude, longitude = degrees(fields["lat"], fields["lon"])
-        deviations = (number(value) for value in fields["position_cov"])
         return EvaderReport(
             received_s=received_s,
             sent_s=self.clock.unwrap(fields["timestamp"] % 2**32) / 1e3,
             source=self.message,
             latitude_deg=latitude,
             longitude_deg=longitude,
-            altitude_amsl_m=finite_altitude(number(fields["alt"])),
+            altitude_amsl_m=finite_altitude(fields["alt"]),
             velocity_ned_m_s=_follow_target_velocity(fields),
-            position_sd_m=standard_deviation(*(value * abs(value) for value in deviations)),
+            position_sd_m=standard_deviation(*(value * abs(value) for value in fields["position_cov"])),
             velocity_sd_m_s=math.nan,
-            said=AltitudeSaid(number(fields["alt"]), Datum.AMSL),
+            said=AltitudeSaid(fields["alt"], Datum.AMSL),
         )
 
 
 def _follow_target_velocity(fields: Fields) -> Vector:
-    north, east, down = (number(value) for value in fields["vel"])
+    north, east, down = fields["vel"]
     capabilities = fields["est_capabilities"]
     said_unknown = capabilities != 0 and not capabilities & CAPABILITY_VELOCITY
     if said_unknown or (north, east, down) == (0.0, 0.0, 0.0) or not math.isfinite(north + east + down):
@@ -250,8 +246,8 @@ class OdometryCarrier:
             longitude_deg=longitude,
             altitude_amsl_m=finite_altitude(altitude.metres),
             velocity_ned_m_s=_odometry_velocity(fields),
-            position_sd_m=standard_deviation(*(number(pose[index]) for index in _DIAGONAL)),
-            velocity_sd_m_s=standard_deviation(*(number(velocity[index]) for index in _DIAGONAL)),
+            position_sd_m=standard_deviation(*(pose[index] for index in _DIAGONAL)),
+            velocity_sd_m_s=standard_deviation(*(velocity[index] for index in _DIAGONAL)),
             said=AltitudeSaid(-position[2], Datum.ORIGIN),
         )
 
@@ -264,5 +260,5 @@ def _odometry_velocity(fields: Fields) -> Vector:
     if fields["child_frame_id"] == MAV_FRAME_LOCAL_NED:
         return velocity
     if fields["child_frame_id"] == MAV_FRAME_BODY_FRD:
-        return rotate([number(part) for part in fields["q"]], velocity)
+        return rotate(fields["q"], velocity)
     return UNKNOWN_VELOCITY

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 from guidance.frames import Ellipsoid, LocalFrame, Vector
-from guidance.links.decode import Fields, degrees, number
+from guidance.links.decode import Fields, degrees
 from guidance.links.evaders.carrier import UNKNOWN_VELOCITY, Refused, SenderClock, finite_altitude, velocity_over_ground
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
@@ -65,12 +65,12 @@ class OpenDroneIdLocation:
         if self.id_or_mac is not None and bytes(fields["id_or_mac"]) != self.id_or_mac.ljust(20, b"\0"):
             raise Refused("other_id")
         latitude, longitude = degrees(fields["latitude"], fields["longitude"])
-        geodetic_m = number(fields["altitude_geodetic"])
+        geodetic_m = fields["altitude_geodetic"]
         if not geodetic_m > UNKNOWN_ALTITUDE_M:
             raise Refused("altitude")
         return EvaderReport(
             received_s=received_s,
-            sent_s=self._sent(number(fields["timestamp"])),
+            sent_s=self._sent(fields["timestamp"]),
             source=self.message,
             latitude_deg=latitude,
             longitude_deg=longitude,

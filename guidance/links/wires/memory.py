@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from guidance.links.arrivals import Arrivals, Clock, Handler
+from guidance.links.arrivals import Arrivals, Clock
 
 
 class MemoryWire:
@@ -24,10 +24,6 @@ class MemoryWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """What the other end sent since the last call."""
         return self._inbox.take()
-
-    def hand_to(self, handler: Handler) -> None:
-        """From now on call `handler(arrival time, frame)` on the sender's thread instead of keeping frames."""
-        self._inbox.hand_to(handler)
 
     def send(self, frame: bytes) -> None:
         """Put one frame into the other end; into nothing once that is closed."""

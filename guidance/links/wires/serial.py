@@ -10,7 +10,7 @@ from typing import Final
 import serial
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Handler, Reader, Wake
+from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
 from guidance.links.wires.stream import Tail
 
 _WAIT_S: Final = 0.1
@@ -59,10 +59,6 @@ class SerialWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Pieces of the stream since the last call."""
         return self._arrivals.take()
-
-    def hand_to(self, handler: Handler) -> None:
-        """From now on call `handler(arrival time, piece)` on the reader's thread instead of keeping pieces."""
-        self._arrivals.hand_to(handler)
 
     def send(self, frame: bytes) -> None:
         """Write one frame; what the port does not take at once waits for the next, which is dropped if it must."""

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from guidance.links.arrivals import Clock, Handler
+from guidance.links.arrivals import Clock
 from guidance.links.port import Wire
 
 MOST_WAITING: Final = 1024
@@ -35,17 +35,6 @@ class WireShare:
         self._waiting.clear()
         return taken
 
-    def hand_to(self, handler: Handler) -> None:
-        """From now on call `handler` for everything, on the wire's thread; for the other readers it is put by."""
-
-        def split(received_s: float, piece: bytes) -> None:
-            for share in self._shares:
-                if share is not self:
-                    share.keep((received_s, piece))
-            handler(received_s, piece)
-
-        self._wire.hand_to(split)
-
     def keep(self, piece: tuple[float, bytes]) -> None:
         """Put a piece by for this reader; the oldest goes when there is no room."""
         if len(self._waiting) >= MOST_WAITING:
@@ -71,7 +60,7 @@ class WireShare:
 
 
 def share(wire: Wire, readers: int) -> list[WireShare]:
-    """Split a wire among readers, all in the same thread; one at most is handed what arrives."""
+    """Split a wire among readers, all in the same thread."""
     shares: list[WireShare] = []
     return [WireShare(wire, shares) for _ in range(readers)]
 
@@ -103,15 +92,6 @@ class TappedWire:
         arrived = self._wire.receive()
         self._kept.extend(Passed(received_s, self._from, frame) for received_s, frame in arrived)
         return arrived
-
-    def hand_to(self, handler: Handler) -> None:
-        """As the wire's."""
-
-        def listening(received_s: float, frame: bytes) -> None:
-            self._kept.append(Passed(received_s, self._from, frame))
-            handler(received_s, frame)
-
-        self._wire.hand_to(listening)
 
     def send(self, frame: bytes) -> None:
         """As the wire's."""

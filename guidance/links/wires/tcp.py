@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Handler, Reader, Wake
+from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
 from guidance.links.wires.stream import Tail
 
 _WAIT_S: Final = 0.1
@@ -110,10 +110,6 @@ class TcpWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Pieces of the stream since the last call."""
         return self._arrivals.take()
-
-    def hand_to(self, handler: Handler) -> None:
-        """From now on call `handler(arrival time, piece)` on the reader's thread instead of keeping pieces."""
-        self._arrivals.hand_to(handler)
 
     def send(self, frame: bytes) -> None:
         """Write one frame, or nothing of it if the kernel is full or nobody is there."""

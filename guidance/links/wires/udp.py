@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Handler, Reader, Wake
+from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
 from guidance.links.dialect import CRC_EXTRA
 from guidance.links.framing import first_frame
 
@@ -152,10 +152,6 @@ class UdpWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Datagrams since the last call."""
         return self._arrivals.take()
-
-    def hand_to(self, handler: Handler) -> None:
-        """From now on call `handler(arrival time, datagram)` on the reader's thread instead of keeping datagrams."""
-        self._arrivals.hand_to(handler)
 
     def send(self, frame: bytes) -> None:
         """Send one datagram to each peer; what the kernel does not take at once is dropped and counted."""

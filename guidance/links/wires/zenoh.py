@@ -13,7 +13,7 @@ from typing import Any, Final
 import zenoh
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Handler, Wake
+from guidance.links.arrivals import Arrivals, Clock, Wake
 
 TO_VEHICLE: Final = "mavlink_raw/in"
 FROM_VEHICLE: Final = "mavlink_raw/out"
@@ -71,10 +71,6 @@ class ZenohWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Samples since the last call."""
         return self._arrivals.take()
-
-    def hand_to(self, handler: Handler) -> None:
-        """From now on call `handler(arrival time, sample)` on Zenoh's thread instead of keeping samples."""
-        self._arrivals.hand_to(handler)
 
     def send(self, frame: bytes) -> None:
         """Publish one frame; a failure (session gone) is counted. May be called from any thread."""

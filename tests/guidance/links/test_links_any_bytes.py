@@ -8,11 +8,10 @@ from fastcrc import crc16
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from links_peer import Peer
-from pymavlink.dialects.v20 import common
 
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.conversation import HEARD, Conversation
+from guidance.links.conversation import HEARD
 from guidance.links.dialect import CRC_EXTRA, IDS
 from guidance.links.evaders import (
     AdsbVehicle,
@@ -70,37 +69,6 @@ def test_any_bytes_leave_the_link_as_it_was(pieces):
     assert link.receive() == []
     Peer(theirs.send).local_position(7)
     assert len(link.receive()) == 1
-
-
-@st.composite
-def json_fields(draw):
-    """A message as MAVSDK's JSON has it: integers of any size, floats or null, text; at times a field is missing."""
-    name = draw(st.sampled_from(sorted(HEARD)))
-    message = common.mavlink_map[IDS[name]]
-    fields = {}
-    for field, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
-        if kind == "char":
-            fields[field] = draw(st.text(alphabet="aZ_0é\ufffd", max_size=60))
-        elif kind in ("float", "double"):
-            fields[field] = draw(st.one_of(st.none(), st.floats()))
-        else:
-            fields[field] = draw(st.integers(-(2**31), 2**32))
-    fields.pop(draw(st.sampled_from([*message.fieldnames, ""])), None)
-    return name, fields
-
-
-@settings(max_examples=300)
-@given(st.lists(json_fields(), max_size=6))
-def test_any_json_that_a_library_may_hand_over_is_a_message_or_is_counted(said):
-    conversation = Conversation(lambda *_: None, system_id=1, component_id=1, own=(1, 195))
-    for name, fields in said:
-        conversation.hear(name, fields, 1.0)
-    conversation.tend(2.5)
-    messages = conversation.take()
-    assert len(messages) <= len(said)
-    assert conversation.counters()["received"] == len(said)
-    for message in messages:
-        assert all(map(math.isfinite, places(message)))
 
 
 @pytest.mark.parametrize("carrier", CARRIERS)

@@ -28,19 +28,6 @@ def test_a_vehicle_and_its_evader_are_heard_on_one_wire():
     assert len(theirs.receive()) == 1
 
 
-def test_one_reader_is_handed_what_arrives_and_it_waits_for_the_other():
-    ours, theirs = MemoryWire.pair(lambda: 3.0)
-    pushed, polled = share(ours, 2)
-    theirs.send(b"early")
-    handed = []
-    pushed.hand_to(lambda at_s, data: handed.append((at_s, data)))
-    theirs.send(b"late")
-    assert handed == [(3.0, b"early"), (3.0, b"late")]
-    assert polled.receive() == handed
-    assert polled.receive() == []
-    assert pushed.receive() == []
-
-
 def test_the_wire_closes_with_its_last_reader():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
     one, other = share(ours, 2)

@@ -73,6 +73,21 @@ def test_yesterdays_frames_are_not_believed():
     assert world.heard() == 0
 
 
+def test_a_forged_frame_from_the_future_does_not_make_the_genuine_ones_old():
+    world = World()
+    world.sign(OTHER_KEY, unix_s=UNIX_S + 1e6)
+    world.peer.local_position(1)
+    assert world.heard() == 0
+    world.sign(KEY)
+    world.peer.local_position(2)
+    assert world.heard() == 1
+    world.sign(OTHER_KEY, unix_s=UNIX_S + 1e6)
+    world.peer.local_position(3)
+    world.sign(KEY, unix_s=UNIX_S + 1.0)
+    world.peer.local_position(4)
+    assert world.heard() == 1
+
+
 def test_everything_we_send_is_signed_with_a_time_that_rises():
     world = World()
     times = []

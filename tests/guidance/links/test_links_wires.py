@@ -59,18 +59,6 @@ def test_arrivals_keep_the_newest_and_count_the_rest():
     assert arrivals.take() == []
 
 
-def test_arrivals_handed_on_keep_their_order_and_their_stamps():
-    now_s = 1.0
-    arrivals = Arrivals[str](lambda: now_s)
-    arrivals.put("early")
-    handed = []
-    now_s = 2.0
-    arrivals.hand_to(lambda at_s, item: handed.append((at_s, item)))
-    arrivals.put("late")
-    assert handed == [(1.0, "early"), (2.0, "late")]
-    assert arrivals.take() == []
-
-
 def test_arrivals_from_many_threads_are_all_there():
     arrivals = Arrivals[int](clock, most=10_000)
     threads = [threading.Thread(target=lambda: [arrivals.put(n) for n in range(1000)]) for _ in range(4)]
@@ -81,35 +69,24 @@ def test_arrivals_from_many_threads_are_all_there():
     assert len(arrivals.take()) == 4000
 
 
-def test_sockets_and_ports_hand_on_what_arrives_as_it_arrives():
-    port, (near, far) = free_port(), pty.openpty()
+def test_sockets_and_ports_wake_the_loop_when_something_arrives():
+    near, far = pty.openpty()
+    woken = {kind: threading.Event() for kind in ("tcp", "udp", "serial")}
     with contextlib.ExitStack() as stack:
-        listening = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True)))
-        udp = stack.enter_context(closing(UdpWire(clock, host="127.0.0.1", port=port, listen=True)))
-        serial = stack.enter_context(closing(SerialWire(clock, device=os.ttyname(far), baud=57600)))
-        caller = stack.enter_context(socket.create_connection(("127.0.0.1", listening.port)))
+        tcp = TcpWire(clock, host="127.0.0.1", port=0, listen=True, on_arrival=woken["tcp"].set)
+        udp = UdpWire(clock, host="127.0.0.1", port=0, listen=True, on_arrival=woken["udp"].set)
+        serial = SerialWire(clock, device=os.ttyname(far), baud=57600, on_arrival=woken["serial"].set)
+        for wire in (tcp, udp, serial):
+            stack.enter_context(closing(wire))
+        caller = stack.enter_context(socket.create_connection(("127.0.0.1", tcp.port)))
         datagrams = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        handed = {wire: bytearray() for wire in (listening, udp, serial)}
-        for wire, got in handed.items():
-            wire.hand_to(lambda _at_s, data, got=got: got.extend(data))
         caller.sendall(FRAME)
-        datagrams.sendto(FRAME, ("127.0.0.1", port))
+        datagrams.sendto(FRAME, ("127.0.0.1", udp.port))
         os.write(near, FRAME)
-        assert until(lambda: all(got == FRAME for got in handed.values()))
-        assert [wire.receive() for wire in handed] == [[], [], []]
+        assert all(event.wait(2.0) for event in woken.values())
+        assert all(received(wire, FRAME) for wire in (tcp, udp, serial))
     os.close(near)
     os.close(far)
-
-
-def test_memory_hands_on_to_whoever_asks_for_it():
-    ours, theirs = MemoryWire.pair(lambda: 7.0)
-    handed = []
-    ours.hand_to(lambda at_s, frame: handed.append((at_s, frame)))
-    theirs.send(FRAME)
-    assert handed == [(7.0, FRAME)]
-    ours.close()
-    theirs.send(FRAME)
-    assert len(handed) == 1
 
 
 def test_a_closed_end_of_memory_takes_nothing():
