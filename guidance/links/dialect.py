@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from guidance.links.arrivals import Clock
-from guidance.links.framing import Frame
+from guidance.links.framing import MAGIC_V2, Frame, checksum
 from guidance.links.signing import Signatures, SigningKey, ticks
 
 CRC_EXTRA: Final = {number: message.crc_extra for number, message in common.mavlink_map.items()}
@@ -96,6 +96,14 @@ class Station:
         frame = bytes(common.mavlink_map[IDS[name]](**packed).pack(self._mavlink))
         self._mavlink.seq = (self._mavlink.seq + 1) % 256
         return frame
+
+    def renumber(self, frame: Frame) -> bytes:
+        """Another sender's frame of the same address, numbered as our next: who hears both counts none as lost."""
+        data = bytearray(frame.data)
+        data[4 if data[0] == MAGIC_V2 else 2] = self._mavlink.seq
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        data[-2:] = checksum(data[1:-2], CRC_EXTRA[frame.message_id])
+        return bytes(data)
 
     def doubts(self, frame: Frame) -> str | None:
         """Why a frame is not believed: "unsigned", or "refused" for a wrong or an old signature; None if it is."""

@@ -115,8 +115,12 @@ def first_frame(data: bytes, crc_extra: Mapping[int, int]) -> Frame | None:
 
 def _is_whole(frame: Frame, extra: int) -> bool:
     body_end = len(frame.data) - (_SIGNATURE_BYTES if frame.signed else 0) - 2
-    expected = crc16.mcrf4xx(frame.data[1:body_end] + bytes((extra,)))
-    return expected == int.from_bytes(frame.data[body_end : body_end + 2], "little")
+    return checksum(frame.data[1:body_end], extra) == frame.data[body_end : body_end + 2]
+
+
+def checksum(body: bytes | bytearray, extra: int) -> bytes:
+    """The checksum of a frame's bytes from behind the start mark to the payload's end."""
+    return crc16.mcrf4xx(bytes(body) + bytes((extra,))).to_bytes(2, "little")
 
 
 def _frame_length(buffer: bytes | bytearray, position: int) -> int:

@@ -6,6 +6,7 @@ speak as the system that is wanted, whoever takes its number while it lives, and
 """
 
 import socket
+import struct
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final
@@ -15,7 +16,7 @@ from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
 from guidance.links.dialect import CRC_EXTRA
 from guidance.links.framing import first_frame
 
-_WAIT_S: Final = 0.1
+_WAIT_US: Final = 100_000
 _MOST_BYTES: Final = 65535
 Address = tuple[str, int]
 
@@ -131,9 +132,8 @@ class UdpWire:
         except OSError as error:
             self._socket.close()
             raise LinkError(f"udp {host}:{port}: {error}; choose another port or end what uses it") from error
-        self._sender = self._socket.dup()  # never waits, which a send on the reader's handle would do
-        self._sender.setblocking(False)
-        self._socket.settimeout(_WAIT_S)
+        # The kernel's own time limit: with Python's every datagram would cost a second system call.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", 0, _WAIT_US))
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
         self._reader = Reader(self._read, self._arrivals, name=f"udp {host}:{port}")
 
@@ -145,7 +145,7 @@ class UdpWire:
     def _read(self) -> bytes:
         try:
             data, address = self._socket.recvfrom(_MOST_BYTES)
-        except TimeoutError:
+        except BlockingIOError:  # nothing came for a while
             return b""
         return data if self._peers is None else self._peers.admit(self._clock(), address, data)
 
@@ -160,9 +160,9 @@ class UdpWire:
         for address in (None,) if self._peers is None else self._peers:
             try:
                 if address is None:
-                    self._sender.send(frame)
+                    self._socket.send(frame, socket.MSG_DONTWAIT)
                 else:
-                    self._sender.sendto(frame, address)
+                    self._socket.sendto(frame, socket.MSG_DONTWAIT, address)
                 self._sent += 1
             except OSError:
                 self._unsent += 1
@@ -182,5 +182,4 @@ class UdpWire:
         if not self._closed:
             self._closed = True
             self._reader.close()
-            self._sender.close()
             self._socket.close()

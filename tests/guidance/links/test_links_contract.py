@@ -1,5 +1,6 @@
 """The contract of `VehicleLink`, kept by every link over every wire: real clients, real sockets, a living peer."""
 
+import itertools
 import math
 import random
 import struct
@@ -231,6 +232,21 @@ def test_our_heartbeat_says_onboard_computer(rig):
     assert rig.hear(lambda got: bool(rig.peer.of("HEARTBEAT")), timeout_s=4.0)
     heartbeat = rig.peer.of("HEARTBEAT")[0]
     assert (heartbeat.type, heartbeat.autopilot, heartbeat.get_srcComponent()) == (18, 8, 195)
+
+
+def test_all_our_frames_are_numbered_as_one_senders(rig):
+    began = len(rig.peer.heard)
+
+    def done(_):
+        rig.link.send_setpoint(FLY)
+        rig.link.request(ParameterRequest("NONE"))
+        rig.link.send_heartbeat()
+        names = {message.get_type() for message in rig.peer.heard[began:]}
+        return names >= {"SET_POSITION_TARGET_LOCAL_NED", "PARAM_REQUEST_READ", "HEARTBEAT", "TIMESYNC"}
+
+    assert rig.hear(done, timeout_s=4.0)
+    numbers = [message.get_seq() for message in rig.peer.heard[began:]]
+    assert all((later - earlier) % 256 == 1 for earlier, later in itertools.pairwise(numbers))
 
 
 @pytest.mark.parametrize("name", RIGS)
