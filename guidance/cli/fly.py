@@ -70,14 +70,11 @@ def fly(
         beside = _viewer(closing) if view else None
         watch = (lambda _: None) if beside is None else beside.start
         try:
-            if vehicle is None:
-                from guidance.cli.mocked import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
+            from guidance.cli.flying import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
+            from guidance.session.vehicle import Asked  # noqa: PLC0415
 
-                code = fly_scenario(scenario, fast=fast, link=link, port=port, out=out, seed=seed, on_record=watch)
-            else:
-                from guidance.cli.reached import Asked, fly_url  # noqa: PLC0415
-
-                code = fly_url(scenario, Asked(vehicle, autopilot, link, end), out=out, seed=seed, on_record=watch)
+            asked = None if vehicle is None else Asked(vehicle, autopilot, link, end)
+            code = fly_scenario(scenario, asked, fast=fast, link=link, port=port, out=out, seed=seed, on_record=watch)
         except KeyboardInterrupt:
             ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"
             typer.echo(f"interrupted: {ended}", err=True)

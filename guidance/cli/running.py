@@ -98,18 +98,26 @@ def _row_table(rows: Sequence[TeamOutcome]) -> Table:
 def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
     if run.way == "maths":
         return play([scenario])[0]
+    from guidance.cli.showing import live_line, tell_dropped  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.fly import RECORD, fly_mock, next_folder  # noqa: PLC0415
+    from guidance.session.result import outcome_of_flight  # noqa: PLC0415
+
+    def say(words: str) -> None:
+        console.print(words, soft_wrap=True, highlight=False)
+
+    def folder(name: str) -> Path:
+        return run.out if run.out is not None else next_folder(Path("flights"), name)
+
     if run.way == "vehicle":
-        from guidance.session.vehicle import fly_vehicle  # noqa: PLC0415 - opens links
+        from guidance.session.vehicle import fly_vehicle  # noqa: PLC0415
 
         assert run.config is not None
-        return fly_vehicle(scenario, run.config, console, out=run.out, engage=run.engage)
-    from guidance.cli.mocked import flown  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.flown import outcome_of_flight  # noqa: PLC0415
-    from guidance.session.recording import RECORD, next_folder  # noqa: PLC0415
-
-    folder = run.out if run.out is not None else next_folder(Path("flights"), stem)
-    result = flown(scenario, console, folder, fast=run.way == "fast", link=run.link, port=run.port, over=run.over)
-    console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
+        return outcome_of_flight(fly_vehicle(scenario, run.config, folder, say, engage=run.engage), "vehicle")
+    out, fast = folder(stem), run.way == "fast"
+    with live_line(console) as show:
+        result = fly_mock(scenario, out, show, fast=fast, link=run.link, port=run.port, over=run.over)
+    tell_dropped(console, result)
+    say(f"record   {out / RECORD}")
     return outcome_of_flight(result, run.way)
 
 

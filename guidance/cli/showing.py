@@ -14,10 +14,10 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.errors import OutputError
-from guidance.session.flown import ending_words
-from guidance.session.fly import FlightResult, Progress
+from guidance.session.fly import OUTCOME, PICTURE, RECORD
 from guidance.session.linked_flight import Stopped
-from guidance.session.recording import OUTCOME, PICTURE, RECORD
+from guidance.session.mission import Progress
+from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome, outcome_json
 
 REDRAW_S: Final = 0.1
@@ -83,6 +83,7 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
     """Print how a flight ended and what it came to, and draw its picture."""
     from guidance.viz.picture import draw  # noqa: PLC0415 - matplotlib takes a second
 
+    tell_dropped(console, result)
     console.print(_table(result, outcome))
     if outcome.run == "fast":
         speed = result.duration_s / result.wall_s
@@ -98,6 +99,12 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
         console.print(f"[yellow]picture  {error}[/yellow]", soft_wrap=True, highlight=False)
     else:
         console.print(f"picture  {folder / PICTURE}", soft_wrap=True, highlight=False)
+
+
+def tell_dropped(console: Console, result: FlightResult) -> None:
+    """Say so where the disk was too slow for the record."""
+    if result.record_dropped:
+        console.print(f"[yellow]the disk was too slow: {result.record_dropped} messages are not in the record[/yellow]")
 
 
 def _table(result: FlightResult, outcome: Outcome) -> Table:

@@ -24,10 +24,7 @@ from guidance.preflight.survey import COUNTED_S
 from guidance.session.daemon import Daemon
 from guidance.session.log import Log
 from guidance.session.loop import PERIOD_S
-from guidance.session.metrics import Metrics
-from guidance.session.notify import Notifier
 from guidance.session.opening import open_all
-from guidance.session.orders import Mailbox
 from guidance.session.plan_fence import load_vehicle
 from guidance.session.spec import FlightPlan, plan_of
 
@@ -56,16 +53,7 @@ class Checkup:
         self._link = link
         self._clock = clock
         self._due_s = clock.now_s()
-        self._daemon = Daemon(
-            name,
-            plan,
-            link,
-            evader,
-            mailbox=Mailbox(),
-            log=log,
-            metrics=Metrics(name),
-            notifier=Notifier(None, None),
-        )
+        self._daemon = Daemon(name, plan, link, evader, log=log)
 
     def rows(self, limit_s: float = SURVEY_LIMIT_S) -> Sequence[Finding]:
         """Hear everything that is judged, for so long at most, and return the rows, the flight's own checks besides."""
@@ -147,6 +135,6 @@ def checkup_of(name: str) -> Iterator[Checkup]:
     with contextlib.ExitStack() as closing:
         log = Log("console", "error")
         closing.callback(log.close)
-        opened = open_all(config, clock, tapped=False)
-        closing.callback(opened.close)
-        yield Checkup(config.name, plan, opened.link, opened.evader, clock, log=log)
+        world = open_all(config, clock, tapped=False)
+        closing.callback(world.close)
+        yield Checkup(config.name, plan, world.link, world.evader_source, clock, log=log)

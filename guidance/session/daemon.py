@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from guidance.clock import Timing
+from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
@@ -13,8 +13,8 @@ from guidance.log.writer import RELOADED, STOPPED, Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, parameter_names, refusals, rows
 from guidance.session.handover import ON_GROUND, ShutdownHandover
-from guidance.session.linked_flight import LinkedFlight
-from guidance.session.log import Log
+from guidance.session.linked_flight import LinkedFlight, Stopped
+from guidance.session.log import SILENT, Logger
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
 from guidance.session.orders import Answer, Mailbox, Question
@@ -35,7 +35,7 @@ _GRAVE: Final = frozenset({
 
 
 class Daemon:
-    """One vehicle's guidance, in real or in moved time."""
+    """One vehicle's guidance, in real or in moved time. Who listens to it may be left out."""
 
     def __init__(
         self,
@@ -44,20 +44,20 @@ class Daemon:
         link: VehicleLink,
         evader: EvaderSource,
         *,
-        mailbox: Mailbox,
-        log: Log,
-        metrics: Metrics,
-        notifier: Notifier,
+        mailbox: Mailbox | None = None,
+        log: Logger = SILENT,
+        metrics: Metrics | None = None,
+        notifier: Notifier | None = None,
         record: Record | None = None,
         broadcast: Record | None = None,
     ) -> None:
         self.name = name
         self._link = link
         self._evader = evader
-        self._mailbox = mailbox
+        self.mailbox = Mailbox() if mailbox is None else mailbox
         self._log = log
-        self._metrics = metrics
-        self._notifier = notifier
+        self.metrics = Metrics(name) if metrics is None else metrics
+        self._notifier = Notifier(None, None) if notifier is None else notifier
         self._record = record
         self._broadcast = broadcast
         self._record_lost = False
@@ -107,20 +107,30 @@ class Daemon:
         """True while the vehicle is ours in the air, or was just ordered up."""
         return self.flight.state not in FINAL | ON_GROUND
 
-    def step(self, now_s: float, *, late_s: float = 0.0, worked_s: float = 0.0) -> Outputs:
-        """Run one cycle. `late_s` is how much later than due it began, `worked_s` how long the one before took."""
-        questions = self._mailbox.take()
+    @property
+    def judged(self) -> bool:
+        """Whether preflight judges the vehicle before it flies."""
+        return self._plan.wants is not None
+
+    @property
+    def record_stopped(self) -> Stopped | None:
+        """Since when nothing is recorded any more, and why."""
+        return self._linked.record_stopped
+
+    def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
+        """Run one cycle; `timing` is how the loop kept time."""
+        questions = self.mailbox.take()
         orders = {question: self._order(question, now_s) for question in questions}
         leaving = () if self._leaving is None else self._leaving.orders(self.flight)
         given = [order for order in (*orders.values(), *leaving) if order is not None]
         barred = self._barred()
-        outputs = self.outputs = self._linked.run(now_s, given, barred, Timing(late_s, worked_s))
+        outputs = self.outputs = self._linked.run(now_s, given, barred, timing)
         self._answer(orders, outputs, now_s)
         self._tell(outputs)
         self._see_record(now_s)
         self._preflight(now_s)
-        self._metrics.lateness.observe(max(0.0, late_s))
-        self._metrics.follow(outputs)
+        self.metrics.lateness.observe(max(0.0, timing.late_s))
+        self.metrics.follow(outputs)
         self._show(now_s, outputs)
         self._notifier.alive(now_s)
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
@@ -144,7 +154,7 @@ class Daemon:
             self._link.request(request)
         if outputs.fault is not None:
             self._tell(outputs)
-            self._metrics.follow(outputs)
+            self.metrics.follow(outputs)
             for one in (self._record, self._broadcast):
                 if one is not None:
                     one.event(now_s, str(Event.FAULT), outputs.fault)
@@ -171,7 +181,7 @@ class Daemon:
             self._log.say(logging.ERROR, "configuration not read again: the old one stays", error=str(error))
         else:
             self._log.say(logging.INFO, RELOADED)
-            self._metrics.happened(RELOADED)
+            self.metrics.happened(RELOADED)
             for one in (self._record, self._broadcast):
                 if one is not None:
                     one.event(now_s, RELOADED, self._plan.document)
@@ -217,7 +227,7 @@ class Daemon:
 
     def _answered(self, order: str, *, reason: str = "") -> Answer:
         accepted = not reason
-        self._metrics.order(order if order in WORDS else "unknown", accepted=accepted)
+        self.metrics.order(order if order in WORDS else "unknown", accepted=accepted)
         level = logging.INFO if accepted else logging.WARNING
         why = {} if accepted else {"reason": reason}
         self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **why)
@@ -244,7 +254,7 @@ class Daemon:
     def _see_record(self, now_s: float) -> None:
         if self._record is not None and self._record.failed is not None and not self._record_lost:
             self._record_lost = True
-            self._metrics.happened(STOPPED)
+            self.metrics.happened(STOPPED)
             if self._broadcast is not None:
                 self._broadcast.event(now_s, STOPPED, self._record.failed)
             self._log.say(logging.WARNING, STOPPED, reason=self._record.failed)
@@ -279,5 +289,5 @@ class Daemon:
             return
         self._shown_s = now_s
         counters = {"vehicle": self._link.counters(), "evader": self._evader.counters()}
-        self._metrics.show(now_s, self.flight, outputs, counters)
+        self.metrics.show(now_s, self.flight, outputs, counters)
         self._notifier.status(f"{outputs.state}, mode {self.flight.mode_name}")

@@ -1,182 +1,184 @@
-"""One mocked flight from connecting to disarming, in whichever world and on whichever clock."""
+"""A scenario flown in whichever world, from connecting to the end, and where its files go.
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import NamedTuple
+`fly` is every scenario's flight. `fly_mock` opens a world of the mock around it, in virtual time or as a live process;
+`guidance.session.vehicle` does the same for a vehicle that is not ours.
+"""
 
-from guidance.certificate import Certificate
-from guidance.clock import Clock, Timing
-from guidance.flight import Flight, Happening, Outputs, State
-from guidance.frames import Vector
-from guidance.log.writer import Record
-from guidance.messages import LocalPosition
-from guidance.monitor import Alarm
-from guidance.session.linked_flight import LinkedFlight, Stopped
-from guidance.session.sequencer import MissionSequencer
-from guidance.session.spec import plan_of
-from guidance.sim.evader import EvaderPilot
-from guidance.sim.players import evader_settings
+import contextlib
+import itertools
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from guidance.clock import Clock, MonotonicClock, VirtualClock
+from guidance.errors import ConfigError
+from guidance.links.opening import KINDS
+from guidance.log.background import BackgroundRecorder
+from guidance.log.writer import Record, Recorder, started_utc, versions
+from guidance.session.daemon import Daemon
+from guidance.session.linked_flight import Stopped
+from guidance.session.log import SILENT, Logger
+from guidance.session.loop import Signals, run
+from guidance.session.mission import MOCKED, Conduct, Mission, Progress
+from guidance.session.notify import Notifier
+from guidance.session.orders import Mailbox
+from guidance.session.result import FlightResult
+from guidance.session.spec import FlightPlan, plan_of
+from guidance.session.vehicle_file import Config
+from guidance.session.world import World
+from guidance.sim.faulting import check_faults
+from guidance.sim.fleet import PURSUER
+from guidance.sim.mock_process import OVER, ZENOH
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensed_evader import SensedEvader
-from guidance.sim.world import World
 
-CYCLE_S = 0.02
-"""50 Hz: the rate at which setpoints are computed and sent."""
-
-MISSION_LIMIT_S = 900.0
-
-
-class Progress(NamedTuple):
-    """What the live line shows; `waiting` is what a vehicle on the ground is not ready for want of."""
-
-    now_s: float
-    state: State
-    mode: str
-    certificate: Certificate | None
-    unit: str
-    record_stopped: Stopped | None = None
-    waiting: str = ""
-
-
-class FlightSample(NamedTuple):
-    """One point of both tracks, in the game frame."""
-
-    now_s: float
-    state: State
-    pursuer_m: Vector
-    evader_m: Vector
-
-
-@dataclass(slots=True)
-class FlightResult:
-    """What a flight came to.
-
-    `predicted` is what the first certificate said (s in PE, m in TAD), to the disc itself, `time_needed_s` when this
-    vehicle would be there, and `achieved` what was flown, NaN where it did not come to that. What is compared with
-    other runs is the `Outcome` made of it. `said` is the autopilot's last warning before it flew; `interrupted` whether
-    a person ended the run.
-    """
-
-    scenario: Scenario
-    ended: State
-    predicted: float = math.nan
-    time_needed_s: float = math.nan
-    achieved: float = math.nan
-    capture_time_s: float = math.nan
-    meeting_point_m: Vector | None = None
-    engaged_pursuer_m: Vector | None = None
-    engaged_evader_m: Vector | None = None
-    captured: bool = False
-    timed_out: bool = False
-    setpoints_sent: int = 0
-    late_cycles: int = 0
-    cycles: int = 0
-    duration_s: float = 0.0
-    wall_s: float = 0.0
-    samples: list[FlightSample] = field(default_factory=list)
-    happenings: list[Happening] = field(default_factory=list)
-    alarms: list[tuple[float, Alarm]] = field(default_factory=list)
-    limits: list[str] = field(default_factory=list)
-    record_stopped: Stopped | None = None
-    said: str = ""
-    interrupted: bool = False
+RECORD: Final = "record.mcap"
+PICTURE: Final = "flight.png"
+OUTCOME: Final = "outcome.json"
 
 
 def fly(
     scenario: Scenario,
     world: World,
     clock: Clock,
-    recorder: Record | None,
-    progress: Callable[[Progress], None],
+    record: Record | None = None,
+    show: Callable[[Progress], None] = lambda _: None,
+    *,
+    plan: FlightPlan | None = None,
+    conduct: Conduct = MOCKED,
+    name: str = PURSUER,
+    mailbox: Mailbox | None = None,
+    log: Logger = SILENT,
+    notifier: Notifier | None = None,
+    signals: Signals | None = None,
 ) -> FlightResult:
     """Fly a scenario to its end.
 
+    Args:
+        scenario: What is flown.
+        world: Where; it is closed by who opened it.
+        clock: Its time.
+        record: Where the flight is kept.
+        show: Is told of every cycle.
+        plan: What it is flown by; the scenario's own if not given.
+        conduct: What a person allowed, and what becomes of the vehicle.
+        name: The vehicle's.
+        mailbox: Where a person's orders come in.
+        log: Where the daemon logs.
+        notifier: Whom it gives signs of life.
+        signals: The operating system's; None leaves them to the process.
+
     Raises:
         ConfigError: If the scenario names what does not exist.
+        FlightError: If the vehicle may not fly, or does not get ready.
         LinkError: If the world ends before the flight does.
     """
-    flight = Flight(plan_of(scenario=scenario).flight)
     heard = SensedEvader(world.evader_source, scenario.sensor, scenario.seed, clock.now_s)
-    linked = LinkedFlight(flight, world.pursuer, heard, recorder)
-    evader = EvaderPilot(world.evader, evader_settings(scenario))
-    director = MissionSequencer(hold_s=scenario.hold_s, time_limit_s=scenario.time_limit_s)
-    result = FlightResult(scenario, State.CONNECTING)
+    plan = plan_of(scenario=scenario) if plan is None else plan
+    daemon = Daemon(name, plan, world.link, heard, mailbox=mailbox, log=log, notifier=notifier, record=record)
+    mission = Mission(scenario, daemon, world, heard, conduct, show=show)
+    begun_s = time.perf_counter()
+    run(daemon, world, clock, mission=mission, signals=signals, record=record)
+    if world.player is not None:
+        world.player.stop()
+    mission.result.interrupted = not mission.left
+    mission.result.wall_s = time.perf_counter() - begun_s
+    return mission.result
 
-    unit = "s" if scenario.target is None else "m"
-    due_s = start_s = clock.now_s()
-    worked_s = 0.0
-    while not director.finished and due_s - start_s < MISSION_LIMIT_S:
-        clock.sleep_until(due_s)
-        world.advance()
-        now_s = clock.now_s()
-        late_s = now_s - due_s
-        result.late_cycles += late_s > CYCLE_S
-        due_s = max(due_s + CYCLE_S, now_s)  # a late cycle is not made up for by two at once
 
-        pursuer_m = pursuer_game_m(flight)
-        evader.step(now_s, pursuer_m, playing=director.playing)
-        fresh = flight.tracking.silence_s(now_s) < 0.5
-        orders = director.orders(now_s, evader_ready=evader.ready, evader_fresh=fresh)
-        outputs = linked.run(now_s, orders, timing=Timing(late_s, worked_s))
-        director.follow(now_s, outputs)
-        if director.engaged_s == now_s:
-            heard.engage(now_s)
-            world.engage()
-        if recorder is not None:
-            for passed in world.drain():
-                recorder.frame(*passed)
-        note(result, now_s, outputs, pursuer_m, evader.position_game_m())
-        worked_s = clock.now_s() - now_s
-        progress(Progress(now_s, outputs.state, flight.mode_name, outputs.certificate, unit, linked.record_stopped))
+def fly_mock(
+    scenario: Scenario,
+    folder: Path,
+    show: Callable[[Progress], None],
+    *,
+    fast: bool,
+    link: str,
+    port: int,
+    over: str = ZENOH,
+    on_record: Callable[[Path], None] = lambda _: None,
+) -> FlightResult:
+    """Fly a scenario against the mock, with the record in a folder.
 
-    evader.stop()
-    result.record_stopped = linked.record_stopped
-    conclude(result, director, clock.now_s() - start_s)
+    Args:
+        scenario: What is flown.
+        folder: For the record.
+        show: Is told of every cycle.
+        fast: In virtual time; else in real time, with the mock as a live process.
+        link: Which client flies in real time.
+        port: Of the mock's Zenoh session, or its first UDP port; 0 is any.
+        over: What the live mock is reached over.
+        on_record: Is told of the record once it is being written.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    if link not in KINDS:
+        raise ConfigError(f"--link {link}: allowed are {', '.join(KINDS)}")
+    if over not in OVER:
+        raise ConfigError(f"--over {over}: allowed are {', '.join(OVER)}")
+    if not 0 <= port <= 65535:
+        raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
+    check_faults(scenario)
+    clock: Clock = VirtualClock() if fast else MonotonicClock()
+    with recording(folder / RECORD, metadata_of(scenario, None, None if fast else clock), real_time=not fast) as record:
+        on_record(folder / RECORD)
+        with _mock(scenario, clock, fast=fast, link=link, port=port, over=over) as world:
+            result = fly(scenario, world, clock, record, show)
+    if record.failed is not None and result.record_stopped is None:
+        result.record_stopped = Stopped(result.duration_s, record.failed)
+    result.record_dropped = record.dropped if isinstance(record, BackgroundRecorder) else 0
     return result
 
 
-def pursuer_game_m(flight: Flight) -> Vector | None:
-    """Return where the vehicle's own telemetry has it in the game frame, None until heard."""
-    local, frame = flight.vehicle.last(LocalPosition), flight.tracking.game_frame
-    return None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
+@contextlib.contextmanager
+def _mock(scenario: Scenario, clock: Clock, *, fast: bool, link: str, port: int, over: str) -> Iterator[World]:
+    world: World
+    if fast:
+        from guidance.sim.stepped import SteppedWorld  # noqa: PLC0415 - only one of the worlds is ever needed
+
+        world = SteppedWorld(scenario, clock)
+    else:
+        from guidance.sim.live import LiveWorld  # noqa: PLC0415
+
+        world = LiveWorld(scenario, clock, link=link, port=port, over=over)
+    try:
+        yield world
+    finally:
+        world.close()
 
 
-def note(
-    result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
-) -> None:
-    """Take one cycle into a result."""
-    result.cycles += 1
-    result.setpoints_sent += outputs.setpoint is not None
-    result.ended = outputs.state
-    result.happenings.extend(outputs.happenings)
-    if outputs.alarm is not None:
-        result.alarms.append((now_s, outputs.alarm))
-    if pursuer_m is not None and evader_m is not None:
-        result.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
-    certificate = outputs.certificate
-    if certificate is None:
-        return
-    result.limits.extend(name for name in certificate.acted if name not in result.limits)
-    if math.isnan(result.predicted):
-        result.predicted, result.time_needed_s = certificate.value, certificate.time_needed_s
-        result.meeting_point_m = certificate.meeting_point_game_m
-        result.engaged_pursuer_m, result.engaged_evader_m = certificate.pursuer_game_m, certificate.evader_game_m
-    if certificate.captured and not result.captured:
-        result.captured = True
-        result.achieved = _distance_to_target(result.scenario, certificate.evader_game_m)
+def metadata_of(scenario: Scenario, config: Config | None, clock: Clock | None) -> dict[str, str]:
+    """Return what a record says of its flight: files, seed, versions and, where time is real, when it began."""
+    return {
+        "scenario": scenario.model_dump_json(exclude_unset=config is not None),
+        **({} if config is None else {"config": config.model_dump_json()}),
+        "seed": str(scenario.seed),
+        **versions(),
+        **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
+    }
 
 
-def _distance_to_target(scenario: Scenario, evader_m: Vector) -> float:
-    return math.nan if scenario.target is None else math.dist(evader_m[:2], scenario.target.position_m)
+def next_folder(parent: Path, stem: str) -> Path:
+    """Return the first of `parent/stem-001`, `-002`, … that is not there yet."""
+    return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
 
 
-def conclude(result: FlightResult, director: MissionSequencer, duration_s: float) -> None:
-    """Complete a result when the flight is over."""
-    result.duration_s = duration_s
-    result.timed_out = director.timed_out
-    if director.engaged_s is None or director.captured_s is None:
-        return
-    result.capture_time_s = director.captured_s - director.engaged_s
-    if result.scenario.target is None:
-        result.achieved = result.capture_time_s
+@contextlib.contextmanager
+def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
+    """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle.
+
+    Raises:
+        ConfigError: If it cannot be written.
+    """
+    try:
+        written = Recorder(path, metadata)
+    except OSError as error:
+        raise ConfigError(
+            f"--out {path.parent}: cannot be written ({error.strerror}); choose another folder"
+        ) from error
+    recorder = BackgroundRecorder(written) if real_time else written
+    try:
+        yield recorder
+    finally:
+        recorder.close()

@@ -6,7 +6,7 @@ import logging
 import queue
 import sys
 from logging.handlers import QueueHandler, QueueListener
-from typing import Any, Final, TextIO
+from typing import Any, Final, Protocol, TextIO
 
 from guidance.log.writer import plain
 
@@ -72,6 +72,24 @@ class ConsoleLines(logging.Formatter):
         mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
         fields = "".join(f"  {name}={value}" for name, value in _fields(record).items())
         return f"{clock} {mark}{record.getMessage()}{fields}"
+
+
+class Logger(Protocol):
+    """Where what happens is logged."""
+
+    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
+        """Log a message with fields."""
+        ...
+
+
+class NullLogger:
+    """Logs nothing: who flies a mock sees it."""
+
+    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401
+        """Nothing."""
+
+
+SILENT: Final[Logger] = NullLogger()
 
 
 class Log:

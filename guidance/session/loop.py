@@ -1,24 +1,24 @@
-"""The real-time loop: fifty times a second, signals heard in between, frames and garbage kept for the gaps.
+"""The one loop of every flight: fifty times a second, signals heard in between, frames and garbage kept for the gaps.
 
-The cycles keep a grid of their own, which is moved along by a little (`nudge_s`) so that they begin just after the
-vehicle's position arrives: a setpoint then rests on what is 2 ms old, and not on what is half a period old on average.
+In real time the cycles keep a grid of their own, which is moved along by a little (`nudge_s`) so that they begin just
+after the vehicle's position arrives: a setpoint then rests on what is 2 ms old, and not on what is half a period old on
+average.
 """
 
 import math
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import FrameType
-from typing import Final
+from typing import Final, Protocol
 
-from guidance.clock import Clock
+from guidance.clock import Clock, Timing
 from guidance.flight import Event
-from guidance.links.wires.shared import Passed
 from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
-from guidance.session.gc_scheduler import GcScheduler
-from guidance.session.metrics import Metrics
+from guidance.session.scheduling import GcScheduler
 from guidance.session.spec import FlightPlan
+from guidance.session.world import World
 
 PERIOD_S: Final = 0.02
 AGE_S: Final = 0.002
@@ -30,9 +30,16 @@ _CLOSE_S: Final = 0.0005
 
 
 class Signals:
-    """What the operating system asked for, noted by handlers and acted on by the loop."""
+    """What the operating system asks of a daemon, noted by handlers and acted on by the loop.
 
-    def __init__(self) -> None:
+    Args:
+        hand_over: What SIGTERM and SIGINT hand the vehicle to.
+        load: Reads the configuration again, for SIGHUP.
+    """
+
+    def __init__(self, hand_over: Event, load: Callable[[], FlightPlan]) -> None:
+        self._hand_over = hand_over
+        self._load = load
         self._end = 0
         self._again = False
         self._looping = False
@@ -55,55 +62,92 @@ class Signals:
         else:
             sys.exit(0)
 
-    def take(self) -> tuple[int, bool]:
-        """How often an end was asked for, and whether the configuration is to be read again, since the last call."""
-        taken = self._end, self._again
+    def act(self, daemon: Daemon, now_s: float) -> None:
+        """Tell the daemon what was asked for since the last call."""
+        ends, again = self._end, self._again
         self._end, self._again = 0, False
-        return taken
+        for _ in range(ends):
+            daemon.leave(self._hand_over, now_s)
+        if again:
+            daemon.exchange(self._load, now_s)
+
+
+class Around(Protocol):
+    """What happens around every cycle, before and after the daemon's step."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether no further cycle is wanted."""
+        ...
+
+    def before(self, now_s: float) -> None:
+        """Prepare a cycle."""
+        ...
+
+    def after(self, now_s: float, late_s: float) -> None:
+        """Follow a cycle that began `late_s` later than due."""
+        ...
 
 
 def run(
     daemon: Daemon,
+    world: World,
     clock: Clock,
     *,
-    signals: Signals,
-    metrics: Metrics,
-    on_terminate: Event,
-    load: Callable[[], FlightPlan],
-    drain: Callable[[], Sequence[Passed]],
-    record: Record | None,
-    tidying: GcScheduler,
-    watch: Callable[[float], None] = lambda _: None,
+    mission: Around | None = None,
+    signals: Signals | None = None,
+    record: Record | None = None,
 ) -> None:
-    """Run the daemon until it has finished. After every cycle `watch` is told the time of it."""
-    signals.begin()
+    """Run the daemon in a world, in real or in virtual time, until it or its mission has finished.
+
+    Args:
+        daemon: What flies.
+        world: Where.
+        clock: Its time.
+        mission: What is done around every cycle; None where a person orders.
+        signals: What acts on the operating system's; None leaves them to the process.
+        record: Where the raw frames are kept.
+
+    Raises:
+        LinkError: If the world ends before the flight does.
+    """
+    garbage = GcScheduler(enabled=world.real_time)
+    if signals is not None:
+        signals.begin()
     due_s = clock.now_s()
-    tidying.begin(due_s)
     worked_s = 0.0
-    while not daemon.finished:
-        clock.sleep_until(due_s)
-        now_s = clock.now_s()
-        ends, again = signals.take()
-        for _ in range(ends):
-            daemon.leave(on_terminate, now_s)
-        if again:
-            daemon.exchange(load, now_s)
-        try:
-            daemon.step(now_s, late_s=now_s - due_s, worked_s=worked_s)
-        except Exception as error:  # the last catch: nobody else flies this vehicle
-            daemon.survive(error, now_s)
-        watch(now_s)
-        if record is not None:
-            for passed in drain():
-                record.frame(*passed)
-        done_s = clock.now_s()
-        worked_s = done_s - now_s
-        metrics.work.observe(worked_s)
-        due_s, missed = next_due(due_s, done_s)
-        due_s += nudge_s(daemon.position_age_s)
-        metrics.late.inc(missed)
-        tidying.between(done_s, due_s - done_s)
-    tidying.end()
+    garbage.begin(due_s)
+    try:
+        while not (daemon.finished or (mission is not None and mission.finished)):
+            clock.sleep_until(due_s)
+            world.advance()
+            now_s = clock.now_s()
+            if signals is not None:
+                signals.act(daemon, now_s)
+            _cycle(daemon, mission, now_s, Timing(now_s - due_s, worked_s))
+            if record is not None:
+                for passed in world.drain():
+                    record.frame(*passed)
+            done_s = clock.now_s()
+            worked_s = done_s - now_s
+            due_s, missed = next_due(due_s, done_s)
+            due_s += nudge_s(daemon.position_age_s) if world.real_time else 0.0
+            daemon.metrics.work.observe(worked_s)
+            daemon.metrics.late.inc(missed)
+            garbage.between(done_s, due_s - done_s)
+    finally:
+        garbage.end()
+
+
+def _cycle(daemon: Daemon, mission: Around | None, now_s: float, timing: Timing) -> None:
+    if mission is not None:
+        mission.before(now_s)
+    try:
+        daemon.step(now_s, timing)
+    except Exception as error:  # the last catch: nobody else flies this vehicle
+        daemon.survive(error, now_s)
+    if mission is not None:
+        mission.after(now_s, timing.late_s)
 
 
 def nudge_s(age_s: float) -> float:

@@ -11,7 +11,7 @@ from guidance.frames import LocalFrame
 from guidance.links.opening import Found
 from guidance.links.port import VehicleLink
 from guidance.messages import Heartbeat, Home, LandedState, Message, Origin, StatusText
-from guidance.session.fly import Progress
+from guidance.session.mission import Progress
 from guidance.vehicle import VehicleState, local_frame, observe
 
 PLACED_WITHIN_S: Final = 120.0

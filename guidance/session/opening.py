@@ -2,9 +2,10 @@
 
 import contextlib
 import stat
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError
@@ -20,6 +21,7 @@ from guidance.links.wires.zenoh import open_session
 from guidance.session.asked_evader import AskedEvader
 from guidance.session.control_bus import OwnerToken
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
+from guidance.sim.evader import EvaderPlayer
 
 _WIRE_LIMIT_S = 5.0
 OWN_ID = 255
@@ -29,13 +31,32 @@ _MESSAGE_IDS = {"follow_target": 144, "global_position": 33, "odometry": 331, "o
 
 
 @dataclass(slots=True)
-class Opened:
-    """What was opened; `taps` pass on the raw frames of the vehicle's wire."""
+class VehicleWorld:
+    """The world of a vehicle that is not ours: time passes by itself, and so does what is in it.
+
+    Attributes:
+        link: The vehicle.
+        evader_source: What is heard of the evader.
+        taps: Pass on the raw frames of the vehicle's wire.
+        closing: Ends what was opened.
+        player: The evader, where this process plays it.
+        on_engage: Called when the game begins.
+    """
 
     link: VehicleLink
-    evader: EvaderSource
+    evader_source: EvaderSource
     taps: list[TappedWire] = field(default_factory=list)
     closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    player: EvaderPlayer | None = None
+    on_engage: Callable[[], None] = lambda: None
+    real_time: ClassVar[bool] = True
+
+    def advance(self) -> None:
+        """Nothing: its time is real."""
+
+    def engage(self) -> None:
+        """The game begins."""
+        self.on_engage()
 
     def drain(self) -> Sequence[Passed]:
         """All raw frames since the last call."""
@@ -48,7 +69,7 @@ class Opened:
 
 def open_all(
     config: Config, clock: Clock, *, tapped: bool, wire: Wire | None = None, evader_wire: Wire | None = None
-) -> Opened:
+) -> VehicleWorld:
     """Claim the vehicle, open its link and the evader's source, and wait until the vehicle was heard.
 
     Args:
@@ -72,7 +93,7 @@ def open_all(
         closing.callback(link.close)
         evader = _open_source(config, clock, spare if evader_wire is None else evader_wire)
         closing.callback(evader.close)
-        return Opened(link, evader, taps, closing.pop_all())
+        return VehicleWorld(link, evader, taps, closing.pop_all())
 
 
 def _claim(config: Config, closing: contextlib.ExitStack) -> None:

@@ -17,7 +17,6 @@ from guidance.log.null import NullRecorder
 from guidance.log.writer import Recorder, started_utc, versions
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon
-from guidance.session.gc_scheduler import GcScheduler
 from guidance.session.handover import ORDER_OF
 from guidance.session.log import Log
 from guidance.session.loop import Signals, run
@@ -47,7 +46,7 @@ def run_vehicle(name: str) -> None:
     config = load_vehicle(path)
     plan = plan_of(config)
     clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
-    signals = Signals()
+    signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
     signals.install()
     with contextlib.ExitStack() as closing:
         log = Log(config.log.format, config.log.level)
@@ -66,8 +65,8 @@ def run_vehicle(name: str) -> None:
         if config.metrics.port is not None:
             closing.callback(MetricsServer(metrics, config.metrics.port).close)
         log.say(logging.INFO, "waiting for the vehicle", name=config.name, url=config.vehicle.url)
-        opened = open_all(config, clock, tapped=config.record.folder is not None)
-        closing.callback(opened.close)
+        world = open_all(config, clock, tapped=config.record.folder is not None)
+        closing.callback(world.close)
         metadata = _metadata(config, clock)
         record = closing.enter_context(_recording(config, metadata, log))
         broadcast = Broadcast(config.name, control.session, metadata)
@@ -75,8 +74,8 @@ def run_vehicle(name: str) -> None:
         daemon = Daemon(
             config.name,
             plan,
-            opened.link,
-            opened.evader,
+            world.link,
+            world.evader_source,
             mailbox=mailbox,
             log=log,
             metrics=metrics,
@@ -94,17 +93,7 @@ def run_vehicle(name: str) -> None:
             scheduling=claim(),
         )
         mailbox.meanwhile(None)
-        run(
-            daemon,
-            clock,
-            signals=signals,
-            metrics=metrics,
-            on_terminate=ORDER_OF[config.flight.on_terminate],
-            load=lambda: reload(path, config),
-            drain=opened.drain,
-            record=record,
-            tidying=GcScheduler(),
-        )
+        run(daemon, world, clock, signals=signals, record=record)
         log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 
 

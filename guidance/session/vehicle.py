@@ -1,65 +1,82 @@
-"""A scenario flown by a vehicle that is not ours: the daemon of `guidance run`, supervised for one flight."""
+"""A scenario flown by a vehicle that is not ours: the one of a configuration file, or one that runs at a URL."""
 
 import contextlib
 import os
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import Final, NamedTuple, NoReturn
 
-from rich.console import Console
-
+from guidance.autopilots import autopilot_named
 from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
-from guidance.flight import Event
-from guidance.log.writer import started_utc, versions
+from guidance.frames import Amsl, LocalFrame, ned_from_game
+from guidance.links.endpoint import parse
+from guidance.links.opening import KINDS, find_autopilot, open_wire
+from guidance.links.port import Wire
+from guidance.links.wires.udp import UdpWire
+from guidance.messages import Home
+from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus
-from guidance.session.daemon import Daemon
-from guidance.session.flown import outcome_of_flight
-from guidance.session.fly import FlightResult, Progress
-from guidance.session.gc_scheduler import GcScheduler
+from guidance.session.fly import RECORD, fly, metadata_of, recording
 from guidance.session.handover import ORDER_OF
 from guidance.session.log import Log
-from guidance.session.loop import Signals, run
-from guidance.session.metrics import Metrics
+from guidance.session.loop import Signals
+from guidance.session.meeting import identify, wait_until_placed
+from guidance.session.merging import config_of
+from guidance.session.mission import Conduct, Progress
 from guidance.session.notify import Notifier
-from guidance.session.opening import Opened, open_all
+from guidance.session.opening import VehicleWorld, open_all
 from guidance.session.orders import Mailbox
 from guidance.session.plan_fence import load_vehicle
-from guidance.session.recording import RECORD, next_folder, recording
+from guidance.session.result import FlightResult
 from guidance.session.spec import FlightPlan, plan_of
-from guidance.session.supervisor import Supervisor
 from guidance.session.vehicle_file import Config
-from guidance.sim.evader_here import EvaderPlayer
-from guidance.sim.outcome import Outcome
-from guidance.sim.scenario import Scenario
-from guidance.sim.sensed_evader import SensedEvader
+from guidance.sim.fleet import EVADER, EVADER_ID
+from guidance.sim.scenario import Scenario, Site, Wind
+from guidance.sim.stepped import EvaderHere
+
+FOUND_WITHIN_S: Final = 15.0
+_CONNECTED_WITHIN_S: Final = 5.0
+ENDS: Final = ("return", "land")
+"""What the vehicle at a URL does when the game is over: fly home and land, or land where it is."""
+
+Show = Callable[[Progress], None]
+
+
+class Asked(NamedTuple):
+    """Which vehicle runs already, and how it is talked to; see `guidance fly --help`."""
+
+    url: str
+    autopilot: str | None = None
+    link: str = "mavsdk"
+    end: str = "return"
 
 
 class Reached(NamedTuple):
-    """A vehicle and its evader as they were opened, and what is flown by there."""
+    """A vehicle as it was opened: its configuration, its world, its clock, and the evader's end of a loopback port."""
 
     own: Config
-    plan: FlightPlan
-    opened: Opened
+    world: VehicleWorld
     clock: MonotonicClock
+    radio: Wire | None = None
 
 
-class Conduct(NamedTuple):
-    """How a run is conducted; see `Supervisor`. Without an evader of ours the evader is somebody else's."""
-
-    engage: bool
-    on_terminate: Event
-    evader: EvaderPlayer | None = None
-    end_with: Event | None = None
-    show: Callable[[Progress], None] = lambda _: None
-
-
-def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path | None, engage: bool) -> Outcome:
+def fly_vehicle(
+    scenario: Scenario, config: Path, folder: Callable[[str], Path], say: Callable[[str], None], *, engage: bool
+) -> FlightResult:
     """Fly a scenario with the vehicle of a configuration file; the evader is whatever its evader source reports.
 
     Preflight must pass. Without `engage` a person has to order `guidance ctl start` and `guidance ctl engage`. Ctrl-C
     hands the vehicle over as the file says (flight.on_terminate).
+
+    Args:
+        scenario: What is flown.
+        config: The vehicle's file.
+        folder: For the record, by the vehicle's name.
+        say: Is told what a person should know.
+        engage: A person allowed to start and to engage.
 
     Raises:
         ConfigError: If a file is wrong, or the two contradict each other.
@@ -68,10 +85,12 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
     """
     own = load_vehicle(find(str(config), "vehicles"))
     plan = plan_of(own, scenario)
-    folder = out if out is not None else next_folder(Path("flights"), own.name)
+    out = folder(own.name)
     if scenario.fault:
-        console.print("faults are a mock's: the vehicle flies without them")
-    clock, mailbox, signals = MonotonicClock(), Mailbox(), Signals()
+        say("faults are a mock's: the vehicle flies without them")
+    clock, mailbox = MonotonicClock(), Mailbox()
+    hand_over = ORDER_OF[own.flight.on_terminate]
+    signals = Signals(hand_over, _kept)
     signals.install()
     with contextlib.ExitStack() as closing:
         control = ControlBus(
@@ -82,68 +101,162 @@ def fly_vehicle(scenario: Scenario, config: Path, console: Console, *, out: Path
             token_file=own.control.token_file,
         )
         closing.callback(control.close)
-        opened = open_all(own, clock, tapped=True)
-        closing.callback(opened.close)
-        console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
+        world = open_all(own, clock, tapped=True)
+        closing.callback(world.close)
+        say(f"record   {out / RECORD}")
         if not engage:
-            console.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
-        conduct = Conduct(engage, ORDER_OF[own.flight.on_terminate])
-        reached = Reached(own, plan, opened, clock)
-        result = conducted(scenario, reached, conduct, folder, mailbox, signals)
-    return outcome_of_flight(result, "vehicle")
+            say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
+        conduct = Conduct(engage, hand_over=hand_over)
+        return _conducted(scenario, Reached(own, world, clock), plan, conduct, out, mailbox, signals)
 
 
-def conducted(
-    scenario: Scenario, reached: Reached, conduct: Conduct, folder: Path, mailbox: Mailbox, signals: Signals
-) -> FlightResult:
-    """Fly with what was opened, until the run is over or a signal ends it; the record is in the folder.
+def fly_url(
+    scenario: Scenario, asked: Asked, folder: Path, show: Show, *, on_record: Callable[[Path], None] = lambda _: None
+) -> tuple[FlightResult, str]:
+    """Fly a scenario with the vehicle that runs at a URL; its evader is simulated here.
+
+    Returns:
+        What the flight came to, and what an interruption hands the vehicle to.
 
     Raises:
-        FlightError: As the supervisor.
+        ConfigError: If an argument is wrong, or another autopilot is there.
+        LinkError: If there is no vehicle.
+        FlightError: If it is in the air, armed or does not get ready, or preflight refuses.
     """
-    own, plan, opened, clock = reached
-    metrics, tidying = Metrics(own.name), GcScheduler()
-    metadata = {
-        "scenario": scenario.model_dump_json(exclude_unset=True),
-        "config": own.model_dump_json(),
-        "seed": str(scenario.seed),
-        **versions(),
-        "started_utc": started_utc(clock.now_s()),
-    }
+    with reach(scenario, asked) as (own, world, clock, radio):
+        began_s = time.perf_counter()
+        home, frame = wait_until_placed(world.link, autopilot_named(own.vehicle.autopilot), clock, show)
+        laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
+        if radio is not None:
+            evader = EvaderHere(laid, clock, radio)
+            world.player, world.on_engage = evader, evader.engage
+        on_record(folder / RECORD)
+        hand_over = ORDER_OF[own.flight.on_terminate]
+        signals = Signals(hand_over, _kept)
+        signals.install()
+        conduct = Conduct(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
+        reached = Reached(own, world, clock, radio)
+        result = _conducted(laid, reached, plan_of(own, laid), conduct, folder, Mailbox(), signals, show)
+        result.wall_s = time.perf_counter() - began_s
+    return result, own.flight.on_terminate
+
+
+def _conducted(
+    scenario: Scenario,
+    reached: Reached,
+    plan: FlightPlan,
+    conduct: Conduct,
+    folder: Path,
+    mailbox: Mailbox,
+    signals: Signals,
+    show: Show = lambda _: None,
+) -> FlightResult:
+    own, world, clock, _ = reached
     with contextlib.ExitStack() as closing:
         log = Log(own.log.format, own.log.level)
         closing.callback(log.close)
-        record = closing.enter_context(recording(folder / RECORD, metadata, real_time=True))
-        heard = SensedEvader(opened.evader, scenario.sensor, scenario.seed, clock.now_s)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
-        daemon = Daemon(
-            own.name,
-            plan,
-            opened.link,
-            heard,
+        metadata = metadata_of(scenario, own, clock)
+        record = closing.enter_context(recording(folder / RECORD, metadata, real_time=True))
+        return fly(
+            scenario,
+            world,
+            clock,
+            record,
+            show,
+            plan=plan,
+            conduct=conduct,
+            name=own.name,
             mailbox=mailbox,
             log=log,
-            metrics=metrics,
             notifier=notifier,
-            record=record,
-        )
-        supervisor = Supervisor(scenario, daemon, mailbox, heard, **conduct._asdict())
-        closing.callback(tidying.end)
-        run(
-            daemon,
-            clock,
             signals=signals,
-            metrics=metrics,
-            on_terminate=conduct.on_terminate,
-            load=_kept,
-            drain=opened.drain,
-            record=record,
-            tidying=tidying,
-            watch=supervisor.watch,
         )
-    supervisor.result.interrupted = not supervisor.left
-    return supervisor.result
+
+
+@contextlib.contextmanager
+def reach(scenario: Scenario, asked: Asked) -> Iterator[Reached]:
+    """Find the vehicle at a URL and open its link, and a loopback port for the evader's reports.
+
+    Raises:
+        ConfigError: If an argument is wrong, or another autopilot is there.
+        LinkError: If there is no vehicle.
+    """
+    if asked.link not in KINDS:
+        raise ConfigError(f"--link {asked.link}: allowed are {', '.join(KINDS)}")
+    if asked.end not in ENDS:
+        raise ConfigError(f"--end {asked.end}: allowed are {', '.join(ENDS)}")
+    parse(asked.url)
+    clock = MonotonicClock()
+    with contextlib.ExitStack() as closing:
+        wire = open_wire(asked.url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)
+        closing.callback(wire.close)
+        found = find_autopilot(
+            wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=f"--vehicle {asked.url}"
+        )
+        autopilot = identify(found, asked.url, asked.autopilot)
+        ears = UdpWire(clock.now_s, host="127.0.0.1", port=0, listen=True, systems=(EVADER_ID,))
+        closing.callback(ears.close)
+        radio = UdpWire(clock.now_s, host="127.0.0.1", port=ears.port, listen=False)
+        closing.callback(radio.close)
+        own = config_of(
+            scenario,
+            url=asked.url,
+            link=asked.link,
+            autopilot=autopilot.name,
+            found=found,
+            evader_url=f"udpin://127.0.0.1:{ears.port}",
+        )
+        world = open_all(own, clock, tapped=True, wire=wire, evader_wire=ears)
+        closing.callback(world.close)
+        yield Reached(own, world, clock, radio)
+
+
+@contextlib.contextmanager
+def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
+    """Open the vehicle at a URL, to be judged by what a scenario asks of it.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    log = Log("console", "error")
+    try:
+        with reach(scenario, asked) as (own, world, clock, _):
+            pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
+            plan = plan_of(own, scenario.model_copy(update={"pursuer": pursuer}))
+            yield Checkup(own.name, plan, world.link, world.evader_source, clock, log=log)
+    finally:
+        log.close()
+
+
+def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:
+    """Return the scenario where the vehicle stands: its home is the scenario's, and the autopilot is its own.
+
+    Faults and wind of the vehicle are a mock's and fall away; those of the evader stay, since it is a mock.
+    """
+    x, y = scenario.home_m
+    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
+    north_m, east_m, down_m = (at + by for at, by in zip(home_ned_m, ned_from_game((-x, -y, 0.0)), strict=True))
+    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned((north_m, east_m, down_m))
+    return scenario.model_copy(
+        update={
+            "site": Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres),
+            "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
+            "fault": tuple(fault for fault in scenario.fault if fault.vehicle == EVADER),
+            "wind": Wind(),
+        }
+    )
+
+
+def left_out(scenario: Scenario) -> Sequence[str]:
+    """Name what of a scenario a vehicle that is not ours flies without."""
+    words = []
+    if any(fault.vehicle != EVADER for fault in scenario.fault):
+        words.append("faults of the pursuer")
+    if any(scenario.wind.velocity_m_s):
+        words.append("wind")
+    return words
 
 
 def _kept() -> NoReturn:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -31,6 +32,27 @@ class EvaderSettings:
     strategy: Strategy
     target_game_m: Vector | None
     site: tuple[float, float, Amsl]
+
+
+class EvaderPlayer(Protocol):
+    """An evader that this process plays itself."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can begin to play."""
+        ...
+
+    def position_game_m(self) -> Vector | None:
+        """Where it is in the game frame, None until it knows."""
+        ...
+
+    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
+        """Move on to the present, playing or standing still."""
+        ...
+
+    def stop(self) -> None:
+        """The flight is over: disarm."""
+        ...
 
 
 class EvaderPilot:

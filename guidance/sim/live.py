@@ -4,6 +4,7 @@ import contextlib
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from guidance.clock import Clock
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
@@ -11,9 +12,11 @@ from guidance.links.opening import link_over, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.wires.shared import Passed, TappedWire, share
 from guidance.links.wires.zenoh import ZenohWire
+from guidance.sim.evader import EvaderPilot
 from guidance.sim.faulting import check_faults, faults_after
 from guidance.sim.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
 from guidance.sim.mock_process import ZENOH, MockProcess
+from guidance.sim.players import evader_settings
 from guidance.sim.scenario import Scenario
 
 
@@ -24,6 +27,8 @@ class LiveWorld:
         ConfigError: If the mock refuses its configuration.
         LinkError: If the mock cannot start (the port is in use, say), or cannot be heard.
     """
+
+    real_time: Final = True
 
     def __init__(self, scenario: Scenario, clock: Clock, *, link: str, port: int, over: str = ZENOH) -> None:
         self._clock = clock
@@ -36,8 +41,9 @@ class LiveWorld:
             self._mock = MockProcess(folder, scenario, over, port)
             self._closing.callback(self._mock.stop)
             commands, reports = self._wires(EVADER)
-            self.pursuer = self._link(link, self._wire(PURSUER), PURSUER, PURSUER_ID)
-            self.evader = self._link("pymavlink", commands, EVADER, EVADER_ID)
+            self.link = self._open_link(link, self._wire(PURSUER), PURSUER, PURSUER_ID)
+            rover = self._open_link("pymavlink", commands, EVADER, EVADER_ID)
+            self.player = EvaderPilot(rover, evader_settings(scenario))
             self.evader_source: EvaderSource = MavlinkEvader(reports, GlobalPositionInt(), system_id=EVADER_ID)
             self._closing.callback(self.evader_source.close)
         except BaseException:
@@ -77,7 +83,7 @@ class LiveWorld:
             return one, other
         return self._wire(name), self._wire(name)
 
-    def _link(self, kind: str, bare: Wire, name: str, system_id: int) -> VehicleLink:
+    def _open_link(self, kind: str, bare: Wire, name: str, system_id: int) -> VehicleLink:
         now_s = self._clock.now_s
         wire = TappedWire(bare, now_s, name)
         self._taps.append(wire)

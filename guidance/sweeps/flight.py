@@ -1,11 +1,11 @@
 """One row of a sweep as a mocked flight in virtual time, without a record."""
 
 from guidance.clock import VirtualClock
-from guidance.session.flown import outcome_of_flight
 from guidance.session.fly import fly
-from guidance.sim.fast import FastWorld
+from guidance.session.result import outcome_of_flight
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
 
 
 def flown(scenario: Scenario) -> Outcome:
@@ -15,9 +15,9 @@ def flown(scenario: Scenario) -> Outcome:
         GuidanceError: If it cannot be flown.
     """
     clock = VirtualClock()
-    world = FastWorld(scenario, clock)
+    world = SteppedWorld(scenario, clock)
     try:
-        result = fly(scenario, world, clock, None, lambda _: None)
+        result = fly(scenario, world, clock)
     finally:
         world.close()
     return outcome_of_flight(result, "fast")

@@ -7,8 +7,7 @@ import numpy as np
 
 from guidance.flight import State
 from guidance.frames import Vector
-from guidance.session.flown import ending_words
-from guidance.session.fly import FlightResult
+from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome
 from guidance.sim.players import game, target_game_m
 from guidance.viz.figures import (

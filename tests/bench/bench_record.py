@@ -23,8 +23,8 @@ from guidance.log import compare, metadata_of, rows_of, scan
 from guidance.log.writer import CYCLE_TOPIC, Recorder
 from guidance.session.fly import fly
 from guidance.session.recorded import recorded_settings
-from guidance.sim.fast import FastWorld
 from guidance.sim.files import load_scenario
+from guidance.sim.stepped import SteppedWorld
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,7 +57,7 @@ class Kept:
 def flown(scenario: Scenario) -> Kept:
     """Fly once and keep everything that would be recorded."""
     clock = VirtualClock()
-    world, kept = FastWorld(scenario, clock), Kept()
+    world, kept = SteppedWorld(scenario, clock), Kept()
     try:
         fly(scenario, world, clock, kept, lambda _: None)
     finally:

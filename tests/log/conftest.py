@@ -7,8 +7,8 @@ from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.log.writer import Recorder
 from guidance.session.fly import fly
-from guidance.sim.fast import FastWorld
 from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 
@@ -18,7 +18,7 @@ def flight(tmp_path_factory):
     """One mocked flight in virtual time: its result and its record."""
     path = tmp_path_factory.mktemp("records") / "record.mcap"
     clock = VirtualClock()
-    world = FastWorld(SHORT, clock)
+    world = SteppedWorld(SHORT, clock)
     metadata = {"scenario": json.dumps(SHORT.model_dump(mode="json")), "seed": "0", "guidance": "0.1.0"}
     recorder = Recorder(path, metadata)
     try:

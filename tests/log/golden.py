@@ -15,8 +15,8 @@ from guidance.flight import State
 from guidance.log import rows_of, scan
 from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, Recorder
 from guidance.session.fly import fly
-from guidance.sim.fast import FastWorld
 from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -27,7 +27,7 @@ def main() -> None:
     clock = VirtualClock()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "record.mcap"
-        world, recorder = FastWorld(scenario, clock), Recorder(path, metadata)
+        world, recorder = SteppedWorld(scenario, clock), Recorder(path, metadata)
         try:
             fly(scenario, world, clock, recorder, lambda _: None)
         finally:

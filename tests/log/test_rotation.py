@@ -14,7 +14,7 @@ from guidance.log.writer import CYCLE_TOPIC, Recorder, part_path
 from guidance.session.fly import fly
 from guidance.session.recorded import recorded_settings
 from guidance.session.vehicle_file import RecordSection
-from guidance.sim.fast import FastWorld
+from guidance.sim.stepped import SteppedWorld
 
 
 def write(path, seconds, **rotation):
@@ -76,7 +76,7 @@ def test_a_disk_that_fills_up_at_the_seam_ends_the_record_and_keeps_what_there_w
 def test_a_flight_is_replayed_bit_for_bit_across_its_seams(tmp_path, flight):
     result, whole = flight
     path, clock = tmp_path / "record.mcap", VirtualClock()
-    world = FastWorld(result.scenario, clock)
+    world = SteppedWorld(result.scenario, clock)
     recorder = Recorder(path, metadata_of(whole), rotate_s=10.0)
     try:
         fly(result.scenario, world, clock, recorder, lambda _: None)

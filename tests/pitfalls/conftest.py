@@ -9,13 +9,11 @@ from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import Event, Flight, State
 from guidance.messages import LocalPosition
-from guidance.session.fly import CYCLE_S
 from guidance.session.linked_flight import LinkedFlight
+from guidance.session.loop import PERIOD_S
 from guidance.session.spec import plan_of
-from guidance.sim.evader import EvaderPilot
-from guidance.sim.fast import FastWorld
-from guidance.sim.players import evader_settings
 from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
 
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 
@@ -41,12 +39,12 @@ class Sortie:
         pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot})
         self.scenario = scenario.model_copy(update={"pursuer": pursuer})
         self.clock = VirtualClock()
-        self.world = FastWorld(self.scenario, self.clock)
+        self.world = SteppedWorld(self.scenario, self.clock)
         self.mock = self.world.vehicles["pursuer"]
         self.rover = self.world.vehicles["evader"]
         self.flight = Flight(change(settings or plan_of(scenario=self.scenario).flight))
-        self.linked = LinkedFlight(self.flight, self.world.pursuer, self.world.evader_source, None)
-        self.evader = EvaderPilot(self.world.evader, evader_settings(self.scenario))
+        self.linked = LinkedFlight(self.flight, self.world.link, self.world.evader_source, None)
+        self.evader = self.world.player
         self.sent = []
         self.outputs = []
         self.happenings = []
@@ -71,7 +69,7 @@ class Sortie:
 
     def cycle(self, *orders):
         """One cycle of 20 ms; while frozen, the world goes on without us."""
-        self.clock.sleep_until(self.now_s + CYCLE_S)
+        self.clock.sleep_until(self.now_s + PERIOD_S)
         self.world.advance()
         local, frame = self.flight.vehicle.last(LocalPosition), self.flight.tracking.game_frame
         pursuer = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
@@ -85,7 +83,7 @@ class Sortie:
                 self.sent.append(Sent(passed.now_s, passed.frame))
 
     def run(self, seconds):
-        for _ in range(round(seconds / CYCLE_S)):
+        for _ in range(round(seconds / PERIOD_S)):
             self.cycle()
         return self
 

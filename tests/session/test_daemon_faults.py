@@ -6,10 +6,9 @@ import random
 import pytest
 
 from guidance.clock import VirtualClock
-from guidance.flight import Event, State
+from guidance.flight import State
 from guidance.links.conversation import Conversation
-from guidance.session.gc_scheduler import GcScheduler
-from guidance.session.loop import Signals, run
+from guidance.session.loop import run
 from guidance.session.metrics import Metrics
 
 BAD_FLOATS = (math.nan, math.inf, -math.inf, 1e38, -1e38)
@@ -83,14 +82,21 @@ def test_an_error_outside_of_the_flight_hands_the_vehicle_over_and_the_daemon_st
 
 
 def test_the_loop_goes_on_after_a_cycle_that_failed():
+    class World:
+        real_time, player = True, None
+
+        def advance(self):
+            pass
+
     class Failing:
         finished = False
         position_age_s = math.inf
 
         def __init__(self):
             self.cycles, self.survived = 0, []
+            self.metrics = Metrics("uav1")
 
-        def step(self, now_s, **_):
+        def step(self, now_s, _):
             self.cycles += 1
             self.finished = self.cycles == 5
             if self.cycles in {2, 3}:
@@ -100,16 +106,6 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
             self.survived.append((str(error), round(now_s, 3)))
 
     daemon, clock = Failing(), VirtualClock()
-    run(
-        daemon,
-        clock,
-        signals=Signals(),
-        metrics=Metrics("uav1"),
-        on_terminate=Event.HOLD,
-        load=lambda: None,
-        drain=list,
-        record=None,
-        tidying=GcScheduler(),
-    )
+    run(daemon, World(), clock)
     assert daemon.survived == [("cycle 2", 0.02), ("cycle 3", 0.04)]
     assert daemon.cycles == 5

@@ -17,7 +17,6 @@ from mcap.reader import make_reader
 from guidance.clock import VirtualClock
 from guidance.flight import Event
 from guidance.log.writer import Recorder
-from guidance.session.gc_scheduler import GcScheduler
 from guidance.session.loop import AGE_S, MOST_NUDGE_S, PERIOD_S, Signals, next_due, nudge_s, run
 from guidance.session.metrics import Metrics
 from guidance.session.scheduling import SWITCH_S, claim
@@ -42,8 +41,9 @@ class ScriptedDaemon:
         self.begun_s = []
         self.asked = []
         self.finished = False
+        self.metrics = Metrics("uav1")
 
-    def step(self, now_s, **_):
+    def step(self, now_s, _):
         self.begun_s.append(round(now_s, 6))
         self.clock.sleep_until(now_s + self.works_s.pop(0))
         self.finished = not self.works_s
@@ -59,21 +59,26 @@ class ScriptedDaemon:
         self.asked.append(load())
 
 
-def looped(clock, works_s, signals=None, drain=list, record=None, ages_s=None, tidying=None):
+class ScriptedWorld:
+    """A vehicle of which nothing but frames is wanted."""
+
+    real_time, player = True, None
+
+    def __init__(self, drain):
+        self.drain = drain
+
+    def advance(self):
+        pass
+
+
+def signals_of():
+    return Signals(Event.LAND, lambda: "again")
+
+
+def looped(clock, works_s, signals=None, drain=list, record=None, ages_s=None):
     daemon = ScriptedDaemon(clock, works_s, ages_s)
-    metrics = Metrics("uav1")
-    run(
-        daemon,
-        clock,
-        signals=signals or Signals(),
-        metrics=metrics,
-        on_terminate=Event.LAND,
-        load=lambda: "again",
-        drain=drain,
-        record=record,
-        tidying=tidying or GcScheduler(),
-    )
-    return daemon, metrics
+    run(daemon, ScriptedWorld(drain), clock, signals=signals or signals_of(), record=record)
+    return daemon, daemon.metrics
 
 
 @pytest.fixture
@@ -177,7 +182,7 @@ def test_the_processor_is_claimed_as_far_as_it_is_permitted_and_what_was_had_is_
 
 
 def test_signals_are_acted_on_by_the_loop(clock):
-    signals = Signals()
+    signals = signals_of()
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
     signals.install()
     try:

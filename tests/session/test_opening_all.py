@@ -62,12 +62,12 @@ def test_an_evader_on_the_vehicles_wire_is_heard_beside_it_and_every_frame_is_pa
     clock = MonotonicClock()
     opened = open_all(config, clock, tapped=True)
     try:
-        messages, reports = list(opened.link.receive()), list(opened.evader.receive())
+        messages, reports = list(opened.link.receive()), list(opened.evader_source.receive())
         deadline_s = clock.now_s() + 5.0
         while not (messages and reports) and clock.now_s() < deadline_s:
             clock.sleep_until(clock.now_s() + 0.01)
             messages += opened.link.receive()
-            reports += opened.evader.receive()
+            reports += opened.evader_source.receive()
         assert isinstance(messages[0], Heartbeat)
         assert reports[0].latitude_deg == pytest.approx(47.397742)
         assert math.isclose(reports[0].velocity_ned_m_s[0], 1.0)

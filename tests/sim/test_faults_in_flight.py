@@ -10,12 +10,12 @@ from guidance.cli import mocked
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.session.flown import outcome_of_flight
 from guidance.session.fly import fly
-from guidance.sim.fast import FastWorld
+from guidance.session.result import outcome_of_flight
 from guidance.sim.faulting import faulted_fleet, script, script_toml
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
 
 CHASE = {
     "title": "a chase",
@@ -32,7 +32,7 @@ def scenario(**sections):
 
 def flown(**sections):
     chase, clock = scenario(**sections), VirtualClock()
-    world = FastWorld(chase, clock)
+    world = SteppedWorld(chase, clock)
     try:
         result = fly(chase, world, clock, None, lambda _: None)
     finally:

@@ -14,13 +14,12 @@ from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import Event, State
 from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, Recorder
-from guidance.session.flown import ending_words, outcome_of_flight
-from guidance.session.fly import fly
-from guidance.session.recording import next_folder
-from guidance.sim.fast import FastWorld
+from guidance.session.fly import fly, next_folder
+from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.files import load_scenario
 from guidance.sim.players import game
 from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
 from guidance.viz.picture import draw
 from guidance.viz.shapes import isochron
 
@@ -29,7 +28,7 @@ SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 
 def flown(scenario, path=None, watch=lambda _: None):
     clock = VirtualClock()
-    world = FastWorld(scenario, clock)
+    world = SteppedWorld(scenario, clock)
     recorder = Recorder(path, {"seed": str(scenario.seed)}) if path else None
     try:
         return fly(scenario, world, clock, recorder, watch)

@@ -14,13 +14,13 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.log import compare
 from guidance.log.writer import Recorder
 from guidance.messages import EvaderReport
-from guidance.session.flown import outcome_of_flight
 from guidance.session.fly import fly
 from guidance.session.recorded import recorded_settings
-from guidance.sim.fast import FastWorld
+from guidance.session.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
 from guidance.sim.sensed_evader import SensedEvader
 from guidance.sim.sensor import Noise, begin, listen
+from guidance.sim.stepped import SteppedWorld
 
 HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))
 PERIOD_S = 0.1
@@ -188,7 +188,7 @@ def test_a_flight_that_hears_through_a_sensor_and_plays_any_strategy_replays_bit
         source="test",
     )
     clock, path = VirtualClock(), tmp_path / "record.mcap"
-    world, recorder = FastWorld(chase, clock), Recorder(path, {"scenario": chase.model_dump_json()})
+    world, recorder = SteppedWorld(chase, clock), Recorder(path, {"scenario": chase.model_dump_json()})
     try:
         outcome = outcome_of_flight(fly(chase, world, clock, recorder, lambda _: None), "fast")
     finally:

@@ -9,11 +9,11 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.config import config_folder
-from guidance.session.flown import outcome_of_flight
 from guidance.session.fly import fly
-from guidance.sim.fast import FastWorld
+from guidance.session.result import outcome_of_flight
 from guidance.sim.files import FOLDER, load_any, load_scenario
 from guidance.sim.maths import play
+from guidance.sim.stepped import SteppedWorld
 from guidance.sim.team_maths import play_teams, summary_of
 from guidance.sim.teams import TeamScenario
 
@@ -65,7 +65,7 @@ def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
 @pytest.mark.parametrize("name", FLOWN)
 def test_what_a_scenario_expects_holds_in_flight(name):
     scenario, clock = load_scenario(name)[1], VirtualClock()
-    world = FastWorld(scenario, clock)
+    world = SteppedWorld(scenario, clock)
     try:
         outcome = outcome_of_flight(fly(scenario, world, clock, None, lambda _: None), "fast")
     finally:

@@ -22,20 +22,21 @@ from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.daemon import Daemon
-from guidance.session.flown import outcome_of_flight
 from guidance.session.log import Log
 from guidance.session.meeting import identify, wait_until_placed
 from guidance.session.merging import config_of
 from guidance.session.metrics import Metrics
+from guidance.session.mission import Conduct, Mission
 from guidance.session.notify import Notifier
+from guidance.session.opening import VehicleWorld
 from guidance.session.orders import Mailbox
+from guidance.session.result import outcome_of_flight
 from guidance.session.spec import plan_of
-from guidance.session.supervisor import Supervisor
-from guidance.sim.evader_here import EvaderHere, laid_about
+from guidance.session.vehicle import laid_about
 from guidance.sim.fleet import EVADER_ID
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensed_evader import SensedEvader
-from guidance.sim.stepped import SteppedMock
+from guidance.sim.stepped import EvaderHere, SteppedMock
 from sitl_mock import Home, MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
@@ -136,15 +137,12 @@ class Sortie:
             notifier=Notifier(None, None),
         )
         self.shown = []
-        self.supervisor = Supervisor(
+        self.mission = Mission(
             self.laid,
             self.daemon,
-            mailbox,
+            VehicleWorld(world.link, source, player=self.evader, on_engage=self.evader.engage),
             heard,
-            engage=True,
-            on_terminate=Event.LAND,
-            evader=self.evader,
-            end_with=Event.RETURN,
+            Conduct(engage=True, end_with=Event.RETURN, hand_over=Event.LAND),
             show=self.shown.append,
             ready_within_s=ready_within_s,
         )
@@ -153,8 +151,9 @@ class Sortie:
         end_s = self.world.now_s() + limit_s
         while not self.daemon.finished and self.world.now_s() < end_s and not until():
             self.world.sleep_until(self.world.now_s() + 0.02)
+            self.mission.before(self.world.now_s())
             self.daemon.step(self.world.now_s())
-            self.supervisor.watch(self.world.now_s())
+            self.mission.after(self.world.now_s())
         return self
 
     @property
@@ -162,7 +161,7 @@ class Sortie:
         return self.daemon.flight.state
 
     def outcome(self):
-        return outcome_of_flight(self.supervisor.result, "vehicle")
+        return outcome_of_flight(self.mission.result, "vehicle")
 
 
 @pytest.fixture
@@ -188,10 +187,10 @@ def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_a
     assert 0.8 < outcome.ratio < 1.15
     assert not world.vehicle.armed
     assert math.hypot(*world.vehicle.truth.position_ned_m[:2]) < 2.0
-    began = next(one for one in flown.supervisor.result.samples if one.state is State.ENGAGED)
+    began = next(one for one in flown.mission.result.samples if one.state is State.ENGAGED)
     assert math.dist(began.pursuer_m, SHORT.pursuer.position_m) < 2.5
     assert math.dist(began.evader_m[:2], SHORT.evader.position_m) < 0.5
-    assert flown.supervisor.left
+    assert flown.mission.left
 
 
 def test_the_game_frame_is_laid_so_that_the_vehicles_home_is_the_scenarios():
@@ -307,7 +306,7 @@ def test_whoever_ends_the_run_in_flight_has_the_vehicle_landed(sortie):
     flown.daemon.leave(Event.LAND, world.now_s())
     flown.run(20.0)
     assert (flown.state, world.vehicle.mode) == (State.LANDING, "LAND")
-    assert not flown.supervisor.left
+    assert not flown.mission.left
 
 
 @pytest.mark.parametrize(

@@ -16,22 +16,20 @@ from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
 from guidance.session.daemon import Daemon
-from guidance.session.flown import outcome_of_flight
 from guidance.session.log import Log
 from guidance.session.merging import merged
 from guidance.session.metrics import Metrics
+from guidance.session.mission import Conduct, Mission
 from guidance.session.notify import Notifier
 from guidance.session.orders import Mailbox
 from guidance.session.recorded import recorded_settings
+from guidance.session.result import outcome_of_flight
 from guidance.session.spec import plan_of
-from guidance.session.supervisor import Supervisor
 from guidance.session.vehicle_file import Config
-from guidance.sim.evader import EvaderPilot
-from guidance.sim.fast import FastWorld
 from guidance.sim.files import load_scenario
-from guidance.sim.players import evader_settings
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensed_evader import SensedEvader
+from guidance.sim.stepped import SteppedWorld
 from sitl_mock.child import running
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
@@ -75,30 +73,30 @@ class Sortie:
 
     def __init__(self, config, flown, *, engage):
         self.clock = VirtualClock()
-        self.world = FastWorld(flown, self.clock)
-        self.driver = EvaderPilot(self.world.evader, evader_settings(flown))
+        self.world = SteppedWorld(flown, self.clock)
         self.mailbox, self.log = Mailbox(), Log("json", "error")
         heard = SensedEvader(self.world.evader_source, flown.sensor, flown.seed, self.clock.now_s)
         self.daemon = Daemon(
             "uav1",
             plan_of(config, flown),
-            self.world.pursuer,
+            self.world.link,
             heard,
             mailbox=self.mailbox,
             log=self.log,
             metrics=Metrics("uav1"),
             notifier=Notifier(None, None),
         )
-        self.supervisor = Supervisor(flown, self.daemon, self.mailbox, heard, engage=engage, on_terminate=Event.HOLD)
+        conduct = Conduct(engage, hand_over=Event.HOLD)
+        self.mission = Mission(flown, self.daemon, self.world, heard, conduct)
 
     def run(self, limit_s, until=lambda: False):
         end_s = self.clock.now_s() + limit_s
         while not self.daemon.finished and self.clock.now_s() < end_s and not until():
             self.clock.sleep_until(self.clock.now_s() + 0.02)
             self.world.advance()
-            self.driver.step(self.clock.now_s(), None, playing=False)
+            self.mission.before(self.clock.now_s())
             self.daemon.step(self.clock.now_s())
-            self.supervisor.watch(self.clock.now_s())
+            self.mission.after(self.clock.now_s())
         return self
 
     @property
@@ -125,7 +123,7 @@ def sortie():
 
 def test_a_game_is_flown_and_the_vehicle_handed_over_as_its_file_says(sortie):
     flown = sortie(own(), scenario()).run(120.0)
-    outcome = outcome_of_flight(flown.supervisor.result, "vehicle")
+    outcome = outcome_of_flight(flown.mission.result, "vehicle")
     assert (outcome.run, outcome.end) == ("vehicle", "captured")
     assert flown.daemon.finished
     assert flown.state is State.HOLDING
@@ -141,13 +139,13 @@ def test_without_a_persons_word_nothing_starts_and_nothing_engages(sortie):
     assert flown.run(60.0).state is State.STANDING_BY
     flown.mailbox.ask("engage")
     flown.run(60.0)
-    assert outcome_of_flight(flown.supervisor.result, "vehicle").end == "captured"
+    assert outcome_of_flight(flown.mission.result, "vehicle").end == "captured"
 
 
 def test_a_game_over_its_time_is_handed_over_and_says_so(sortie):
     flown = sortie(own(), scenario().model_copy(update={"time_limit_s": 1.0}))
     flown.run(120.0)
-    outcome = outcome_of_flight(flown.supervisor.result, "vehicle")
+    outcome = outcome_of_flight(flown.mission.result, "vehicle")
     assert (outcome.end, flown.state) == ("time_up", State.HOLDING)
 
 

@@ -7,15 +7,15 @@ from guidance.config import load
 from guidance.log.writer import Recorder
 from guidance.session.fly import fly
 from guidance.session.recorded import recorded_settings
-from guidance.sim.fast import FastWorld
 from guidance.sim.files import load_scenario
 from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
 from guidance.viz.report import write_report
 
 
 def flown(scenario, path):
     clock = VirtualClock()
-    world = FastWorld(scenario, clock)
+    world = SteppedWorld(scenario, clock)
     recorder = Recorder(path, {"scenario": json.dumps(scenario.model_dump(mode="json")), "seed": "0"})
     try:
         return fly(scenario, world, clock, recorder, lambda _: None)

@@ -1,4 +1,4 @@
-"""From a flight to its outcome: the same row that mathematics gives, read off what was flown.
+"""What a flight came to, and its outcome: the same row that mathematics gives, read off what was flown.
 
 The predicted value is solved again where the game really began, to the set that counts as captured and in still air:
 an autopilot holds the speed over the ground against the wind, and the pursuer knows of none.
@@ -6,13 +6,17 @@ an autopilot holds the speed over the ground against the wind, and the pursuer k
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from guidance.flight import Event, Happening, State
+from guidance.flight import Event, Happening, Outputs, State
+from guidance.frames import Vector
 from guidance.game import solve
-from guidance.session.fly import FlightResult, FlightSample
+from guidance.monitor import Alarm
+from guidance.session.linked_flight import Stopped
+from guidance.session.sequencer import MissionSequencer
 from guidance.sim.batch import stack
 from guidance.sim.maths import game_of
 from guidance.sim.outcome import Outcome, final_distance_m, outcome_of, winner_name
@@ -23,12 +27,97 @@ PLAYING = frozenset({State.ENGAGED, State.PAUSED})
 _ENDS: Mapping[Event, str] = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived", Event.PILOT: "yielded"}
 
 
+class FlightSample(NamedTuple):
+    """One point of both tracks, in the game frame."""
+
+    now_s: float
+    state: State
+    pursuer_m: Vector
+    evader_m: Vector
+
+
+@dataclass(slots=True)
+class FlightResult:
+    """What a flight came to.
+
+    `predicted` is what the first certificate said (s in PE, m in TAD), to the disc itself, `time_needed_s` when this
+    vehicle would be there, and `achieved` what was flown, NaN where it did not come to that. What is compared with
+    other runs is the `Outcome` made of it. `said` is the autopilot's last warning before it flew; `interrupted` whether
+    a person ended the run.
+    """
+
+    scenario: Scenario
+    ended: State
+    predicted: float = math.nan
+    time_needed_s: float = math.nan
+    achieved: float = math.nan
+    capture_time_s: float = math.nan
+    meeting_point_m: Vector | None = None
+    engaged_pursuer_m: Vector | None = None
+    engaged_evader_m: Vector | None = None
+    captured: bool = False
+    timed_out: bool = False
+    setpoints_sent: int = 0
+    late_cycles: int = 0
+    cycles: int = 0
+    duration_s: float = 0.0
+    wall_s: float = 0.0
+    samples: list[FlightSample] = field(default_factory=list)
+    happenings: list[Happening] = field(default_factory=list)
+    alarms: list[tuple[float, Alarm]] = field(default_factory=list)
+    limits: list[str] = field(default_factory=list)
+    record_stopped: Stopped | None = None
+    record_dropped: int = 0
+    said: str = ""
+    interrupted: bool = False
+
+
 class Ending(NamedTuple):
     """How the game ended: `Outcome.end`, when, and why where it went wrong."""
 
     end: str
     now_s: float
     reason: str = ""
+
+
+def note(
+    result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
+) -> None:
+    """Take one cycle into a result."""
+    result.cycles += 1
+    result.setpoints_sent += outputs.setpoint is not None
+    result.ended = outputs.state
+    result.happenings.extend(outputs.happenings)
+    if outputs.alarm is not None:
+        result.alarms.append((now_s, outputs.alarm))
+    if pursuer_m is not None and evader_m is not None:
+        result.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
+    certificate = outputs.certificate
+    if certificate is None:
+        return
+    result.limits.extend(name for name in certificate.acted if name not in result.limits)
+    if math.isnan(result.predicted):
+        result.predicted, result.time_needed_s = certificate.value, certificate.time_needed_s
+        result.meeting_point_m = certificate.meeting_point_game_m
+        result.engaged_pursuer_m, result.engaged_evader_m = certificate.pursuer_game_m, certificate.evader_game_m
+    if certificate.captured and not result.captured:
+        result.captured = True
+        result.achieved = _distance_to_target(result.scenario, certificate.evader_game_m)
+
+
+def _distance_to_target(scenario: Scenario, evader_m: Vector) -> float:
+    return math.nan if scenario.target is None else math.dist(evader_m[:2], scenario.target.position_m)
+
+
+def conclude(result: FlightResult, director: MissionSequencer, duration_s: float) -> None:
+    """Complete a result when the flight is over."""
+    result.duration_s = duration_s
+    result.timed_out = director.timed_out
+    if director.engaged_s is None or director.captured_s is None:
+        return
+    result.capture_time_s = director.captured_s - director.engaged_s
+    if result.scenario.target is None:
+        result.achieved = result.capture_time_s
 
 
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:

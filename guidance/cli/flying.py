@@ -1,0 +1,86 @@
+"""What `guidance fly` shows around a flight, of the mock or of a vehicle that runs already."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+
+from guidance.cli.showing import live_line, report
+from guidance.errors import FlightError
+from guidance.session.fly import fly_mock, next_folder
+from guidance.session.result import FlightResult, outcome_of_flight
+from guidance.session.vehicle import Asked, fly_url, left_out
+from guidance.sim.files import load_scenario
+from guidance.sim.scenario import Scenario
+
+INTERRUPTED: Final = 130
+
+
+def fly_scenario(
+    name: str,
+    asked: Asked | None = None,
+    *,
+    fast: bool = False,
+    link: str = "mavsdk",
+    port: int = 0,
+    out: Path | None,
+    seed: int | None,
+    on_record: Callable[[Path], None] = lambda _: None,
+) -> int:
+    """Fly a scenario; return the exit code: 0 when the game ended as it should have.
+
+    Args:
+        name: Of one that comes along, or a path.
+        asked: The vehicle that flies it; None for the mock.
+        fast: The mock in virtual time.
+        link: Which client flies the mock in real time.
+        port: Where the live mock is reached; 0 is any.
+        out: Folder for the record and the picture.
+        seed: In place of the scenario's.
+        on_record: Is told of the record once it is being written.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    path, scenario = load_scenario(name)
+    if seed is not None:
+        scenario = scenario.model_copy(update={"seed": seed})
+    console = Console()
+    folder = out if out is not None else next_folder(Path("flights"), path.stem)
+    title = f"[bold]{scenario.title}[/bold]  ({path.name}"
+    if asked is not None:
+        console.print(f"{title}, {asked.link}, {asked.url})", highlight=False)
+        return _fly_url(name, scenario, asked, console, folder, on_record)
+    console.print(f"{title}, {'virtual time' if fast else link})")
+    with live_line(console) as show:
+        result = fly_mock(scenario, folder, show, fast=fast, link=link, port=port, on_record=on_record)
+    return _report(console, result, "fast" if fast else "live", folder)
+
+
+def _fly_url(
+    name: str, scenario: Scenario, asked: Asked, console: Console, folder: Path, on_record: Callable[[Path], None]
+) -> int:
+    for what in left_out(scenario):
+        console.print(f"{what}: only a mock can have that; the vehicle flies without")
+    try:
+        with live_line(console) as show:
+            result, hand_over = fly_url(scenario, asked, folder, show, on_record=on_record)
+    except FlightError as error:
+        raise FlightError(f"{asked.url}: {error}{_advice(name, asked, str(error))}") from error
+    code = _report(console, result, "vehicle", folder)
+    if result.interrupted:
+        console.print(f"interrupted: the vehicle was told to {hand_over}, and is {result.ended}")
+        return INTERRUPTED
+    return code
+
+
+def _report(console: Console, result: FlightResult, way: str, folder: Path) -> int:
+    report(console, result, outcome_of_flight(result, way), folder)
+    return 0 if result.captured else 4
+
+
+def _advice(name: str, asked: Asked, words: str) -> str:
+    if not words.startswith("preflight refuses"):
+        return ""
+    return f"\nto have it set up for this scenario: guidance check {name} --vehicle {asked.url} --apply"
