@@ -34,8 +34,8 @@ class Certificate(NamedTuple):
     that it has (`guidance.control.late_start`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
     keep the evader `assured_distance_m` from its target: negative by what it comes short where the evader gets there,
     NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
-    `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `acted`. `reason` is
-    the `guidance.game.Reason` of the game's answer: with TOO_OLD nothing here is guaranteed.
+    `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `active_limits`.
+    `reason` is the `guidance.game.Reason` of the game's answer: with TOO_OLD nothing here is guaranteed.
     """
 
     winner: int
@@ -49,9 +49,9 @@ class Certificate(NamedTuple):
     evader_game_m: Vector
     gap_m: float
     height_gap_m: float
-    wanted_ned_m_s: Vector
+    desired_ned_m_s: Vector
     command_ned_m_s: Vector
-    acted: tuple[str, ...]
+    active_limits: tuple[str, ...]
     captured: bool
     strayed: bool
     evader_arrived: bool
@@ -109,7 +109,7 @@ def certify(
     gaps: Gaps,
     limited: Limited,
     *,
-    wanted_ned_m_s: Vector,
+    desired_ned_m_s: Vector,
     evader_age_s: float,
     tolerance_m: float,
     outside_fence: bool,
@@ -123,7 +123,7 @@ def certify(
         players: In the game frame.
         gaps: To the disc.
         limited: What was commanded, and the limits that changed it.
-        wanted_ned_m_s: What approach and game asked for.
+        desired_ned_m_s: What approach and game asked for.
         evader_age_s: Age of what is known of the evader.
         tolerance_m: How near to the disc counts as reached.
         outside_fence: Whether the vehicle has left the fence.
@@ -143,9 +143,9 @@ def certify(
         evader_game_m=players.evader_m,
         gap_m=gaps.ground_m,
         height_gap_m=gaps.height_m,
-        wanted_ned_m_s=wanted_ned_m_s,
+        desired_ned_m_s=desired_ned_m_s,
         command_ned_m_s=limited.setpoint.velocity_ned_m_s,
-        acted=tuple(str(one) for one in limited.active),
+        active_limits=tuple(str(one) for one in limited.active),
         captured=reached,
         strayed=gaps.ground_m > 3.0 * tolerance_m or abs(gaps.height_m) > 3.0 * tolerance_m,
         evader_arrived=at is not None and not reached and math.dist(at[:2], players.evader_m[:2]) <= tolerance_m,
@@ -173,9 +173,9 @@ def certify_no_game(
         evader_game_m=players.evader_m,
         gap_m=gaps.ground_m,
         height_gap_m=gaps.height_m,
-        wanted_ned_m_s=_NOWHERE,
+        desired_ned_m_s=_NOWHERE,
         command_ned_m_s=setpoint.velocity_ned_m_s,
-        acted=(),
+        active_limits=(),
         captured=False,
         strayed=False,
         evader_arrived=False,

@@ -156,7 +156,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         players,
         gaps,
         limited,
-        wanted_ned_m_s=followed.desired_ned_m_s,
+        desired_ned_m_s=followed.desired_ned_m_s,
         evader_age_s=evader.age_s,
         tolerance_m=settings.tolerance_m,
         outside_fence=fence.outside,

@@ -1,8 +1,8 @@
-"""What was promised, watched in flight: the time of capture never rises (PE), the evader's final distance never falls.
+"""The value monitor: what was promised, watched in flight.
 
 Under optimal play V + t never rises and L never falls, for the game's pursuer; for a vehicle that has to accelerate
 first it is the certificate's `time_needed_s` and `assured_distance_m` that hold. If they do not, an assumption is
-broken: the evader is faster than its bound, the vehicle slower than the game's, or what is known of the evader is
+violated: the evader is faster than its bound, the vehicle slower than the game's, or what is known of the evader is
 stale. It is reported, never acted upon. Crossing the barrier, after which the other player wins, is reported too, and
 an evader of which nothing new is heard.
 
@@ -33,7 +33,7 @@ STALER: Final = 1.5
 """A report is stale from `STALE_S` on, and from this many times the largest age before."""
 
 
-class Broken(StrEnum):
+class Violation(StrEnum):
     """What of the promise did not hold."""
 
     CAPTURE_LATER = "guarantee: the time of capture has risen"
@@ -46,11 +46,11 @@ class Broken(StrEnum):
 class Alarm(NamedTuple):
     """What was broken and by how much: s of the time of capture or of age, m of L, nothing for the barrier."""
 
-    broken: Broken
+    violation: Violation
     amount: float
 
 
-class Guarantee(NamedTuple):
+class MonitorMemory(NamedTuple):
     """Memory of the watch.
 
     Attributes:
@@ -67,12 +67,18 @@ class Guarantee(NamedTuple):
 
 
 def watch(
-    memory: Guarantee, now_s: float, certificate: Certificate, *, with_target: bool, speed_m_s: float, slack_s: float
-) -> tuple[Guarantee, Alarm | None]:
+    memory: MonitorMemory,
+    now_s: float,
+    certificate: Certificate,
+    *,
+    with_target: bool,
+    speed_m_s: float,
+    slack_s: float,
+) -> tuple[MonitorMemory, Alarm | None]:
     """Compare this cycle's certificate with the best before it.
 
     Args:
-        memory: From the last call; `Guarantee()` at engagement.
+        memory: From the last call; `MonitorMemory()` at engagement.
         now_s: Time of the injected clock.
         certificate: This cycle's; one without a game is passed over.
         with_target: Whether the game is TAD.
@@ -87,9 +93,9 @@ def watch(
         return memory, None
     age_s = certificate.evader_age_s
     if age_s > max(STALE_S, STALER * memory.oldest_s):
-        return memory._replace(oldest_s=age_s), Alarm(Broken.STALE, age_s)
+        return memory._replace(oldest_s=age_s), Alarm(Violation.STALE, age_s)
     if certificate.reason == Reason.TOO_OLD:  # no guarantee to watch: that begins anew with news
-        memory, certificate = Guarantee(oldest_s=memory.oldest_s), certificate._replace(meeting_time_s=0.0)
+        memory, certificate = MonitorMemory(oldest_s=memory.oldest_s), certificate._replace(meeting_time_s=0.0)
     if with_target and memory.winner not in {None, certificate.winner}:
         return _crossed(memory, now_s, certificate.winner)
     memory = memory._replace(winner=certificate.winner)
@@ -99,18 +105,18 @@ def watch(
     memory, lost = _compare(memory, now_s, _cost(now_s, certificate, with_target=with_target), slack)
     if lost is None:
         return memory, None
-    return memory, Alarm(Broken.EVADER_CLOSER if with_target else Broken.CAPTURE_LATER, lost)
+    return memory, Alarm(Violation.EVADER_CLOSER if with_target else Violation.CAPTURE_LATER, lost)
 
 
-def _crossed(memory: Guarantee, now_s: float, winner: int) -> tuple[Guarantee, Alarm | None]:
+def _crossed(memory: MonitorMemory, now_s: float, winner: int) -> tuple[MonitorMemory, Alarm | None]:
     memory = _since(memory, now_s)
     if not _lasts(memory, now_s):
         return memory, None
-    broken = Broken.BARRIER_LOST if winner == Winner.EVADER else Broken.BARRIER_WON
-    return Guarantee(winner=winner, oldest_s=memory.oldest_s), Alarm(broken, 0.0)
+    violation = Violation.BARRIER_LOST if winner == Winner.EVADER else Violation.BARRIER_WON
+    return MonitorMemory(winner=winner, oldest_s=memory.oldest_s), Alarm(violation, 0.0)
 
 
-def _compare(memory: Guarantee, now_s: float, cost: float, slack: float) -> tuple[Guarantee, float | None]:
+def _compare(memory: MonitorMemory, now_s: float, cost: float, slack: float) -> tuple[MonitorMemory, float | None]:
     """Hold a cost against the best before it; return what was lost once more than the slack is, for long enough."""
     lost = cost - memory.best
     if not lost > slack:
@@ -119,11 +125,11 @@ def _compare(memory: Guarantee, now_s: float, cost: float, slack: float) -> tupl
     return (memory._replace(best=cost, since_s=None), lost) if _lasts(memory, now_s) else (memory, None)
 
 
-def _since(memory: Guarantee, now_s: float) -> Guarantee:
+def _since(memory: MonitorMemory, now_s: float) -> MonitorMemory:
     return memory if memory.since_s is not None else memory._replace(since_s=now_s)
 
 
-def _lasts(memory: Guarantee, now_s: float) -> bool:
+def _lasts(memory: MonitorMemory, now_s: float) -> bool:
     return memory.since_s is not None and now_s - memory.since_s >= LASTING_S
 
 

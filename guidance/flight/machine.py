@@ -23,7 +23,7 @@ from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame, Vector
 from guidance.game.game import horizontal_speed
 from guidance.messages import EvaderReport, Heartbeat, LocalPosition, Message, Request, Setpoint
-from guidance.monitor import Alarm, Guarantee, watch
+from guidance.monitor import Alarm, MonitorMemory, watch
 from guidance.vehicle import VehicleState, observe
 
 BEAT_EVERY_S = 0.1
@@ -95,7 +95,7 @@ class Flight:
         self._foreign = False
         self._memory = CycleMemory()
         self._certificate: Certificate | None = None
-        self._guarantee = Guarantee()
+        self._monitor = MonitorMemory()
         self._alarm: Alarm | None = None
         self._other_mode_seen = False
         self._last_s: float | None = None
@@ -225,9 +225,9 @@ class Flight:
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
             self._certificate, self._other_mode_seen = None, False
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
-                self._memory, self._guarantee = CycleMemory(), Guarantee()
+                self._memory, self._monitor = CycleMemory(), MonitorMemory()
             if after is State.ON_STATION:
-                self._guarantee = Guarantee()  # the promise is kept: an evader that gets away begins a new one
+                self._monitor = MonitorMemory()  # the promise is kept: an evader that gets away begins a new one
         return Happening(now_s, event, before, after)
 
     def _context(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> EventContext:
@@ -309,8 +309,8 @@ class Flight:
         if output.certificate is not None:
             self._certificate = output.certificate
         if output.certificate is not None and self.state is State.ENGAGED:
-            self._guarantee, self._alarm = watch(
-                self._guarantee,
+            self._monitor, self._alarm = watch(
+                self._monitor,
                 now_s,
                 output.certificate,
                 with_target=self._cycle.target_game_m is not None,

@@ -25,7 +25,7 @@ class Cycle(NamedTuple):
     evader_m: Vector = _NOWHERE
     flown_ned_m_s: Vector = _NOWHERE
     commanded_ned_m_s: Vector = _NOWHERE
-    wanted_ned_m_s: Vector = _NOWHERE
+    desired_ned_m_s: Vector = _NOWHERE
     gap_m: float = math.nan
     height_gap_m: float = math.nan
     value: float = math.nan
@@ -106,7 +106,7 @@ class Aggregator:
 def _played(cycle: Cycle, certificate: Certificate) -> Cycle:
     return cycle._replace(
         evader_m=certificate.evader_game_m,
-        wanted_ned_m_s=certificate.wanted_ned_m_s,
+        desired_ned_m_s=certificate.desired_ned_m_s,
         gap_m=certificate.gap_m,
         height_gap_m=certificate.height_gap_m,
         value=certificate.value,

@@ -52,5 +52,5 @@ def _cells(step: ReplayedCycle) -> list[object]:
 
 
 def _velocities(certificate: Certificate | None, setpoint: Setpoint | None) -> tuple[object, ...]:
-    wanted = ("", "", "") if certificate is None else certificate.wanted_ned_m_s
+    wanted = ("", "", "") if certificate is None else certificate.desired_ned_m_s
     return (*wanted, *(("", "", "") if setpoint is None else setpoint.velocity_ned_m_s))

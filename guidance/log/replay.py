@@ -76,7 +76,7 @@ class Comparison:
         if setpoint is not None and step.outputs.setpoint is not None:
             self.commanded.add(setpoint.velocity_ned_m_s, step.outputs.setpoint.velocity_ned_m_s)
         if certificate is not None and step.outputs.certificate is not None:
-            self.wanted.add(certificate.wanted_ned_m_s, step.outputs.certificate.wanted_ned_m_s)
+            self.wanted.add(certificate.desired_ned_m_s, step.outputs.certificate.desired_ned_m_s)
 
 
 def replay(

@@ -66,7 +66,7 @@ class LinkedFlight:
                 detail += f": {outputs.fault}"
             recorder.event(happening.now_s, str(happening.event), detail)
         if outputs.alarm is not None:
-            recorder.event(inputs.now_s, str(outputs.alarm.broken), f"{outputs.alarm.amount:.2f}")
+            recorder.event(inputs.now_s, str(outputs.alarm.violation), f"{outputs.alarm.amount:.2f}")
 
 
 def row(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) -> dict[str, Any]:

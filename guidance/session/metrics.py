@@ -63,9 +63,9 @@ class Metrics:
         for happening in outputs.happenings:
             self._events.labels(self._name, str(happening.event)).inc()
         if outputs.alarm is not None:
-            self._alarms.labels(self._name, str(outputs.alarm.broken)).inc()
+            self._alarms.labels(self._name, str(outputs.alarm.violation)).inc()
         if outputs.certificate is not None:
-            for limit in outputs.certificate.acted:
+            for limit in outputs.certificate.active_limits:
                 self._acted.labels(self._name, limit).inc()
 
     def show(self, now_s: float, flight: Flight, outputs: Outputs, counters: Mapping[str, Mapping[str, int]]) -> None:

@@ -95,7 +95,7 @@ def note(
     certificate = outputs.certificate
     if certificate is None:
         return
-    result.limits.extend(name for name in certificate.acted if name not in result.limits)
+    result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
     if math.isnan(result.predicted):
         result.predicted, result.time_needed_s = certificate.value, certificate.time_needed_s
         result.meeting_point_m = certificate.meeting_point_game_m

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 sys.path.insert(0, str(Path(__file__).parent))
 
 from chase import CYCLE_S, ORDERS, Runner, hover_chase
-from guidance.session.scenario_spec import flight_settings
 
 import guidance
 from guidance.clock import VirtualClock
@@ -26,6 +25,7 @@ from guidance.flight import Flight, State
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.linked_flight import LinkedFlight
+from guidance.session.spec import plan_of
 from sitl_mock.vehicle import MockVehicle
 
 ROOT = str(Path(guidance.__file__).parent)
@@ -83,7 +83,7 @@ class Watched(MemoryWire):
 def walk(autopilot: str) -> Walk:
     """Fly until the game has been on for a while, and count one cycle."""
     scenario, clock, walked = hover_chase(autopilot, seed=1), VirtualClock(), Walk()
-    settings = flight_settings(scenario)
+    settings = plan_of(scenario=scenario).flight
     vehicle = MockVehicle(autopilot, seed=1, ready_after_s=1.0)
     ours, theirs = Watched.pair(clock.now_s)
     link, runner = PymavlinkLink(ours, clock.now_s, system_id=1), Runner(scenario, settings)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from guidance.certificate import Certificate
 from guidance.game import Winner
-from guidance.monitor import ARRIVAL_S, LASTING_S, SCATTER_M, SCATTER_M_S, STALE_S, Broken, Guarantee, watch
+from guidance.monitor import ARRIVAL_S, LASTING_S, SCATTER_M, SCATTER_M_S, STALE_S, MonitorMemory, Violation, watch
 
 FAST = 1e6  # against an evader of 1 m/s: what estimates scatter by is made good at once
 
@@ -24,12 +24,12 @@ def watched(memory, now_s, says, *, with_target=False, speed_m_s=FAST, slack=0.5
 
 def alarms(values, *, with_target, slack=0.5, winners=None, to_go_s=100.0, costs=None, dt_s=0.1):
     """What is said, cycle by cycle."""
-    memory, found = Guarantee(), []
+    memory, found = MonitorMemory(), []
     for index, value in enumerate(values):
         winner = winners[index] if winners else Winner.PURSUER
         says = certificate(value, winner, accelerating=costs[index] if costs else 0.0, to_go_s=to_go_s)
         memory, alarm = watched(memory, dt_s * index, says, with_target=with_target, slack=slack)
-        found.append(alarm and alarm.broken)
+        found.append(alarm and alarm.violation)
     return found
 
 
@@ -41,12 +41,12 @@ def test_optimal_play_raises_no_alarm():
 def test_a_capture_that_comes_later_is_said_once_for_each_slack_lost():
     # V stays: V + t rises by 1/8 a cycle. The fifth has lost more than 0.5, and four later that has lasted.
     found = alarms([20.0] * 33, with_target=False, dt_s=0.125)
-    assert [index for index, said in enumerate(found) if said is Broken.CAPTURE_LATER] == [9, 18, 27]
+    assert [index for index, said in enumerate(found) if said is Violation.CAPTURE_LATER] == [9, 18, 27]
 
 
 def test_a_final_distance_that_falls_is_said_once_that_lasts():
     found = alarms([4.0, 3.9, 3.6] + [3.4] * 20, with_target=True)
-    assert found == [None] * 7 + [Broken.EVADER_CLOSER] + [None] * 15
+    assert found == [None] * 7 + [Violation.EVADER_CLOSER] + [None] * 15
 
 
 @pytest.mark.parametrize("with_target", [False, True])
@@ -65,7 +65,7 @@ def test_a_vehicle_that_has_not_answered_yet_has_twice_what_accelerating_costs()
     costs = [2.4] * 10 + [2.4 * (1.0 - 0.1 * index) ** 2 for index in range(10)] + [0.0] * 20
     values = [20.0] * 20 + [20.0 - 0.1 * index for index in range(20)]
     assert alarms(values, with_target=False, costs=costs, slack=1.1) == [None] * 40
-    assert Broken.CAPTURE_LATER in alarms(values, with_target=False, slack=1.1)  # at the game's word it would be late
+    assert Violation.CAPTURE_LATER in alarms(values, with_target=False, slack=1.1)  # by the game's word it is late
 
 
 @pytest.mark.parametrize("with_target", [False, True])
@@ -85,8 +85,8 @@ def test_braking_at_the_disc_is_no_broken_promise(with_target):
 @pytest.mark.parametrize(
     ("first", "then", "broken"),
     [
-        (Winner.PURSUER, Winner.EVADER, Broken.BARRIER_LOST),
-        (Winner.EVADER, Winner.PURSUER, Broken.BARRIER_WON),
+        (Winner.PURSUER, Winner.EVADER, Violation.BARRIER_LOST),
+        (Winner.EVADER, Winner.PURSUER, Violation.BARRIER_WON),
     ],
 )
 def test_the_barrier_is_reported_when_it_is_crossed(first, then, broken):
@@ -99,7 +99,7 @@ def test_the_barrier_is_reported_when_it_is_crossed(first, then, broken):
 
 
 def test_a_cycle_without_a_game_is_passed_over():
-    memory = Guarantee(7.0, 1)
+    memory = MonitorMemory(7.0, 1)
     for nothing in (certificate(math.nan), certificate(3.0, Winner.UNDECIDED)):
         assert watched(memory, 1.0, nothing) == (memory, None)
 
@@ -109,7 +109,7 @@ def test_what_estimates_scatter_by_is_allowed_for_as_the_way_that_makes_it_good(
     # 6 m/s against 3: 1 m, and 0.05 m/s for the 20 s that are left, are made good at 3 m/s.
     assert (SCATTER_M, SCATTER_M_S) == (1.0, 0.05)
     for lost, broken in ((allowed - 1e-3, False), (allowed + 1e-3, True)):
-        memory, found = Guarantee(), []
+        memory, found = MonitorMemory(), []
         for index in range(10):
             value = 20.0 + (0.0 if index == 0 else -lost if with_target else lost) - (0 if with_target else 0.1 * index)
             says = certificate(value, to_go_s=20.0)._replace(speed_ratio=2.0)
@@ -119,12 +119,12 @@ def test_what_estimates_scatter_by_is_allowed_for_as_the_way_that_makes_it_good(
 
 
 def test_an_evader_of_which_nothing_new_is_heard_is_said_once_for_each_time_that_it_takes_longer():
-    memory, said = Guarantee(), []
+    memory, said = MonitorMemory(), []
     for ages in ([0.1, 0.3], [0.1, 0.9, STALE_S], [0.1, 1.1, 1.2], [0.1, 1.3, 1.5], [0.1, 1.6, 1.7, 2.0]):
         for age_s in ages:
             memory, alarm = watched(memory, 0.0, certificate(4.0)._replace(evader_age_s=age_s))
-            said.append(None if alarm is None else (alarm.broken, alarm.amount))
-    assert [each for each in said if each] == [(Broken.STALE, 1.1), (Broken.STALE, 1.7)]
+            said.append(None if alarm is None else (alarm.violation, alarm.amount))
+    assert [each for each in said if each] == [(Violation.STALE, 1.1), (Violation.STALE, 1.7)]
 
 
 @given(st.lists(st.floats(0.0, 100.0), min_size=2, max_size=50), st.booleans())

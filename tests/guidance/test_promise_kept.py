@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))  # the benchmark fl
 
 from chase import Disturbance, altered, chase, hover_chase
 
-from guidance.monitor import Broken
+from guidance.monitor import Violation
 
 AUTOPILOTS = ("px4", "arducopter")
 SPEEDS_M_S = ((6.0, 3.0), (8.0, 4.0))
@@ -26,8 +26,8 @@ def said(scenario, disturbance):
     """Return the kinds of alarm before the disturbance, and within the time in which it has to be said."""
     until_s = DISTURBED_S + SAID_WITHIN_S
     alarms = chase(scenario, disturbance=disturbance, longest_s=until_s).alarms
-    before = {alarm.broken for now_s, alarm in alarms if now_s < DISTURBED_S}
-    return before, {alarm.broken for _, alarm in alarms} - before
+    before = {alarm.violation for now_s, alarm in alarms if now_s < DISTURBED_S}
+    return before, {alarm.violation for _, alarm in alarms} - before
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -46,7 +46,7 @@ def test_an_undisturbed_chase_raises_no_alarm_and_keeps_its_promise(autopilot, s
 def test_what_breaks_the_promise_of_a_capture_is_said_within_two_seconds(autopilot, speeds_m_s, disturbance, seed):
     before, after = said(hover_chase(autopilot, seed=seed, speeds_m_s=speeds_m_s), disturbance)
     assert before == set()
-    assert after >= ({Broken.STALE} if disturbance.silent else {Broken.CAPTURE_LATER})
+    assert after >= ({Violation.STALE} if disturbance.silent else {Violation.CAPTURE_LATER})
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -63,4 +63,4 @@ def test_a_guarded_target_raises_no_alarm_while_the_evader_plays_as_declared(aut
 def test_what_brings_the_evader_closer_to_its_target_is_said_within_two_seconds(autopilot, disturbance, seed):
     before, after = said(hover_chase(autopilot, seed=seed, target_m=GUARDED_M), disturbance)
     assert before == set()
-    assert after & {Broken.EVADER_CLOSER, Broken.BARRIER_LOST, Broken.STALE}
+    assert after & {Violation.EVADER_CLOSER, Violation.BARRIER_LOST, Violation.STALE}

@@ -7,7 +7,7 @@ from guidance.autopilots import MAV_CMD_DO_SET_MODE
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
-from guidance.monitor import Alarm, Broken
+from guidance.monitor import Alarm, Violation
 from guidance.session.daemon import WORDS
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
@@ -375,10 +375,10 @@ def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base)
 def test_a_broken_guarantee_is_said_and_counted(base):
     base = base().engaged()
     run = base.daemon._linked.run
-    base.daemon._linked.run = lambda *given: run(*given)._replace(alarm=Alarm(Broken.CAPTURE_LATER, 1.5))
+    base.daemon._linked.run = lambda *given: run(*given)._replace(alarm=Alarm(Violation.CAPTURE_LATER, 1.5))
     base.run(0.1)
-    said = base.log.messages(logging.WARNING).count(str(Broken.CAPTURE_LATER))
-    labels = {"vehicle": "uav1", "broken": str(Broken.CAPTURE_LATER)}
+    said = base.log.messages(logging.WARNING).count(str(Violation.CAPTURE_LATER))
+    labels = {"vehicle": "uav1", "broken": str(Violation.CAPTURE_LATER)}
     assert said == base.metrics.registry.get_sample_value("guidance_alarms_total", labels) == 5
 
 

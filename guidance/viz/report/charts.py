@@ -59,7 +59,7 @@ def velocities(story: Story) -> Figure:
     shown = (
         ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
         ("commanded_ned_m_s", {**PURSUER, "linewidth": 1.1}, "commanded"),
-        ("wanted_ned_m_s", {**EVADER, "linewidth": 1.1}, "wanted by the game"),
+        ("desired_ned_m_s", {**EVADER, "linewidth": 1.1}, "wanted by the game"),
     )
     for name, style, label in shown:
         columns = thinned(story.column(name)[span])

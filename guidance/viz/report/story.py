@@ -75,7 +75,7 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
         tuple(events_of(path)),
         tuple(state for _, state, _, _ in told),
         certificates,
-        tuple((cycle.now_s, str(alarm.broken)) for cycle, _, _, alarm in told if alarm is not None),
+        tuple((cycle.now_s, str(alarm.violation)) for cycle, _, _, alarm in told if alarm is not None),
         aggregator.home_m,
         aggregator.envelope,
         tuple(cycle for cycle, _, _, _ in told),

@@ -49,7 +49,7 @@ PLOTS: Final = (
         {
             "flown_m_s": Curve("flown", _GREY, lambda cycle: math.hypot(*cycle.flown_ned_m_s)),
             "commanded_m_s": Curve("commanded", _RED, lambda cycle: math.hypot(*cycle.commanded_ned_m_s)),
-            "wanted_m_s": Curve("wanted by the game", _BLUE, lambda cycle: math.hypot(*cycle.wanted_ned_m_s)),
+            "wanted_m_s": Curve("wanted by the game", _BLUE, lambda cycle: math.hypot(*cycle.desired_ned_m_s)),
         },
     ),
     Plot(

@@ -13,7 +13,7 @@ from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
 from guidance.errors import ConfigError
 from guidance.frames import GameFrame
 from guidance.game import Game, Reason, solve
-from guidance.monitor import Broken, Guarantee, watch
+from guidance.monitor import MonitorMemory, Violation, watch
 from guidance.session.vehicle_file import GameSection
 from guidance.strategies import StrategyMemory
 
@@ -47,19 +47,19 @@ def test_information_older_than_the_guarantee_is_said_and_taken_for_new():
 
 def test_what_is_not_guaranteed_is_not_watched():
     said = cycle(0.5)
-    guarantee, alarm = Guarantee(), None
+    guarantee, alarm = MonitorMemory(), None
     for index in range(200):
         worse = said._replace(value=said.value + 0.1 * index, time_needed_s=said.time_needed_s + 0.1 * index)
         old = worse._replace(reason=int(Reason.TOO_OLD))
         guarantee, alarm = watch(guarantee, 0.1 * index, old, with_target=False, speed_m_s=6.0, slack_s=0.5)
         assert alarm is None
         assert math.isnan(guarantee.best)
-    for reason, expected in ((Reason.TOO_OLD, {None}), (Reason.SOLVED, {None, Broken.BARRIER_LOST})):
-        guarantee, found = Guarantee(winner=1), set()
+    for reason, expected in ((Reason.TOO_OLD, {None}), (Reason.SOLVED, {None, Violation.BARRIER_LOST})):
+        guarantee, found = MonitorMemory(winner=1), set()
         for index in range(50):
             lost = said._replace(winner=-1, reason=int(reason))
             guarantee, alarm = watch(guarantee, 0.1 * index, lost, with_target=True, speed_m_s=6.0, slack_s=0.5)
-            found.add(alarm and alarm.broken)
+            found.add(alarm and alarm.violation)
         assert found == expected
 
 

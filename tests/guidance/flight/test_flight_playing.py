@@ -22,7 +22,7 @@ from guidance.flight.requests import requests_in
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
 from guidance.frames import Amsl
 from guidance.messages import LandedState, Odometry, PositionTarget
-from guidance.monitor import Broken
+from guidance.monitor import Violation
 from guidance.vehicle import VehicleState, observe
 
 
@@ -196,7 +196,7 @@ def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cyc
     outputs = flown.cycles(1.5)  # the vehicle does not move, so that the capture is ever later
     alarms = [one.alarm for one in outputs if one.alarm is not None]
     assert alarms
-    assert {alarm.broken for alarm in alarms} == {Broken.CAPTURE_LATER}
+    assert {alarm.violation for alarm in alarms} == {Violation.CAPTURE_LATER}
     assert all(alarm.amount > 0.5 for alarm in alarms)
     alarmed = [one.alarm is not None for one in outputs]
     assert not any(one and after for one, after in pairwise(alarmed))
