@@ -39,28 +39,42 @@ def parse(url: str) -> Endpoint:
     Raises:
         ConfigError: If it is not one of `FORMS`.
     """
+    try:
+        return taken_apart(url)
+    except ValueError as error:
+        raise ConfigError(f"url = {url!r}: {error}") from error
+
+
+def taken_apart(url: str) -> Endpoint:
+    """The same for a configuration's own check, which names the key and the value itself.
+
+    Raises:
+        ValueError: If it is not one of `FORMS`.
+    """
     scheme, separator, rest = url.partition("://")
+    if separator and scheme in ("udp", "tcp"):
+        raise ValueError(
+            f"{scheme}:// does not say who calls whom: {scheme}in://host:port waits for the vehicle, "
+            f"{scheme}out://host:port calls it"
+        )
     if not separator or scheme not in (*_HOSTS_AND_PORTS, "serial"):
-        raise ConfigError(f"url = {url!r}: allowed are {FORMS}")
+        raise ValueError(f"allowed are {FORMS}")
     if scheme == "serial":
         device, _, baud = rest.rpartition(":")
         if not device or not baud.isdecimal() or int(baud) == 0:
-            raise ConfigError(f"url = {url!r}: a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600")
+            raise ValueError("a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600")
         return Endpoint(url, scheme, device, int(baud))
     return _host_and_port(url, scheme)
 
 
 def _host_and_port(url: str, scheme: str) -> Endpoint:
-    try:
-        parts = urlsplit(url)
-        host, port = parts.hostname, parts.port
-    except ValueError as error:
-        raise ConfigError(f"url = {url!r}: {error}") from error
+    parts = urlsplit(url)
+    host, port = parts.hostname, parts.port
     namespace = parts.path.strip("/")
     if not host or not port or parts.query or parts.fragment or parts.username:
-        raise ConfigError(f"url = {url!r}: a host and a port are needed, as in {scheme}://127.0.0.1:14540")
+        raise ValueError(f"a host and a port are needed, as in {scheme}://127.0.0.1:14540")
     if namespace and scheme != "zenoh":
-        raise ConfigError(f"url = {url!r}: only zenoh:// takes a path (its namespace)")
+        raise ValueError("only zenoh:// takes a path (its namespace)")
     if any(character in namespace for character in "*$#?") or "//" in namespace:
-        raise ConfigError(f"url = {url!r}: a namespace is a plain key such as uav1, without wildcards")
+        raise ValueError("a namespace is a plain key such as uav1, without wildcards")
     return Endpoint(url, scheme, host, port, namespace)

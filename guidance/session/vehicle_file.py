@@ -5,17 +5,26 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from guidance.config import Section
 from guidance.control import Polygon, SpeedLimits, Speeds
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
+from guidance.links.endpoint import taken_apart
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
 Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
 Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
+
+
+def _is_url(url: str) -> str:
+    taken_apart(url)
+    return url
+
+
+Url = Annotated[str, AfterValidator(_is_url)]
 
 EvaderKind = Literal[
     "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
@@ -31,7 +40,7 @@ class Vehicle(Section):
 
     autopilot: Literal["px4", "arducopter"]
     link: Literal["mavsdk", "pymavlink"] = "pymavlink"
-    url: str = Field(description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://")
+    url: Url = Field(description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://")
     system_id: SystemId = 1
     component_id: SystemId = 1
     connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0)
@@ -58,7 +67,7 @@ class EvaderSection(Section):
     """Where reports of the evader come from. Without a `url` they come on the vehicle's own link."""
 
     kind: EvaderKind
-    url: str | None = None
+    url: Url | None = None
     system_id: SystemId | None = None
     component_id: SystemId | None = None
     icao_address: int | None = Field(None, ge=1, le=0xFFFFFF)
@@ -70,6 +79,15 @@ class EvaderSection(Section):
     )
     timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="silence after which the evader counts as lost")
     frame: EvaderFrame | None = None
+
+    @field_validator("url")
+    @classmethod
+    def _check_carrier(cls, url: str | None, info: ValidationInfo) -> str | None:
+        if url is not None and info.data.get("kind") in ON_ZENOH:
+            endpoint = taken_apart(url)
+            if endpoint.scheme != "zenoh" or not endpoint.namespace:
+                raise ValueError(f'kind = "{info.data["kind"]}" comes over Zenoh: allowed is zenoh://host:port/key')
+        return url
 
     @model_validator(mode="after")
     def _check_source(self) -> Self:

@@ -94,10 +94,9 @@ def test_a_vehicle_that_is_silent_leaves_nothing_open(vehicle_document, udp):
             open_all(config, MonotonicClock(), tapped=False)
 
 
-def test_a_url_that_is_none_is_refused(vehicle_document):
-    config = config_of(vehicle_document, vehicle={"url": "carrier://pigeon"})
-    with pytest.raises(ConfigError, match="url = 'carrier://pigeon'"):
-        open_all(config, MonotonicClock(), tapped=False)
+def test_a_url_that_is_none_is_refused_before_anything_is_opened(vehicle_document):
+    with pytest.raises(ConfigError, match="vehicle.url = 'carrier://pigeon': allowed are udpin://"):
+        config_of(vehicle_document, vehicle={"url": "carrier://pigeon"})
 
 
 def test_a_signing_key_comes_from_a_file_that_nobody_else_may_read(tmp_path):

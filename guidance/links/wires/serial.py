@@ -31,7 +31,10 @@ class SerialWire:
         try:
             self._port = serial.Serial(device, baud, timeout=_WAIT_S, write_timeout=0, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
-            raise LinkError(f"serial {device}:{baud}: {error}") from error
+            raise LinkError(
+                f"serial {device}:{baud}: {error}; is it plugged in, free, able to do this speed, and may you open it "
+                "(the group dialout, as a rule)?"
+            ) from error
         self._closed = False
         self._lock = threading.Lock()
         self._tail = Tail(self._write)

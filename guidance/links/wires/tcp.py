@@ -46,7 +46,8 @@ class TcpWire:
             else:
                 self._peer = self._tuned(socket.create_connection((host, port), timeout=timeout_s))
         except OSError as error:
-            raise LinkError(f"tcp {host}:{port}: {error}; is the vehicle there and the port right?") from error
+            advice = "choose another port or end what uses it" if listen else "is the vehicle there and the port right?"
+            raise LinkError(f"tcp {host}:{port}: {error}; {advice}") from error
         self._tail = Tail(self._write)
         self._pick_up()
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)

@@ -131,7 +131,8 @@ class UdpWire:
                 self._socket.connect((host, port))  # the kernel keeps everybody else's datagrams away
         except OSError as error:
             self._socket.close()
-            raise LinkError(f"udp {host}:{port}: {error}; choose another port or end what uses it") from error
+            advice = "choose another port or end what uses it" if listen else "is the host's name right?"
+            raise LinkError(f"udp {host}:{port}: {error}; {advice}") from error
         # The kernel's own time limit: with Python's every datagram would cost a second system call.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", 0, _WAIT_US))
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)

@@ -75,6 +75,12 @@ def test_a_bad_url_is_named_with_what_is_allowed(kind, url):
     assert repr(url) in str(caught.value)
 
 
+@pytest.mark.parametrize("scheme", ["udp", "tcp"])
+def test_a_url_that_does_not_say_who_calls_is_told_the_two_that_do(scheme):
+    with pytest.raises(ConfigError, match=f"{scheme}in://host:port waits for the vehicle, {scheme}out://"):
+        parse(f"{scheme}://127.0.0.1:14540")
+
+
 def test_an_unknown_kind_and_ids_out_of_range_are_refused():
     with pytest.raises(ConfigError, match="link = 'mavros': allowed are mavsdk, pymavlink"):
         open_vehicle_link("mavros", "udpin://127.0.0.1:14540", system_id=1, clock=clock)
