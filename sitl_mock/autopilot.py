@@ -286,7 +286,7 @@ class Autopilot:
 
     def _renew_times(self, now_s: float) -> None:
         report = self.report
-        report.boot_us = boot_us = max(0, int(self.since_boot_s(now_s) * 1e6 + 0.5))
+        report.boot_us = boot_us = max(0, int((now_s - self.state.booted_s + self.time_jump_s) * 1e6 + 0.5))
         report.boot_ms = boot_us // 1000 & 0xFFFFFFFF
         report.unix_us = self.settings.unix_us + int(now_s * 1e6)
 

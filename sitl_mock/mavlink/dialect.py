@@ -42,7 +42,9 @@ class MessageSpec:
         id_bytes: The id as it stands in a MAVLink 2 header.
         crc_extra: The seed byte that closes the CRC.
         size: Payload length in bytes before trailing zeros go.
-        pack_payload: Values in the order of declaration to the whole payload.
+        count: Number of fields.
+        arrange: Values in the order of declaration to the flat order of the wire; None where that is the same.
+        pack: Arranged values to the whole payload.
         unpack_payload: Whole payload to values in the order of declaration.
     """
 
@@ -53,7 +55,9 @@ class MessageSpec:
     id_bytes: bytes
     crc_extra: bytes
     size: int
-    pack_payload: Callable[[Sequence[Any]], bytes]
+    count: int
+    arrange: Callable[[Sequence[Any]], Sequence[Any]] | None
+    pack: Callable[..., bytes]
     unpack_payload: Callable[[bytes], Sequence[Any]]
 
 
@@ -62,31 +66,28 @@ def _text_bytes(value: str | bytes | bytearray | memoryview) -> bytes:
     return value.encode("utf-8", "replace") if isinstance(value, str) else b"".join((value,))
 
 
-def _scalar_packer(wire: struct.Struct, to_wire: tuple[int, ...]) -> Callable[[Sequence[Any]], bytes]:
-    """Packer for a message without arrays: reorder, then one struct call."""
-    pack = wire.pack
-    if to_wire == tuple(range(len(to_wire))):
-        return lambda values: pack(*values)
-    reorder = itemgetter(*to_wire)
-    count = len(to_wire)
+def _arranger(
+    to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
+) -> Callable[[Sequence[Any]], Sequence[Any]] | None:
+    """What puts fields in the order of declaration into the flat order of the wire; None where that is the same.
 
-    def pack_reordered(values: Sequence[Any]) -> bytes:
-        if len(values) != count:
-            raise struct.error(f"{count} values expected, {len(values)} given")
-        return pack(*reorder(values))
+    Args:
+        to_wire: For each field on the wire, its place in the order of declaration.
+        kinds: For each field on the wire, its type and the length of its array (0: none).
+    """
+    if any(kind == "char" for kind, _ in kinds):
+        return _text_arranger(to_wire, kinds)
+    if any(length for _, length in kinds):
+        return _array_arranger(to_wire, kinds)
+    return None if to_wire == tuple(range(len(to_wire))) else itemgetter(*to_wire)
 
-    return pack_reordered
 
-
-def _array_packer(
-    wire: struct.Struct, to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
-) -> Callable[[Sequence[Any]], bytes]:
-    """Packer for a message with arrays or text; ``kinds`` holds (type, array length or 0) in wire order."""
+def _text_arranger(
+    to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
+) -> Callable[[Sequence[Any]], Sequence[Any]]:
     plan = tuple((index, kind == "char", length) for index, (kind, length) in zip(to_wire, kinds, strict=True))
 
-    def pack_flat(values: Sequence[Any]) -> bytes:
-        if len(values) != len(plan):
-            raise struct.error(f"{len(plan)} values expected, {len(values)} given")
+    def arranged(values: Sequence[Any]) -> Sequence[Any]:
         flat: list[Any] = []
         for index, is_text, length in plan:
             value = values[index]
@@ -96,15 +97,15 @@ def _array_packer(
                 flat.extend(value)
             else:
                 flat.append(value)
-        return wire.pack(*flat)
+        return flat
 
-    return pack_flat
+    return arranged
 
 
-def _number_packer(
-    wire: struct.Struct, to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
-) -> Callable[[Sequence[Any]], bytes]:
-    """Packer for a message with arrays of numbers and no text: joined run by run in the wire's order, then one call."""
+def _array_arranger(
+    to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
+) -> Callable[[Sequence[Any]], Sequence[Any]]:
+    """Join numbers and arrays of numbers run by run."""
     runs: list[slice | int] = []
     for index, (_, length) in zip(to_wire, kinds, strict=True):
         if length:
@@ -113,17 +114,15 @@ def _number_packer(
             runs[-1] = slice(runs[-1].start, index + 1)
         else:
             runs.append(slice(index, index + 1))
-    plan, count, pack = tuple(runs), len(to_wire), wire.pack
+    plan = tuple(runs)
 
-    def pack_runs(values: Sequence[Any]) -> bytes:
-        if len(values) != count:
-            raise struct.error(f"{count} values expected, {len(values)} given")
+    def arranged(values: Sequence[Any]) -> Sequence[Any]:
         flat: list[Any] = []
         for run in plan:
             flat += values[run]
-        return pack(*flat)
+        return flat
 
-    return pack_runs
+    return arranged
 
 
 def _unpacker(
@@ -165,12 +164,6 @@ def _spec(message_class: type[Any]) -> MessageSpec:
         for name, length in zip(wire_names, message_class.array_lengths, strict=True)
     )
     wire = struct.Struct(message_class.unpacker.format)
-    if all(length == 0 and kind != "char" for kind, length in kinds):
-        packer = _scalar_packer(wire, to_wire)
-    elif all(kind != "char" for kind, _ in kinds) and len(names) > 1:
-        packer = _number_packer(wire, to_wire, kinds)
-    else:
-        packer = _array_packer(wire, to_wire, kinds)
     return MessageSpec(
         name=message_class.msgname,
         message_id=message_class.id,
@@ -179,7 +172,9 @@ def _spec(message_class: type[Any]) -> MessageSpec:
         id_bytes=message_class.id.to_bytes(3, "little"),
         crc_extra=bytes((message_class.crc_extra,)),
         size=wire.size,
-        pack_payload=packer,
+        count=len(names),
+        arrange=_arranger(to_wire, kinds),
+        pack=wire.pack,
         unpack_payload=_unpacker(wire, to_declared, kinds),
     )
 

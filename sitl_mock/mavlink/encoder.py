@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _HEADER = struct.Struct("<BBBBBB3s").pack
 _HEADER_V1 = struct.Struct("<BBBBB").pack
 _CRC = struct.Struct("<H").pack
+_HEADER_LENGTH = 10
 _UNFIT = (struct.error, TypeError, ValueError, IndexError, OverflowError)
 
 
@@ -55,7 +56,10 @@ class Encoder:
             EncodeError: Wrong number of values, or a value out of its field's range.
         """
         try:
-            payload = spec.pack_payload(values)
+            if len(values) != spec.count:
+                raise struct.error(f"{spec.count} values expected, {len(values)} given")
+            arrange = spec.arrange
+            payload = spec.pack(*values) if arrange is None else spec.pack(*arrange(values))
         except _UNFIT as error:
             raise EncodeError(f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}") from error
         if not payload[-1]:
@@ -87,10 +91,8 @@ class Encoder:
         spec = spec_of(message)
         if spec.message_id > 0xFF:
             raise EncodeError(f"{spec.name} has id {spec.message_id}; MAVLink 1 carries ids up to 255")
-        try:
-            payload = spec.pack_payload(values)
-        except _UNFIT as error:
-            raise EncodeError(f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}") from error
+        whole = Encoder(self.system_id, self.component_id).frame(spec, values)
+        payload = whole[_HEADER_LENGTH:-2].ljust(spec.size, b"\0")
         head = _HEADER_V1(len(payload), self.sequence, self.system_id, self.component_id, spec.message_id)
         self.sequence = (self.sequence + 1) & 0xFF
         body = head + payload
