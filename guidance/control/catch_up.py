@@ -1,8 +1,8 @@
 """Way lost to acceleration is made good: by flying a little faster than the game's pursuer, and never ahead of it.
 
 The game's pursuer is at full speed at once; a vehicle that starts from hover is some metres behind for the rest of the
-game, and would be later by just that. So the way that it owes is kept account of, and worked off with what the speed
-limits leave above the game's speed; where they leave nothing, nothing is made good. Nothing is owed any more when the
+game, and would be later by just that. So its along-track deficit is kept account of, and worked off with what the
+speed limits leave above the game's speed; where they leave nothing, nothing is made good. The deficit is gone when the
 vehicle has flown as far as the game's pursuer would have: over any game its mean speed stays within the game's bound,
 and its value is never beaten in this way. A vehicle that flies faster than the limits, though no command says so, is
 told to fly slower: ArduCopter makes good by itself what it has lagged behind its setpoints, for seconds.
@@ -21,11 +21,11 @@ EASE = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatchUp:
-    """How way that is owed is worked off.
+    """How the along-track deficit is worked off.
 
     Attributes:
-        gain_per_s: Speed added per metre owed, where little is.
-        limit_m: More than this is never owed: a vehicle that cannot keep up at all does not race for ever after.
+        gain_per_s: Speed added per metre of deficit, where it is small.
+        limit_m: The deficit is never more than this: a vehicle that cannot keep up at all does not race for ever after.
     """
 
     gain_per_s: float = 0.5
@@ -33,7 +33,7 @@ class CatchUp:
 
 
 class CaughtUp(NamedTuple):
-    """The velocity with what catching up adds to it, and what is owed now, in metres."""
+    """The velocity with what catching up adds to it, and the along-track deficit now, in metres."""
 
     velocity_ned_m_s: Vector
     deficit_m: float
@@ -48,7 +48,7 @@ def catch_up(
     most: float,
     dt_s: float,
 ) -> CaughtUp:
-    """Add to a velocity what makes up for the way over ground that is owed, along it.
+    """Add to a velocity what makes up for the along-track deficit over the ground.
 
     Args:
         desired_ned_m_s: What the game asks for.

@@ -70,7 +70,7 @@ class Following:
 
 
 class FollowMemory(NamedTuple):
-    """What one call leaves to the next: the servo's memory, the way that is owed (m), and the drift."""
+    """What one call leaves to the next: the servo's memory, the along-track deficit (m), and the drift."""
 
     servo: ServoMemory = ServoMemory()
     deficit_m: float = 0.0
@@ -104,7 +104,7 @@ def follow(
         gaps: To the disc.
         following: How this vehicle is made to.
         memory: From the last call.
-        most: The largest multiple of the game's velocity with which way that is owed is made good.
+        most: The largest multiple of the game's velocity with which the along-track deficit is worked off.
         dt_s: Seconds since the last call.
     """
     if following is None:
@@ -115,7 +115,7 @@ def follow(
     desired, braking = approach(
         caught_up.velocity_ned_m_s, flown, here.evader_velocity_ned_m_s or _STILL, gaps, following.approach
     )
-    # What braking at the disc costs is not owed.
+    # Braking at the disc adds nothing to the deficit.
     deficit_m = memory.deficit_m if braking else caught_up.deficit_m
     served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s)
     return Followed(

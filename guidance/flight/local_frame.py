@@ -14,7 +14,7 @@ from typing import Final
 from guidance.control import Polygon
 from guidance.cycle import CycleMemory
 from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
-from guidance.messages import GlobalPosition, LocalPosition
+from guidance.messages import GlobalPosition, Home, LocalPosition, Origin
 from guidance.vehicle import VehicleState, local_frame
 
 NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)
@@ -35,21 +35,31 @@ class OriginEstimate:
     def __init__(self, projection: MapProjection) -> None:
         self._projection = projection
         self._frame: LocalFrame | None = None
+        self._telling: tuple[Home | None, Origin | None] = (None, None)
+        self._told_frame: LocalFrame | None = None
         self._jumped: Vector = (0.0, 0.0, 0.0)
         self.held_back_ned_m: Vector = NOWHERE
 
     def observe(self, vehicle: VehicleState) -> LocalFrame | None:
         """Take in what was heard in one cycle; None until the vehicle has told where it is."""
-        told = local_frame(vehicle, self._projection)
+        told = self._told(vehicle)
         if told is None:
             return self._frame
-        told = replace(told, home=None)  # heights above home may change; the frame is the same
         self._note_jump(vehicle)
         if self._frame is None or _is_harmless(self._frame, told):
             self._frame = told
         if told != self._frame or self.held_back_ned_m != NOWHERE:
             self._frame = self._judged(self._frame, told, vehicle)
         return self._frame
+
+    def _told(self, vehicle: VehicleState) -> LocalFrame | None:
+        """Return the frame that the vehicle tells, reckoned anew only once it tells another."""
+        telling = vehicle.last(Home), vehicle.last(Origin)
+        if telling != self._telling:
+            self._telling, told = telling, local_frame(vehicle, self._projection)
+            # Heights above home may change; the frame is the same.
+            self._told_frame = None if told is None else replace(told, home=None)
+        return self._told_frame
 
     def _note_jump(self, vehicle: VehicleState) -> None:
         rows = zip(self.held_back_ned_m, vehicle.jumped_ned_m, self._jumped, strict=True)

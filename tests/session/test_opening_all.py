@@ -95,7 +95,7 @@ def test_a_vehicle_that_is_silent_leaves_nothing_open(vehicle_document, udp):
 
 
 def test_a_url_that_is_none_is_refused_before_anything_is_opened(vehicle_document):
-    with pytest.raises(ConfigError, match="vehicle.url = 'carrier://pigeon': allowed are udpin://"):
+    with pytest.raises(ConfigError, match=r"vehicle\.url = 'carrier://pigeon': allowed are udpin://"):
         config_of(vehicle_document, vehicle={"url": "carrier://pigeon"})
 
 

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -72,3 +73,22 @@ def test_the_speed_along_the_circle_is_kept(north, east, bearing, distance):
     if distance > 0.01:
         before, after = (v[0] * along[0] + v[1] * along[1] for v in ((north, east), velocity[:2]))
         assert after == pytest.approx(before, abs=1e-6)
+
+
+def test_outside_is_beyond_a_fence_itself_whatever_its_margin():
+    for envelope in (CIRCLE, SQUARE):
+        assert not measure_fence(at(29.9, 0.0), envelope).outside
+        assert measure_fence(at(30.1, 0.0), envelope).outside
+    both = replace(CIRCLE, fence_polygon=SQUARE.fence_polygon)
+    assert measure_fence(at(29.0, 29.0), both).outside  # of the circle, within the square's corner
+    assert not measure_fence(at(500.0, 0.0), Envelope(**PLAIN)).outside
+
+
+@given(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
+def test_every_edge_is_measured_along_a_unit_normal_and_from_outside_the_nearest_only(x, y):
+    fence = measure_fence(at(x, y), SQUARE)
+    assert all(math.hypot(*edge.outward) == pytest.approx(1.0) for edge in fence.edges)
+    nearest = min(abs(edge.gap_m) for edge in fence.edges)
+    beyond = math.hypot(max(abs(x) - 30.0, 0.0), max(abs(y) - 30.0, 0.0))
+    assert nearest == pytest.approx(beyond if fence.outside else 30.0 - max(abs(x), abs(y)), abs=0.011)
+    assert len(fence.edges) == 4 if not fence.outside else all(edge.gap_m <= 0.01 for edge in fence.edges)
