@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.__main__ import STEPS
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BIN = Path(sys.executable).parent
@@ -43,3 +45,23 @@ def test_every_file_and_picture_it_names_is_there():
     assert len(named) > 8
     missing = [name for name in named if not (ROOT / name).exists()]
     assert missing == []
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
+def test_every_file_and_module_that_a_page_of_the_docs_names_is_there(page):
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"\]\(([^)#:]+)\)", text)
+    missing = [name for name in named if not (page.parent / name).exists()]
+    paths = re.findall(r"`(?:python )?((?:guidance|sitl_mock|config|tests|docs)/[\w./-]+)", text)
+    modules = [name.replace(".", "/") + ".py" for name in re.findall(r"`python -m (tests\.[\w.]+)", text)]
+    missing += [name for name in (*paths, *modules) if not (ROOT / name).exists()]
+    assert missing == []
+
+
+def test_a_commit_is_held_to_the_steps_that_ci_begins_with():
+    text = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    assert re.findall(r"id: (\w+)", text) == ["format", "lint", "types", "layers"]
+    hooks = dict(re.findall(r"id: (\w+)\n +name: \w+\n +entry: (.+)", text))
+    for name, entry in hooks.items():
+        program, *_ = entry.split()
+        assert STEPS[name][0] == BIN / program
