@@ -113,6 +113,13 @@ def first_frame(data: bytes, crc_extra: Mapping[int, int]) -> Frame | None:
     return frame if extra is not None and _is_whole(frame, extra) else None
 
 
+def claimed_system(data: bytes) -> int | None:
+    """Who a datagram says it is from, before its checksum is asked; None where it does not begin like a frame."""
+    if len(data) < _SHORTEST or _frame_length(data, 0) == 0:
+        return None
+    return data[3] if data[0] == MAGIC_V1 else data[5]
+
+
 def _is_whole(frame: Frame, extra: int) -> bool:
     body_end = len(frame.data) - (_SIGNATURE_BYTES if frame.signed else 0) - 2
     return checksum(frame.data[1:body_end], extra) == frame.data[body_end : body_end + 2]

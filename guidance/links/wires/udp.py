@@ -14,7 +14,7 @@ from typing import Final
 from guidance.errors import LinkError
 from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
 from guidance.links.dialect import CRC_EXTRA
-from guidance.links.framing import first_frame
+from guidance.links.framing import claimed_system, first_frame
 
 _WAIT_US: Final = 100_000
 _MOST_BYTES: Final = 65535
@@ -53,16 +53,17 @@ class Peers:
         if address in self._heard_s:
             self._heard_s[address] = now_s
             return data
+        claimed = claimed_system(data)
+        holder = None if claimed is None else self._pinned.get(claimed)
+        if holder is not None and now_s - self._heard_s[holder] < SILENT_S:
+            self.refused["impostor"] += 1  # whatever its checksum: a flood of these costs next to nothing
+            return b""
         frame = first_frame(data, CRC_EXTRA)
         if frame is None:
             self.refused["garbage"] += 1
             return b""
         if not self._may_be_peer(frame.system_id, now_s):
             return self._other(now_s, frame.data)
-        holder = self._pinned.get(frame.system_id)
-        if holder is not None and now_s - self._heard_s[holder] < SILENT_S:
-            self.refused["impostor"] += 1
-            return b""
         self._pin(frame.system_id, address, now_s)
         return data
 
