@@ -43,6 +43,7 @@ class ArduPilot:
         mode: Name of the mode that is flown.
         guided: Last setpoint in GUIDED, None while there is none.
         takeoff_m: Down coordinate of the take-off in GUIDED, NaN when it is over.
+        takeoff_s: When it was asked for.
         just_taken_off: Nothing has been asked for since the take-off in GUIDED.
         paused: DO_PAUSE_CONTINUE has stopped the flight.
         turn: Where CONDITION_YAW turns the nose, None where the flight decides.
@@ -66,6 +67,7 @@ class ArduPilot:
         self.guided: Setpoint | None = None
         self.stream_s = -math.inf
         self.takeoff_m = math.nan
+        self.takeoff_s = -math.inf
         self.just_taken_off = False
         self.paused = False
         self.turn: Turn | None = None

@@ -101,6 +101,7 @@ def _takeoff(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
         return FAILED
     home = state.home_m or state.position_m
     commander.takeoff_m = home[2] - height_m
+    commander.takeoff_s = commander.state.now_s
     commander.guided = None
     commander.entered_m = state.position_m
     return ACCEPTED

@@ -18,6 +18,10 @@ _NAN = math.nan
 _REACHED_M: Final = 0.5
 _THROTTLE_DOWN: Final = -0.95
 """AUTO takes off when the throttle stick has left its lower end, as GUIDED needs no stick."""
+_ARMING_DELAY_S: Final = 2.0
+"""ARMING_DELAY_SEC: a take-off waits so long after arming."""
+_THRUST_RISES_S: Final = 0.8
+"""From NAV_TAKEOFF until it lifts off, and again from a second one (measured)."""
 _CLIMB_LEAST_S: Final = 2.0
 """RTL sets out after so long also where there is nothing to climb (measured)."""
 _NOT_IN_RTL: Final = 2  # WP_YAW_BEHAVIOR: the nose follows the flight, but not in RTL
@@ -31,6 +35,9 @@ _STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
 def _guided(commander: ArduPilot) -> Setpoint:
     """A take-off first, then the stream; a velocity alone does not leave the ground."""
     state = commander.state
+    lifts_s = max(state.armed_s + _ARMING_DELAY_S, commander.takeoff_s) + _THRUST_RISES_S
+    if math.isfinite(commander.takeoff_m) and state.on_ground and state.now_s < lifts_s:
+        return commander.idling
     if math.isfinite(commander.takeoff_m):
         north, east, _ = commander.entered_m
         if state.flew and abs(state.position_m[2] - commander.takeoff_m) < _REACHED_M:

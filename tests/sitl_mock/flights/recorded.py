@@ -1,14 +1,16 @@
 """Recorded flights: what is kept of a .tlog, and the track, modes, answers and news that both sides are compared by."""
 
+import csv
 import gzip
 import math
 import struct
 import tempfile
+from bisect import bisect_left
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sitl_mock.compare import read_tlog
+from sitl_mock.compare import Field, Stream, behaviour_of, read_tlog
 from sitl_mock.mavlink import Decoder
 
 FOLDER = Path(__file__).parents[2] / "data" / "flights"
@@ -20,19 +22,22 @@ _NEWS = frozenset(
 )
 
 
-def keep(tlog: Path, kept: Path) -> None:
+def keep(tlog: Path, kept: Path, until_s: float = math.inf) -> None:
     """Write what a comparison needs: all that the client sent, and of the vehicle's messages those of a flight.
 
     Places and attitudes are thinned to two a second; of what tells nothing of the flight the first one is kept.
     """
     raw, at, out = tlog.read_bytes(), 0, []
-    decoder, last_s, landed = Decoder(), defaultdict(lambda: -math.inf), None
+    decoder, last_s, landed, begun_us = Decoder(), defaultdict(lambda: -math.inf), None, None
     while at < len(raw):
         (time_us,) = _TIME.unpack_from(raw, at)
         at += _TIME.size
         size = raw[at + 1] + (12 if raw[at] == 0xFD else 8)
         (message,) = decoder.feed(raw[at : at + size], whole=True)
         at += size
+        begun_us = time_us if begun_us is None else begun_us
+        if (time_us - begun_us) * 1e-6 > until_s:
+            break
         name = message.get_type()
         if (message.get_srcSystem(), message.get_srcComponent()) == (1, 1):
             period_s = _THINNED_S.get(name, 0.0 if name in _NEWS else math.inf)
@@ -41,11 +46,47 @@ def keep(tlog: Path, kept: Path) -> None:
             if time_us * 1e-6 < last_s[name] + period_s:
                 continue
             last_s[name] = time_us * 1e-6
-        elif name in _NOT_KEPT:
+        elif name in _NOT_KEPT and math.isinf(until_s):
             continue
         out.append(_TIME.pack(time_us) + bytes(message.get_msgbuf()))
     kept.parent.mkdir(exist_ok=True)
     kept.write_bytes(gzip.compress(b"".join(out), mtime=0))
+
+
+def keep_streams(tlog: Path, table: Path, until_s: float) -> None:
+    """Write how each message behaved until a time: its rate, and each field's range on the ground and in the air."""
+    recording = read_tlog(tlog)
+    streams = behaviour_of((at_s, message) for at_s, message in recording.said if at_s <= until_s)
+    with table.open("w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("message", "count", "rate_hz", "phase", "field", "moves", "least", "most"))
+        for name, stream in sorted(streams.items()):
+            if not any(stream.fields.values()):
+                writer.writerow((name, stream.count, f"{stream.rate_hz:.3f}", "", "", "", "", ""))
+            for phase, fields in sorted(stream.fields.items()):
+                for label, values in fields.items():
+                    absent = math.isnan(values.first)
+                    span = ("", "") if absent else (f"{values.least:.7g}", f"{values.most:.7g}")
+                    writer.writerow(
+                        (name, stream.count, f"{stream.rate_hz:.3f}", phase, label, int(values.moves), *span)
+                    )
+
+
+def streams_of(name):
+    """Read such a table: message to its count, rate and fields by phase and name, as `behaviour_of` gives them."""
+    streams = {}
+    with (FOLDER / f"{name}_streams.csv").open(newline="", encoding="ascii") as file:
+        for row in csv.DictReader(file):
+            count, rate_hz = int(row["count"]), float(row["rate_hz"])
+            last_s = (count - 1) / rate_hz if rate_hz else 0.0
+            stream = streams.setdefault(row["message"], Stream(count, 0.0, last_s))
+            if not row["field"]:
+                continue
+            values = Field(moves=row["moves"] == "1")
+            if row["least"]:
+                values.least, values.most, values.first = float(row["least"]), float(row["most"]), float(row["least"])
+            stream.fields.setdefault(row["phase"], {})[row["field"]] = values
+    return streams
 
 
 def recording(name):
@@ -61,7 +102,7 @@ class Flown:
     """What a vehicle did.
 
     Attributes:
-        track: Second to north, east, down (m), their rates (m/s) and yaw (rad).
+        track: Time, north, east, down (m), their rates (m/s) and yaw (rad).
         modes: Time and mode as HEARTBEAT told it, with whether it was armed, when either changed.
         answers: Command and result of every COMMAND_ACK.
         texts: Time and STATUSTEXT.
@@ -70,13 +111,18 @@ class Flown:
         yaw_rad: The last yaw.
     """
 
-    track: dict = field(default_factory=dict)
+    track: list = field(default_factory=list)
     modes: list = field(default_factory=list)
     answers: list = field(default_factory=list)
     texts: list = field(default_factory=list)
     reached: dict = field(default_factory=dict)
     plans: list = field(default_factory=list)
     yaw_rad: float = math.nan
+
+    def at(self, at_s):
+        """The row of the track that is nearest to a time."""
+        index = bisect_left(self.track, (at_s,))
+        return min(self.track[max(index - 1, 0) : index + 1], key=lambda row: abs(row[0] - at_s))
 
     def modes_between(self, start_s, end_s, least_s=0.0):
         """The modes of a span of time that lasted for longer than `least_s`, with whether it was armed."""
@@ -87,7 +133,7 @@ class Flown:
         }
 
     def _local_position_ned(self, at_s, m):
-        self.track.setdefault(round(at_s), (m.x, m.y, m.z, m.vx, m.vy, m.vz, self.yaw_rad))
+        self.track.append((at_s, m.x, m.y, m.z, m.vx, m.vy, m.vz, self.yaw_rad))
 
     def _attitude(self, _, m):
         self.yaw_rad = m.yaw
