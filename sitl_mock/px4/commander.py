@@ -14,6 +14,7 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
 from sitl_mock.px4 import flying, offboard, safety
+from sitl_mock.px4.calibration import Calibration
 from sitl_mock.px4.follow import Follow
 from sitl_mock.px4.home import HomeKeeper
 from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, Unmeant, meant
@@ -70,6 +71,7 @@ class Px4:
         self.in_failsafe = False
         self.pilot_counts = False
         self._check_s = -math.inf
+        self.calibration = Calibration()
         self._sticks_known = False
         self._left = False
         self._lift_s = math.inf
@@ -199,6 +201,8 @@ class Px4:
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
             self._check(now_s)
+        if self.calibration.kind:
+            self.calibration.advance(self.state, now_s)
         if not self.state.armed or self.mode == "TERMINATION":
             self._left = False
             return _STOPPED

@@ -167,6 +167,9 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
     state = px4.state
     if state.armed:
         return ACCEPTED
+    if px4.calibration.kind:
+        state.say(Severity.CRITICAL, "Arming denied: calibrating")
+        return REFUSED
     px4.there = safety.available(state, px4.plans, px4.stream_s)
     reasons = safety.refusals(state, BY_NAME[px4.intention], px4.there)
     if reasons:
@@ -248,8 +251,9 @@ def _reboot(px4: Px4, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _calibrate(px4: Px4, _now_s: float, _command: Command) -> Answers:
-    return REFUSED if px4.state.armed else ACCEPTED
+def _calibrate(px4: Px4, now_s: float, command: Command) -> Answers:
+    """PREFLIGHT_CALIBRATION: its texts follow the answer."""
+    return px4.calibration.execute(px4.state, now_s, command)
 
 
 _HANDLERS: Mapping[int, Callable[[Px4, float, Command], Answers]] = MappingProxyType(

@@ -45,7 +45,7 @@ DEPARTURES = {
         "POSITION_TARGET_GLOBAL_INT": "the trajectory of a hover is quieter",
         "POSITION_TARGET_LOCAL_NED": "the trajectory of a hover is quieter; " + UNSET,
         "SCALED_PRESSURE temperature": SENSORS,
-        "STATUSTEXT": "the real one said none here, though a ground station's heartbeats came by, for which it did elsewhere",
+        "STATUSTEXT": "the real one said none here, though heartbeats of a ground station came by",
         "SYS_STATUS": SIMULATOR,
         "TIME_ESTIMATE_TO_TARGET": "no estimate of the way home",
         "VFR_HUD heading": "north is a matter of noise: 0 and 359.9",

@@ -1,0 +1,138 @@
+"""PREFLIGHT_CALIBRATION: what PX4 v1.17 (SIH) answered to each kind, and the texts that ground stations read.
+
+A vehicle that nobody turns ends neither the accelerometer's nor the compass's calibration; the simulated barometer's
+ends neither by itself nor by order.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import chain, count
+from types import MappingProxyType
+from typing import Final
+
+from sitl_mock.protocols import Command, CommandAnswer, Result
+from sitl_mock.px4.answers import ACCEPTED, DENIED, REFUSED, SILENCE, UNSUPPORTED, Answers
+from sitl_mock.vehicle_state import Severity, VehicleState
+
+Line = tuple[float, Severity, str]
+
+_INFO, _CRITICAL = Severity.INFO, Severity.CRITICAL
+_STEP_S: Final = 0.1
+_PENDING: Final = "pending: back front left right up"
+_SIDE_S: Final = 3.75
+"""How often a side that is done already is found again."""
+
+
+def _progress(kind: str, steps: tuple[int, ...], done_s: float) -> tuple[Line, ...]:
+    told = tuple((0.05 + _STEP_S * number, _INFO, f"progress <{share}>") for number, share in enumerate(steps))
+    return (*told, (done_s, _INFO, f"calibration done: {kind}"))
+
+
+_STILL: Final = ((0.1, _INFO, _PENDING + " down"), (0.15, _INFO, "hold vehicle still on a pending side"))
+_DOWN: Final = "down orientation detected"
+_ACCELEROMETER: Final = (
+    *_STILL,
+    (2.5, _INFO, "detected rest position, hold still..."),
+    (3.85, _INFO, _DOWN),
+    (3.9, _INFO, _DOWN),
+    (3.95, _INFO, "Hold still, measuring down side"),
+    (7.1, _INFO, "down side result: [-0.028 -0.042 -9.811]"),
+    (7.1, _INFO, "progress <17>"),
+    (7.15, _INFO, "down side done, rotate to a different side"),
+    (7.2, _INFO, "down side done, rotate to a different side"),
+    (7.4, _INFO, _PENDING),
+    (7.4, _INFO, "hold vehicle still on a pending side"),
+)
+_AGAIN: Final = (
+    (9.7, _INFO, "detected rest position, hold still..."),
+    (11.05, _INFO, "down side already completed"),
+    (11.1, _INFO, _PENDING),
+    (11.15, _INFO, "hold vehicle still on a pending side"),
+)
+_COMPASS: Final = (
+    *_STILL,
+    (1.9, _INFO, "detected rest position, hold still..."),
+    (2.4, _INFO, _DOWN),
+    (2.5, _INFO, _DOWN),
+    (2.55, _INFO, "Rotate vehicle"),
+)
+_SCRIPTS: Final = MappingProxyType(
+    {
+        "gyro": _progress("gyro", (*range(0, 101, 10),), 1.1),
+        "level": _progress("level", (*range(0, 101, 20), 100), 0.65),
+        "accel": _ACCELEROMETER,
+        "mag": _COMPASS,
+        "airspeed": ((0.05, _CRITICAL, "Ensure sensor is not measuring wind"),),
+        "baro": (),
+    }
+)
+_KINDS: Final = MappingProxyType({(0, 1.0): "gyro", (1, 1.0): "mag", (2, 1.0): "baro", (5, 1.0): "airspeed"})
+_OF_PARAM5: Final = MappingProxyType({1.0: "accel", 2.0: "level"})
+_QUIETLY: Final = frozenset({(1, 2.0), (4, 4.0)})
+"""Quick calibrations of the compass and of the accelerometer say nothing."""
+_RADIO, _ESC = (3, 1.0), (6, 1.0)
+_CANCELLED: Final = (CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.TEMPORARILY_REJECTED, delay_s=0.01))
+
+
+@dataclass(slots=True)
+class Calibration:
+    """The calibration that is under way, if one is.
+
+    Attributes:
+        kind: gyro, mag, baro, accel, level or airspeed; empty for none.
+    """
+
+    kind: str = ""
+    _begun_s: float = 0.0
+    _next: Line | None = None
+    _script: Iterator[Line] = field(default_factory=lambda: iter(()))
+
+    def execute(self, state: VehicleState, now_s: float, command: Command) -> Answers:
+        """Begin, cancel or refuse."""
+        asked = [(index, value) for index, value in enumerate(command.params) if value]
+        if any(math.isnan(value) for value in command.params):
+            return UNSUPPORTED
+        if state.armed:
+            return REFUSED
+        if not asked:
+            return self._cancel(state)
+        if self.kind:
+            return REFUSED
+        return self._begin(state, now_s, asked[0])
+
+    def _begin(self, state: VehicleState, now_s: float, asked: tuple[int, float]) -> Answers:
+        index, value = asked
+        kind = _OF_PARAM5.get(value) if index == 4 else _KINDS.get(asked)
+        if kind is not None:
+            self.kind, self._begun_s = kind, now_s
+            again = ((at_s + number * _SIDE_S, level, text) for number in count() for at_s, level, text in _AGAIN)
+            self._script = chain(_SCRIPTS[kind], again if kind == "accel" else ())
+            self._next = next(self._script, None)
+            state.say(_INFO, f"[cal] calibration started: 2 {kind}")
+            return ACCEPTED
+        if asked == _ESC:
+            state.say(_CRITICAL, "[cal] calibration failed: Disconnect battery and try again")
+            return DENIED
+        if asked == _RADIO:
+            state.say(_INFO, "Calibration: Disabling RC input")
+            return ACCEPTED
+        return ACCEPTED if asked in _QUIETLY else SILENCE
+
+    def _cancel(self, state: VehicleState) -> Answers:
+        if not self.kind:
+            return ACCEPTED
+        if self.kind not in {"accel", "mag", "airspeed"}:
+            return REFUSED
+        state.say(_CRITICAL, "[cal] calibration cancelled")
+        self.kind = ""
+        return _CANCELLED
+
+    def advance(self, state: VehicleState, now_s: float) -> None:
+        """Say what is due."""
+        while self.kind and self._next is not None and now_s >= self._begun_s + self._next[0]:
+            _, level, text = self._next
+            state.say(level, f"[cal] {text}")
+            self._next = next(self._script, None)
+            if text.startswith("calibration done"):
+                self.kind = ""
