@@ -110,3 +110,13 @@ def _accel(commander: ArduPilot, accel: int) -> Answers:
 def _motors(commander: ArduPilot, _accel: int) -> Answers:
     _say(commander, "Starting calibration", "Current")
     return (CommandAnswer(Result.ACCEPTED),)
+
+
+ANSWERED_WITH_ONE: Mapping[int, Result] = MappingProxyType(
+    {
+        **dict.fromkeys((32, 42007, 42701), Result.ACCEPTED),
+        **dict.fromkeys((181, 182, 526, 532, 32000), Result.FAILED),
+        2001: Result.UNSUPPORTED,
+    }
+)
+"""Those that look at their parameters: asked with 1 in all of them."""

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot import safety
-from sitl_mock.ardupilot.answers import ANSWERED, CALIBRATIONS, calibrate
+from sitl_mock.ardupilot.answers import ANSWERED, ANSWERED_WITH_ONE, CALIBRATIONS, calibrate
 from sitl_mock.ardupilot.maneuvers import turn_from
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
@@ -43,6 +43,8 @@ def execute(commander: ArduPilot, now_s: float, command: Command) -> Answers:
     if number in CALIBRATIONS:
         return calibrate(commander, command)
     result = ANSWERED.get(number) if commander.firmware.flies else None
+    if commander.firmware.flies and command.params[0] == 1.0:
+        result = ANSWERED_WITH_ONE.get(number, result)
     return UNSUPPORTED if result is None else (CommandAnswer(result),)
 
 

@@ -49,6 +49,16 @@ _OTHER: Final[Mapping[int, Answers]] = {
     43004: (CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.UNSUPPORTED, delay_s=0.02)),
 }
 
+_WITH_ONE: Final[Mapping[int, Answers]] = {262: ACCEPTED, 310: ACCEPTED, 2510: UNSUPPORTED, 2511: ACCEPTED}
+_WITH_NAN: Final[Mapping[int, Answers]] = {
+    211: DENIED,
+    245: SILENCE,
+    2510: UNSUPPORTED,
+    2511: ACCEPTED,
+    43003: REFUSED,
+}
+"""Those that look at their first parameter: asked with 1 and with NaN in all of them."""
+
 PLAIN: Final[Mapping[int, Answers]] = MappingProxyType(
     dict.fromkeys(_TAKEN, ACCEPTED) | dict.fromkeys(_UNANSWERED, SILENCE) | dict(_OTHER)
 )
@@ -123,10 +133,17 @@ SECOND_ACK_S: Final = 0.02
 """The commander answers in its own cycle, after the receiver has."""
 
 
+def _plain(command: Command) -> Answers:
+    """The answer to a command that changes nothing."""
+    first = command.params[0]
+    by_first = _WITH_NAN if math.isnan(first) else _WITH_ONE if first == 1.0 else {}
+    return by_first.get(command.number, PLAIN.get(command.number, UNSUPPORTED))
+
+
 def execute(px4: Px4, now_s: float, command: Command) -> Answers:
     """Obey or refuse a command."""
     handler = _HANDLERS.get(command.number)
-    return PLAIN.get(command.number, UNSUPPORTED) if handler is None else handler(px4, now_s, command)
+    return _plain(command) if handler is None else handler(px4, now_s, command)
 
 
 def _granted(granted: bool) -> Answers:
