@@ -5,17 +5,17 @@ ends neither by itself nor by order.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, count
 from types import MappingProxyType
 from typing import Final
 
 from sitl_mock.protocols import Command, CommandAnswer, Result
-from sitl_mock.px4.commands import ACCEPTED, DENIED, REFUSED, SILENCE, UNSUPPORTED, Answers
 from sitl_mock.vehicle_state import Severity, VehicleState
 
 Line = tuple[float, Severity, str]
+Answers = Sequence[CommandAnswer]
 
 _INFO, _CRITICAL = Severity.INFO, Severity.CRITICAL
 _STEP_S: Final = 0.1
@@ -75,6 +75,10 @@ _RADIO, _ESC = (3, 1.0), (6, 1.0)
 _CANCELLED: Final = (CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.TEMPORARILY_REJECTED, delay_s=0.01))
 
 
+def _answer(result: Result) -> Answers:
+    return (CommandAnswer(result),)
+
+
 @dataclass(slots=True)
 class Calibration:
     """The calibration that is under way, if one is.
@@ -92,13 +96,13 @@ class Calibration:
         """Begin, cancel or refuse."""
         asked = [(index, value) for index, value in enumerate(command.params) if value]
         if any(math.isnan(value) for value in command.params):
-            return UNSUPPORTED
+            return _answer(Result.UNSUPPORTED)
         if state.armed:
-            return REFUSED
+            return _answer(Result.TEMPORARILY_REJECTED)
         if not asked:
             return self._cancel(state)
         if self.kind:
-            return REFUSED
+            return _answer(Result.TEMPORARILY_REJECTED)
         return self._begin(state, now_s, asked[0])
 
     def _begin(self, state: VehicleState, now_s: float, asked: tuple[int, float]) -> Answers:
@@ -110,20 +114,20 @@ class Calibration:
             self._script = chain(_SCRIPTS[kind], again if kind == "accel" else ())
             self._next = next(self._script, None)
             state.say(_INFO, f"[cal] calibration started: 2 {kind}")
-            return ACCEPTED
+            return _answer(Result.ACCEPTED)
         if asked == _ESC:
             state.say(_CRITICAL, "[cal] calibration failed: Disconnect battery and try again")
-            return DENIED
+            return _answer(Result.DENIED)
         if asked == _RADIO:
             state.say(_INFO, "Calibration: Disabling RC input")
-            return ACCEPTED
-        return ACCEPTED if asked in _QUIETLY else SILENCE
+            return _answer(Result.ACCEPTED)
+        return _answer(Result.ACCEPTED) if asked in _QUIETLY else ()
 
     def _cancel(self, state: VehicleState) -> Answers:
         if not self.kind:
-            return ACCEPTED
+            return _answer(Result.ACCEPTED)
         if self.kind not in {"accel", "mag", "airspeed"}:
-            return REFUSED
+            return _answer(Result.TEMPORARILY_REJECTED)
         state.say(_CRITICAL, "[cal] calibration cancelled")
         self.kind = ""
         return _CANCELLED
