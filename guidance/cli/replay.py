@@ -66,18 +66,14 @@ def _apart(what: str, apart: "Apart") -> str:
 
 
 def _shown(step: "ReplayedCycle") -> str:
-    from guidance.log.writer import plain  # noqa: PLC0415
+    from guidance.log.entries import CYCLE, cycle_entry  # noqa: PLC0415
 
-    recorded, present = step.row.json, step.outputs._asdict()
+    recorded, present = CYCLE.plain(step.row), CYCLE.plain(cycle_entry(step.row.flight_inputs, step.outputs))
     lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]
     for name in step.differing:
         lines += [f"  {name}", f"    recorded  {json.dumps(recorded.get(name))}"]
-        lines.append(f"    now       {json.dumps(plain(present[name]))}")
-    return "\n".join([*lines, "  inputs", *_inputs(step)])
-
-
-def _inputs(step: "ReplayedCycle") -> list[str]:
-    shown = []
-    for name, value in step.row.json["inputs"].items():
-        shown += [f"    {name}  {json.dumps(one)}" for one in value]
-    return shown
+        lines.append(f"    now       {json.dumps(present.get(name))}")
+    lines.append("  inputs")
+    for name, value in recorded["inputs"].items():
+        lines += [f"    {name}  {json.dumps(one)}" for one in value]
+    return "\n".join(lines)

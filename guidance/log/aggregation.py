@@ -10,7 +10,7 @@ from guidance.flight import FlightSettings
 from guidance.flight.local_frame import polygon_about_home
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame, Vector
-from guidance.log.rows import CycleRow
+from guidance.log.entries import CycleEntry
 from guidance.messages import EvaderReport, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
@@ -55,7 +55,7 @@ class Aggregator:
         self.home_m: Vector | None = None
         self.envelope: Envelope = settings.cycle.envelope
 
-    def cycle(self, row: CycleRow) -> Cycle:
+    def cycle(self, row: CycleEntry) -> Cycle:
         """Fold one row."""
         inputs = row.inputs
         self._vehicle = observe(self._vehicle, inputs.messages)
@@ -70,14 +70,13 @@ class Aggregator:
             self.envelope = self._about(home_ned_m, local_frame)
         local, setpoint, certificate = self._vehicle.last(LocalPosition), row.setpoint, row.certificate
         trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
-        timing = row.json.get("timing") or {}
         cycle = Cycle(
             row.now_s,
             evader_m=self._evader_m,
             evader_age_s=row.now_s - self._report_s,
             round_trip_s=next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan),
-            late_s=timing.get("late_s", math.nan),
-            worked_s=timing.get("worked_s", math.nan),
+            late_s=math.nan if row.timing is None else row.timing.late_s,
+            worked_s=math.nan if row.timing is None else row.timing.worked_s,
         )
         if local is not None:
             placed = _NOWHERE if frame is None else frame.position_from_ned(local.position_ned_m)

@@ -2,9 +2,10 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Final
 
+from guidance.log.entries import CycleEntry
 from guidance.log.writer import Recorder
 from guidance.messages import EvaderReport
 
@@ -33,9 +34,9 @@ class BackgroundRecorder:
         """Keep one raw MAVLink frame."""
         self._put(lambda: self._recorder.frame(now_s, topic, frame))
 
-    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle."""
-        self._put(lambda: self._recorder.cycle(now_s, row))
+        self._put(lambda: self._recorder.cycle(entry))
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""

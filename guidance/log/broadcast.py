@@ -5,6 +5,7 @@ subscribed. It drops rather than waits: an onlooker that hangs or dies is Zenoh'
 """
 
 import contextlib
+import json
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -12,9 +13,9 @@ from typing import Any, Final
 
 import zenoh
 
-from guidance.log.known import in_bytes
-from guidance.log.writer import RELOADED, Record
-from guidance.messages import EvaderReport
+from guidance.log.entries import CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, InputsEntry
+from guidance.log.writer import Record
+from guidance.messages import EvaderReport, Message
 
 MOST_WAITING: Final = 256
 """Five seconds of cycles: what finds no room is dropped and counted."""
@@ -45,9 +46,9 @@ class Broadcast:
     def __init__(self, name: str, session: "zenoh.Session", metadata: Mapping[str, str]) -> None:
         self._name = name
         self._metadata = dict(metadata)
-        self._heard: dict[str, Any] = {}
-        self._now_s, self._state = 0.0, ""
-        self._waiting: deque[tuple[str, Mapping[str, Any]]] = deque()
+        self._heard: dict[type, Message] = {}
+        self._last: CycleEntry | None = None
+        self._waiting: deque[tuple[str, CycleEntry | EventEntry]] = deque()
         self._asked: deque[Any] = deque(maxlen=_MOST_ASKED)
         self.dropped = 0
         self._publishers = {what: self._declare(session, what) for what in ("cycle", "event")}
@@ -62,13 +63,13 @@ class Broadcast:
     def report(self, report: EvaderReport) -> None:
         """Nothing: the cycle has it."""
 
-    def cycle(self, _now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, entry: CycleEntry) -> None:
         """Publish one guidance cycle."""
-        self._put("cycle", row)
+        self._put("cycle", entry)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Publish one event."""
-        self._put("event", {"now_s": now_s, "event": event, "detail": detail})
+        self._put("event", EventEntry(now_s, event, detail))
 
     def close(self) -> None:
         """Publish no more. May be called twice."""
@@ -85,11 +86,11 @@ class Broadcast:
             priority=zenoh.Priority.DATA_LOW,
         )
 
-    def _put(self, what: str, row: Mapping[str, Any]) -> None:
+    def _put(self, what: str, entry: CycleEntry | EventEntry) -> None:
         if len(self._waiting) >= MOST_WAITING:
             self.dropped += 1
         else:
-            self._waiting.append((what, row))
+            self._waiting.append((what, entry))
 
     def _run(self) -> None:
         while not self._stop.wait(_LOOK_EVERY_S):
@@ -100,27 +101,29 @@ class Broadcast:
     def _publish(self) -> None:
         watched = {what: is_watched(one) for what, one in self._publishers.items()}
         while self._waiting:
-            what, row = self._waiting.popleft()
-            self._note(row)
+            what, entry = self._waiting.popleft()
+            self._note(entry)
             if watched[what]:
-                self._publishers[what].put(in_bytes(row))
+                data = CYCLE.encode(entry) if isinstance(entry, CycleEntry) else EVENT.encode(entry)
+                self._publishers[what].put(data)
 
-    def _note(self, row: Mapping[str, Any]) -> None:
+    def _note(self, entry: CycleEntry | EventEntry) -> None:
         """Keep what who joins later has to know."""
-        if row.get("event") == RELOADED:
-            self._metadata["config"] = row["detail"]
-        if "inputs" not in row:
-            return
-        self._now_s, self._state = row["now_s"], row["state"]
-        self._heard.update((message["kind"], message) for message in row["inputs"]["messages"])
+        if isinstance(entry, CycleEntry):
+            self._last = entry
+            self._heard.update((type(message), message) for message in entry.inputs.messages)
+        elif entry.event == RELOADED:
+            self._metadata["config"] = entry.detail
 
     def _answer(self) -> None:
         while self._asked:
             query = self._asked.popleft()
-            inputs = {"messages": list(self._heard.values()), "reports": [], "orders": [], "refusals": []}
-            heard = {"now_s": self._now_s, "state": self._state, "inputs": inputs, "requests": []}
-            answer = {"name": self._name, "metadata": self._metadata, "heard": heard}
-            query.reply(broadcast_key(self._name, FLIGHT), in_bytes(answer), encoding=zenoh.Encoding.APPLICATION_JSON)
+            answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
+            if self._last is not None:
+                inputs = InputsEntry(tuple(self._heard.values()), (), ())
+                answer["heard"] = CYCLE.plain(CycleEntry(self._last.now_s, self._last.state, inputs, ()))
+            data = json.dumps(answer, allow_nan=False).encode()
+            query.reply(broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON)
             query.drop()
 
 
@@ -146,10 +149,10 @@ class Records:
         for record in self._records:
             record.frame(now_s, topic, frame)
 
-    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle."""
         for record in self._records:
-            record.cycle(now_s, row)
+            record.cycle(entry)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""

@@ -6,8 +6,8 @@ from typing import Any, Final, NamedTuple, get_type_hints
 import pyarrow as pa
 
 from guidance.certificate import Certificate
-from guidance.log.rows import CycleRow
-from guidance.log.schemas import inside
+from guidance.log.codec import inside
+from guidance.log.entries import CycleEntry
 from guidance.messages import (
     AltitudeSaid,
     Attitude,
@@ -84,7 +84,7 @@ class LastHeard:
     def __init__(self) -> None:
         self._parts: dict[str, Message | EvaderReport | AltitudeSaid | None] = {}
 
-    def flat(self, row: CycleRow) -> dict[str, Any]:
+    def flat(self, row: CycleEntry) -> dict[str, Any]:
         """Take in one cycle and return it as column -> value.
 
         Raises:

@@ -9,8 +9,8 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.log.broadcast import FLIGHT, broadcast_key
+from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
 from guidance.log.reader import Idle, Item
-from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC
 
 MOST_WAITING: Final = 4096
 TIMEOUT_S: Final = 4.0
@@ -50,7 +50,8 @@ class LiveFlight:
 
     def items(self, idle: Idle) -> Iterator[Item]:
         """Yield what arrives, until `idle` ends it; first what the vehicle said before we came."""
-        yield _item(CYCLE_TOPIC, self._flight["heard"])
+        if "heard" in self._flight:
+            yield _item(CYCLE_TOPIC, self._flight["heard"])
         while True:
             while self._arrived:
                 topic, data = self._arrived.popleft()

@@ -1,8 +1,6 @@
 """The record that could not be opened: it keeps nothing, and says why. The flight does not wait for a disk."""
 
-from collections.abc import Mapping
-from typing import Any
-
+from guidance.log.entries import CycleEntry
 from guidance.messages import EvaderReport
 
 
@@ -17,7 +15,7 @@ class NullRecorder:
     def frame(self, _now_s: float, _topic: str, _frame: bytes) -> None:
         """Nothing."""
 
-    def cycle(self, _now_s: float, _row: Mapping[str, Any]) -> None:
+    def cycle(self, _entry: CycleEntry) -> None:
         """Nothing."""
 
     def event(self, _now_s: float, _event: str, _detail: str = "") -> None:

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from guidance.flight import FlightSettings
 from guidance.frames import Amsl, LocalFrame
-from guidance.log.reader import Survey
-from guidance.log.rows import rows_of
+from guidance.log.reader import Survey, cycles_of
 from guidance.messages import GlobalPosition, Home
 from guidance.vehicle import VehicleState, observe
 
@@ -43,7 +42,7 @@ def features_of(path: Path, settings: FlightSettings | None, survey: Survey | No
     changes: list[Feature] = []
     vehicle, home = VehicleState(), None
     state = ""
-    for row in rows_of(path, survey):
+    for row in cycles_of(path, survey):
         inputs = row.inputs
         for message in inputs.messages:
             if isinstance(message, GlobalPosition):

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple, TypeVar
 
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
@@ -20,7 +20,12 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
+from guidance.log.codec import Codec
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
 from guidance.log.writer import PART, part_path
+from guidance.messages import EvaderReport
+
+T = TypeVar("T")
 
 _LONGEST_RECORD_BYTES: Final = 64 * 1024 * 1024
 _LARGEST_CHUNK_BYTES: Final = 16 * 1024 * 1024
@@ -154,6 +159,49 @@ def metadata_of(path: Path, idle: Idle | None = None) -> Mapping[str, str]:
     if not survey.metadata:
         raise ConfigError(f"{path}: is torn before its first message: nothing in it can be read")
     return survey.metadata
+
+
+def cycles_of(path: Path, survey: Survey | None = None) -> Iterator[CycleEntry]:
+    """Yield the cycles of a record.
+
+    Raises:
+        ConfigError: As `scan`, or if a cycle is not what this version writes.
+    """
+    return _entries(CYCLE, CYCLE_TOPIC, path, survey)
+
+
+def events_of(path: Path) -> Iterator[EventEntry]:
+    """Yield the events of a record.
+
+    Raises:
+        ConfigError: As `cycles_of`.
+    """
+    return _entries(EVENT, EVENT_TOPIC, path)
+
+
+def reports_of(path: Path) -> Iterator[EvaderReport]:
+    """Yield the reports of the evader as their source had them, in order of arrival.
+
+    Raises:
+        ConfigError: As `cycles_of`.
+    """
+    return _entries(REPORT, EVADER_TOPIC, path)
+
+
+def entry_of(codec: Codec[T], item: Item, source: Path) -> T:
+    """Read one message of a channel that is JSON.
+
+    Raises:
+        ConfigError: If it is none, or not what this version writes.
+    """
+    try:
+        return codec.decode(item.data)
+    except ConfigError as error:
+        raise ConfigError(f"{source}: {item.topic} at {item.now_s:.3f} s: {error}") from error
+
+
+def _entries(codec: Codec[T], topic: str, path: Path, survey: Survey | None = None) -> Iterator[T]:
+    return (entry_of(codec, item, path) for item in scan(path, survey) if item.topic == topic)
 
 
 def title_of(metadata: Mapping[str, str]) -> str:

@@ -15,10 +15,18 @@ from typing import Any, Final, NamedTuple
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
-from guidance.log.known import known
-from guidance.log.reader import CONFIG, SettingsOf, Survey, metadata_of, scan
-from guidance.log.rows import CycleRow, event_of, row_of
-from guidance.log.writer import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.log.entries import (
+    BEGUN,
+    CYCLE,
+    CYCLE_TOPIC,
+    EVENT,
+    EVENT_TOPIC,
+    RELOADED,
+    CycleEntry,
+    InputsEntry,
+    cycle_entry,
+)
+from guidance.log.reader import CONFIG, SettingsOf, Survey, entry_of, metadata_of, scan
 from guidance.messages import PositionTarget
 
 COMPARED: Final = ("setpoint", "state", "requests")
@@ -27,7 +35,7 @@ COMPARED: Final = ("setpoint", "state", "requests")
 class ReplayedCycle(NamedTuple):
     """One cycle: as recorded and as the present code has it."""
 
-    row: CycleRow
+    row: CycleEntry
     outputs: Outputs
     differing: tuple[str, ...]
 
@@ -68,7 +76,7 @@ class Comparison:
     def add(self, step: ReplayedCycle) -> None:
         """Count one cycle."""
         self.cycles += 1
-        self.setpoints += step.row.json.get("setpoint") is not None
+        self.setpoints += step.row.setpoint is not None
         if step.differing:
             self.differing += 1
             self.first = self.first or step
@@ -99,21 +107,21 @@ def replay(
     flight = Flight(settings)
     for item in scan(path, survey):
         if item.topic == EVENT_TOPIC:
-            event = event_of(item, path)
+            event = entry_of(EVENT, item, path)
             if event.event == RELOADED and not what_if:
                 settings = settings_of({CONFIG: event.detail})
             if event.event in {BEGUN, RELOADED}:
                 flight = Flight(settings)
         if item.topic != CYCLE_TOPIC:
             continue
-        row = row_of(item, path)
+        row = entry_of(CYCLE, item, path)
         try:
-            outputs = flight.step(_without_echo(row.inputs) if what_if else row.inputs)
+            outputs = flight.step(_without_echo(row.flight_inputs) if what_if else row.flight_inputs)
         except ConfigError as error:
             raise ConfigError(
                 f"{path}: the cycle at {row.now_s:.3f} s was written by another version: {error}"
             ) from error
-        yield ReplayedCycle(row, outputs, tuple(_differing(row.json, outputs)))
+        yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
 
 
 def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tuple[Comparison, Survey]:
@@ -140,13 +148,16 @@ def _without_echo(inputs: Inputs) -> Inputs:
     return inputs._replace(messages=heard)
 
 
-def _differing(recorded: Mapping[str, Any], outputs: Outputs) -> Iterator[str]:
+def _differing(row: CycleEntry, outputs: Outputs) -> Iterator[str]:
     """Name what differs. The shortest digits of two numbers are equal only where every bit is, -0.0 included."""
-    present = {"setpoint": outputs.setpoint, "state": str(outputs.state), "requests": outputs.requests}
+    recorded, present = decided(row), decided(cycle_entry(row.flight_inputs, outputs))
     for name in COMPARED:
-        if _text(recorded.get(name)) != _text(present[name]):
+        if json.dumps(recorded.get(name)) != json.dumps(present.get(name)):
             yield name
 
 
-def _text(value: Any) -> str:  # noqa: ANN401 - any part of a row
-    return json.dumps(known(value), sort_keys=True)
+def decided(row: CycleEntry) -> Mapping[str, Any]:
+    """Return what is compared of a cycle, as its record has it."""
+    nothing = InputsEntry((), (), ())
+    written: Mapping[str, Any] = CYCLE.plain(row._replace(inputs=nothing, certificate=None, alarm=None, timing=None))
+    return written

@@ -1,12 +1,14 @@
 """A flight as viewers of records draw it unasked: both on the map, and the game in three dimensions."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from guidance.certificate import Certificate
 from guidance.frames import Vector
 from guidance.log import foxglove
+from guidance.log.codec import Codec
+from guidance.log.entries import CycleEntry
 from guidance.log.foxglove import Color, SceneEntity, SceneUpdate, Time
 from guidance.messages import EvaderReport, GlobalPosition
 
@@ -24,18 +26,17 @@ _CORNERS: Final = 36
 
 
 class Drawn(NamedTuple):
-    """One message for viewers: its topic, the name of its type, and itself."""
+    """One message for viewers: its topic, what writes it, and itself."""
 
     topic: str
-    type_name: str
+    codec: Codec[Any]
     message: Any
 
 
-TYPES: Final[Mapping[str, Any]] = {
-    "foxglove.LocationFix": foxglove.LocationFix,
-    "foxglove.PoseInFrame": foxglove.PoseInFrame,
-    "foxglove.SceneUpdate": foxglove.SceneUpdate,
-}
+_FIX: Final = Codec("foxglove.LocationFix", foxglove.LocationFix)
+_POSE: Final = Codec("foxglove.PoseInFrame", foxglove.PoseInFrame)
+_SCENE: Final = Codec("foxglove.SceneUpdate", SceneUpdate)
+DRAWN: Final = (_FIX, _POSE, _SCENE)
 
 
 class Scene:
@@ -44,21 +45,18 @@ class Scene:
     def __init__(self) -> None:
         self._drawn_s: dict[str, float] = {}
 
-    def of(self, row: Mapping[str, Any]) -> Iterator[Drawn]:
-        """Draw one cycle's row as `linked_flight.row` lays it out; one read from JSON has little to draw."""
-        inputs = row.get("inputs", {})
-        for message in inputs.get("messages", ()):
-            if message.get("kind") == GlobalPosition.__name__ and self._is_due(
-                "guidance/map/pursuer", message["received_s"]
-            ):
-                yield _vehicle(message)
-        for report in inputs.get("reports", ()):
-            if isinstance(report, EvaderReport) and self._is_due("guidance/map/evader", report.received_s):
-                yield _evader(report)
-        certificate = row.get("certificate")
-        if not isinstance(certificate, Certificate):
+    def of(self, entry: CycleEntry) -> Iterator[Drawn]:
+        """Draw one cycle."""
+        for message in entry.inputs.messages:
+            if isinstance(message, GlobalPosition) and self._is_due("guidance/map/pursuer", message.received_s):
+                yield _fix("pursuer", message, math.nan)
+        for report in entry.inputs.reports:
+            if self._is_due("guidance/map/evader", report.received_s):
+                yield _fix("evader", report, report.position_sd_m)
+        certificate = entry.certificate
+        if certificate is None:
             return
-        now_s = row["now_s"]
+        now_s = entry.now_s
         if self._is_due("guidance/pose", now_s):
             yield from _poses(now_s, certificate)
         if self._is_due("guidance/scene", now_s, every_s=SCENE_EVERY_S):
@@ -72,20 +70,14 @@ class Scene:
         return due
 
 
-def _vehicle(said: Mapping[str, Any]) -> Drawn:
-    place = (said["latitude_deg"], said["longitude_deg"], said["altitude_amsl_m"])
-    return Drawn("guidance/map/pursuer", "foxglove.LocationFix", foxglove.fix(said["received_s"], "pursuer", *place))
-
-
-def _evader(said: EvaderReport) -> Drawn:
+def _fix(name: str, said: GlobalPosition | EvaderReport, sd_m: float) -> Drawn:
     place = (said.latitude_deg, said.longitude_deg, said.altitude_amsl_m)
-    fix = foxglove.fix(said.received_s, "evader", *place, sd_m=said.position_sd_m)
-    return Drawn("guidance/map/evader", "foxglove.LocationFix", fix)
+    return Drawn(f"guidance/map/{name}", _FIX, foxglove.fix(said.received_s, name, *place, sd_m=sd_m))
 
 
 def _poses(now_s: float, certificate: Certificate) -> Iterator[Drawn]:
     for name, place in (("pursuer", certificate.pursuer_game_m), ("evader", certificate.evader_game_m)):
-        yield Drawn(f"guidance/pose/{name}", "foxglove.PoseInFrame", foxglove.pose(now_s, GAME_FRAME, place))
+        yield Drawn(f"guidance/pose/{name}", _POSE, foxglove.pose(now_s, GAME_FRAME, place))
 
 
 def _game(now_s: float, certificate: Certificate) -> Drawn:
@@ -102,7 +94,7 @@ def _game(now_s: float, certificate: Certificate) -> Drawn:
         spheres=tuple(spheres),
         lines=(foxglove.ring(tuple(disc(certificate)), _DISC),),
     )
-    return Drawn("guidance/scene", "foxglove.SceneUpdate", SceneUpdate((entity,)))
+    return Drawn("guidance/scene", _SCENE, SceneUpdate((entity,)))
 
 
 def disc(certificate: Certificate) -> Sequence[Vector]:

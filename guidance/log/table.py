@@ -9,7 +9,7 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from guidance.log.columns import SCHEMA, LastHeard
-from guidance.log.rows import rows_of
+from guidance.log.reader import cycles_of
 
 _ROWS_AT_ONCE: Final = 4096
 
@@ -46,6 +46,6 @@ def _write(path: Path, writer: Any) -> int:  # noqa: ANN401 - either of pyarrow'
 
 def _batches(path: Path) -> Iterator[pa.RecordBatch]:
     heard = LastHeard()
-    rows = (heard.flat(row) for row in rows_of(path))
+    rows = (heard.flat(row) for row in cycles_of(path))
     while some := list(islice(rows, _ROWS_AT_ONCE)):
         yield pa.RecordBatch.from_pylist(some, schema=SCHEMA)

@@ -15,16 +15,18 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from mcap.writer import CompressionType, Writer
 from typing_extensions import Buffer
 
-from guidance.log.known import in_bytes
+from guidance.log.codec import Codec
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
 from guidance.log.provenance import PACKAGE, commit
 from guidance.log.scene import Scene
-from guidance.log.schemas import SCHEMAS
 from guidance.messages import EvaderReport
+
+T = TypeVar("T")
 
 CHUNK_BYTES = 8 * 1024
 CHUNK_S = 0.1
@@ -36,22 +38,8 @@ ROTATED_BYTES = 256_000_000
 
 _PACKAGES = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 
-CYCLE_TOPIC = "guidance/cycle"
-EVENT_TOPIC = "guidance/event"
-EVADER_TOPIC = "guidance/evader_report"
-"""Every report of the evader as its source had it, at the time it arrived."""
-
-BEGUN = "flight begins"
-"""Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
-
-RELOADED = "configuration read again"
-"""Event of a configuration that took the place of the one in the metadata; it is the detail, as JSON."""
-
 PART = "part"
 """Key of a file's number in its metadata; the first has none."""
-
-STOPPED = "recording has stopped; the flight goes on"
-"""Event of a record that can be written no longer: it is the log's, the metrics' and the bus's, not the record's."""
 
 
 class Record(Protocol):
@@ -64,7 +52,7 @@ class Record(Protocol):
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Keep one raw MAVLink frame."""
 
-    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle."""
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
@@ -127,21 +115,21 @@ class Recorder:
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Keep one raw MAVLink frame as it went over the wire; `topic` is the Zenoh key."""
-        self._write(now_s, topic, frame, encoding="mavlink", schema=None)
+        self._write(now_s, topic, frame, encoding="mavlink", codec=None)
 
-    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
+    def cycle(self, entry: CycleEntry) -> None:
         """Keep one guidance cycle, and what viewers draw of it."""
-        self._say(now_s, CYCLE_TOPIC, "guidance.Cycle", row)
-        for drawn in self._scene.of(row):
-            self._say(now_s, drawn.topic, drawn.type_name, drawn.message)
+        self._keep(entry.now_s, CYCLE_TOPIC, CYCLE, entry)
+        for drawn in self._scene.of(entry):
+            self._keep(entry.now_s, drawn.topic, drawn.codec, drawn.message)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
-        self._say(now_s, EVENT_TOPIC, "guidance.Event", {"now_s": now_s, "event": event, "detail": detail})
+        self._keep(now_s, EVENT_TOPIC, EVENT, EventEntry(now_s, event, detail))
 
     def report(self, report: EvaderReport) -> None:
         """Keep one report of the evader."""
-        self._say(report.received_s, EVADER_TOPIC, "guidance.EvaderReport", report)
+        self._keep(report.received_s, EVADER_TOPIC, REPORT, report)
 
     def close(self) -> None:
         """Finish the file; may be called twice."""
@@ -155,10 +143,10 @@ class Recorder:
         finally:
             self._stream.close()
 
-    def _say(self, now_s: float, topic: str, schema: str, message: Any) -> None:  # noqa: ANN401 - any row
-        self._write(now_s, topic, in_bytes(message), encoding="json", schema=schema)
+    def _keep(self, now_s: float, topic: str, codec: Codec[T], entry: T) -> None:
+        self._write(now_s, topic, codec.encode(entry), encoding="json", codec=codec)
 
-    def _write(self, now_s: float, topic: str, data: bytes, *, encoding: str, schema: str | None) -> None:
+    def _write(self, now_s: float, topic: str, data: bytes, *, encoding: str, codec: Codec[Any] | None) -> None:
         if self.failed is not None or self._stream.closed:
             return
         try:
@@ -168,7 +156,7 @@ class Recorder:
                 self._rotate()
                 self._part_began_s = now_s
             if topic not in self._channels:
-                schema_id = 0 if schema is None else self._schema(schema)
+                schema_id = 0 if codec is None else self._schema(codec)
                 self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
             time_ns = round(now_s * 1e9)
             self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
@@ -180,11 +168,11 @@ class Recorder:
         except OSError as error:
             self.failed = str(error)
 
-    def _schema(self, name: str) -> int:
-        if name not in self._schemas:
-            described = json.dumps(SCHEMAS[name], separators=(",", ":")).encode()
-            self._schemas[name] = self._writer.register_schema(name, "jsonschema", described)
-        return self._schemas[name]
+    def _schema(self, codec: Codec[Any]) -> int:
+        if codec.title not in self._schemas:
+            described = json.dumps(codec.schema, separators=(",", ":")).encode()
+            self._schemas[codec.title] = self._writer.register_schema(codec.title, "jsonschema", described)
+        return self._schemas[codec.title]
 
 
 def part_path(path: Path, part: int) -> Path:
@@ -224,16 +212,3 @@ def versions() -> dict[str, str]:
 def started_utc(now_s: float) -> str:
     """Return when a clock of real time that shows `now_s` was at zero: ISO 8601, to the second."""
     return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
-
-
-def plain(value: Any) -> Any:  # noqa: ANN401 - any value of a row
-    """Turn a value into what JSON can hold: named tuples by field, NaN and infinities as null."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if hasattr(value, "_asdict"):
-        return {name: plain(item) for name, item in value._asdict().items()}
-    if isinstance(value, Mapping):
-        return {str(name): plain(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    return value

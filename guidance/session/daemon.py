@@ -9,7 +9,8 @@ from guidance.errors import ConfigError
 from guidance.flight import FINAL, ORDERS, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.broadcast import Records
-from guidance.log.writer import RELOADED, STOPPED, Record
+from guidance.log.entries import RELOADED, STOPPED
+from guidance.log.writer import Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, parameter_names, refusals, rows
 from guidance.session.handover import ON_GROUND, ShutdownHandover

@@ -1,12 +1,13 @@
 """A flight with its links: read everything once, step the flight, say what it decided, keep a record of it all."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from guidance.clock import Timing
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.writer import BEGUN, Record
+from guidance.log.entries import BEGUN, cycle_entry
+from guidance.log.writer import Record
 
 HEARTBEAT_S = 1.0
 
@@ -59,7 +60,7 @@ class LinkedFlight:
             recorder.event(inputs.now_s, BEGUN)
         for report in inputs.reports:
             recorder.report(report)
-        recorder.cycle(inputs.now_s, row(inputs, outputs, timing))
+        recorder.cycle(cycle_entry(inputs, outputs, timing))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"
             if happening.event is Event.FAULT:
@@ -67,22 +68,3 @@ class LinkedFlight:
             recorder.event(happening.now_s, str(happening.event), detail)
         if outputs.alarm is not None:
             recorder.event(inputs.now_s, str(outputs.alarm.violation), f"{outputs.alarm.amount:.2f}")
-
-
-def row(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) -> dict[str, Any]:
-    """Lay one cycle out as a JSON row: the inputs as read, what was decided from them, and how the loop kept time."""
-    return {
-        "now_s": inputs.now_s,
-        "state": str(outputs.state),
-        "inputs": {
-            "messages": [{"kind": type(message).__name__, **message._asdict()} for message in inputs.messages],
-            "reports": inputs.reports,
-            "orders": [str(order) for order in inputs.orders],
-            "refusals": inputs.refusals,
-        },
-        "requests": outputs.requests,
-        "setpoint": outputs.setpoint,
-        "certificate": outputs.certificate,
-        "alarm": outputs.alarm,
-        "timing": timing,
-    }

@@ -8,7 +8,7 @@ import sys
 from logging.handlers import QueueHandler, QueueListener
 from typing import Any, Final, Protocol, TextIO
 
-from guidance.log.writer import plain
+from guidance.log.codec import plain
 
 LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000

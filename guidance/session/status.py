@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from guidance.flight import Flight, Outputs
-from guidance.log.writer import plain
+from guidance.log.codec import plain
 from guidance.messages import Heartbeat, LocalPosition
 from guidance.preflight import Finding, refusals
 

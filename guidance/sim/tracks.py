@@ -10,7 +10,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from guidance.errors import ConfigError
-from guidance.log.writer import CYCLE_TOPIC
+from guidance.log.entries import CYCLE_TOPIC
 
 _COLUMNS: Final = ("t_s", "x_m", "y_m", "z_m")
 _LEAST_STEP_S: Final = 0.2

@@ -19,8 +19,9 @@ import numpy as np
 
 from guidance.clock import VirtualClock
 from guidance.flight import Flight
-from guidance.log import compare, metadata_of, rows_of, scan
-from guidance.log.writer import CYCLE_TOPIC, Recorder
+from guidance.log import compare, cycles_of, metadata_of, scan
+from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.writer import Recorder
 from guidance.session.fly import fly
 from guidance.session.recorded import recorded_settings
 from guidance.sim.files import load_scenario
@@ -50,8 +51,8 @@ class Kept:
     def report(self, *call: Any) -> None:
         self.cycles[-1].append(("report", call))
 
-    def cycle(self, now_s: float, row: Mapping[str, Any]) -> None:
-        self.cycles.append([("cycle", (now_s, row))])
+    def cycle(self, *call: Any) -> None:
+        self.cycles.append([("cycle", call)])
 
 
 def flown(scenario: Scenario) -> Kept:
@@ -117,7 +118,7 @@ def main() -> None:
         begin = time.perf_counter()
         comparison, _ = compare(path, recorded_settings)
         replayed_s = time.perf_counter() - begin
-        inputs = [row.inputs for row in rows_of(path)]
+        inputs = [row.flight_inputs for row in cycles_of(path)]
         flight = Flight(settings)
         begin = time.perf_counter()
         for one in inputs:

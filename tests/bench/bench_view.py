@@ -24,7 +24,7 @@ from statistics import median
 import numpy as np
 
 from guidance.errors import GuidanceError
-from guidance.log import rows_of, survey_of
+from guidance.log import cycles_of, survey_of
 from guidance.session.ask import ask
 
 PROGRAM = [sys.executable, "-c", "from guidance.cli import main; main()"]
@@ -142,7 +142,7 @@ def phases(seconds: float, pid: int, control: str) -> Iterator[tuple[str, float,
 def show(record: Path, taken: list[tuple[str, float, float, float]]) -> None:
     """Print what the record says of each phase, beside the first."""
     began_s = datetime.fromisoformat(survey_of(record).metadata["started_utc"]).timestamp()
-    timings = [(began_s + row.now_s, row.json["timing"]) for row in rows_of(record) if "timing" in row.json]
+    timings = [(began_s + row.now_s, row.json["timing"]) for row in cycles_of(record) if "timing" in row.json]
     print("                        cycle began late, ms      worked, ms")
     print("                         p50    p99   most      p50    p99   (× first)   cycles   memory MB")
     first: dict[str, float] = {}

@@ -12,8 +12,9 @@ from mcap.writer import CompressionType, Writer
 from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import State
-from guidance.log import rows_of, scan
-from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, Recorder
+from guidance.log import cycles_of, scan
+from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
+from guidance.log.writer import Recorder
 from guidance.session.fly import fly
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
@@ -43,7 +44,7 @@ def keep(path: Path, out: Path, metadata: dict[str, str]) -> None:
         writer.start(profile="", library="guidance")
         writer.add_metadata("run", metadata)
         channels: dict[str, int] = {}
-        landing_s = next(row.now_s for row in rows_of(path) if row.state == State.LANDING)
+        landing_s = next(row.now_s for row in cycles_of(path) if row.state == State.LANDING)
         replayed = {CYCLE_TOPIC, EVENT_TOPIC}
         items = (item for item in scan(path) if item.topic in replayed and item.now_s < landing_s + 1.0)
         for number, item in enumerate(items):

@@ -25,13 +25,14 @@ from guidance.control import Polygon
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
-from guidance.log import Aggregator, metadata_of, reports_of, rows_of, scan, survey_of
+from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
 from guidance.log.columns import SCHEMA
+from guidance.log.entries import EVADER_TOPIC
 from guidance.log.export import EXPORTS, export
 from guidance.log.maps import write_geojson
 from guidance.log.places import Feature, features_of
 from guidance.log.tlog import started_unix_s, write_tlog
-from guidance.log.writer import EVADER_TOPIC, Recorder
+from guidance.log.writer import Recorder
 from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
 from guidance.session.recorded import recorded_settings
 from guidance.viz.shapes import fence_edges
@@ -47,7 +48,7 @@ def exported(flight, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def rows(flight):
-    return list(rows_of(flight[1]))
+    return list(cycles_of(flight[1]))
 
 
 @pytest.fixture(scope="module")
@@ -252,7 +253,7 @@ SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
 @pytest.mark.parametrize("given", ["metres", "degrees", "the other way round"])
 def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
     settings = recorded_settings(metadata_of(flight[1]))
-    heard = [one for row in rows_of(flight[1]) for one in row.inputs.messages if isinstance(one, Home | Heartbeat)]
+    heard = [one for row in cycles_of(flight[1]) for one in row.inputs.messages if isinstance(one, Home | Heartbeat)]
     armed = next(place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed)
     home = next(one for one in reversed(heard[:armed]) if isinstance(one, Home))
     frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.autopilot.projection)
@@ -269,7 +270,7 @@ def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
     assert fence.places[0] == fence.places[-1]
     assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence.places)) > 0.0  # anticlockwise
     aggregator = Aggregator(settings)
-    for row in itertools.islice(rows_of(flight[1]), 400):
+    for row in itertools.islice(cycles_of(flight[1]), 400):
         aggregator.cycle(row)
     (edge,) = fence_edges(replace(aggregator.envelope, fence_radius_m=None), (0.0, 0.0, 0.0))
     drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north in edge}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from guidance.log import replay, survey_of
-from guidance.log.writer import plain
+from guidance.log.codec import plain
 from guidance.session.recorded import recorded_settings
 
 GOLDEN = Path(__file__).parents[1] / "data" / "short_chase.mcap"
@@ -21,7 +21,7 @@ def test_the_golden_flight_is_commanded_as_it_was():
     for step in replay(GOLDEN, recorded_settings):
         at = f"at {step.row.now_s:.2f} s, in {step.row.state}"
         assert str(step.outputs.state) == step.row.state, at
-        assert len(step.outputs.requests) == len(step.row.json["requests"]), at
+        assert len(step.outputs.requests) == len(step.row.requests), at
         setpoint, now = step.row.setpoint, step.outputs.setpoint
         assert (setpoint is None) == (now is None), at
         if setpoint is not None and now is not None:

@@ -6,14 +6,25 @@ from mcap.opcode import Opcode
 from mcap.writer import Writer
 
 from guidance.errors import ConfigError
-from guidance.log import Survey, events_of, metadata_of, rows_of, scan, survey_of
-from guidance.log.writer import CYCLE_TOPIC, Recorder
+from guidance.flight import State
+from guidance.log import Survey, cycles_of, events_of, metadata_of, scan, survey_of
+from guidance.log.entries import CYCLE_TOPIC, CycleEntry, InputsEntry
+from guidance.log.writer import Recorder
+
+
+def entry(number, *text):
+    """A cycle that tells its number."""
+    return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
+
+
+def number_of(item):
+    return int(json.loads(item.data)["inputs"]["refusals"][0])
 
 
 def written(path, cycles=60):
     recorder = Recorder(path, {"seed": "3"})
     for number in range(cycles):
-        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
+        recorder.cycle(entry(number, "x" * 400))
     recorder.close()
     return path
 
@@ -48,14 +59,14 @@ def test_a_record_cut_at_any_byte_of_its_last_chunk_is_read_up_to_the_chunk_befo
     begin, end = chunks[-1]
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[:begin])
-    before = [json.loads(item.data)["number"] for item in scan(cut)]
+    before = [number_of(item) for item in scan(cut)]
     assert before == list(range(len(before)))
     assert 0 < len(before) < 60
     assert 0.02 * (59 - before[-1]) <= 0.2  # what a torn last chunk loses
     for length in range(begin, end + 1):
         cut.write_bytes(whole[:length])
         survey = Survey()
-        read = [json.loads(item.data)["number"] for item in scan(cut, survey)]
+        read = [number_of(item) for item in scan(cut, survey)]
         assert read == (before if length < end else list(range(60)))
         assert survey.torn is not None
         assert survey.metadata == {"seed": "3"}
@@ -88,10 +99,10 @@ def test_a_flipped_bit_is_noticed_and_never_taken_for_data(tmp_path):
         flipped[position] ^= 0x10
         path.write_bytes(flipped)
         survey = Survey()
-        read = [json.loads(item.data) for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
+        read = [json.loads(item.data)["inputs"]["refusals"] for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
         # A chunk whose opcode was hit is a record of an unknown kind, which the format says to pass over.
-        assert [row["number"] for row in read] == sorted({row["number"] for row in read})
-        assert all(row["text"] == "x" * 400 for row in read)
+        assert [int(number) for number, _ in read] == sorted({int(number) for number, _ in read})
+        assert all(text == "x" * 400 for _, text in read)
         assert survey.torn is not None or survey.missing == 60 - len(read)
 
 
@@ -122,4 +133,4 @@ def test_a_foreign_cycle_is_refused_with_its_time(tmp_path, data):
         writer.add_message(channel, 1_500_000_000, data, 1_500_000_000)
         writer.finish()
     with pytest.raises(ConfigError, match=r"1\.500 s"):
-        list(rows_of(path))
+        list(cycles_of(path))

@@ -9,8 +9,9 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.log import compare, metadata_of, replay, scan, title_of
+from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT_TOPIC
 from guidance.log.replay import angle_between_rad
-from guidance.log.writer import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, Recorder
+from guidance.log.writer import Recorder
 from guidance.session.recorded import changes_of, recorded_settings
 
 
@@ -21,7 +22,7 @@ def rewritten(path, out, change=lambda number, row: row, repeat=1):
     for _ in range(repeat):
         recorder.event(0.0, BEGUN)
         for number, row in enumerate(rows):
-            recorder.cycle(row["now_s"], change(number, row))
+            recorder.cycle(CYCLE.decode(json.dumps(change(number, row))))
     recorder.close()
     return out
 

@@ -12,15 +12,17 @@ from mcap.reader import make_reader
 
 from guidance.certificate import Certificate
 from guidance.clock import Timing
-from guidance.log import reports_of, rows_of, scan, schemas
+from guidance.log import cycles_of, reports_of, scan
+from guidance.log.codec import Codec, form_of
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, REPORT
 from guidance.log.foxglove import time_of
-from guidance.log.known import known
 from guidance.log.reader import Item
-from guidance.log.scene import EVERY_S, disc
-from guidance.log.writer import CYCLE_TOPIC, EVADER_TOPIC
+from guidance.log.scene import DRAWN, EVERY_S, disc
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
 
+SCHEMAS = {codec.title: codec.schema for codec in (CYCLE, EVENT, REPORT, *DRAWN)}
+SETPOINT = Codec("setpoint", Setpoint)
 RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 
 
@@ -50,7 +52,7 @@ def channels(flight):
 
 def test_every_message_of_a_flight_keeps_the_schema_of_its_channel(channels):
     names = {name for name, _, _ in channels.values()}
-    assert names == set(schemas.SCHEMAS)
+    assert names == SCHEMAS.keys()
     for topic, (_, schema, messages) in channels.items():
         Draft202012Validator.check_schema(schema)
         validator = Draft202012Validator(schema)
@@ -59,13 +61,13 @@ def test_every_message_of_a_flight_keeps_the_schema_of_its_channel(channels):
             assert (topic, [error.message for error in validator.iter_errors(message)]) == (topic, [])
 
 
-@pytest.mark.parametrize("name", schemas.SCHEMAS)
+@pytest.mark.parametrize("name", SCHEMAS)
 def test_viewers_can_read_every_schema(name):
-    as_a_viewer_reads(schemas.SCHEMAS[name])
+    as_a_viewer_reads(SCHEMAS[name])
 
 
 def test_every_field_of_inputs_and_certificate_is_described():
-    cycle = schemas.CYCLE["properties"]
+    cycle = CYCLE.schema["properties"]
     assert cycle["certificate"]["properties"].keys() == set(Certificate._fields)
     messages = cycle["inputs"]["properties"]["messages"]["items"]["properties"]
     assert messages.keys() == {"kind"}.union(*(kind._fields for kind in get_args(Message)))
@@ -98,8 +100,8 @@ numbers = st.floats() | st.just(math.nan)
 
 @given(st.tuples(numbers, numbers, numbers), numbers)
 def test_nan_and_infinity_are_left_out_and_keep_the_schema(velocity, yaw_rad):
-    setpoint = json.loads(json.dumps(known(Setpoint(velocity, yaw_rad=yaw_rad)), allow_nan=False))
-    assert Draft202012Validator(schemas.schema_of(Setpoint)).is_valid(setpoint)
+    setpoint = json.loads(SETPOINT.encode(Setpoint(velocity, yaw_rad=yaw_rad)))
+    assert Draft202012Validator(SETPOINT.schema).is_valid(setpoint)
     assert ("yaw_rad" in setpoint) == math.isfinite(yaw_rad)
     assert setpoint["velocity_ned_m_s"] == [one if math.isfinite(one) else None for one in velocity]
 
@@ -120,12 +122,12 @@ class Mixed(NamedTuple):
 @pytest.mark.parametrize("kind", [Nested, Mixed, dict, float | str])
 def test_a_type_that_no_viewer_could_read_is_refused_when_it_is_described(kind):
     with pytest.raises(TypeError, match="no viewer could read"):
-        schemas.schema_of(kind)
+        form_of(kind)
 
 
 def test_two_kinds_may_not_mean_different_things_by_one_name():
     with pytest.raises(TypeError, match=r"Mixed\.pair|Other\.amount"):
-        schemas._object((Alarm, Other), ())
+        form_of(Alarm | Other)
 
 
 class Other(NamedTuple):
@@ -138,7 +140,7 @@ def json_of(item: Item):
 
 def test_evader_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datum_as_received(flight):
     items = [item for item in scan(flight[1]) if item.topic == EVADER_TOPIC]
-    read = [report for row in rows_of(flight[1]) for report in row.inputs.reports]
+    read = [report for row in cycles_of(flight[1]) for report in row.inputs.reports]
     assert len(items) == len(read) > 100
     assert repr(list(reports_of(flight[1]))) == repr(read)
     for item, report in zip(items, read, strict=True):
@@ -157,7 +159,7 @@ def test_the_map_shows_both_where_they_said_they_were_ten_times_a_second(flight)
             fixes[said["frame_id"]].append((said["timestamp"], said["latitude"], said["longitude"], said["altitude"]))
     heard = {
         (time_of(one.received_s).sec, time_of(one.received_s).nsec): one
-        for row in rows_of(flight[1])
+        for row in cycles_of(flight[1])
         for one in row.inputs.messages
         if isinstance(one, GlobalPosition)
     }
@@ -171,7 +173,7 @@ def test_the_map_shows_both_where_they_said_they_were_ten_times_a_second(flight)
 
 
 def test_the_scene_shows_the_game_as_its_certificate_has_it(flight):
-    rows = {round(row.now_s * 1e9): row for row in rows_of(flight[1])}
+    rows = {round(row.now_s * 1e9): row for row in cycles_of(flight[1])}
     seen = 0
     for item in scan(flight[1]):
         if item.topic != "guidance/scene":
@@ -187,7 +189,7 @@ def test_the_scene_shows_the_game_as_its_certificate_has_it(flight):
 
 
 def test_the_discs_rim_is_the_stand_off_about_the_evader(flight):
-    row = next(row for row in rows_of(flight[1]) if row.certificate is not None)
+    row = next(row for row in cycles_of(flight[1]) if row.certificate is not None)
     x, y, _ = row.certificate.evader_game_m
     standoff = flight[0].scenario.standoff
     for corner in disc(row.certificate):

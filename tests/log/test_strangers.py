@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log import Survey, making_sense_of, scan
-from guidance.log.writer import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
+from guidance.log.entries import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 MAGIC = b"\x89MCAP0\r\n"

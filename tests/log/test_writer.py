@@ -12,13 +12,25 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
+from guidance.flight import State
 from guidance.log import writer as record
-from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, Recorder, plain, started_utc, versions
+from guidance.log.codec import plain
+from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, CycleEntry, InputsEntry
+from guidance.log.writer import Recorder, started_utc, versions
 
 
 class Pair(NamedTuple):
     a: float
     b: tuple[float, ...]
+
+
+def entry(number, *text):
+    """A cycle that tells its number."""
+    return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
+
+
+def number_of(item):
+    return int(json.loads(item.data)["inputs"]["refusals"][0])
 
 
 def rows_of(path):
@@ -36,7 +48,7 @@ def test_what_is_written_is_read_back_with_its_time_topic_and_schema(tmp_path):
     path = tmp_path / "deep" / "record.mcap"
     recorder = Recorder(path, {"seed": "3"})
     recorder.frame(1.25, "uav1/mavlink_raw/in", b"\xfd\x00")
-    recorder.cycle(1.5, {"now_s": 1.5, "state": "ready"})
+    recorder.cycle(entry(75))
     recorder.event(1.75, "armed", "ready -> arming")
     recorder.close()
     recorder.close()
@@ -61,9 +73,9 @@ def test_a_killed_process_loses_no_more_than_the_last_chunk(tmp_path):
     recorder = Recorder(path, {})
     written = 2000
     for number in range(written):
-        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "engaged", "number": number, "text": "x" * 400})
+        recorder.cycle(entry(number, "x" * 400))
     # As kill -9 leaves it: nothing is flushed or finished. One chunk is 8 KiB, a cycle here about half of one.
-    read = [json.loads(message.data)["number"] for _, message in rows_of(path)]
+    read = [number_of(message) for _, message in rows_of(path)]
     assert read == list(range(len(read)))
     assert written - len(read) <= record.CHUNK_BYTES // 400 + 1
     recorder.close()
@@ -108,7 +120,9 @@ def test_a_slow_record_too_loses_no_more_than_a_fifth_of_a_second_to_a_kill(tmp_
 FLYING = """
 import sys
 from pathlib import Path
+from guidance.flight import State
 from guidance.log.background import BackgroundRecorder
+from guidance.log.entries import CycleEntry, InputsEntry
 from guidance.clock import MonotonicClock
 from guidance.log.writer import Recorder
 recorder, clock, due_s = BackgroundRecorder(Recorder(Path(sys.argv[1]), {})), MonotonicClock(), 0.0
@@ -116,7 +130,7 @@ while True:
     clock.sleep_until(due_s)
     due_s += 0.02
     now_s = clock.now_s()
-    recorder.cycle(now_s, {"now_s": now_s, "state": "engaged"})
+    recorder.cycle(CycleEntry(now_s, State.ENGAGED, InputsEntry((), (), ()), ()))
     print(now_s, flush=True)
 """
 

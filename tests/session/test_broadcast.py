@@ -14,8 +14,7 @@ from guidance.flight import State
 from guidance.links.wires.zenoh import open_session
 from guidance.log import broadcast as broadcasts
 from guidance.log.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
-from guidance.log.rows import inputs_of
-from guidance.log.writer import RELOADED, STOPPED
+from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
 from guidance.session.control_bus import host_session
 from guidance.viz.view.serving import free_port
 
@@ -121,7 +120,8 @@ def test_who_subscribes_hears_every_cycle_and_event_as_a_record_has_them(base, b
 
 
 def test_nothing_is_laid_out_while_nobody_looks(base, bus, monkeypatch):
-    monkeypatch.setattr(broadcasts, "in_bytes", lambda _: pytest.fail("laid out for nobody"))
+    for codec in (CYCLE, EVENT):
+        monkeypatch.setattr(codec, "encode", lambda _: pytest.fail("laid out for nobody"))
     broadcast, _ = bus
     base(broadcast=broadcast).until(State.READY)
     until(lambda: not broadcast._waiting)
@@ -137,7 +137,7 @@ def test_who_joins_late_is_told_what_the_vehicle_said_before(base, bus):
         flight = json.loads(reply.ok.payload.to_bytes())
     assert reply.ok.encoding == zenoh.Encoding.APPLICATION_JSON
     assert (flight["name"], flight["metadata"]) == ("uav1", {"seed": "3"})
-    known = inputs_of(flight["heard"]["inputs"], flight["heard"]["now_s"])
+    known = CYCLE.decode(json.dumps(flight["heard"])).inputs
     kinds = [type(message).__name__ for message in known.messages]
     assert {"Home", "Origin", "LocalPosition", "Heartbeat"} <= set(kinds)
     assert len(kinds) == len(set(kinds))

@@ -8,11 +8,12 @@ import pytest
 
 from guidance.config import parse
 from guidance.flight import State
-from guidance.log import compare, events_of, rows_of
+from guidance.log import compare, cycles_of, events_of
 from guidance.log import writer as record
 from guidance.log.background import BackgroundRecorder
+from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
-from guidance.log.writer import BEGUN, RELOADED, STOPPED, Recorder
+from guidance.log.writer import Recorder
 from guidance.session.recorded import recorded_settings
 from guidance.session.service import _recording
 from guidance.session.spec import plan_of
@@ -30,7 +31,7 @@ def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, 
     one.engaged().run(2.0)
     recorder.close()
     assert [event.event for event in events_of(path)].count(BEGUN) == 2
-    assert any(row.inputs.refusals for row in rows_of(path))
+    assert any(row.inputs.refusals for row in cycles_of(path))
     comparison, survey = compare(path, recorded_settings)
     assert survey.torn is None
     assert comparison.setpoints > 300
@@ -103,7 +104,7 @@ def test_a_disk_that_fills_up_is_said_once_everywhere_and_the_flight_goes_on_as_
     happened = {"vehicle": "uav1", "event": STOPPED}
     assert one.metrics.registry.get_sample_value("guidance_events_total", happened) == 1.0
     assert (tmp_path / "daemon.mcap").stat().st_size == 60_000
-    assert sum(1 for _ in rows_of(tmp_path / "daemon.mcap")) > 50  # what was written can be read
+    assert sum(1 for _ in cycles_of(tmp_path / "daemon.mcap")) > 50  # what was written can be read
     flown, wanted = ([(m.vx, m.vy, m.vz) for m in each.setpoints_since(0.0)] for each in (one, bare))
     assert flown[: len(wanted)] == wanted
     assert len(wanted) > 100

@@ -15,6 +15,7 @@ from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.log.background import MOST_WAITING as MOST_ROWS
 from guidance.log.background import BackgroundRecorder
+from guidance.log.entries import CycleEntry, InputsEntry
 from guidance.log.writer import Recorder
 from guidance.session import log as log_module
 from guidance.session.log import Log
@@ -164,11 +165,14 @@ def test_a_terminal_that_stands_still_costs_lines_and_never_the_loop():
     log.close()
 
 
+READY = CycleEntry(0.0, State.READY, InputsEntry((), (), ()), ())
+
+
 def test_a_record_is_written_behind_the_loops_back_and_whole(tmp_path):
     path = tmp_path / "record.mcap"
     recorder = BackgroundRecorder(Recorder(path, {}))
     for number in range(200):
-        recorder.cycle(0.02 * number, {"now_s": 0.02 * number, "state": "ready"})
+        recorder.cycle(READY._replace(now_s=0.02 * number))
     recorder.frame(1.0, "uav1/mavlink_raw/in", b"\xfd")
     recorder.event(2.0, "armed")
     recorder.close()
@@ -188,7 +192,7 @@ def test_a_record_that_fails_is_reported_and_disturbs_nobody(tmp_path, monkeypat
     monkeypatch.setattr(inner, "cycle", fail)
     recorder = BackgroundRecorder(inner)
     for _ in range(10):
-        recorder.cycle(0.0, {})
+        recorder.cycle(READY)
     recorder.close()
     assert str(error) in recorder.failed
 
@@ -199,7 +203,7 @@ def test_a_disk_that_stands_still_costs_rows_and_never_the_loop(tmp_path, monkey
     monkeypatch.setattr(inner, "cycle", lambda *_: go.wait(10.0))
     recorder = BackgroundRecorder(inner)
     for _ in range(MOST_ROWS + 100):
-        recorder.cycle(0.0, {})
+        recorder.cycle(READY)
     assert recorder.dropped >= 99
     go.set()
     recorder.close()

@@ -13,7 +13,8 @@ from mcap.reader import make_reader
 from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import Event, State
-from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, Recorder
+from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
+from guidance.log.writer import Recorder
 from guidance.session.fly import fly, next_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.files import load_scenario

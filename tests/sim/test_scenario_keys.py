@@ -11,7 +11,7 @@ from mcap.writer import Writer
 
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
-from guidance.log.writer import CYCLE_TOPIC
+from guidance.log.entries import CYCLE_TOPIC
 from guidance.sim.files import json_schema, load_document, load_scenario
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario

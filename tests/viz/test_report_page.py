@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.log import metadata_of, scan
-from guidance.log.writer import EVENT_TOPIC, Recorder
+from guidance.log.entries import EVENT_TOPIC
+from guidance.log.writer import Recorder
 from guidance.session.recorded import recorded_settings
 from guidance.viz.report import PICTURES, charts, story_of, summary, write_report
 from guidance.viz.report.tracks import tracks

@@ -18,8 +18,8 @@ from guidance.cli import app
 from guidance.config import load
 from guidance.errors import ConfigError
 from guidance.flight import State
-from guidance.log import Item, events_of, metadata_of, rows_of, scan, survey_of
-from guidance.log.writer import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_of
+from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.session.recorded import recorded_settings
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
@@ -60,7 +60,7 @@ class Seeing:
 
 @pytest.fixture(scope="module")
 def rows(record):
-    return list(rows_of(record))
+    return list(cycles_of(record))
 
 
 @pytest.fixture(scope="module")

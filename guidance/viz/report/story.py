@@ -14,12 +14,12 @@ from guidance.frames import Vector
 from guidance.log import (
     Aggregator,
     Cycle,
-    EventRow,
+    EventEntry,
     SettingsOf,
     Survey,
+    cycles_of,
     events_of,
     metadata_of,
-    rows_of,
     title_of,
 )
 
@@ -32,7 +32,7 @@ class Story(NamedTuple):
     title: str
     settings: FlightSettings
     survey: Survey
-    events: tuple[EventRow, ...]
+    events: tuple[EventEntry, ...]
     states: tuple[str, ...]
     certificates: tuple[Certificate | None, ...]
     alarms: tuple[tuple[float, str], ...]
@@ -61,7 +61,7 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
     metadata, survey = metadata_of(path), Survey()
     settings = settings_of(metadata)
     aggregator = Aggregator(settings)
-    rows = rows_of(path, survey)
+    rows = cycles_of(path, survey)
     told = [(aggregator.cycle(row), row.state, row.certificate, row.alarm) for row in rows]
     if not told:
         raise ConfigError(f"{path}: holds no guidance cycle: there is nothing to report")

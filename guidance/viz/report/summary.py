@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from guidance.flight import State
-from guidance.log.writer import EVENT_TOPIC
+from guidance.log.entries import EVENT_TOPIC
 from guidance.viz.report.story import Array, Story
 
 

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from guidance.certificate import Certificate
 from guidance.game import Winner
-from guidance.log import Aggregator, Cycle, CycleRow, Item, SettingsOf
-from guidance.log.reader import CONFIG
-from guidance.log.rows import event_of, row_of
-from guidance.log.writer import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.log import Aggregator, Cycle, CycleEntry, Item, SettingsOf
+from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
+from guidance.log.reader import CONFIG, entry_of
 from guidance.viz.shapes import circle, fence_edges, isochron_at
 from guidance.viz.view import names
 from guidance.viz.view.plots import PLOTS
@@ -66,7 +65,7 @@ class Painter:
             ConfigError: If it is one of another version.
         """
         if item.topic == EVENT_TOPIC:
-            event = event_of(item, self._source)
+            event = entry_of(EVENT, item, self._source)
             if event.event == RELOADED:
                 self._settings = self._settings_of({CONFIG: event.detail})
                 self._begin(event.now_s)
@@ -75,7 +74,7 @@ class Painter:
             detail = "" if event.event == RELOADED else event.detail
             self._say(event.now_s, f"{event.event}  {detail}".rstrip())
         elif item.topic == CYCLE_TOPIC:
-            self._cycle(row_of(item, self._source))
+            self._cycle(entry_of(CYCLE, item, self._source))
             if len(self._cycles) >= MOST_AT_ONCE:
                 self.flush()
 
@@ -104,7 +103,7 @@ class Painter:
         for name in (names.DISC, names.ISOCHRON, names.MEETING):
             self._log(now_s, name, rr.Clear(recursive=False))
 
-    def _cycle(self, row: CycleRow) -> None:
+    def _cycle(self, row: CycleEntry) -> None:
         cycle, certificate = self._aggregator.cycle(row), row.certificate
         self.cycles += 1
         self._cycles.append((cycle, certificate))
