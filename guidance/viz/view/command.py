@@ -52,7 +52,7 @@ def view(
         for item in source.items(_idle(ended, painter)):
             with contextlib.suppress(*(() if source.trusted else (ConfigError, KeyError, TypeError))):
                 painter.take(item)
-            if ended.is_set():
+            if ended.is_set() and not source.live:  # of a live one, what has come is shown to the end
                 break
         painter.flush()
         if destination.save is None:
