@@ -15,7 +15,7 @@ def proxy(tmp_path):
     started = []
 
     def start(vehicle):
-        started.append(Proxy(vehicle.udp_port, tmp_path, "cmdlong,param,arm,mode,wp,fence"))
+        started.append(Proxy(vehicle.udp_port, tmp_path, "cmdlong,param,arm,mode,wp,fence,log,ftp"))
         return started[-1]
 
     yield start
@@ -36,6 +36,10 @@ def test_arducopter_is_flown_by_mavproxy(fleet_of, proxy):
         mav.expect("Requesting 0 waypoints")
         mav.say("fence list")
         mav.expect("Requesting 0 fence items")
+        mav.say("log list")
+        mav.expect("No logs")
+        mav.say("ftp list")
+        mav.expect("D logs")
         mav.say("mode GUIDED")
         mav.expect("DO_SET_MODE: ACCEPTED")
         mav.expect("Mode GUIDED")
