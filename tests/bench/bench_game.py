@@ -1,8 +1,8 @@
 """Speed of guidance.game, as ratios in one run: `python tests/bench/bench_game.py [--quick]`.
 
 Printed: every kind of game on one state, against a plain scalar Python version of the paper's law, and in a batch,
-against plain NumPy and memory bandwidth; rollouts with stand-off against those without; and 100,000 closed-loop games
-of 1,000 steps in one process, with its peak memory.
+against plain NumPy and memory bandwidth; rollouts with stand-off or wind against those without; teams and matchings
+against their pairs; and 100,000 closed-loop games of 1,000 steps in one process, with its peak memory.
 """
 
 import argparse
@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from guidance.game import Ball, Cylinder, Exact, Game, StandOff, rollout, solve
+from guidance.game.team import match_teams, solve_team
 
 GAME = Game(Ball(2.0), 1.0)
 VEHICLE = Game(Cylinder(12.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.2)
@@ -242,8 +243,37 @@ def bench_standoff(games: int) -> None:
         print(f"rollouts of {games:,} TAD games: {name} {ratio:.2f} × without; required 3: {met(ratio <= 3.0)}")
 
 
+def bench_teams(count: int) -> None:
+    """Teams and matchings of a batch, beside every pursuer's own game against every evader, which they begin with."""
+    rng = np.random.default_rng(3)
+    print(f"teams, {count:,} states in a batch, one core, beside all pairs by themselves")
+    for n, m in ((2, 1), (3, 1), (8, 1), (3, 3), (8, 8)):
+        rows = max(count // (n * m), 1)
+        pursuers, evaders, targets = (rng.uniform(-30.0, 30.0, (rows, k, 3)) for k in (n, m, m))
+        evaders[..., 2] = targets[..., 2] = 0.0
+        for kind, goal in (("PE", None), ("TAD", targets)):
+            pairs = (pursuers[:, :, None], evaders[:, None], *([] if goal is None else [goal[:, None]]))
+            if m == 1:
+                one = (evaders[:, 0], *([] if goal is None else [goal[:, 0]]))
+                play = lambda pursuers=pursuers, one=one: solve_team(GAME, pursuers, *one)  # noqa: E731
+            else:
+                many = (evaders, *([] if goal is None else [goal]))
+                play = lambda pursuers=pursuers, many=many: match_teams(GAME, pursuers, *many)  # noqa: E731
+            took = alone = math.inf
+            for _ in range(5):  # in turns
+                started = time.process_time()
+                solve(GAME, *pairs)
+                between = time.process_time()
+                play()
+                alone, took = min(alone, between - started), min(took, time.process_time() - between)
+            print(
+                f"  {n} against {m} {kind:4} {rows / took:12,.0f} states/s, {rows * n * m / took / 1e6:.2f} M pairs/s, "
+                f"{took / alone:5.1f} × the pairs alone"
+            )
+
+
 def main() -> None:
-    """Run all three."""
+    """Run all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of the work")
     parser.add_argument("--chunk", type=int, default=2500)
@@ -254,6 +284,7 @@ def main() -> None:
     bench_standoff(2000)
     bench_tick()
     bench_batch(1_000_000 // share)
+    bench_teams(100_000 // share)
 
 
 if __name__ == "__main__":

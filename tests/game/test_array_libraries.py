@@ -7,7 +7,11 @@ from guidance.errors import ConfigError
 from guidance.game import (
     EVADER_POLICIES,
     PURSUER_POLICIES,
+    Ball,
+    Cylinder,
     Exact,
+    Game,
+    StandOff,
     apollonius_circle,
     apollonius_sphere,
     hji_residual,
@@ -16,6 +20,7 @@ from guidance.game import (
     value_gradient,
 )
 from guidance.game.arrays import codes, constant, spread, vectors
+from guidance.game.hji import automatic_gradient
 
 NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")
 
@@ -113,6 +118,48 @@ def test_automatic_differentiation_leaves_no_residual(library, games, oracle, na
     solution = solve(games[name], P, E, T)
     over = (solution.value > 0.1) & (solution.meeting_time_s > 0.1) & (np.abs(solution.margin_s) > 0.01)
     assert np.abs(race[over]).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["paper", "capture_radius", "ball_standoff", "wind", "ball_everything", "cylinder"])
+def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name):
+    """There the distance has a corner, whose slope is taken for zero; the height counts as it does beside it."""
+    game, E, T = games[name], np.zeros((2, 3)), np.array([[30.0, 4.0, 0.0], [-9.0, 25.0, 0.0]])
+    P = np.array([[0.0, 0.0, 12.0], [0.0, 0.0, 7.0]])
+
+    def value(P, E, T):
+        return solve(game, P, E, T).value
+
+    chase = automatic_gradient(value, library.array(P), library.array(E), None)
+    race = automatic_gradient(value, *(library.array(array) for array in (P, E, T)))
+    for slopes in (chase, race):
+        assert all(np.isfinite(np.asarray(part)).all() for part in slopes)
+    nearly = P + np.array([1e-7, 0.0, 0.0])
+    beside = value_gradient(game, nearly, E, T)
+    np.testing.assert_allclose(np.asarray(race.target), beside.target, atol=1e-5)
+    np.testing.assert_allclose(np.asarray(race.pursuer)[:, 2], beside.pursuer[:, 2], atol=1e-5)
+    if name == "paper":
+        np.testing.assert_allclose(np.asarray(chase.pursuer)[:, 2], 1.0 / np.sqrt(3.0), rtol=1e-12)
+
+
+def test_the_wind_may_differ_from_row_to_row(library, oracle):
+    P, E, T = oracle.states(28, 20)
+    blows = np.linspace(-0.4, 0.5, 20), np.linspace(0.3, -0.2, 20)
+    for pursuer, disc in (
+        (Ball(2.0), StandOff()),
+        (Ball(2.0), StandOff(2.0, 1.0)),
+        (Cylinder(2.0, 0.7, 0.5), StandOff(1.0)),
+    ):
+        here = Game(pursuer, 1.0, standoff=disc, wind_m_s=blows)
+        there = Game(pursuer, 1.0, standoff=disc, wind_m_s=tuple(library.array(part) for part in blows))
+        for given in ((P, E), (P, E, T)):
+            expected = solve(here, *given)
+            found = solve(there, *(library.array(array) for array in given))
+            clear = np.abs(expected.margin_s) > 0.01
+            np.testing.assert_array_equal(np.asarray(found.winner), expected.winner)
+            for a, b in zip(found[1:-1], expected[1:-1], strict=True):
+                np.testing.assert_allclose(np.asarray(a)[clear], b[clear], rtol=1e-6, atol=1e-6)
+            one = solve(Game(pursuer, 1.0, standoff=disc, wind_m_s=(blows[0][7], blows[1][7])), *(a[7] for a in given))
+            assert float(expected.value[7]) == pytest.approx(float(one.value), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["paper", "cylinder_everything"])

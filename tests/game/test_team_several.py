@@ -309,6 +309,8 @@ def test_integers_are_real_numbers():
         (Game(Ball(2.0), 1.0, capture_radius_m=np.zeros(2)), "capture_radius_m"),
         (Game(Ball(2.0), 1.0, information_age_s=1.0), "information_age_s = 1.0"),
         (Game(Ball(2.0), 1.0, wind_m_s=(0.1, 0.0)), "wind_m_s"),
+        (Game(Ball(2.0), 1.0, wind_m_s=(np.array([0.1, 0.2]), 0.0)), "wind_m_s"),
+        (Game(Ball(2.0), 1.0, wind_m_s=(np.zeros(2), np.zeros(2))), "wind_m_s"),
         (Game(Ball(2.0), 1.0, target_velocity_m_s=(0.1, 0.0)), "target_velocity_m_s"),
         (Game(Ball(2.0), 1.0, evader_space="space"), "evader_space = 'space'"),
         (Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 2.0)), r"standoff.radius_m = 3.0"),

@@ -140,7 +140,7 @@ def speeds(game: Game) -> tuple[Any, Any]:
         raise ConfigError(f"pursuer = {game.pursuer!r}: must be a Ball, the paper's speed set, in a game of teams")
     given = {name: (getattr(game, name), allowed) for name, allowed in ALLOWED.items()}
     for name, (value, allowed) in {**given, "standoff.radius_m": (game.standoff.radius_m, 0.0)}.items():
-        if np.shape(value) != np.shape(allowed) or value != allowed:
+        if any(map(np.ndim, value if isinstance(value, tuple) else (value,))) or value != allowed:
             raise ConfigError(f"{name} = {value!r}: must be {allowed!r} in a game of teams, which is the paper's")
     if np.ndim(game.standoff.height_m):
         raise ConfigError(f"standoff.height_m = {game.standoff.height_m!r}: must be one number in a game of teams")
