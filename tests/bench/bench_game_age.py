@@ -22,8 +22,8 @@ import numpy as np
 
 from guidance.game import Ball, Cylinder, Game, StandOff, guaranteed_age_s, solve
 
-STEPS = 24
-"""Steps of a guaranteed age: 0.028 s in both games."""
+STEPS = 12
+"""Steps of a guaranteed age: 0.056 s in both games."""
 
 GAMES = {
     "cylinder 12/3/1.5 m/s, evader 6 m/s, R 4 m": (Cylinder(12.0, 3.0, 1.5), 6.0, StandOff(4.0, 8.0)),
@@ -173,10 +173,12 @@ def main() -> None:
             print(f"{title}; guaranteed to {guaranteed_age_s(game):.2f} s; mean (worst) loss of {len(P)} starts")
             print(f"  {'age / guaranteed':38}" + "".join(f"{age:>16.2f}" for age in AGES))
             for said, law in LAWS.items():
-                losses = [loss(game, law, round(age * STEPS), P, E, target) for age in AGES]
-                print(
-                    f"  {said:38}" + "".join(f"{one.mean():8.1f} ({one.max():5.1f})" for one, _ in losses), flush=True
-                )
+                print(f"  {said:38}", end="", flush=True)
+                losses = []
+                for age in AGES:
+                    losses.append(loss(game, law, round(age * STEPS), P, E, target))
+                    print(f"{losses[-1][0].mean():8.1f} ({losses[-1][0].max():5.1f})", end="", flush=True)
+                print()
                 if not law.predicted and law.answer in PROMISED:
                     within = [f"{one.max():16.2f}" for (_, one), age in zip(losses, AGES, strict=True) if age <= 1.0]
                     print(f"  {PROMISED[law.answer]:38}{''.join(within)}")

@@ -107,6 +107,15 @@ def test_those_that_bind_are_enough(seed, count):
     assert (again.distance, *again.point) == (found.distance, *found.point)
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_a_corner_far_from_the_evader_names_both_discs(seed):
+    discs, _, _, _ = random_discs(seed, 3)
+    found = stretched(discs)
+    size = 1.0 + discs.x**2 + discs.y**2 + discs.z**2 + discs.curvature * found.distance**2
+    met = np.flatnonzero(abs(excess(discs, found.point)) < 1e-11 * size)
+    assert set(met.tolist()) == {int(found.first), int(found.second)}
+
+
 @settings(max_examples=30, deadline=None)
 @given(seed=seeds, count=st.integers(2, 6))
 def test_the_order_of_the_discs_changes_no_bit(seed, count):

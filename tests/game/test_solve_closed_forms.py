@@ -240,3 +240,12 @@ def test_an_evader_in_space_plays_on_the_sphere(P, z, E, zE, T, zT):
     else:
         np.testing.assert_allclose(race.meeting_point_m, T, atol=1e-9)
         assert race.value == pytest.approx(math.dist(P, T) - 2.0 * math.dist(E, T), abs=1e-9)
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.6, 2.0])
+def test_a_ball_spends_its_whole_speed_on_the_way_to_a_disc_of_any_size(radius):
+    """Near enough for the way to be shorter than a metre, which no length in it may stand in for."""
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(radius, 0.0))
+    for beyond in (0.1, 0.3, 5.0):
+        velocity = solve(game, np.array([radius + beyond, 0.0, 0.2]), np.zeros(3)).pursuer_velocity_m_s
+        assert np.linalg.norm(velocity) == pytest.approx(2.0, rel=1e-12)
