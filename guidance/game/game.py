@@ -44,8 +44,8 @@ class Reason(IntEnum):
     ON_BARRIER = 4
     """Both could be at the target at the same instant."""
     TOO_OLD = 5
-    """The evader's position is older than `guaranteed_age_s`: value and winner hold if the evader keeps its heading,
-    and play can beat them. No guarantee."""
+    """The evader's position is older than `guaranteed_age_s` in PE, or than now in TAD: value and winner hold if the
+    evader keeps its heading, and play can beat them. No guarantee."""
     NOT_FINITE = 10
     """A position or velocity is NaN or infinite."""
     PURSUER_TOO_SLOW = 11
@@ -149,7 +149,8 @@ class Game:
         capture_radius_m: distance l from the stand-off disc that counts as capture.
         standoff: the disc (R, h) around the evader; point capture by default.
         information_age_s: age τ of the evader's position, in which it ran on unseen; the pursuer's own is up to date.
-            Up to `guaranteed_age_s` the value is guaranteed; beyond, it is open-loop, and `Reason.TOO_OLD` says so.
+            In PE the value is guaranteed up to `guaranteed_age_s`; beyond, and in TAD with any age, it is open-loop,
+            and `Reason.TOO_OLD` says so.
         wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader; of arrays, too.
         target_velocity_m_s: velocity (x, y) of the evader's target. Zero is the paper's game. A constant one is a
             change of frame, in which the target rests and both players drift, so the answer is as exact as without;
@@ -239,7 +240,7 @@ def speed_in_hand(game: Game) -> Real:
 
 
 def guaranteed_age_s(game: Game) -> Real:
-    """Return the age of the evader's position up to which the value is guaranteed, s.
+    """Return the age of the evader's position up to which the value of PE is guaranteed, s.
 
     An evader seen τ seconds ago may be anywhere within vτ. Capture is certain once all of that disc is within reach,
     and what is within reach after t, less that disc, grows by the players' own speeds (is a semigroup) only while
@@ -247,6 +248,11 @@ def guaranteed_age_s(game: Game) -> Real:
         vτ ≤ R + (v/u) l for a Ball,    vτ ≤ R + l for a Cylinder (and for the sphere of an evader in space).
 
     Beyond, the value answers an evader that keeps its heading, and one that does not can beat it.
+
+    In TAD it can at any age: the value counts on a capture at the point of the region closest to the target, and while
+    the pursuer is over that one the evader may be elsewhere within vτ. What is sure in TAD up to this age is less:
+    against the place where the evader is seen, whose own motion is known, play the up-to-date game with R − vτ for R;
+    the evader ends no closer to its target than vτ less than that game's value (l = 0).
     """
     capture, v = game.capture_radius_m, game.evader_speed_m_s
     if isinstance(game.pursuer, Ball) and game.evader_space == "plane":

@@ -158,7 +158,7 @@ def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Sol
         _as_is(play.time),
         _as_is(play.pursuer),
         _as_is(play.evader),
-        np.array(_doubted(FLOATS, game, play.reason), np.int8),
+        np.array(_doubted(FLOATS, game, play), np.int8),
     )
 
 
@@ -303,7 +303,7 @@ def _put_together(
     sound = fault == 0
     spoil = select(xp, sound, 0.0, NAN)
     winner = select(xp, sound, play.winner, int(Winner.UNDECIDED))
-    reason = select(xp, sound, _doubted(xp, game, play.reason), fault)
+    reason = select(xp, sound, _doubted(xp, game, play), fault)
     if not is_numpy(xp):
         return Solution(
             codes(xp, shape, like, winner),
@@ -328,12 +328,17 @@ def _put_together(
     return out
 
 
-def _doubted(xp: Library, game: Game, reason: Array) -> Array:
-    """Say of what would be solved that the information is too old for it; a fact of this moment stays what it is."""
-    if is_zero(game.information_age_s):
+def _doubted(xp: Library, game: Game, play: Play) -> Array:
+    """Say of what would be solved that the information is too old for it; a fact of this moment stays what it is.
+
+    PE is known by its margin, infinite.
+    """
+    reason, age = play.reason, game.information_age_s
+    if is_zero(age):
         return reason
     promise = (reason == Reason.SOLVED) | (reason == Reason.OVERHEAD) | (reason == Reason.ON_BARRIER)
-    return select(xp, promise & (game.information_age_s > guaranteed_age_s(game)), int(Reason.TOO_OLD), reason)
+    young = guaranteed_age_s(game) if isinstance(play.margin, float) and math.isinf(play.margin) else 0.0
+    return select(xp, promise & (age > young), int(Reason.TOO_OLD), reason)
 
 
 def _empty(shape: tuple[int, ...], like: Array) -> Solution:

@@ -19,9 +19,12 @@ Where the paper is wrong:
 
 from typing import NamedTuple
 
+import numpy as np
+
 from guidance.game.apollonius import race
-from guidance.game.arrays import Array, Library, Plane, norm2, positive_part, select, select2, unit2
-from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm
+from guidance.game.arrays import FLOATS, Array, Library, Plane, Space, norm2, positive_part, select, select2, unit2
+from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm, is_zero
+from guidance.game.pe import pursuit
 from guidance.game.reach import Play, State, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
 from guidance.game.region import Edge, closest_point, is_circle
 
@@ -59,16 +62,30 @@ def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
     towards = select2(xp, norm2(xp, run) > 0, run, goal)
     heading = unit2(xp, towards, norm2(xp, towards))
     pace = select(xp, arrived, 0.0, game.evader_speed_m_s)
+    caught = is_caught(xp, game, state)
+    flown = steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold)
     return Play(
         winner=_winner(xp, margin),
         value=select(xp, won, edge.left, select(xp, margin < 0, contest.short, 0.0)),
         margin=margin,
         meeting=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         time=select(xp, won, edge.time, contest.arrival),
-        pursuer=steer(xp, game, to, _gap(xp, game, to), select(xp, won, lead.time, contest.guard), state.z, hold),
+        pursuer=_close_in(xp, game, state, won & (lead.time <= 0) & (caught == 0), flown),
         evader=(pace * heading[0], pace * heading[1], 0.0),
-        reason=_reason(xp, margin, arrived, is_caught(xp, game, state)),
+        reason=_reason(xp, margin, arrived, caught),
     )
+
+
+def _close_in(xp: Library, game: Game, state: State, over: Array, flown: Space) -> Space:
+    """Play PE where nothing is left to gain on the way to the meeting point, and yet the evader is not captured.
+
+    Only of old information that can be: the pursuer is where the evader would be met, had it run there unseen. A
+    pursuer that then just kept with what it sees would let an evader that did not pass by.
+    """
+    if is_zero(game.information_age_s) or ((xp is np or xp is FLOATS) and not np.any(over)):
+        return flown
+    chased = pursuit(xp, game, state).pursuer
+    return *select2(xp, over, chased[:2], flown[:2]), select(xp, over, chased[2], flown[2])
 
 
 def _gap(xp: Library, game: Game, to: Plane) -> Array:

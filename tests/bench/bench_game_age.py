@@ -6,12 +6,12 @@ back at whatever the pursuer does, straight to the target), and the worst of the
 `guaranteed_age_s`: what that costs more than up-to-date play is worth, in seconds to the capture (PE; play ends after
 twice that and a quarter of a minute more) or in metres of the final distance to the target (TAD).
 
-The guarantee is another number, the value with age, and of one law alone, the one that plays the evader's last seen
-place with its age: on the line below that law is by how much the worst evader beat it, which is what the steps leave.
-For that an age counts to the end of the step in which a command acts, each is a whole number of steps, and a pursuer
-that would be at its point before the step ends keeps with the evader for the rest of it. Without, at 0.1 s and 12 m/s,
-a Ball flies past its disc at full speed again and again, 1.2 m at a time where 0.3 m count as a capture, and every law
-with an age loses up to the whole distance: to the steps, not to the evader.
+What a law promises is another number: of one that plays the evader's last seen place with its age the value with age,
+which is a guarantee in PE up to that age and in TAD not; of one that plays it with the stand-off disc less the spread,
+vτ, that game's value (TAD: less vτ), which is one in both. On the line below such a law is by how much the worst evader
+beat its promise. For that, an age counts to the end of the step in which a command acts, each is a whole number of
+steps, and a pursuer that would be at its point before the step ends keeps with the evader for the rest of it: a Ball
+that flies past its disc at full speed, 1.2 m at a time where 0.3 m count as a capture, loses to its steps.
 """
 
 import argparse
@@ -132,7 +132,8 @@ def play(game, law, age_steps, P, E, T, family, limit_s):
         run = v * np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=1)
         seen = path[-delay - 1] + (age_s * runs[-delay - 1] if law.predicted else 0.0)
         move = solve(known, P, seen, T, evader_velocity_m_s=runs[-delay - 1])
-        flown_s = np.minimum(move.meeting_time_s, step_s)[:, None]
+        short = (move.meeting_time_s > 0) & (move.meeting_time_s < step_s)
+        flown_s = np.where(short, move.meeting_time_s, step_s)[:, None]
         P = P + flown_s * move.pursuer_velocity_m_s + (step_s - flown_s) * runs[-delay - 1]
         E = E + step_s * run
         path.append(E)

@@ -14,8 +14,11 @@ STEP_S = 0.02
 DISC = StandOff(3.0, 2.0)
 
 
-def played(game, P, E, T, run, limit_s, touch_m=0.1):
-    """Play `solve` on what was seen against a run, a velocity of (t, P, E); return when and where E is captured."""
+def played(game, P, E, T, run, limit_s, touch_m=0.1, law=None):
+    """Play `solve` on what was seen against a run, a velocity of (t, P, E); return when and where E is captured.
+
+    `law` is the game that is solved instead, if another.
+    """
     delay = round(game.information_age_s / STEP_S)
     path, t = [np.array(E)] * (delay + 1), 0.0
     lengths = game.standoff.radius_m, game.standoff.height_m, game.capture_radius_m
@@ -27,7 +30,8 @@ def played(game, P, E, T, run, limit_s, touch_m=0.1):
             return t, E
         if T is not None and np.linalg.norm(E - T) <= game.evader_speed_m_s * STEP_S:
             return np.inf, E
-        solution = solve(game, P, path[-delay - 1], T)
+        seen, ran = path[-delay - 1], (path[-delay] - path[-delay - 1]) / STEP_S if delay else None
+        solution = solve(law or game, P, seen, T, evader_velocity_m_s=ran)
         P, E = P + STEP_S * solution.pursuer_velocity_m_s, E + STEP_S * np.array(run(t, P, E))
         path.append(E)
         t += STEP_S
@@ -58,8 +62,8 @@ def test_the_guaranteed_age_is_where_the_evaders_spread_has_just_filled_the_reac
             game.target_velocity_m_s,
             game.evader_space,
         )
-        for target in (None, T):
-            assert solve(old, P, E, target).reason == reason
+        assert solve(old, P, E).reason == reason
+        assert solve(old, P, E, T).reason == (Reason.TOO_OLD if old.information_age_s else Reason.SOLVED)
 
 
 def test_rows_too_old_say_so_and_facts_of_the_moment_stay():
@@ -73,6 +77,7 @@ def test_rows_too_old_say_so_and_facts_of_the_moment_stay():
         assert solve(lens, np.zeros(3), np.zeros(3), target).reason == Reason.CAPTURED
     assert solve(lens, np.array([9.0, 9.0, 0.0]), np.zeros(3), np.zeros(3)).reason == Reason.ARRIVED
     assert solve(lens, np.array([0.0, 0.0, 20.0]), np.zeros(3)).reason == Reason.TOO_OLD
+    assert solve(game, *rows, np.array([0.0, 30.0, 0.0])).reason.tolist() == [Reason.SOLVED] + [Reason.TOO_OLD] * 3
     old = Game(Ball(2.0), 1.0, information_age_s=1.0)
     assert solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).margin_s == 0.0
     assert solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).reason == Reason.TOO_OLD
@@ -116,9 +121,51 @@ def test_at_the_guaranteed_age_no_evader_beats_the_value(speeds, seed):
         "away": lambda t, P, E: (E - P) * [1.0, 1.0, 0.0] / max(np.hypot(*(E - P)[:2]), 1e-9),
     }
     chase = float(solve(game, P, E).value)
-    race = solve(game, P, E, T)
+    surer = Game(speeds, 1.0, standoff=StandOff(0.0, 2.0))
+    floor = float(solve(surer, P, E, T).value) - 3.0
     for run in runs.values():
         assert played(game, P, E, None, run, chase + 1.0)[0] <= chase + 0.2
-        if race.winner > 0:
-            _, end = played(game, P, E, T, run, 60.0)
-            assert np.linalg.norm(end - T) >= float(race.value) - 0.2
+        if solve(surer, P, E, T).winner > 0 and floor > 0:
+            _, end = played(game, P, E, T, run, 60.0, law=surer)
+            assert np.linalg.norm(end - T) >= floor - 0.2
+
+
+def weaving(T, swing, period_s, phase):
+    """An evader that runs for its target, off to one side and to the other."""
+
+    def run(t, P, E):
+        heading = np.arctan2(*(T - E)[1::-1]) + swing * np.sign(np.sin(2.0 * np.pi * t / period_s + phase))
+        return np.cos(heading), np.sin(heading), 0.0
+
+    return run
+
+
+def test_in_tad_an_evader_beats_the_value_at_an_age_that_pe_forgives_and_not_the_floor():
+    P, E, T = np.array([2.9, -4.46, 1.51]), np.zeros(3), np.array([16.0, 0.0, 0.0])
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 0.0), information_age_s=1.0)
+    surer = Game(Ball(2.0), 1.0, standoff=StandOff(2.0, 0.0))
+    promise, floor = float(solve(game, P, E, T).value), float(solve(surer, P, E, T).value) - 1.0
+    assert game.information_age_s < guaranteed_age_s(game)
+    assert promise > floor > 8.0
+    run = weaving(T, np.pi / 6.0, 7.0, 0.0)
+    _, end = played(game, P, E, T, run, 40.0)
+    assert np.linalg.norm(end - T) < promise - 1.0
+    when, end = played(game, P, E, T, run, 40.0, law=surer)
+    assert when < np.inf
+    assert np.linalg.norm(end - T) >= floor
+
+
+def test_a_pursuer_over_the_meeting_point_does_not_wait_for_an_evader_that_passes_it_by():
+    """Once it did, keeping with what it saw, and the evader got to its target."""
+    P, E, T = np.array([5.57, -1.31, 2.61]), np.zeros(3), np.array([40.0, 0.0, 0.0])
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 0.0), information_age_s=1.0)
+    when, end = played(game, P, E, T, weaving(T, np.pi / 4.0, 1.0, 0.0), 90.0)
+    assert when < np.inf
+    assert np.linalg.norm(end - T) > float(solve(game, P, E, T).value) - 2.0
+    over = np.array([3.9, 0.0, 0.0])
+    for speeds in (Ball(2.0), Cylinder(2.0, 1.0, 1.0)):
+        old = Game(speeds, 1.0, standoff=StandOff(3.0, 0.0), information_age_s=1.0)
+        answer = solve(old, over, E, T, evader_velocity_m_s=np.array([0.0, 1.0, 0.0]))
+        assert answer.meeting_time_s == 0.0
+        assert answer.reason == Reason.TOO_OLD
+        np.testing.assert_allclose(answer.pursuer_velocity_m_s, [-2.0, 0.0, 0.0], atol=1e-12)

@@ -135,7 +135,9 @@ def test_within_the_capture_distance_is_captured_and_the_nearest_is_the_captor()
     assert len(played.path) == 1
 
 
-@pytest.mark.parametrize(("x", "y", "z"), [(-9.0, 0.0, 1.0), (9.0, -3.0, 1.0), (0.0, -5.0, 1.0), (0.0, -11.0, 0.5), (0.5, 0.0, 30.0)])
+@pytest.mark.parametrize(
+    ("x", "y", "z"), [(-9.0, 0.0, 1.0), (9.0, -3.0, 1.0), (0.0, -5.0, 1.0), (0.0, -11.0, 0.5), (0.5, 0.0, 30.0)]
+)
 def test_an_evader_with_a_policy_plays_it_against_the_nearest_pursuer(x, y, z):
     P, E = np.array([[x, y, z], [4.0, 4.0, 8.0]]), np.zeros((1, 3))
     near = P[np.argmin(np.linalg.norm(P, axis=1))]

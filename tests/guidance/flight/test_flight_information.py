@@ -66,7 +66,7 @@ def test_what_is_not_guaranteed_is_not_watched():
 def test_a_target_that_moves_is_where_it_is_by_now_and_the_game_knows_its_velocity():
     settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0), target_velocity_m_s=(1.0, -0.5))
     P, E = in_game(PURSUER_NED), in_game(EVADER_NED)
-    game = Game(CYCLE.speed_set, 3.0, standoff=CYCLE.standoff, information_age_s=0.1, target_velocity_m_s=(1.0, -0.5))
+    game = Game(CYCLE.speed_set, 3.0, standoff=CYCLE.standoff, target_velocity_m_s=(1.0, -0.5))
     for played_s in (0.0, 12.0):
         T = np.array([40.0 + played_s, 10.0 - 0.5 * played_s, 0.0])
         said = cycle(settings=settings, played_s=played_s)
