@@ -86,6 +86,30 @@ def test_a_pursuer_without_speed_in_hand_is_refused(slow):
         Game(**slow)
 
 
+def test_a_game_against_another_evader_is_the_same_game_built_anew():
+    whole = {"standoff": StandOff(3.0, 5.0), "target_velocity_m_s": (0.1, -0.2)}
+    game = Game(Cylinder(6.0, 3.0, 1.5), 2.0, **whole)
+    assert game.against(4, 0.25) == Game(Cylinder(6.0, 3.0, 1.5), 4.0, information_age_s=0.25, **whole)
+    assert game == Game(Cylinder(6.0, 3.0, 1.5), 2.0, **whole)
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "age_s", "named"),
+    [
+        (0.0, 0.0, "evader_speed_m_s"),
+        (NAN, 0.0, "evader_speed_m_s"),
+        (2.0, 0.0, r"evader_speed_m_s = 2.0 .*δ > 1"),
+        (0.2, 0.0, "target_velocity_m_s"),
+        (1.5, -0.1, "information_age_s"),
+        (1.5, INF, "information_age_s"),
+    ],
+)
+def test_another_evader_is_refused_where_it_makes_no_game(speed_m_s, age_s, named):
+    game = Game(Ball(2.0), 1.0, target_velocity_m_s=(0.3, 0.0))
+    with pytest.raises(ConfigError, match=named):
+        game.against(speed_m_s, age_s)
+
+
 def test_a_target_that_outruns_the_evader_is_refused():
     with pytest.raises(ConfigError, match=r"target_velocity_m_s = \(0.6, 0.8\): must be slower than the evader"):
         Game(Ball(2.0), 1.0, target_velocity_m_s=(0.6, 0.8))
