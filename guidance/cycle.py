@@ -138,7 +138,8 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     too_old = age_s > guaranteed_age_s(game)
     if too_old or settings.target_game_m is not None:
         # Too old for PE, and in TAD at any age, the value can be beaten. Of the laws that tests/bench/bench_game_age.py
-        # sets against a worst evader, the one that takes the estimate for new loses least there.
+        # sets against a worst evader, the one that takes the estimate for new loses least there with a vehicle's speed
+        # set, the Cylinder. A Ball that believes itself on its disc, and is not, only follows, whichever it plays.
         game = game.against(evader.speed_bound_m_s, 0.0)
     answered = answer(game, players, settings.acceleration, memory.optimal_game_m_s)
     asked = answered.pursuer_m_s
