@@ -4,13 +4,11 @@ import math
 import tomllib
 
 import pytest
-from rich.console import Console
 
-from guidance.cli import mocked
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.session.fly import fly
+from guidance.session.fly import fly, fly_mock
 from guidance.session.result import outcome_of_flight
 from guidance.sim.faulting import faulted_fleet, script, script_toml
 from guidance.sim.maths import play
@@ -121,7 +119,7 @@ def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_sta
 
 def test_a_flight_with_a_wrong_fault_leaves_nothing_behind(tmp_path):
     with pytest.raises(ConfigError, match="gremlins"):
-        mocked.flown(
-            scenario(fault=[{"kind": "gremlins"}]), Console(), tmp_path / "out", fast=True, link="mavsdk", port=0
+        fly_mock(
+            scenario(fault=[{"kind": "gremlins"}]), tmp_path / "out", lambda _: None, fast=True, link="mavsdk", port=0
         )
     assert list(tmp_path.iterdir()) == []
