@@ -28,7 +28,7 @@ def ctl(
 
         guidance ctl engage --name px4
     """
-    from guidance.session.ask import ask  # noqa: PLC0415 - zenoh takes a moment
+    from guidance.session.control_bus import ask  # noqa: PLC0415 - zenoh takes a moment
 
     answer = ask(order, endpoint=endpoint, name=name, token_file=token_file)
     typer.echo(json.dumps(answer, indent=2))

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from guidance.cli.showing import live_line, report
 from guidance.errors import FlightError
-from guidance.session.fly import fly_mock, next_folder
+from guidance.session.mocked import fly_mock, next_folder
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.session.vehicle import Asked, fly_url, left_out
 from guidance.sim.files import load_scenario

@@ -99,7 +99,7 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
     if run.way == "maths":
         return play([scenario])[0]
     from guidance.cli.showing import live_line, tell_dropped  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.fly import RECORD, fly_mock, next_folder  # noqa: PLC0415
+    from guidance.session.mocked import RECORD, fly_mock, next_folder  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def say(words: str) -> None:

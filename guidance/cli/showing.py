@@ -14,9 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.errors import OutputError
-from guidance.session.fly import OUTCOME, PICTURE, RECORD
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
+from guidance.session.mocked import OUTCOME, PICTURE, RECORD
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome, outcome_json
 

@@ -8,13 +8,12 @@ import contextlib
 import json
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 import zenoh
 
 from guidance.log.entries import CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, InputsEntry
-from guidance.log.writer import Record
 from guidance.messages import EvaderReport, Message
 
 MOST_WAITING: Final = 256
@@ -131,35 +130,3 @@ def is_watched(publisher: "zenoh.Publisher") -> bool:
     """Whether anybody has subscribed."""
     status: Any = publisher.matching_status  # an object; its stub says bool
     return bool(status.matching)
-
-
-class Records:
-    """Several records as one. It has failed once any of them has."""
-
-    def __init__(self, records: Sequence[Record]) -> None:
-        self._records = records
-
-    @property
-    def failed(self) -> str | None:
-        """Why one of them writes nothing any more; None while all is well."""
-        return next((record.failed for record in self._records if record.failed is not None), None)
-
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame."""
-        for record in self._records:
-            record.frame(now_s, topic, frame)
-
-    def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle."""
-        for record in self._records:
-            record.cycle(entry)
-
-    def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Keep one event."""
-        for record in self._records:
-            record.event(now_s, event, detail)
-
-    def report(self, report: EvaderReport) -> None:
-        """Keep one report of the evader."""
-        for record in self._records:
-            record.report(report)

@@ -11,7 +11,7 @@ import json
 import math
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from io import BytesIO, FileIO
 from pathlib import Path
@@ -60,6 +60,38 @@ class Record(Protocol):
 
     def report(self, report: EvaderReport) -> None:
         """Keep one report of the evader."""
+
+
+class Records:
+    """Several records as one. It has failed once any of them has."""
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        self._records = records
+
+    @property
+    def failed(self) -> str | None:
+        """Why one of them writes nothing any more; None while all is well."""
+        return next((record.failed for record in self._records if record.failed is not None), None)
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame."""
+        for record in self._records:
+            record.frame(now_s, topic, frame)
+
+    def cycle(self, entry: CycleEntry) -> None:
+        """Keep one guidance cycle."""
+        for record in self._records:
+            record.cycle(entry)
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
+        for record in self._records:
+            record.event(now_s, event, detail)
+
+    def report(self, report: EvaderReport) -> None:
+        """Keep one report of the evader."""
+        for record in self._records:
+            record.report(report)
 
 
 class Recorder:

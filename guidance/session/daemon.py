@@ -6,29 +6,23 @@ from typing import Any, Final
 
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
-from guidance.flight import FINAL, ORDERS, Event, Flight, Inputs, Outputs
+from guidance.flight import FINAL, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.broadcast import Records
 from guidance.log.entries import RELOADED, STOPPED
-from guidance.log.writer import Record
+from guidance.log.writer import Record, Records
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, parameter_names, refusals, rows
+from guidance.session.answers import is_done, missing, not_engageable, refusal, status
 from guidance.session.handover import ON_GROUND, ShutdownHandover
 from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
-from guidance.session.orders import Answer, Mailbox, Question
-from guidance.session.reasons import is_done, missing, not_engageable, refusal
+from guidance.session.orders import RESET, STATUS, WORDS, Answer, Mailbox, Question
 from guidance.session.spec import FlightPlan
-from guidance.session.status import status
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
-STATUS, RESET = "status", "reset"
-WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS)
-"""What may be ordered."""
-
 _GRAVE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
     Event.BATTERY_LOW, Event.FENCE, Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT, Event.FAULT,

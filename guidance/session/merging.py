@@ -7,15 +7,16 @@ each other, nothing flies.
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from guidance.config import parse
 from guidance.control import Speeds
 from guidance.errors import ConfigError
-from guidance.links.opening import Found
 from guidance.session.vehicle_file import Config
-from guidance.sim.fleet import EVADER_ID, PURSUER
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import EVADER_ID, PURSUER, Scenario
+
+if TYPE_CHECKING:
+    from guidance.links.opening import Found
 
 
 def merged(scenario: Scenario, config: Config) -> Config:
@@ -49,7 +50,7 @@ def merged(scenario: Scenario, config: Config) -> Config:
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
-def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: Found, evader_url: str) -> Config:
+def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: "Found", evader_url: str) -> Config:
     """Return the configuration that a vehicle's file would have been: the scenario's limits are the vehicle's own.
 
     Raises:

@@ -15,16 +15,16 @@ from guidance.flight import Event, Flight, State
 from guidance.frames import Vector
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
+from guidance.session.answers import missing
 from guidance.session.daemon import Daemon
 from guidance.session.handover import ON_GROUND
 from guidance.session.linked_flight import Stopped
 from guidance.session.loop import PERIOD_S
-from guidance.session.reasons import missing
 from guidance.session.result import FlightResult, conclude, note
 from guidance.session.sequencer import PATIENCE_S, MissionSequencer
 from guidance.session.world import World
 from guidance.sim.scenario import Scenario
-from guidance.sim.sensed_evader import SensedEvader
+from guidance.sim.sensor import SensedEvader
 
 READY_WITHIN_S: Final = 120.0
 """Longest wait for a vehicle that is fit to fly; an ArduCopter takes 40 s from its start."""

@@ -2,11 +2,12 @@
 
 import contextlib
 import stat
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Final
 
+from guidance.autopilots import MAV_CMD_SET_MESSAGE_INTERVAL
 from guidance.clock import Clock
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
@@ -18,7 +19,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signing import SigningKey
 from guidance.links.wires.shared import Passed, TappedWire, share
 from guidance.links.wires.zenoh import open_session
-from guidance.session.asked_evader import AskedEvader
+from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import OwnerToken
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
 from guidance.sim.evader import EvaderPlayer
@@ -169,7 +170,7 @@ def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSour
     link = PymavlinkLink(
         asked, clock.now_s, system_id=evader.system_id, component_id=evader.component_id or 1, own_system_id=OWN_ID
     )
-    return AskedEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=evader.request_rate_hz)
+    return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=evader.request_rate_hz)
 
 
 def _frame(evader: EvaderSection) -> LocalFrame:
@@ -197,3 +198,47 @@ def signing_key(path: Path) -> SigningKey:
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise ConfigError(f"vehicle.signing_key_file = {str(path)!r}: others may read it; chmod 600 it")
     return SigningKey.from_hex(text)
+
+
+ASK_AGAIN_S: Final = 3.0
+"""Asked again after this long without a report: an evader may have been switched off and on."""
+
+HEARTBEAT_S: Final = 1.0
+
+
+class PolledEvader:
+    """`EvaderSource` around another, which asks the evader for its reports by a link of its own to it."""
+
+    def __init__(
+        self, source: EvaderSource, link: VehicleLink, clock: Callable[[], float], *, message_id: int, rate_hz: float
+    ) -> None:
+        self._source = source
+        self._link = link
+        self._clock = clock
+        interval_us = 1e6 / rate_hz
+        self._request = Command(MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self._asked_s = self._beat_s = float("-inf")
+
+    def receive(self) -> Sequence[EvaderReport]:
+        """As the source's; asks meanwhile."""
+        reports = self._source.receive()
+        self._link.receive()
+        now_s = self._clock()
+        if now_s - self._beat_s >= HEARTBEAT_S:
+            self._beat_s = now_s
+            self._link.send_heartbeat()
+        if reports:
+            self._asked_s = now_s
+        elif now_s - self._asked_s >= ASK_AGAIN_S:
+            self._asked_s = now_s
+            self._link.request(self._request)
+        return reports
+
+    def counters(self) -> Mapping[str, int]:
+        """As the source's, and how often was asked."""
+        return {**self._source.counters(), "requests_sent": self._link.counters().get("requests_sent", 0)}
+
+    def close(self) -> None:
+        """Close both; may be called twice."""
+        self._source.close()
+        self._link.close()

@@ -5,7 +5,13 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
+from guidance.flight import ORDERS
+
 MOST_WAITING: Final = 16
+
+STATUS, RESET = "status", "reset"
+WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS)
+"""What may be ordered."""
 
 Answer = Mapping[str, Any]
 

@@ -15,6 +15,7 @@ from guidance.log.background import BackgroundRecorder
 from guidance.log.broadcast import Broadcast
 from guidance.log.null import NullRecorder
 from guidance.log.writer import Recorder, started_utc, versions
+from guidance.session.answers import StartupResponder
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon
 from guidance.session.handover import ORDER_OF
@@ -27,7 +28,6 @@ from guidance.session.orders import Mailbox
 from guidance.session.plan_fence import load_vehicle
 from guidance.session.scheduling import claim
 from guidance.session.spec import FlightPlan, plan_of
-from guidance.session.startup import Waiting
 from guidance.session.vehicle_file import Config
 
 SURVEY_LIMIT_S: Final = 20.0
@@ -53,7 +53,7 @@ def run_vehicle(name: str) -> None:
         closing.callback(log.close)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
-        mailbox.meanwhile(Waiting(config, clock).answer)
+        mailbox.meanwhile(StartupResponder(config, clock).answer)
         control = ControlBus(
             config.name,
             mailbox,

@@ -19,13 +19,14 @@ from guidance.links.wires.udp import UdpWire
 from guidance.messages import Home
 from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus
-from guidance.session.fly import RECORD, fly, metadata_of, recording
+from guidance.session.fly import fly
 from guidance.session.handover import ORDER_OF
 from guidance.session.log import Log
 from guidance.session.loop import Signals
 from guidance.session.meeting import identify, wait_until_placed
 from guidance.session.merging import config_of
 from guidance.session.mission import Conduct, Progress
+from guidance.session.mocked import RECORD, metadata_of, recording
 from guidance.session.notify import Notifier
 from guidance.session.opening import VehicleWorld, open_all
 from guidance.session.orders import Mailbox
@@ -33,8 +34,7 @@ from guidance.session.plan_fence import load_vehicle
 from guidance.session.result import FlightResult
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config
-from guidance.sim.fleet import EVADER, EVADER_ID
-from guidance.sim.scenario import Scenario, Site, Wind
+from guidance.sim.scenario import EVADER, EVADER_ID, Scenario, Site, Wind
 from guidance.sim.stepped import EvaderHere
 
 FOUND_WITHIN_S: Final = 15.0

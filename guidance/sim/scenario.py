@@ -17,6 +17,10 @@ from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]
 
+PURSUER, EVADER = "pursuer", "evader"
+PURSUER_ID, EVADER_ID = 1, 2
+"""MAVLink system ids of the players."""
+
 BESIDE_M: Final = 2.0
 """How far beside its start the pursuer takes off."""
 

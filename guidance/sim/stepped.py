@@ -10,10 +10,9 @@ from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import Passed, TappedWire
 from guidance.sim.evader import EvaderPilot
-from guidance.sim.faulting import faulted_fleet, faults_after
-from guidance.sim.fleet import EVADER, EVADER_ID, PURSUER, PURSUER_ID
+from guidance.sim.mock_files import faulted_fleet, faults_after
 from guidance.sim.players import evader_settings
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
 from sitl_mock.faults import Faulted
 
 if TYPE_CHECKING:

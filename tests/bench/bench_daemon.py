@@ -188,7 +188,7 @@ def script(wire: str, port: int, _evader_port: int) -> Iterator[int]:
 @contextlib.contextmanager
 def daemon(link: str, wire: str, port: int, evader_port: int) -> Iterator[int]:
     """`guidance run`, brought up and engaged."""
-    from guidance.session.ask import ask
+    from guidance.session.control_bus import ask
 
     control_port = free_port(socket.SOCK_STREAM)
     config = CONFIG.format(link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port)

@@ -25,7 +25,7 @@ import numpy as np
 
 from guidance.errors import GuidanceError
 from guidance.log import cycles_of, survey_of
-from guidance.session.ask import ask
+from guidance.session.control_bus import ask
 
 PROGRAM = [sys.executable, "-c", "from guidance.cli import main; main()"]
 FLEET = """

@@ -18,11 +18,11 @@ from guidance.log.background import BackgroundRecorder
 from guidance.log.entries import CycleEntry, InputsEntry
 from guidance.log.writer import Recorder
 from guidance.session import log as log_module
+from guidance.session.answers import StartupResponder
 from guidance.session.log import Log
 from guidance.session.metrics import Metrics, MetricsServer
 from guidance.session.notify import Notifier
 from guidance.session.orders import MOST_WAITING, Mailbox
-from guidance.session.startup import Waiting
 from guidance.session.vehicle_file import Config
 
 
@@ -38,7 +38,7 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
 
 def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for(vehicle_document):
     clock, mailbox = VirtualClock(), Mailbox()
-    mailbox.meanwhile(Waiting(parse(Config, vehicle_document(), source="test"), clock).answer)
+    mailbox.meanwhile(StartupResponder(parse(Config, vehicle_document(), source="test"), clock).answer)
     clock.sleep_until(2.5)
     status = mailbox.ask("status").wait(0.0)
     assert (status["accepted"], status["name"], status["state"], status["waited_s"]) == (True, "uav1", "waiting", 2.5)

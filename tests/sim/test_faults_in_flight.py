@@ -4,14 +4,16 @@ import math
 import tomllib
 
 import pytest
+import tomli_w
 
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.session.fly import fly, fly_mock
+from guidance.session.fly import fly
+from guidance.session.mocked import fly_mock
 from guidance.session.result import outcome_of_flight
-from guidance.sim.faulting import faulted_fleet, script, script_toml
 from guidance.sim.maths import play
+from guidance.sim.mock_files import faulted_fleet, fleet, script
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 
@@ -92,11 +94,12 @@ def test_wind_blows_on_the_pursuer_for_the_whole_flight_and_is_captured_against(
     assert outcome.predicted == pytest.approx(play([scenario()])[0].predicted, abs=0.3)
 
 
-def test_the_file_for_a_child_process_says_what_the_script_says():
+def test_the_files_for_a_child_process_say_what_is_flown_in_this_one():
     windy = scenario(
         wind={"velocity_m_s": (1.0, -0.5)}, fault=[{"kind": "loss", "after": "start", "messages": ["HEARTBEAT"]}]
     )
-    assert tomllib.loads(script_toml(windy)) == script(windy)
+    for document in (fleet(windy), script(windy)):
+        assert tomllib.loads(tomli_w.dumps(document)) == document
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from guidance.config import load
 from guidance.flight import Event, State
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
 from guidance.log.writer import Recorder
-from guidance.session.fly import fly, next_folder
+from guidance.session.fly import fly
+from guidance.session.mocked import next_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.files import load_scenario
 from guidance.sim.players import game

@@ -18,8 +18,7 @@ from guidance.session.fly import fly
 from guidance.session.recorded import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
-from guidance.sim.sensed_evader import SensedEvader
-from guidance.sim.sensor import Noise, begin, listen
+from guidance.sim.sensor import Noise, SensedEvader, begin, listen
 from guidance.sim.stepped import SteppedWorld
 
 HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))

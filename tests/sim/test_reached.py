@@ -33,9 +33,8 @@ from guidance.session.orders import Mailbox
 from guidance.session.result import outcome_of_flight
 from guidance.session.spec import plan_of
 from guidance.session.vehicle import laid_about
-from guidance.sim.fleet import EVADER_ID
-from guidance.sim.scenario import Scenario
-from guidance.sim.sensed_evader import SensedEvader
+from guidance.sim.scenario import EVADER_ID, Scenario
+from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import EvaderHere, SteppedMock
 from sitl_mock import Home, MockVehicle
 from sitl_mock.child import running

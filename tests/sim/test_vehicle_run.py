@@ -28,7 +28,7 @@ from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.files import load_scenario
 from guidance.sim.scenario import Scenario
-from guidance.sim.sensed_evader import SensedEvader
+from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
 from sitl_mock.child import running
 

@@ -3,7 +3,7 @@ from guidance.links import MemoryWire
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import share
-from guidance.session.asked_evader import ASK_AGAIN_S, AskedEvader
+from guidance.session.opening import ASK_AGAIN_S, PolledEvader
 from sitl_mock import Home, MockVehicle
 
 
@@ -18,7 +18,7 @@ class Rover:
         reports, asks = share(ours, 2)
         source = MavlinkEvader(reports, GlobalPositionInt(), system_id=2)
         link = PymavlinkLink(asks, self.clock.now_s, system_id=2, own_system_id=255)
-        self.evader = AskedEvader(source, link, self.clock.now_s, message_id=33, rate_hz=20.0)
+        self.evader = PolledEvader(source, link, self.clock.now_s, message_id=33, rate_hz=20.0)
         self.silent = False
 
     def run(self, seconds):

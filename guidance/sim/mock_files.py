@@ -1,23 +1,58 @@
-"""What goes wrong in a mocked flight, and the wind that blows in it: the scenario's faults in the mock's own words.
+"""A scenario in the mock's own words: its fleet of two vehicles, what goes wrong with them, and the wind that blows.
 
 Faults that count from the start are a script, in place before the vehicles are switched on. Those that count from
 engagement are put in place when the game begins: a rover, or an ArduCopter, is in its guided mode long before.
 """
 
-import json
 import math
-import tomllib
 from collections.abc import Iterator
 from typing import Any, Final
 
 from guidance.errors import ConfigError
-from guidance.sim.fleet import PURSUER, fleet_toml
-from guidance.sim.scenario import Fault, Scenario
+from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Fault, Scenario
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.faults import Faulted, parse_script
 from sitl_mock.fleet import build, checked
 
 _WHOLE_FLIGHT_S: Final = 1e9
+
+READY_AFTER_S: Final = 3.0
+"""The mocks' boot is cut short (a real ArduCopter takes 39 s): nobody learns from watching it."""
+
+
+def fleet(scenario: Scenario) -> dict[str, Any]:
+    """Return the fleet: the pursuer on the ground near below its start, and the evader at its own.
+
+    The pursuer's autopilot is set to the vertical speeds that the scenario says it has.
+    """
+    site, pursuer, evader = scenario.site, scenario.pursuer, scenario.evader
+    home_x, home_y = scenario.home_m
+    ex, ey = evader.position_m
+    own = _vehicle(PURSUER, pursuer.autopilot, PURSUER_ID, (home_y, home_x, 0.0))
+    if pursuer.autopilot == "px4":
+        own["parameters"] = {
+            "MPC_Z_VEL_MAX_UP": float(pursuer.climb_m_s),
+            "MPC_Z_VEL_MAX_DN": float(pursuer.descent_m_s),
+        }
+    return {
+        "seed": scenario.seed,
+        "home": {
+            "lat_deg": site.latitude_deg,
+            "lon_deg": site.longitude_deg,
+            "alt_amsl_m": site.altitude_amsl_m,
+        },
+        "vehicle": [own, _vehicle(EVADER, "rover", EVADER_ID, (ey, ex, -evader.height_m))],
+    }
+
+
+def _vehicle(name: str, flavour: str, system_id: int, start_ned_m: tuple[float, float, float]) -> dict[str, Any]:
+    return {
+        "name": name,
+        "flavour": flavour,
+        "system_id": system_id,
+        "start_ned_m": [float(part) for part in start_ned_m],
+        "ready_after_s": READY_AFTER_S,
+    }
 
 
 def faults_after(scenario: Scenario, event: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -37,14 +72,6 @@ def script(scenario: Scenario) -> dict[str, Any]:
     return {"seed": scenario.seed, "fault": faults}
 
 
-def script_toml(scenario: Scenario) -> str:
-    """Return the script as a file's text."""
-    lines = [f"seed = {scenario.seed}"]
-    for fault in script(scenario)["fault"]:
-        lines += ["[[fault]]", *(f"{json.dumps(key)} = {json.dumps(value)}" for key, value in fault.items())]
-    return "\n".join(lines) + "\n"
-
-
 def faulted_fleet(scenario: Scenario) -> dict[str, Faulted]:
     """Make both vehicles with the faults that count from the start.
 
@@ -52,7 +79,7 @@ def faulted_fleet(scenario: Scenario) -> dict[str, Faulted]:
         ConfigError: If a fault is none that its vehicle can have, whenever it is due: with key, value and allowed.
     """
     check_faults(scenario)
-    vehicles = build(checked(tomllib.loads(fleet_toml(scenario)), scenario.title))
+    vehicles = build(checked(fleet(scenario), scenario.title))
     begun = parse_script(script(scenario), scenario.title)
     return {name: Faulted(vehicle, name, begun) for name, vehicle in vehicles.items()}
 
@@ -68,7 +95,7 @@ def check_faults(scenario: Scenario) -> None:
     everything = [{**_keys(fault), "vehicle": fault.vehicle} for fault in scenario.fault]
     try:
         parsed = parse_script({"seed": scenario.seed, "fault": everything}, scenario.title)
-        for name, vehicle in build(checked(tomllib.loads(fleet_toml(scenario)), scenario.title)).items():
+        for name, vehicle in build(checked(fleet(scenario), scenario.title)).items():
             Faulted(vehicle, name, parsed)
     except MockConfigError as error:
         raise ConfigError(str(error)) from error

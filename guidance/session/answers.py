@@ -1,0 +1,125 @@
+"""What a person is answered: where a flight stands, why an order had no effect, what to do next, what is awaited."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from guidance.clock import Clock
+from guidance.flight import FINAL, TRANSITIONS, Event, Flight, Outputs, State
+from guidance.log.codec import plain
+from guidance.messages import Heartbeat, LocalPosition
+from guidance.preflight import Finding, advice, refusals
+from guidance.session.orders import STATUS, WORDS, Answer
+from guidance.session.vehicle_file import Config
+
+_WHY: Final[Mapping[State, str]] = {
+    State.CONNECTING: "the vehicle is not heard",
+    State.ARMING: "it is arming",
+    State.CLIMBING: "it is taking off",
+    State.POSITIONING: "it is on its way to the start",
+    State.STANDING_BY: "it stands by: order engage, hold, land or return",
+    State.ENTERING: "it is entering the guided mode",
+    State.ENGAGED: "the game is on",
+    State.PAUSED: "the game is paused",
+    State.ON_STATION: "it is on station",
+    State.HOLDING: "it holds: order engage, land or return",
+    State.RETURNING: "it is returning",
+    State.LANDING: "it is landing",
+}
+
+
+def is_done(order: Event, state: State) -> bool:
+    """True where the flight is already in the state that an order leads to: ordering twice does no harm."""
+    return any(event is order and after is state for (_, event), after in TRANSITIONS.items())
+
+
+def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
+    """Say why `order` changed nothing."""
+    state = flight.state
+    if flight.fault is not None:
+        return f"guidance failed ({flight.fault}), and is silent since: order reset to begin another"
+    if state in FINAL:
+        ended = {
+            State.YIELDED: "a pilot or the autopilot took over, and guidance is silent since",
+            State.FAILED: "the flight could not be flown",
+            State.LANDED: "the flight is over",
+        }[state]
+        return f"{ended}: order reset to begin another"
+    if state is State.CHECKING:
+        return f"not ready: {missing(flight, now_s, rows)}"
+    if state is State.READY:
+        return "on the ground: order start first" if order is Event.ENGAGE else "there is no flight to end: it is ready"
+    if order is Event.START:
+        return f"under way already: {_WHY[state]}"
+    return _WHY[state]
+
+
+def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
+    """Name every check that fails and every preflight row that is refused."""
+    checks = [f"{check.name} ({check.found})" for check in flight.checks(now_s) if not check.passed]
+    return "; ".join(filter(None, (", ".join(checks), advice(rows)))) or "the checks have just passed, order again"
+
+
+def not_engageable(flight: Flight, now_s: float) -> str | None:
+    """Say what stands against engaging where the state would allow it; None if nothing does."""
+    silence_s = flight.tracking.silence_s(now_s)
+    limit_s = flight.settings.cycle.evader_timeout_s
+    if silence_s > limit_s:
+        heard = "was never heard" if silence_s == float("inf") else f"was last heard {silence_s:.1f} s ago"
+        return f"the evader {heard}; at most {limit_s:g} s is allowed"
+    return None
+
+
+def status(
+    name: str, now_s: float, flight: Flight, outputs: Outputs | None, rows: Sequence[Finding], *, recording: str
+) -> dict[str, Any]:
+    """Lay out where the flight stands. NaN and infinities become null."""
+    vehicle = flight.vehicle
+    certificate = None if outputs is None else outputs.certificate
+    shown: dict[str, Any] = plain(
+        {
+            "name": name,
+            "state": str(flight.state),
+            "mode": flight.mode_name,
+            "armed": vehicle.armed,
+            "engage_on": str(flight.settings.engage_on),
+            "after_capture": str(flight.settings.after_capture),
+            "streaming": outputs is not None and outputs.setpoint is not None,
+            "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
+            "position_age_s": vehicle.age_s(LocalPosition, now_s),
+            "evader_silence_s": flight.tracking.silence_s(now_s),
+            "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
+            "preflight_refused": list(refusals(rows)),
+            "recording": recording,
+            "certificate": certificate,
+        }
+    )
+    return shown
+
+
+class StartupResponder:
+    """Answers every order while the wire is opened and the vehicle's first HEARTBEAT is waited for."""
+
+    def __init__(self, config: Config, clock: Clock) -> None:
+        vehicle = config.vehicle
+        self._name = config.name
+        self._for = f"a HEARTBEAT of system {vehicle.system_id}, component {vehicle.component_id} at {vehicle.url}"
+        self._limit_s = vehicle.connect_timeout_s
+        self._clock = clock
+        self._since_s = clock.now_s()
+
+    def answer(self, order: str) -> Answer:
+        """Status is told; every other order has to wait for the vehicle."""
+        waited_s = round(self._clock.now_s() - self._since_s, 1)
+        shown = {
+            "order": order,
+            "name": self._name,
+            "state": "waiting",
+            "waiting_for": self._for,
+            "waited_s": waited_s,
+            "connect_timeout_s": self._limit_s,
+        }
+        if order == STATUS:
+            return {"accepted": True, **shown}
+        if order not in WORDS:
+            return {"accepted": False, **shown, "reason": f"order = {order!r}: allowed are {', '.join(WORDS)}"}
+        return {"accepted": False, **shown, "reason": f"waiting for {self._for}, {waited_s:g} s so far"}

@@ -1,0 +1,123 @@
+"""A flight of the mock, in virtual time or of a live process, and where a flight's files go."""
+
+import contextlib
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from guidance.clock import Clock, MonotonicClock, VirtualClock
+from guidance.errors import ConfigError
+from guidance.links.opening import KINDS
+from guidance.log.background import BackgroundRecorder
+from guidance.log.writer import Recorder, started_utc, versions
+from guidance.session.fly import fly
+from guidance.session.linked_flight import Stopped
+from guidance.session.mission import Progress
+from guidance.session.result import FlightResult
+from guidance.session.vehicle_file import Config
+from guidance.session.world import World
+from guidance.sim.live import OVER, ZENOH
+from guidance.sim.mock_files import check_faults
+from guidance.sim.scenario import Scenario
+
+RECORD: Final = "record.mcap"
+PICTURE: Final = "flight.png"
+OUTCOME: Final = "outcome.json"
+
+
+def fly_mock(
+    scenario: Scenario,
+    folder: Path,
+    show: Callable[[Progress], None],
+    *,
+    fast: bool,
+    link: str,
+    port: int,
+    over: str = ZENOH,
+    on_record: Callable[[Path], None] = lambda _: None,
+) -> FlightResult:
+    """Fly a scenario against the mock, with the record in a folder.
+
+    Args:
+        scenario: What is flown.
+        folder: For the record.
+        show: Is told of every cycle.
+        fast: In virtual time; else in real time, with the mock as a live process.
+        link: Which client flies in real time.
+        port: Of the mock's Zenoh session, or its first UDP port; 0 is any.
+        over: What the live mock is reached over.
+        on_record: Is told of the record once it is being written.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    if link not in KINDS:
+        raise ConfigError(f"--link {link}: allowed are {', '.join(KINDS)}")
+    if over not in OVER:
+        raise ConfigError(f"--over {over}: allowed are {', '.join(OVER)}")
+    if not 0 <= port <= 65535:
+        raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
+    check_faults(scenario)
+    clock: Clock = VirtualClock() if fast else MonotonicClock()
+    with recording(folder / RECORD, metadata_of(scenario, None, None if fast else clock), real_time=not fast) as record:
+        on_record(folder / RECORD)
+        with _mock(scenario, clock, fast=fast, link=link, port=port, over=over) as world:
+            result = fly(scenario, world, clock, record, show)
+    if record.failed is not None and result.record_stopped is None:
+        result.record_stopped = Stopped(result.duration_s, record.failed)
+    result.record_dropped = record.dropped if isinstance(record, BackgroundRecorder) else 0
+    return result
+
+
+@contextlib.contextmanager
+def _mock(scenario: Scenario, clock: Clock, *, fast: bool, link: str, port: int, over: str) -> Iterator[World]:
+    world: World
+    if fast:
+        from guidance.sim.stepped import SteppedWorld  # noqa: PLC0415 - only one of the worlds is ever needed
+
+        world = SteppedWorld(scenario, clock)
+    else:
+        from guidance.sim.live import LiveWorld  # noqa: PLC0415
+
+        world = LiveWorld(scenario, clock, link=link, port=port, over=over)
+    try:
+        yield world
+    finally:
+        world.close()
+
+
+def metadata_of(scenario: Scenario, config: Config | None, clock: Clock | None) -> dict[str, str]:
+    """Return what a record says of its flight: files, seed, versions and, where time is real, when it began."""
+    return {
+        "scenario": scenario.model_dump_json(exclude_unset=config is not None),
+        **({} if config is None else {"config": config.model_dump_json()}),
+        "seed": str(scenario.seed),
+        **versions(),
+        **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
+    }
+
+
+def next_folder(parent: Path, stem: str) -> Path:
+    """Return the first of `parent/stem-001`, `-002`, … that is not there yet."""
+    return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
+
+
+@contextlib.contextmanager
+def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
+    """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle.
+
+    Raises:
+        ConfigError: If it cannot be written.
+    """
+    try:
+        written = Recorder(path, metadata)
+    except OSError as error:
+        raise ConfigError(
+            f"--out {path.parent}: cannot be written ({error.strerror}); choose another folder"
+        ) from error
+    recorder = BackgroundRecorder(written) if real_time else written
+    try:
+        yield recorder
+    finally:
+        recorder.close()
