@@ -11,10 +11,10 @@ from guidance.sim.batch import stack, starts
 from guidance.sim.maths import game_of, moments, opening
 from guidance.sim.players import evader_strategy, pursuer_strategy, speed_set, standoff, target_game_m
 from guidance.sim.scenario import Scenario
+from guidance.viz.chase import draw_fence
 from guidance.viz.figures import (
     COURSE,
     EVADER,
-    FENCE,
     ISOCHRON,
     MEETING,
     PURSUER,
@@ -47,7 +47,8 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     label_space(space)
     space.locator_params(axis="z", nbins=3)
     label_plan(plan)
-    _fence(plan, scenario)
+    home_x, home_y = scenario.home_m
+    draw_fence(plan, [circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361)], 0.0, 2)
     figure.suptitle(literal(scenario.title))
     legend_below(figure, plan)
     save(figure, path)
@@ -92,15 +93,6 @@ def _courses(plan: Any, scenario: Scenario, until_s: float) -> None:  # noqa: AN
             within = np.concatenate([[True], strategy.course.times_s[:-1] <= until_s])
             places = strategy.course.places_m[within]
             plan.plot(*places[:, :2].T, **COURSE, label=f"course of {name}")
-
-
-def _fence(plan: Any, scenario: Scenario) -> None:  # noqa: ANN401
-    """Draw as much of the fence as is in view: a wide one would make all else small."""
-    home_x, home_y = scenario.home_m
-    x, y = circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361).T
-    (west, east), (south, north) = plan.get_xlim(), plan.get_ylim()
-    if np.any((west < x) & (x < east) & (south < y) & (y < north)):
-        plan.plot(x, y, **FENCE, label="fence", scalex=False, scaley=False)
 
 
 def _vector(place: Array) -> Vector:

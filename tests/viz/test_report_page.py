@@ -219,7 +219,7 @@ def test_a_title_cannot_break_out_of_the_page(pe, tmp_path):
     recorder = Recorder(path, metadata)
     for item in scan(torn_copy(pe[1], tmp_path)):
         if item.encoding == "json" and item.topic != EVENT_TOPIC:
-            recorder._write(item.now_s, item.topic, item.data, encoding="json", schema=None)
+            recorder._write(item.now_s, item.topic, item.data, encoding="json", codec=None)
     recorder.close()
     write_report(path, tmp_path, recorded_settings)
     assert "script" not in parsed(page_in(tmp_path)).seen

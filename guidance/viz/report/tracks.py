@@ -1,28 +1,10 @@
 """Both tracks in space and from above, with the fence, the stand-off disc and what the evader could still reach."""
 
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from guidance.viz.figures import (
-    BEFORE,
-    EVADER,
-    FENCE,
-    ISOCHRON,
-    ISOCHRON_LATER,
-    MEETING,
-    PURSUER,
-    TARGET,
-    draw_place,
-    draw_standoff,
-    figure_of,
-    label_plan,
-    label_space,
-    legend_below,
-    lifted,
-    thinned,
-)
+from guidance.viz.chase import Chase, draw_chase, draw_fence
+from guidance.viz.figures import figure_of, label_plan, label_space, legend_below
 from guidance.viz.report.story import Array, Story
 from guidance.viz.shapes import fence_edges, isochron_at
 
@@ -35,14 +17,14 @@ def tracks(story: Story) -> Figure:
     grid = figure.add_gridspec(1, 4, width_ratios=[1.15, 0.08, 1.0, 0.7])  # room for the label of the height
     space = figure.add_subplot(grid[0], projection="3d")
     plan, whole = figure.add_subplot(grid[2]), figure.add_subplot(grid[3])
-    low, high = _box(story)
-    for axes, columns in ((space, [0, 1, 2]), (plan, [0, 1]), (whole, [0, 1])):
-        _runs(axes, story, columns)
-        _game(axes, story, len(columns))
-    _fence(space, story, 3, (low, high))
-    _fence(plan, story, 2, (low, high))
-    _fence(whole, story, 2, None)
-    space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
+    chase = chase_of(story)
+    low, high = _box(story, chase)
+    for axes, dimensions in ((space, 3), (plan, 2), (whole, 2)):
+        draw_chase(axes, chase, dimensions)
+        if axes is not whole:
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions, whole=axes is whole)
+    space.set_zlim(min(0.0, low[2] + _MARGIN_M), high[2])
     label_space(space, zoom=0.92)
     label_plan(plan, adjustable="box")
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
@@ -51,61 +33,39 @@ def tracks(story: Story) -> Figure:
     return figure
 
 
-def _runs(axes: Any, story: Story, columns: list[int]) -> None:  # noqa: ANN401 - 2D or 3D axes
+def chase_of(story: Story) -> Chase:
+    """Return what is drawn of a recorded flight."""
+    settings = story.settings.cycle
     pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
     begin = len(pursuer) if story.engaged is None else story.engaged
     played = np.array([one is not None for one in story.certificates])
     end = begin + int(played[begin:].sum()) if begin < len(pursuer) else begin
-    for part, name in ((slice(0, begin), "pursuer before and after"), (slice(end, None), None)):
-        axes.plot(*thinned(pursuer[part])[:, columns].T, **BEFORE, label=name)
-    for track, style, name, marks in ((pursuer, PURSUER, "pursuer", "os"), (evader, EVADER, "evader", "^v")):
-        run = thinned(track[begin:end])[:, columns]
-        axes.plot(*run.T, **style, label=name)
-        if len(run):
-            axes.plot(*run[:1].T, marks[0], color=style["color"], label=f"{name} at engagement")
-            axes.plot(*run[-1:].T, marks[1], mfc="white", color=style["color"], label=f"{name} at the end")
+    first, last = (
+        None if cycle is None or (one := story.certificates[cycle]) is None or one.no_game else one
+        for cycle in (story.engaged, story.captured)
+    )
+    return Chase(
+        (pursuer[:begin], pursuer[end:]),
+        pursuer[begin:end],
+        evader[begin:end],
+        settings.standoff,
+        reached_m=None if last is None else last.evader_game_m,
+        isochron=None if first is None else isochron_at(settings, first),
+        isochron_later=None if last is None else isochron_at(settings, last),
+        meeting_m=None if first is None else first.meeting_point_game_m,
+        target_m=settings.target_game_m,
+        fence=() if story.home_m is None else fence_edges(story.envelope, story.home_m),
+        fence_height_m=0.0 if story.home_m is None else story.home_m[2],
+    )
 
 
-def _game(axes: Any, story: Story, dimensions: int) -> None:  # noqa: ANN401
-    settings = story.settings.cycle
-    for cycle, style, when in ((story.engaged, ISOCHRON, "engagement"), (story.captured, ISOCHRON_LATER, "capture")):
-        certificate = None if cycle is None else story.certificates[cycle]
-        if certificate is None or certificate.no_game:
-            continue
-        curve = isochron_at(settings, certificate)
-        axes.plot(*lifted(curve, 0.0, dimensions), **style, label=f"isochron at {when}")
-        if when == "engagement":
-            name = "q*" if settings.target_game_m is None else "g*"
-            place = certificate.meeting_point_game_m
-            draw_place(axes, place, MEETING, dimensions, f"{name}, meeting point foreseen")
-        else:
-            draw_standoff(axes, settings.standoff, certificate.evader_game_m, dimensions, "stand-off disc at capture")
-    if settings.target_game_m is not None:
-        draw_place(axes, settings.target_game_m, TARGET, dimensions, "T, target")
-
-
-def _fence(axes: Any, story: Story, dimensions: int, box: tuple[Array, Array] | None) -> None:  # noqa: ANN401
-    """Draw the fence about home; in a near view only where it is in view."""
-    envelope, home = story.envelope, story.home_m
-    if home is None:
-        return
-    for number, edge in enumerate(fence_edges(envelope, home)):
-        shown = edge
-        if box is not None:
-            inside = np.all((edge >= box[0][:2]) & (edge <= box[1][:2]), axis=-1, keepdims=True)
-            shown = np.where(inside, edge, np.nan)
-        axes.plot(*lifted(shown, home[2], dimensions), **FENCE, label=None if number else "fence")
-
-
-def _box(story: Story) -> tuple[Array, Array]:
+def _box(story: Story, chase: Chase) -> tuple[Array, Array]:
     """Return the corners of what was flown, and of what the evader could reach, with a margin."""
     points = [story.column("pursuer_m"), story.column("evader_m")]
-    certificate = None if story.engaged is None else story.certificates[story.engaged]
-    if certificate is not None and not certificate.no_game:
-        curve = isochron_at(story.settings.cycle, certificate)
-        points.append(np.column_stack([curve, np.zeros(len(curve))]))
-    if story.settings.cycle.target_game_m is not None:
-        points.append(np.array([story.settings.cycle.target_game_m]))
+    if chase.isochron is not None:
+        points.append(np.column_stack([chase.isochron, np.zeros(len(chase.isochron))]))
+    if chase.target_m is not None:
+        points.append(np.array([chase.target_m]))
     known = np.concatenate(points)
     known = known[np.isfinite(known).all(axis=-1)]
     if not len(known):
