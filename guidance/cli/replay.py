@@ -31,7 +31,7 @@ def replay(
     - `guidance replay record.mcap --with pursuer.speed_m_s=4.0 --out both.csv`
     """
     from guidance.log import making_sense_of  # noqa: PLC0415 - numpy takes its time
-    from guidance.log.both import compare_into  # noqa: PLC0415
+    from guidance.log.replay import compare_into  # noqa: PLC0415
     from guidance.session.recorded import changes_of, recorded_settings  # noqa: PLC0415
 
     wanted = changes_of(changes or [])

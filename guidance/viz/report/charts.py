@@ -1,12 +1,12 @@
 """What happened over time: the game and its guarantee, velocities, ages and latencies, events."""
 
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from guidance.viz.figures import EVADER, MARK, PURSUER, figure_of, legend_beside, literal, panels, thinned
-from guidance.viz.report.drawing import mark_moments, playing_span
 from guidance.viz.report.story import Array, Story
 
 _MOST_EVENTS = 60
@@ -148,3 +148,22 @@ def _alarms(axes: object, story: Story) -> None:
 
 def _from_zero(limits: tuple[float, float]) -> tuple[float, float]:
     return (min(0.0, limits[0]), max(limits[1], 1.0))
+
+
+def mark_moments(axes: list[Any], story: Story) -> None:
+    """Draw where the game began and where the disc was reached, named above the first panel."""
+    for cycle, name in ((story.engaged, "engaged"), (story.captured, "captured")):
+        if cycle is None:
+            continue
+        now_s = story.cycles[cycle].now_s
+        for one in axes:
+            one.axvline(now_s, **MARK)
+        axes[0].text(now_s, 1.01, name, transform=axes[0].get_xaxis_transform(), ha="center", va="bottom", fontsize=9)
+
+
+def playing_span(story: Story) -> slice:
+    """The cycles from a little before the game to a little after the capture; all, where there was no game."""
+    if story.engaged is None:
+        return slice(None)
+    last = max(number for number, one in enumerate(story.certificates) if one is not None)
+    return slice(max(0, story.engaged - 50), min(len(story.cycles), last + 50))
