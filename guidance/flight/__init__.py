@@ -3,9 +3,10 @@
 from guidance.flight.machine import ORDERS, Flight, Happening, Inputs, Outputs
 from guidance.flight.readiness import Check
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import FINAL, TRANSITIONS, Event, State, next_state
+from guidance.flight.table import BEFORE_FLIGHT, FINAL, TRANSITIONS, Event, State, next_state
 
 __all__ = [
+    "BEFORE_FLIGHT",
     "FINAL",
     "ORDERS",
     "TRANSITIONS",

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from guidance.autopilots import Mode
 from guidance.certificate import Certificate
+from guidance.control import Envelope, measure_fence
 from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import OUR_MODES, TRANSITIONS, Event, State
+from guidance.flight.table import HANDING_OVER, OUR_MODES, TRANSITIONS, Event, State
 from guidance.frames import Vector
 from guidance.messages import Heartbeat, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
@@ -17,6 +18,12 @@ LATE_LOOP_S = 0.25
 _AT_START_M = 1.0
 _AT_START_M_S = 0.4
 _AT_HEIGHT_M = 0.7
+
+BREACH_M = 0.5
+"""How far beyond floor, ceiling or stand-off a vehicle is when the limit counts as broken: hovering wanders by less."""
+
+LEFT_WITHIN_S = 5.0
+"""How long after an order a pilot's mode may still be shown before it counts as kept: HEARTBEAT is up to 2 s late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +39,16 @@ class EventContext:
     resets_seen: int
     reboots_seen: int
     evader_silence_s: float
+    envelope: Envelope
+    position_ned_m: Vector | None
+    evader_ned_m: Vector | None
     start_ned_m: Vector | None
     home_ned_m: Vector | None
     certificate: Certificate | None
     refusals: Sequence[str]
     foreign: bool
     other_mode_seen: bool
+    mode_left: Mode | None = None
 
     @property
     def mode(self) -> Mode | None:
@@ -72,13 +83,19 @@ def _telemetry_lost(context: EventContext) -> bool:
         return True
     # Before the checks pass, the streams have only just been asked for.
     flying = context.state not in {State.CHECKING, State.READY}
-    return flying and vehicle.age_s(LocalPosition, context.now_s) > TELEMETRY_LIMIT_S
+    age_s = vehicle.age_s(LocalPosition, context.now_s)
+    if context.state in HANDING_OVER and math.isinf(age_s):
+        return False  # found armed and handed over at once: its modes are heard, and no setpoint rests on its position
+    return flying and age_s > TELEMETRY_LIMIT_S
 
 
 def _external_mode_change(context: EventContext) -> bool:
     ours = OUR_MODES.get(context.state)
     if _waiting_for_the_pilot(context):
         return False  # who flies here, in whichever mode, is to choose the guided one
+    if context.mode is not None and context.mode is context.mode_left:
+        # The order is younger than what HEARTBEAT shows. But a pilot's mode that stays is the pilot's answer.
+        return context.mode is Mode.OTHER and context.now_s - context.since_s > LEFT_WITHIN_S
     return ours is not None and context.mode is not None and context.mode not in ours
 
 
@@ -138,6 +155,23 @@ def _timed_out(context: EventContext) -> bool:
     return context.now_s - context.since_s > context.settings.limits_s.get(context.state, math.inf)
 
 
+def _outside_fence(context: EventContext) -> bool:
+    return context.position_ned_m is not None and measure_fence(context.position_ned_m, context.envelope).outside
+
+
+def _height_m(context: EventContext) -> float:
+    """Height above home, NaN where the vehicle has not told where it is."""
+    return math.nan if context.position_ned_m is None else context.envelope.home_ned_m[2] - context.position_ned_m[2]
+
+
+def _inside_stand_off(context: EventContext) -> bool:
+    limit, here, evader = context.envelope.stand_off, context.position_ned_m, context.evader_ned_m
+    if limit is None or here is None or evader is None:
+        return False
+    beside_m, above_m = math.dist(here[:2], evader[:2]), evader[2] - here[2]
+    return beside_m < limit.radius_m - BREACH_M and above_m < limit.height_m - BREACH_M
+
+
 def _certified(context: EventContext, name: str) -> bool:
     return context.certificate is not None and bool(getattr(context.certificate, name))
 
@@ -149,7 +183,10 @@ _DETECTORS: Mapping[Event, Callable[[EventContext], bool]] = {
     Event.DISARMED: lambda context: context.heard_since_entry and not context.vehicle.armed,
     Event.LOOP_STOPPED: lambda context: context.dt_s >= context.settings.autopilot.setpoint_timeout_s,
     Event.FOREIGN: lambda context: context.foreign,
-    Event.FENCE: lambda context: _certified(context, "outside_fence"),
+    Event.FENCE: _outside_fence,
+    Event.FLOOR: lambda context: _height_m(context) < context.envelope.floor_m - BREACH_M,
+    Event.CEILING: lambda context: _height_m(context) > context.envelope.ceiling_m + BREACH_M,
+    Event.STAND_OFF: _inside_stand_off,
     Event.BATTERY_LOW: _battery_low,
     Event.ESTIMATOR_RESET: _reset,
     Event.LOOP_LATE: lambda context: context.dt_s > LATE_LOOP_S,

@@ -11,14 +11,23 @@ from typing import NamedTuple
 from guidance.autopilots import HEARTBEAT, Mode
 from guidance.certificate import Certificate
 from guidance.control import Envelope, Situation
-from guidance.cycle import CycleInputs, CycleMemory, hover, play
-from guidance.flight.detection import EventContext, events
+from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, hover, play
+from guidance.flight.detection import EventContext, events, fit
 from guidance.flight.echo import Echo
 from guidance.flight.local_frame import difference, polygon_about_home, shifted
 from guidance.flight.readiness import Check, checks
 from guidance.flight.requests import REPEAT_S, FaultHandover, requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import FINAL, HANDING_OVER, SETPOINT_STATES, Event, State, next_state
+from guidance.flight.table import (
+    BEFORE_FLIGHT,
+    FINAL,
+    HANDING_OVER,
+    OUR_MODES,
+    SETPOINT_STATES,
+    Event,
+    State,
+    next_state,
+)
 from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame, Vector
 from guidance.game.game import horizontal_speed
@@ -42,6 +51,14 @@ _SAME_S = 1e-6
 
 INVITE_AFTER_S = 1.0
 """How long after standing by a neutral stream begins, where a pilot is to engage: the hold comes first."""
+
+_FOUND_ARMED = {
+    Event.HOLD: Event.HOLD_ARMED,
+    Event.RETURN: Event.RETURN_ARMED,
+    Event.LAND: Event.LAND_ARMED,
+    Event.ABORT: Event.LAND_ARMED,
+}
+"""What an order is to a vehicle that was armed already when guidance was started."""
 
 ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
 
@@ -91,6 +108,7 @@ class Flight:
         self._cycle = settings.cycle
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._taken_up_ned_m: Vector = (0.0, 0.0, 0.0)
+        self._evader: EvaderEstimate | None = None
         self._echo = Echo()
         self._foreign = False
         self._memory = CycleMemory()
@@ -98,6 +116,9 @@ class Flight:
         self._monitor = MonitorMemory()
         self._alarm: Alarm | None = None
         self._other_mode_seen = False
+        self._mode_left: Mode | None = None
+        self._claimed = False
+        self._checked = False
         self._last_s: float | None = None
         self._since_s = 0.0
         self._requested_s = float("-inf")
@@ -110,6 +131,16 @@ class Flight:
     def fault(self) -> str | None:
         """The error of our own that ended the flight, if one did."""
         return None if self._fault_handover is None else self._fault_handover.fault
+
+    @property
+    def checked(self) -> bool:
+        """Whether every check had passed when the vehicle was taken; if not, it is asked again before engaging."""
+        return self._checked
+
+    @property
+    def leaving_mode(self) -> bool:
+        """Whether HEARTBEAT still shows a mode that is not ours and that an order is to end."""
+        return self._mode_left is not None and self._mode_left not in OUR_MODES[State.ENTERING]
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Show the readiness rows as they stand."""
@@ -196,7 +227,10 @@ class Flight:
             self._cycle = replace(self._cycle, envelope=self._about(home_ned_m, frame))
         for message in inputs.messages:
             if isinstance(message, Heartbeat) and message.received_s > self._since_s:
-                self._other_mode_seen |= self.settings.autopilot.mode_of(message.custom_mode) is not Mode.GUIDED
+                mode = self.settings.autopilot.mode_of(message.custom_mode)
+                self._other_mode_seen |= mode is not Mode.GUIDED
+                if mode is not self._mode_left:
+                    self._mode_left = None
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Heights and fences count from home, which need not be the origin of the local frame."""
@@ -207,16 +241,25 @@ class Flight:
 
     def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
         for order in inputs.orders:
-            yield self._change(inputs.now_s, self._order(order))
+            event = self._meant(order, self._context(inputs.now_s, dt_s, inputs.refusals))
+            refused = Happening(inputs.now_s, order, self.state, self.state)
+            yield refused if event is None else self._change(inputs.now_s, event)
         context = self._context(inputs.now_s, dt_s, inputs.refusals)
         for event in events(context):
             yield self._change(inputs.now_s, event)
             return  # the most severe only: the state it leads to is judged by the next cycle
 
-    def _order(self, order: Event) -> Event:
-        # A vehicle that a pilot has brought up already is taken over in its hold, without arming or climbing.
-        aloft = order is Event.START and self.vehicle.armed and not self.vehicle.on_ground
-        return Event.ALOFT if aloft else order
+    def _meant(self, order: Event, context: EventContext) -> Event | None:
+        """Return what an order is to this vehicle as it is now, None where it must not be followed."""
+        if order is Event.START and self.vehicle.armed and not self.vehicle.on_ground:
+            # A vehicle that is up already is taken over in its hold, without arming or climbing.
+            piloted = self.settings.engage_on is EngageOn.PILOT_MODE
+            return Event.ALOFT if piloted or self._mode() in OUR_MODES[State.STANDING_BY] else None
+        if order is Event.ENGAGE and (self.leaving_mode or not (self._checked or fit(context))):
+            return None
+        if self.state in BEFORE_FLIGHT and self.vehicle.armed:
+            return _FOUND_ARMED.get(order, order)
+        return order
 
     def _change(self, now_s: float, event: Event) -> Happening:
         before, after = self.state, next_state(self.state, event)
@@ -224,11 +267,18 @@ class Flight:
             self.state, self._since_s, self._requested_s = after, now_s, float("-inf")
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
             self._certificate, self._other_mode_seen = None, False
+            self._note_handover(before, after)
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
                 self._memory, self._monitor = CycleMemory(), MonitorMemory()
             if after is State.ON_STATION:
                 self._monitor = MonitorMemory()  # the promise is kept: an evader that gets away begins a new one
         return Happening(now_s, event, before, after)
+
+    def _note_handover(self, before: State, after: State) -> None:
+        self._checked |= before is State.READY and after is not State.CHECKING
+        self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | FINAL
+        known = before in BEFORE_FLIGHT or self._mode() in OUR_MODES[before]
+        self._mode_left = self._mode() if known and after in HANDING_OVER else None
 
     def _context(self, now_s: float, dt_s: float, refusals: Sequence[str]) -> EventContext:
         return EventContext(
@@ -241,13 +291,21 @@ class Flight:
             resets_seen=self._resets_seen,
             reboots_seen=self._reboots_seen,
             evader_silence_s=self.tracking.silence_s(now_s),
+            envelope=self._cycle.envelope,
+            position_ned_m=self._position_ned_m(),
+            evader_ned_m=None if self._evader is None else self._evader.position_ned_m,
             start_ned_m=self._start_ned_m(),
             home_ned_m=self.tracking.home_ned_m,
             certificate=self._certificate,
             refusals=refusals,
             foreign=self._foreign,
             other_mode_seen=self._other_mode_seen,
+            mode_left=self._mode_left,
         )
+
+    def _position_ned_m(self) -> Vector | None:
+        local = self.vehicle.last(LocalPosition)
+        return None if local is None else difference(local.position_ned_m, self.tracking.held_back_ned_m)
 
     def _start_ned_m(self) -> tuple[float, float, float] | None:
         start, frame = self.settings.start_game_m, self.tracking.game_frame
@@ -261,7 +319,7 @@ class Flight:
         if self.state in FINAL or now_s - self._requested_s < REPEAT_S:
             return ()
         entering, repeated = self.state is State.ENTERING, self._requested_s >= self._since_s
-        if self.state is State.STANDING_BY and repeated:
+        if repeated and (self.state is State.STANDING_BY or self._mode_left is Mode.OTHER):
             return ()  # asked once: the pilot's next switch is an answer, not a fault
         if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
             return ()
@@ -282,18 +340,19 @@ class Flight:
         return (self.settings.autopilot.request_message(HEARTBEAT),)
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
-        leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED
-        local = self.vehicle.last(LocalPosition)
+        leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED and self._claimed
+        self._evader = None
+        local, position_ned_m = self.vehicle.last(LocalPosition), self._position_ned_m()
         inviting = self.state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         inviting = inviting and now_s - self._since_s > INVITE_AFTER_S
-        if local is None or not (self.state in SETPOINT_STATES or leaving or inviting):
+        if local is None or position_ned_m is None or not (self.state in SETPOINT_STATES or leaving or inviting):
             return None
         if inviting:
             # Neutral: what a pilot flies into meanwhile must not be remembered as a height to go back to.
             self._memory = CycleMemory(limits=self._memory.limits)
-        evader = self.tracking.evader(now_s)
+        evader = self._evader = self.tracking.evader(now_s)
         here = Situation(
-            difference(local.position_ned_m, self.tracking.held_back_ned_m),
+            position_ned_m,
             local.velocity_ned_m_s,
             self.vehicle.yaw_rad,
             None if evader is None else evader.position_ned_m,

@@ -49,6 +49,9 @@ class Event(StrEnum):
     UNFIT = "checks failed"
     ARMED = "armed"
     ALOFT = "airborne at a start order"
+    HOLD_ARMED = "hold ordered for a vehicle found armed"
+    RETURN_ARMED = "return ordered for a vehicle found armed"
+    LAND_ARMED = "landing ordered for a vehicle found armed"
     AT_HEIGHT = "take-off height reached"
     AT_START = "start position reached"
     GUIDED = "guided mode confirmed"
@@ -67,6 +70,9 @@ class Event(StrEnum):
     TELEMETRY_LOST = "vehicle telemetry lost"
     BATTERY_LOW = "battery low"
     FENCE = "outside the fence"
+    FLOOR = "below the floor"
+    CEILING = "above the ceiling"
+    STAND_OFF = "inside the stand-off"
     NO_GAME = "evader too fast for this vehicle"
     REBOOTED = "autopilot rebooted"
     DISARMED = "disarmed"
@@ -74,6 +80,7 @@ class Event(StrEnum):
     FAULT = "guidance failed"
 
 
+_FOUND = (State.CHECKING, State.READY, State.ARMING)
 _AIRBORNE = (State.CLIMBING, State.POSITIONING, State.STANDING_BY)
 _COMMANDING = (State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION)
 _LEAVING = (State.HOLDING, State.RETURNING, State.LANDING)
@@ -120,10 +127,17 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     **{(state, Event.LAND): State.LANDING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING, State.RETURNING)},
     **{(state, Event.ABORT): State.LANDING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING, State.RETURNING)},
     **{(state, Event.ABORT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY, State.ARMING)},
+    # A vehicle that was found armed (guidance was started, or started again, in mid-air) is handed over like our own.
+    **{(state, Event.HOLD_ARMED): State.HOLDING for state in _FOUND},
+    **{(state, Event.RETURN_ARMED): State.RETURNING for state in _FOUND},
+    **{(state, Event.LAND_ARMED): State.LANDING for state in _FOUND},
     **{(state, Event.BATTERY_LOW): State.RETURNING for state in (*_COMMANDING, State.STANDING_BY, State.POSITIONING)},
     # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
     **{(state, Event.LOOP_STOPPED): State.YIELDED for state in _COMMANDING},
     **{(state, Event.FENCE): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.FLOOR): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.CEILING): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.STAND_OFF): State.HOLDING for state in _COMMANDING},
     **{(state, Event.FOREIGN): State.HOLDING for state in _COMMANDING},
     **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.TELEMETRY_LOST): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
@@ -134,6 +148,9 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
 }
 
 FINAL = frozenset({State.LANDED, State.YIELDED, State.FAILED})
+
+BEFORE_FLIGHT = frozenset({State.CONNECTING, *_FOUND})
+"""States in which a vehicle that is armed was armed by somebody else, or has only just been armed by us."""
 
 SETPOINT_STATES = frozenset(_COMMANDING)
 """The only states in which setpoints go out; in every other one the stream is silent."""

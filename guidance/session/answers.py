@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from guidance.clock import Clock
-from guidance.flight import FINAL, TRANSITIONS, Event, Flight, Outputs, State
+from guidance.flight import BEFORE_FLIGHT, FINAL, TRANSITIONS, Event, Flight, Outputs, State
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, LocalPosition
 from guidance.preflight import Finding, advice, refusals
@@ -12,7 +12,6 @@ from guidance.session.orders import STATUS, WORDS, Answer
 from guidance.session.vehicle_file import Config
 
 _WHY: Final[Mapping[State, str]] = {
-    State.CONNECTING: "the vehicle is not heard",
     State.ARMING: "it is arming",
     State.CLIMBING: "it is taking off",
     State.POSITIONING: "it is on its way to the start",
@@ -25,6 +24,8 @@ _WHY: Final[Mapping[State, str]] = {
     State.RETURNING: "it is returning",
     State.LANDING: "it is landing",
 }
+
+_ENDING: Final = frozenset({Event.HOLD, Event.RETURN, Event.LAND})
 
 
 def is_done(order: Event, state: State) -> bool:
@@ -44,13 +45,36 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
             State.LANDED: "the flight is over",
         }[state]
         return f"{ended}: order reset to begin another"
-    if state is State.CHECKING:
+    if state in BEFORE_FLIGHT:
+        return _not_begun(order, flight, missing(flight, now_s, rows))
+    if order is Event.ENGAGE and state is State.HOLDING:
+        if flight.leaving_mode:
+            return f"its autopilot is still in {flight.mode_name} mode: order again once it holds"
         return f"not ready: {missing(flight, now_s, rows)}"
-    if state is State.READY:
-        return "on the ground: order start first" if order is Event.ENGAGE else "there is no flight to end: it is ready"
-    if order is Event.START:
+    return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
+
+
+def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
+    """Say why a vehicle that is not under way neither starts nor engages, and has nothing to end."""
+    state = flight.state
+    if state is State.CONNECTING:
+        return "the vehicle is not heard: check its power, the link and system_id"
+    if order in _ENDING:
+        return "there is no flight to end: the vehicle is not armed"
+    if state is State.CHECKING:
+        return f"not ready: {lacking}"
+    if state is State.ARMING:
         return f"under way already: {_WHY[state]}"
-    return _WHY[state]
+    return _not_taken(order, flight)
+
+
+def _not_taken(order: Event, flight: Flight) -> str:
+    """Say why a vehicle that is ready neither starts nor engages."""
+    if not flight.vehicle.armed or flight.vehicle.on_ground:
+        return "on the ground: order start first"
+    if order is Event.START:
+        return f"it flies in {flight.mode_name} mode, which guidance does not take it from: order hold, then engage"
+    return "airborne, and not taken over yet: order start first, then engage"
 
 
 def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:

@@ -25,7 +25,8 @@ PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
 _GRAVE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
-    Event.BATTERY_LOW, Event.FENCE, Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT, Event.FAULT,
+    Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
+    Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
 
 
@@ -133,9 +134,14 @@ class Daemon:
 
     def _barred(self) -> tuple[str, ...]:
         """Name what bars the vehicle from flying; what was not judged yet is refused."""
-        if self._plan.wants is None or self.flight.state not in ON_GROUND:
+        if self._plan.wants is None or not self._judging:
             return ()
         return refusals(self._rows) if self._rows else ("preflight",)
+
+    @property
+    def _judging(self) -> bool:
+        """Whether preflight still counts: on the ground, and for a vehicle found armed until it has passed once."""
+        return self.flight.state in ON_GROUND or (self.in_flight and not self.flight.checked)
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
@@ -206,7 +212,7 @@ class Daemon:
 
     def _reset(self) -> Answer:
         if self.in_flight:
-            return self._answered(RESET, reason=f"in flight ({self.flight.state}): order hold, land or return first")
+            return self._answered(RESET, reason=f"in flight ({self.flight.state}): order land or return first")
         self._begin(self._plan)
         return self._answered(RESET)
 
@@ -263,7 +269,7 @@ class Daemon:
     def _preflight(self, now_s: float) -> None:
         """Read and judge while on the ground; what a parameter says in flight comes too late."""
         inputs, wants = self._linked.inputs, self._plan.wants
-        if wants is None or self.flight.state not in ON_GROUND:
+        if wants is None or not self._judging:
             return
         self._survey.observe(inputs.messages, inputs.reports)
         for request in self._survey.requests(now_s):

@@ -22,6 +22,14 @@ def pilot(base, mode):
     base.vehicle.inject("pilot_mode", mode)
 
 
+ENDED_BY = [
+    ("hold", State.HOLDING, "HOLD"),
+    ("return", State.RETURNING, "RTL"),
+    ("land", State.LANDING, "LAND"),
+    ("abort", State.LANDING, "LAND"),
+]
+
+
 def test_nothing_arms_and_nothing_engages_without_an_order(base):
     base = base().until(State.READY).run(20.0)
     assert base.state is State.READY
@@ -47,6 +55,48 @@ def test_an_order_that_changes_nothing_is_refused_with_what_to_do_next(base):
     assert "order start first" in answer["reason"]
     answer = base.order("hold")
     assert "there is no flight to end" in answer["reason"]
+
+
+@pytest.mark.parametrize(("order", "state", "mode"), ENDED_BY)
+def test_a_vehicle_that_was_flying_when_the_daemon_began_is_handed_over_on_an_order(base, order, state, mode):
+    base = aloft(base())
+    base.until(State.CHECKING, State.READY)
+    assert base.order(order)["accepted"]
+    assert base.state is state
+    base.run(3.0)
+    assert base.vehicle.mode == mode
+    assert "in flight" in base.order("reset")["reason"]
+
+
+def aloft(base):
+    """Fly, end the daemon at once, and begin another flight of the same vehicle."""
+    base.standing_by()
+    base.daemon._begin(base.daemon._plan)
+    return base
+
+
+def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
+    base = base()
+    assert "not heard" in base.order("start")["reason"]
+    aloft(base).until(State.READY)
+    assert base.order("engage")["reason"] == "airborne, and not taken over yet: order start first, then engage"
+    pilot(base, "POSCTL")
+    base.run(2.0)
+    assert "order hold, then engage" in base.order("start")["reason"]
+    assert base.state is State.READY
+    pilot(base, "HOLD")
+    base.run(2.0)
+    assert base.order("start")["accepted"]
+    assert base.order("engage")["accepted"]
+    base.until(State.ENGAGED)
+
+
+def test_an_abort_of_a_vehicle_found_in_the_air_lands_it_and_on_the_ground_calls_the_flight_off(base):
+    up, down = aloft(base()).until(State.READY), base().until(State.READY)
+    assert up.order("abort")["state"] == "landing"
+    up.until(State.LANDED)
+    assert down.order("abort")["state"] == "failed"
+    assert not down.commands_since(0.0).count(MAV_CMD_DO_SET_MODE)
 
 
 def test_an_order_that_is_done_already_is_accepted(base):

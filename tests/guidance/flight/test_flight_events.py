@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from flight_scenes import (
     BOTH,
+    ENVELOPE,
     HOME_DOWN_M,
     NOW_S,
     PREARM,
@@ -20,10 +21,11 @@ from flight_scenes import (
 )
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.control import StandOffLimit
 from guidance.flight import TRANSITIONS, AfterCapture, EngageOn, Event, State
 from guidance.flight.detection import events, fit
 from guidance.flight.readiness import checks
-from guidance.flight.table import OUR_MODES
+from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition
 from guidance.vehicle import VehicleState, observe
 
@@ -63,6 +65,22 @@ def test_positions_that_stop_end_a_flight_and_not_a_check(age_s, lost):
         assert happens(Event.TELEMETRY_LOST, state, vehicle=vehicle) is lost
     for state in (State.CHECKING, State.READY):
         assert not happens(Event.TELEMETRY_LOST, state, vehicle=vehicle)
+
+
+def test_positions_never_heard_do_not_end_a_handover_and_end_everything_else():
+    vehicle = observe(VehicleState(), [heartbeat()])
+    for state in FLYING:
+        assert happens(Event.TELEMETRY_LOST, state, vehicle=vehicle) is (state not in HANDING_OVER)
+
+
+@pytest.mark.parametrize("mode", [*PX4.custom_modes, Mode.OTHER])
+def test_the_mode_that_an_order_leaves_is_no_takeover_but_a_pilots_that_stays_is(mode):
+    vehicle = well(heartbeat(mode=mode))
+    early = {"vehicle": vehicle, "mode_left": mode, "since_s": NOW_S - 5.0}
+    late = {"vehicle": vehicle, "mode_left": mode, "since_s": NOW_S - 5.1}
+    for state in HANDING_OVER:
+        assert not happens(Event.PILOT, state, **early)
+        assert happens(Event.PILOT, state, **late) is (mode is Mode.OTHER)
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
@@ -148,7 +166,6 @@ def test_a_late_loop_pauses_and_one_that_stopped_for_as_long_as_the_autopilot_wa
 @pytest.mark.parametrize(
     ("event", "state", "name"),
     [
-        (Event.FENCE, State.ENGAGED, "outside_fence"),
         (Event.NO_GAME, State.ENGAGED, "no_game"),
         (Event.ESCAPED, State.ENGAGED, "evader_arrived"),
         (Event.CAPTURED, State.ENGAGED, "captured"),
@@ -158,11 +175,47 @@ def test_a_late_loop_pauses_and_one_that_stopped_for_as_long_as_the_autopilot_wa
 def test_what_the_certificate_says_is_read_from_its_own_line(event, state, name):
     says = QUIET._replace(**{name: True})
     everything_else = QUIET._replace(
-        **dict.fromkeys(("outside_fence", "no_game", "evader_arrived", "captured", "strayed"), True)
+        **dict.fromkeys(("no_game", "evader_arrived", "captured", "strayed"), True)
     )._replace(**{name: False})
     assert happens(event, state, certificate=says, vehicle=GUIDED)
     assert not happens(event, state, certificate=everything_else, vehicle=GUIDED)
     assert not happens(event, state, certificate=None, vehicle=GUIDED)
+
+
+HIGH_M, STAND_OFF = HOME_DOWN_M - 10.0, StandOffLimit(radius_m=4.0, height_m=6.0)
+ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STAND_OFF)
+
+
+@pytest.mark.parametrize("state", sorted(SETPOINT_STATES))
+@pytest.mark.parametrize(
+    ("event", "place", "broken"),
+    [
+        (Event.FENCE, (304.9, 0.0, HIGH_M), False),
+        (Event.FENCE, (305.1, 0.0, HIGH_M), True),
+        (Event.FLOOR, (0.0, 0.0, HOME_DOWN_M - 2.6), False),
+        (Event.FLOOR, (0.0, 0.0, HOME_DOWN_M - 2.4), True),
+        (Event.CEILING, (0.0, 0.0, HOME_DOWN_M - 60.4), False),
+        (Event.CEILING, (0.0, 0.0, HOME_DOWN_M - 60.6), True),
+        (Event.STAND_OFF, (100.0, 3.6, HIGH_M), False),
+        (Event.STAND_OFF, (100.0, 3.4, HIGH_M), True),
+        (Event.STAND_OFF, (100.0, 0.0, HOME_DOWN_M - 5.6), False),
+        (Event.STAND_OFF, (100.0, 0.0, HOME_DOWN_M - 5.4), True),
+    ],
+)
+def test_a_limit_of_space_is_watched_in_every_commanding_state_with_and_without_a_game(state, event, place, broken):
+    evader = (100.0, 0.0, HIGH_M if event is not Event.STAND_OFF or place[2] == HIGH_M else HOME_DOWN_M)
+    given = {"vehicle": GUIDED, "envelope": ABOUT_HOME, "position_ned_m": place, "evader_ned_m": evader}
+    for certificate in (QUIET, None):
+        assert happens(event, state, certificate=certificate, **given) is broken
+    assert not happens(event, state, **(given | {"position_ned_m": None}))
+    assert not happens(event, State.HOLDING, **given)
+
+
+def test_without_a_stand_off_or_an_evader_there_is_none_to_break():
+    given = {"vehicle": GUIDED, "position_ned_m": (100.0, 0.0, HIGH_M)}
+    without = replace(ABOUT_HOME, stand_off=None)
+    assert not happens(Event.STAND_OFF, State.ENGAGED, envelope=without, evader_ned_m=(100.0, 0.0, HIGH_M), **given)
+    assert not happens(Event.STAND_OFF, State.ENGAGED, envelope=ABOUT_HOME, evader_ned_m=None, **given)
 
 
 @pytest.mark.parametrize(("battery", "low"), [(0.25, False), (0.24, True), (math.nan, False), (0.9, False)])
@@ -249,7 +302,7 @@ def test_a_phase_has_its_own_longest_time(state, limit_s):
 
 
 def test_of_all_that_happens_at_once_the_gravest_comes_first():
-    flags = dict.fromkeys(("outside_fence", "no_game", "evader_arrived", "captured", "strayed"), True)
+    flags = dict.fromkeys(("no_game", "evader_arrived", "captured", "strayed"), True)
     worst = {
         "vehicle": replace(
             observe(VehicleState(), [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)]),
@@ -260,6 +313,7 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         "since_s": NOW_S - 60.0,
         "evader_silence_s": 9.0,
         "foreign": True,
+        "position_ned_m": (1e3, 0.0, HOME_DOWN_M),
         "certificate": QUIET._replace(**flags),
         "settings": replace(SETTINGS, after_capture=AfterCapture.RETURN),
     }
@@ -271,6 +325,7 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         Event.LOOP_STOPPED,
         Event.FOREIGN,
         Event.FENCE,
+        Event.FLOOR,
         Event.BATTERY_LOW,
     ]
     engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.EVADER_LOST, Event.NO_GAME]

@@ -91,6 +91,67 @@ def test_a_vehicle_that_is_up_already_is_taken_over_as_it_hovers_and_one_on_the_
         assert (ordered.event, ordered.after) == (Event.START, State.ARMING)
 
 
+ENDINGS = [(Event.HOLD, State.HOLDING), (Event.RETURN, State.RETURNING), (Event.LAND, State.LANDING)]
+
+
+@pytest.mark.parametrize(("order", "state"), [*ENDINGS, (Event.ABORT, State.LANDING)])
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.GUIDED, Mode.RETURN, Mode.OTHER])
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_vehicle_found_armed_is_handed_over_on_an_order_and_gets_no_setpoint(autopilot, mode, order, state):
+    found = Flown(settings_of(autopilot))
+    found.armed, found.landed, found.mode = True, 2, mode
+    found.cycle(refusals=("GF_ACTION",))
+    assert found.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    asked = found.cycle(order, refusals=("GF_ACTION",))
+    assert asked.state is state
+    wanted = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}[state]
+    assert asked.requests == (() if mode is wanted else (autopilot.set_mode(wanted),))
+    later = found.cycles(3.0)
+    assert found.state is state
+    again = 0 if mode in {wanted, Mode.OTHER} else 1  # a pilot's mode is not asked away twice
+    assert commands(later) == [SET_MODE] * again
+    assert {one.setpoint for one in [asked, *later]} == {None}
+
+
+@pytest.mark.parametrize(("order", "state"), ENDINGS)
+def test_of_a_vehicle_that_is_not_armed_there_is_nothing_to_end(order, state):
+    down = Flown()
+    for before in (State.CONNECTING, State.READY):
+        if before is State.READY:
+            down.cycles(0.1)
+        (happening,) = down.cycle(order, silent=before is State.CONNECTING).happenings
+        assert (happening.event, happening.after) == (order, before)
+        assert down.state is not state
+
+
+def test_what_was_taken_before_its_checks_passed_is_not_engaged_until_they_do():
+    found = Flown()
+    found.armed, found.landed, found.evader, found.position[2] = True, 2, (60.0, 0.0), HOME_DOWN_M - 10.0
+    refused = {"refusals": ("GF_ACTION",)}
+    found.cycle(**refused)
+    found.cycle(Event.HOLD, **refused)
+    assert found.cycle(Event.ENGAGE, **refused).state is State.HOLDING
+    assert not found.flight.checked
+    assert found.cycle(Event.ENGAGE).state is State.ENTERING
+
+
+def test_what_was_ready_when_it_was_taken_is_engaged_again_without_another_check():
+    found = Flown().standing_by()
+    found.cycle(Event.HOLD)
+    assert found.flight.checked
+    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.ENTERING
+
+
+def test_readiness_that_was_lost_again_does_not_count():
+    found = Flown()
+    found.armed, found.landed = True, 2
+    found.cycles(0.1)
+    assert found.state is State.READY
+    found.cycle(refusals=("GF_ACTION",))
+    found.cycle(Event.HOLD, refusals=("GF_ACTION",))
+    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
+
+
 def test_only_orders_may_be_ordered():
     flown = Flown()
     for event in set(Event) - ORDERS:

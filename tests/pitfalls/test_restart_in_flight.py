@@ -1,0 +1,121 @@
+"""Guidance that is killed and started again while its vehicle flies: handed over, or taken again, on an order."""
+
+import pytest
+
+from guidance.autopilots import Mode
+from guidance.flight import Event, Flight, State
+from guidance.session.linked_flight import LinkedFlight
+
+MODES = {
+    "px4": {State.HOLDING: "HOLD", State.RETURNING: "RTL", State.LANDING: "LAND"},
+    "arducopter": {State.HOLDING: "BRAKE", State.RETURNING: "RTL", State.LANDING: "LAND"},
+}
+ENDED_BY = [
+    (Event.HOLD, State.HOLDING),
+    (Event.RETURN, State.RETURNING),
+    (Event.LAND, State.LANDING),
+    (Event.ABORT, State.LANDING),
+]
+
+
+def restarted(flight, dead_s):
+    """Kill the guidance of an engaged flight, and begin another one some time later."""
+    flight.engaged().run(1.0)
+    flight.frozen = True
+    flight.run(dead_s)
+    flight.frozen = False
+    flight.flight = Flight(flight.flight.settings)
+    flight.linked = LinkedFlight(flight.flight, flight.world.pursuer, flight.world.evader_source, None)
+    flight.sent.clear()
+    return flight
+
+
+@pytest.mark.parametrize(("order", "state"), ENDED_BY)
+@pytest.mark.parametrize("found_in", [State.CHECKING, State.READY])
+def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, order, state, found_in):
+    flight = restarted(sortie(autopilot), 4.0).until(found_in, 10.0)
+    assert flight.mock.armed
+    flight.cycle(order)
+    assert flight.state is state
+    flight.until_mock(MODES[autopilot][state], 3.0).run(5.0)
+    assert flight.state is state
+    assert not flight.setpoints
+    if state is State.LANDING:
+        flight.until(State.LANDED, 60.0)
+        assert not flight.mock.armed
+
+
+def test_after_a_restart_the_vehicle_is_ready_within_two_seconds_of_being_heard(sortie, autopilot):
+    flight = restarted(sortie(autopilot), 4.0).until(State.CHECKING, 5.0)
+    flight.until(State.READY, 2.0)
+
+
+def test_after_a_restart_nothing_is_taken_without_a_persons_word(sortie, autopilot):
+    flight = restarted(sortie(autopilot), 4.0).run(20.0)
+    assert flight.state is State.READY
+    assert not flight.setpoints
+    assert 176 not in [sent.message.command for sent in flight.sent if sent.name == "COMMAND_LONG"]
+
+
+def test_engaging_again_takes_a_hold_and_an_order(sortie, autopilot):
+    flight = restarted(sortie(autopilot), 4.0).until(State.READY, 10.0)
+    flight.cycle(Event.ENGAGE)
+    assert flight.state is State.READY
+    flight.cycle(Event.HOLD)
+    flight.until_mock(MODES[autopilot][State.HOLDING], 3.0).run(2.0)
+    flight.cycle(Event.ENGAGE)
+    flight.until(State.ENGAGED, 6.0).until(State.ON_STATION, 40.0)
+
+
+def test_a_vehicle_that_returns_is_engaged_once_it_is_seen_to_hold(sortie):
+    flight = restarted(sortie("px4"), 4.0).until(State.READY, 10.0)
+    flight.cycle(Event.HOLD)
+    flight.cycle(Event.ENGAGE)
+    assert flight.flight.mode_name == str(Mode.RETURN)
+    assert flight.state is State.HOLDING
+    flight.run(4.0).cycle(Event.ENGAGE)
+    flight.until(State.ENGAGED, 6.0)
+
+
+def test_a_start_order_does_not_take_a_vehicle_out_of_a_mode_that_is_not_ours(sortie):
+    flight = restarted(sortie("px4"), 4.0).until(State.READY, 10.0)
+    assert flight.mock.mode == "RTL"
+    flight.cycle(Event.START)
+    assert flight.state is State.READY
+
+
+@pytest.mark.parametrize(("order", "state"), ENDED_BY)
+def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(sortie, autopilot, order, state):
+    flight = restarted(sortie(autopilot), 4.0).until(State.READY, 10.0)
+    flight.mock.inject("rc", True)
+    flight.run(0.5)
+    sticks = {"px4": "POSCTL", "arducopter": "LOITER"}[autopilot]
+    flight.mock.inject("pilot_mode", sticks)
+    flight.run(2.0).sent.clear()
+    flight.cycle(order)
+    assert flight.state is state
+    flight.cycle()
+    flight.mock.inject("pilot_mode", sticks)  # at once, before any HEARTBEAT showed our mode
+    flight.until(State.YIELDED, 6.0).run(5.0)
+    assert flight.mock.mode == sticks
+    modes = [sent for sent in flight.sent if sent.name == "COMMAND_LONG" and sent.message.command == 176]
+    assert len(modes) == 1
+    assert not flight.setpoints
+
+
+@pytest.mark.parametrize(("order", "state"), ENDED_BY)
+@pytest.mark.parametrize("flown", [State.CLIMBING, State.RETURNING])
+def test_an_order_is_not_taken_for_a_pilots_because_heartbeat_shows_the_mode_before(
+    sortie, autopilot, order, state, flown
+):
+    flight = sortie(autopilot).until(State.READY)
+    if flown is State.CLIMBING:
+        flight.cycle(Event.START)
+        flight.until(State.CLIMBING).run(2.0)
+    else:
+        flight.standing_by().cycle(Event.RETURN)
+        flight.run(3.0)
+        assert flight.flight.mode_name == str(Mode.RETURN)
+    flight.cycle(order)
+    flight.until_mock(MODES[autopilot][state], 3.0).run(3.0)
+    assert flight.state is state
