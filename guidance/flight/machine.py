@@ -36,7 +36,8 @@ from guidance.monitor import Alarm, MonitorMemory, watch
 from guidance.vehicle import VehicleState, observe
 
 BEAT_EVERY_S = 0.1
-"""How often a HEARTBEAT is asked for while the guided mode is entered: it shows modes, and comes once a second."""
+"""How often a HEARTBEAT is asked for while the guided mode is entered, or strange setpoints may be a pilot's: it shows
+modes, and comes once a second."""
 
 STREAM_FIRST_S = 0.2
 """How long a hover is streamed before the guided mode is asked for, where the autopilot wants a stream (PX4): one
@@ -334,7 +335,8 @@ class Flight:
         return requests_in(self.state, self.settings, self.vehicle, self._mode(), place)
 
     def _beat_requests(self, now_s: float) -> tuple[Request, ...]:
-        if self.state is not State.ENTERING or now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
+        wanted = self.state is State.ENTERING or (self.state in SETPOINT_STATES and self._echo.suspicious)
+        if not wanted or now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
             return ()
         self._beat_asked_s = now_s
         return (self.settings.autopilot.request_message(HEARTBEAT),)

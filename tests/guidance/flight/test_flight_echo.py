@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.flight.echo import IN_A_ROW, REMEMBERED_S, TOLERANCE_M_S, Echo
+from guidance.flight.echo import APART_S, REMEMBERED_S, STRANGE_REPORTS, TOLERANCE_M_S, WINDOW_S, Echo
 from guidance.messages import PositionTarget, Setpoint
 
 
@@ -44,9 +44,9 @@ def test_a_velocity_far_from_all_that_was_sent_is_foreign_after_a_few_reports(ou
         return
     echo = Echo()
     now_s = flown(echo, ours)
-    for count in range(IN_A_ROW):
+    for count in range(STRANGE_REPORTS):
         assert not echo.foreign
-        echo.hear(reported(now_s + 0.01 * count, theirs), guided=True)
+        echo.hear(reported(now_s + APART_S * count, theirs), guided=True)
     assert echo.foreign
 
 
@@ -54,9 +54,9 @@ def test_the_first_reports_of_all_count_as_much_as_later_ones():
     echo = Echo()
     for step in range(150):
         echo.sent(0.02 * step, Setpoint((3.0, 0.0, 0.0)))
-    for count in range(IN_A_ROW):
+    for count in range(STRANGE_REPORTS):
         assert not echo.foreign
-        echo.hear(reported(3.0 + 0.01 * count, (-3.0, 0.0, 0.0)), guided=True)
+        echo.hear(reported(3.0 + APART_S * count, (-3.0, 0.0, 0.0)), guided=True)
     assert echo.foreign
 
 
@@ -65,7 +65,7 @@ def test_what_is_off_by_less_than_three_quarters_of_a_metre_a_second_is_ours(off
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
     for count in range(3):
-        echo.hear(reported(now_s + 0.01 * count, (3.0, off_m_s, 0.0)), guided=True)
+        echo.hear(reported(now_s + APART_S * count, (3.0, off_m_s, 0.0)), guided=True)
     assert echo.foreign is foreign
 
 
@@ -74,7 +74,7 @@ def test_what_was_sent_two_seconds_ago_is_not_ours_any_more():
     for step in range(250):
         velocity = (3.0, 0.0, 0.0) if step < 150 else (0.0, 3.0, 0.0)
         echo.sent(0.02 * step, Setpoint(velocity))
-    for count, (at_s, foreign) in enumerate(((4.4, False), (5.0, False), (5.0, False), (5.0, True))):
+    for count, (at_s, foreign) in enumerate(((4.4, False), (4.6, False), (4.8, False), (5.0, True))):
         echo.hear(reported(at_s, (3.0, 0.0, 0.0)), guided=True)
         assert echo.foreign is foreign, count
 
@@ -85,35 +85,63 @@ def test_after_silence_the_count_begins_anew():
     echo.silent()
     for step in range(100):
         echo.sent(10.0 + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
-    for count in range(IN_A_ROW):
+    for count in range(STRANGE_REPORTS):
         assert not echo.foreign
-        echo.hear(reported(12.0 + 0.01 * count, (-3.0, 0.0, 0.0)), guided=True)
+        echo.hear(reported(12.0 + APART_S * count, (-3.0, 0.0, 0.0)), guided=True)
     assert echo.foreign
 
 
-def test_a_single_odd_report_is_no_alarm():
+def test_two_odd_reports_are_no_alarm_however_long_the_flight():
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
-    for _ in range(10):
-        echo.hear(reported(now_s, (-3.0, 0.0, 0.0)), guided=True)
-        echo.hear(reported(now_s, (3.0, 0.0, 0.0)), guided=True)
+    for step in range(1500):
+        now_s += 0.02
+        echo.sent(now_s, Setpoint((3.0, 0.0, 0.0)))
+        odd = step % 60 == 0  # 1.2 s apart: two in every window
+        echo.hear(reported(now_s, (-3.0, 0.0, 0.0) if odd else (3.0, 0.0, 0.0)), guided=True)
+        assert not echo.foreign
+
+
+@pytest.mark.parametrize("every", [25, 10, 5, 2, 1])
+def test_odd_reports_between_our_own_are_a_second_source_within_two_seconds(every):
+    echo = Echo()
+    begun_s = now_s = flown(echo, (3.0, 0.0, 0.0))
+    for step in range(10_000):
+        now_s = begun_s + 0.02 * step
+        echo.sent(now_s, Setpoint((3.0, 0.0, 0.0)))
+        echo.hear(reported(now_s, (-3.0, 0.0, 0.0) if step % every == 0 else (3.0, 0.0, 0.0)), guided=True)
+        if echo.foreign:
+            break
+    assert now_s - begun_s == pytest.approx(2.0 * max(APART_S, 0.02 * every), abs=0.03)
+
+
+def test_a_transient_of_the_autopilots_own_of_a_third_of_a_second_is_no_alarm_and_is_forgotten():
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0))
+    for step in range(19):
+        echo.sent(now_s + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
+        echo.hear(reported(now_s + 0.02 * step, (-3.0, 0.0, 0.0)), guided=True)
+    assert echo.suspicious
     assert not echo.foreign
+    echo.sent(now_s + 0.3 + WINDOW_S, Setpoint((3.0, 0.0, 0.0)))
+    echo.hear(reported(now_s + 0.3 + WINDOW_S, (3.0, 0.0, 0.0)), guided=True)
+    assert not echo.suspicious
 
 
 @pytest.mark.parametrize("velocity", [(math.nan, math.nan, math.nan), (math.nan, 0.0, 0.0)])
 def test_a_report_that_says_nothing_of_the_velocity_is_no_alarm(velocity):
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
-    for _ in range(10):
-        echo.hear(reported(now_s, velocity), guided=True)
+    for count in range(10):
+        echo.hear(reported(now_s + APART_S * count, velocity), guided=True)
     assert not echo.foreign
 
 
 def test_outside_the_guided_mode_the_autopilots_setpoints_are_its_own_affair():
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
-    for _ in range(10):
-        echo.hear(reported(now_s, (-3.0, 0.0, 0.0)), guided=False)
+    for count in range(10):
+        echo.hear(reported(now_s + APART_S * count, (-3.0, 0.0, 0.0)), guided=False)
     assert not echo.foreign
 
 
@@ -130,8 +158,8 @@ def test_what_the_autopilot_still_reports_from_before_we_began_is_not_held_again
 def test_silence_forgets_everything():
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
-    for _ in range(IN_A_ROW):
-        echo.hear(reported(now_s, (-3.0, 0.0, 0.0)), guided=True)
+    for count in range(STRANGE_REPORTS):
+        echo.hear(reported(now_s + APART_S * count, (-3.0, 0.0, 0.0)), guided=True)
     assert echo.foreign
     echo.silent()
     assert not echo.foreign

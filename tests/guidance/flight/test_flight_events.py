@@ -314,6 +314,8 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         "evader_silence_s": 9.0,
         "foreign": True,
         "position_ned_m": (1e3, 0.0, HOME_DOWN_M),
+        "evader_ned_m": (1e3, 0.0, HOME_DOWN_M),
+        "envelope": ABOUT_HOME,
         "certificate": QUIET._replace(**flags),
         "settings": replace(SETTINGS, after_capture=AfterCapture.RETURN),
     }
@@ -326,6 +328,7 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         Event.FOREIGN,
         Event.FENCE,
         Event.FLOOR,
+        Event.STAND_OFF,
         Event.BATTERY_LOW,
     ]
     engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.EVADER_LOST, Event.NO_GAME]

@@ -1,0 +1,40 @@
+"""The limits of space hold whether or not a game is played: a vehicle that is pushed out while it hovers is told of."""
+
+from dataclasses import replace
+
+import pytest
+
+from guidance.flight import Event, State
+from guidance.messages import LocalPosition
+
+
+def close_by(flight, limit):
+    """Draw one limit of the flight: the fence at a metre about the vehicle, the heights a little beyond it."""
+    north_m, east_m, down_m = flight.flight.vehicle.last(LocalPosition).position_ned_m
+    envelope = flight.flight._cycle.envelope
+    _, _, home_down_m = envelope.home_ned_m
+    height_m = home_down_m - down_m
+    change = {
+        Event.FENCE: {"home_ned_m": (north_m, east_m, home_down_m), "fence_radius_m": 1.0, "fence_margin_m": 0.0},
+        Event.FLOOR: {"floor_m": height_m + 0.7},
+        Event.CEILING: {"ceiling_m": height_m - 0.7, "floor_m": 0.0},
+    }[limit]
+    flight.flight._cycle = replace(flight.flight._cycle, envelope=replace(envelope, **change))
+
+
+@pytest.mark.parametrize("limit", [Event.FENCE, Event.FLOOR, Event.CEILING])
+@pytest.mark.parametrize("state", [State.ON_STATION, State.PAUSED])
+def test_a_vehicle_that_hovers_beyond_a_limit_is_told_of_and_handed_to_its_hold(sortie, autopilot, limit, state):
+    flight = sortie(autopilot).engaged()
+    if state is State.ON_STATION:
+        flight.until(state, 40.0)
+    else:
+        flight.run(2.0)
+        flight.world.evader_source.receive, silent = (lambda: ()), flight.now_s
+        flight.until(state, 3.0)
+        assert flight.now_s - silent < 3.0
+    flight.run(1.0)
+    close_by(flight, limit)
+    flight.mock.inject("wind_m_s", (12.0, 0.0, 0.0))
+    flight.until(State.HOLDING, 4.0)
+    assert flight.events[-1] is limit
