@@ -191,6 +191,7 @@ ARDUCOPTER: Final = Autopilot(
     stream_before_guided=False,
     loss_parameter="GUID_TIMEOUT",
     setpoint_timeout_s=3.0,
+    waits_in_guided=True,
     prearm_always_told=False,
     streams_hz=STREAMS_HZ,
     handling=HANDLING,
@@ -212,6 +213,7 @@ ROVER: Final = AutopilotProfile(
     stream_before_guided=False,
     loss_parameter="FS_TIMEOUT",
     setpoint_timeout_s=3.0,
+    waits_in_guided=True,
     prearm_always_told=False,
     streams_hz={LOCAL_POSITION_NED: 20.0, GLOBAL_POSITION_INT: 20.0},
 )

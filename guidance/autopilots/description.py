@@ -50,6 +50,7 @@ class AutopilotProfile:
         stream_before_guided: Whether setpoints must flow before the guided mode is granted.
         loss_parameter: The parameter that says how long the autopilot waits for setpoints.
         setpoint_timeout_s: Its default.
+        waits_in_guided: Whether it stays in the guided mode once setpoints have stopped, hovering until told otherwise.
         prearm_always_told: SYS_STATUS has the arming checks' verdict in `health` even where `present` lacks the bit.
         streams_hz: Rate to ask of each message id.
     """
@@ -65,6 +66,7 @@ class AutopilotProfile:
     stream_before_guided: bool
     loss_parameter: str
     setpoint_timeout_s: float
+    waits_in_guided: bool
     prearm_always_told: bool
     streams_hz: Mapping[int, float] = field(default_factory=dict)
 

@@ -207,6 +207,7 @@ PX4: Final = Autopilot(
     stream_before_guided=True,
     loss_parameter="COM_OF_LOSS_T",
     setpoint_timeout_s=1.0,
+    waits_in_guided=False,
     prearm_always_told=True,
     streams_hz={**STREAMS_HZ, ODOMETRY: 30.0},
     handling=HANDLING,

@@ -6,17 +6,17 @@ out. The step is the same in real time, in virtual time and in replay.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 from guidance.autopilots import HEARTBEAT, Mode
-from guidance.certificate import Certificate
 from guidance.control import Envelope, Situation
 from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, hover, play
 from guidance.flight.detection import EventContext, events, fit
 from guidance.flight.echo import Echo
+from guidance.flight.inputs_outputs import ORDERS, Happening, Inputs, Outputs
 from guidance.flight.local_frame import difference, polygon_about_home, shifted
 from guidance.flight.readiness import Check, checks
-from guidance.flight.requests import REPEAT_S, FaultHandover, requests_in
+from guidance.flight.requests import REPEAT_S, HoldHandover, requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (
     BEFORE_FLIGHT,
@@ -31,9 +31,12 @@ from guidance.flight.table import (
 from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame, Vector
 from guidance.game.game import horizontal_speed
-from guidance.messages import EvaderReport, Heartbeat, LocalPosition, Message, Request, Setpoint
+from guidance.messages import Heartbeat, LocalPosition, Request, Setpoint
 from guidance.monitor import Alarm, MonitorMemory, watch
 from guidance.vehicle import VehicleState, observe
+
+if TYPE_CHECKING:
+    from guidance.certificate import Certificate
 
 BEAT_EVERY_S = 0.1
 """How often a HEARTBEAT is asked for while the guided mode is entered, or strange setpoints may be a pilot's: it shows
@@ -61,42 +64,6 @@ _FOUND_ARMED = {
 }
 """What an order is to a vehicle that was armed already when guidance was started."""
 
-ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
-
-
-class Inputs(NamedTuple):
-    """All that one cycle sees, read once. `now_s` is the injected clock's; orders are of `ORDERS`.
-
-    `refusals` names what preflight refuses: the vehicle is not ready while there is any.
-    """
-
-    now_s: float
-    messages: Sequence[Message] = ()
-    reports: Sequence[EvaderReport] = ()
-    orders: Sequence[Event] = ()
-    refusals: Sequence[str] = ()
-
-
-class Happening(NamedTuple):
-    """An event and what it did: `before` and `after` are equal where an order had no effect."""
-
-    now_s: float
-    event: Event
-    before: State
-    after: State
-
-
-class Outputs(NamedTuple):
-    """What one cycle decided. No setpoint means silence; a fault is an error of our own, which ends the flight."""
-
-    state: State
-    setpoint: Setpoint | None
-    requests: tuple[Request, ...]
-    happenings: tuple[Happening, ...]
-    certificate: Certificate | None
-    alarm: Alarm | None = None
-    fault: str | None = None
-
 
 class Flight:
     """One flight of one vehicle."""
@@ -119,6 +86,7 @@ class Flight:
         self._other_mode_seen = False
         self._mode_left: Mode | None = None
         self._claimed = False
+        self._waits_for_us: HoldHandover | None = None
         self._checked = False
         self._last_s: float | None = None
         self._since_s = 0.0
@@ -126,7 +94,7 @@ class Flight:
         self._beat_asked_s = float("-inf")
         self._resets_seen = 0
         self._reboots_seen = 0
-        self._fault_handover: FaultHandover | None = None
+        self._fault_handover: HoldHandover | None = None
 
     @property
     def fault(self) -> str | None:
@@ -181,7 +149,7 @@ class Flight:
         begun = self._fault_handover is None
         if self._fault_handover is None:
             ours = before in SETPOINT_STATES or (before is not self.state and self._mode() is Mode.GUIDED)
-            self._fault_handover = FaultHandover(
+            self._fault_handover = HoldHandover(
                 self.settings.autopilot, error, flown=ours and self.state is State.YIELDED
             )
         outputs = self._hand_over(inputs, self._fault_handover)
@@ -190,7 +158,7 @@ class Flight:
         failed = Happening(inputs.now_s, Event.FAULT, before, self.state)
         return outputs._replace(happenings=(*outputs.happenings, failed), fault=self._fault_handover.fault)
 
-    def _hand_over(self, inputs: Inputs, handover: FaultHandover) -> Outputs:
+    def _hand_over(self, inputs: Inputs, handover: HoldHandover) -> Outputs:
         unheeded = tuple(Happening(inputs.now_s, order, self.state, self.state) for order in inputs.orders)
         return Outputs(self.state, None, handover.requests(inputs.now_s, inputs.messages), unheeded, None)
 
@@ -206,7 +174,11 @@ class Flight:
         self.tracking.observe(self.vehicle, inputs.reports)
         self._hear(inputs)
         happenings = tuple(self._follow(inputs, dt_s))
-        requests = (*self._requests(now_s, fresh_heartbeat=_beat(inputs)), *self._beat_requests(now_s))
+        requests = (
+            *self._requests(now_s, fresh_heartbeat=_beat(inputs)),
+            *self._beat_requests(now_s),
+            *self._yielded_requests(inputs),
+        )
         setpoint = self._setpoint(now_s, dt_s)
         if setpoint is None or self.state is State.STANDING_BY:
             self._echo.silent()
@@ -269,6 +241,9 @@ class Flight:
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
             self._certificate, self._other_mode_seen = None, False
             self._note_handover(before, after)
+            lost = after is State.YIELDED and event in {Event.TELEMETRY_LOST, Event.LOOP_STOPPED}
+            if lost and before in SETPOINT_STATES and self.settings.autopilot.waits_in_guided:
+                self._waits_for_us = HoldHandover(self.settings.autopilot)
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
                 self._memory, self._monitor = CycleMemory(), MonitorMemory()
             if after is State.ON_STATION:
@@ -333,6 +308,13 @@ class Flight:
         if start_ned_m is not None and frame is not None:
             place = frame.wgs84_from_ned(start_ned_m)
         return requests_in(self.state, self.settings, self.vehicle, self._mode(), place)
+
+    def _yielded_requests(self, inputs: Inputs) -> tuple[Request, ...]:
+        """Ask for the hold after a loss where the autopilot would else wait for our setpoints for ever."""
+        if self._waits_for_us is None:
+            return ()
+        fresh = [message for message in inputs.messages if message.received_s > self._since_s]
+        return self._waits_for_us.requests(inputs.now_s, fresh)
 
     def _beat_requests(self, now_s: float) -> tuple[Request, ...]:
         wanted = self.state is State.ENTERING or (self.state in SETPOINT_STATES and self._echo.suspicious)

@@ -78,22 +78,27 @@ def _takeoff(settings: FlightSettings, vehicle: VehicleState) -> tuple[Request, 
     return (settings.autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
 
 
-class FaultHandover:
-    """After the error `fault` only the hold is asked for, until a HEARTBEAT shows any mode but the guided one."""
+class HoldHandover:
+    """Nothing but the hold is asked for any more, until a HEARTBEAT shows any mode but the guided one.
 
-    def __init__(self, autopilot: Autopilot, error: Exception, *, flown: bool) -> None:
+    Attributes:
+        fault: The error of our own that ended the flight: the hold is asked for at once then, and without one only
+            when a HEARTBEAT shows that the vehicle still waits in the guided mode.
+    """
+
+    def __init__(self, autopilot: Autopilot, error: Exception | None = None, *, flown: bool = True) -> None:
         self._autopilot = autopilot
         self._asking = flown
         self._asked_s = float("-inf")
-        self.fault = _described(error)
+        self.fault = None if error is None else _described(error)
 
     def requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
         """Return what to ask in one cycle."""
-        begun = self._asked_s == float("-inf")
+        at_once = self.fault is not None and self._asked_s == float("-inf")
         modes = [self._autopilot.mode_of(one.custom_mode) for one in messages if isinstance(one, Heartbeat)]
-        if not begun and any(mode is not Mode.GUIDED for mode in modes):
+        if not at_once and any(mode is not Mode.GUIDED for mode in modes):
             self._asking = False
-        due = begun or (modes and now_s - self._asked_s >= REPEAT_S)
+        due = at_once or (modes and now_s - self._asked_s >= REPEAT_S)
         if not (self._asking and due):
             return ()
         self._asked_s = now_s

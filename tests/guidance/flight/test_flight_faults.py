@@ -7,7 +7,7 @@ import pytest
 from flight_scenes import BOTH, ENVELOPE, settings_of
 from flown import SET_MODE, Flown, commands
 
-from guidance.autopilots import Mode
+from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FINAL, Event, State
 from guidance.flight.requests import REPEAT_S
 from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
@@ -134,3 +134,49 @@ def test_on_the_ground_nothing_is_asked_of_the_vehicle(monkeypatch):
     failed = flown.cycle()
     assert (failed.state, failed.setpoint, failed.requests) == (State.FAILED, None, ())
     assert flown.state in FINAL
+
+
+LOST = {"loop stopped": {"dt_s": 3.1, "beat": True}, "telemetry lost": {"dt_s": 3.1, "silent": True}}
+
+
+def yielded(autopilot, how):
+    flown = Flown(settings_of(autopilot)).engaged()
+    flown.cycles(1.0)
+    outputs = flown.cycle(**LOST[how])
+    assert outputs.state is State.YIELDED
+    return flown, outputs
+
+
+@pytest.mark.parametrize("how", sorted(LOST))
+def test_an_arducopter_that_waits_in_guided_after_a_loss_is_handed_to_its_hold_once_it_is_heard_to_wait(how):
+    flown, lost = yielded(ARDUCOPTER, how)
+    assert commands([lost]) == []  # what was heard meanwhile is from before
+    (asked,) = [flown.cycle(beat=True)]
+    assert asked.requests == (ARDUCOPTER.set_mode(Mode.HOLD),)
+    assert commands([*flown.cycles(0.5), flown.cycle(beat=True)]) == []
+    flown.cycles(REPEAT_S)
+    flown.mode = Mode.GUIDED
+    assert SET_MODE in commands([flown.cycle(beat=True), *flown.cycles(REPEAT_S), flown.cycle(beat=True)])
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    flown.mode = Mode.GUIDED  # somebody else's now
+    later = flown.cycles(5.0)
+    assert commands(later) == []
+    assert {one.setpoint for one in [lost, asked, *later]} == {None}
+    assert flown.state is State.YIELDED
+
+
+@pytest.mark.parametrize("how", sorted(LOST))
+@pytest.mark.parametrize(("autopilot", "mode"), [(ARDUCOPTER, Mode.OTHER), (ARDUCOPTER, Mode.LAND), (PX4, Mode.GUIDED)])
+def test_after_a_loss_nothing_is_asked_of_a_pilots_vehicle_nor_of_one_that_helps_itself(how, autopilot, mode):
+    flown, _ = yielded(autopilot, how)
+    flown.mode = mode
+    assert commands([flown.cycle(beat=True), *flown.cycles(5.0)]) == []
+
+
+def test_after_a_pilots_takeover_an_arducopter_is_left_alone_in_whatever_mode():
+    flown = Flown(settings_of(ARDUCOPTER)).engaged()
+    flown.mode = Mode.OTHER
+    assert flown.cycle(beat=True).state is State.YIELDED
+    flown.mode = Mode.GUIDED
+    assert commands(flown.cycles(5.0)) == []
