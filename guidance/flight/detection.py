@@ -49,6 +49,7 @@ class EventContext:
     foreign: bool
     other_mode_seen: bool
     mode_left: Mode | None = None
+    chase_s: float = 0.0
 
     @property
     def mode(self) -> Mode | None:
@@ -206,4 +207,5 @@ _DETECTORS: Mapping[Event, Callable[[EventContext], bool]] = {
     Event.GUIDED: lambda context: context.heard_since_entry and context.mode is Mode.GUIDED,
     Event.CLEAR: _clear,
     Event.TIMED_OUT: _timed_out,
+    Event.CHASE_TIMED_OUT: lambda context: context.chase_s > context.settings.longest_chase_s,
 }

@@ -86,6 +86,7 @@ class Flight:
         self._other_mode_seen = False
         self._mode_left: Mode | None = None
         self._claimed = False
+        self._chase_began_s = 0.0
         self._waits_for_us: HoldHandover | None = None
         self._checked = False
         self._last_s: float | None = None
@@ -246,6 +247,8 @@ class Flight:
                 self._waits_for_us = HoldHandover(self.settings.autopilot)
             if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
                 self._memory, self._monitor = CycleMemory(), MonitorMemory()
+            if after is State.ENGAGED and before is not State.PAUSED:
+                self._chase_began_s = now_s
             if after is State.ON_STATION:
                 self._monitor = MonitorMemory()  # the promise is kept: an evader that gets away begins a new one
         return Happening(now_s, event, before, after)
@@ -277,6 +280,7 @@ class Flight:
             foreign=self._foreign,
             other_mode_seen=self._other_mode_seen,
             mode_left=self._mode_left,
+            chase_s=now_s - self._chase_began_s,
         )
 
     def _position_ned_m(self) -> Vector | None:

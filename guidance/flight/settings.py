@@ -1,5 +1,6 @@
 """What a flight needs to know beforehand, and how long each of its phases may take."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -58,6 +59,7 @@ class FlightSettings:
         limits_s: Longest stay in a state, where there is a limit.
         fence_corners_deg: A polygon fence by latitude and longitude; it takes effect with HOME_POSITION, before which
             nothing flies.
+        longest_chase_s: How long one chase may last, pauses included, before the vehicle is handed to its hold.
     """
 
     autopilot: Autopilot
@@ -71,3 +73,4 @@ class FlightSettings:
     guarantee_slack_s: float = 0.3
     limits_s: Mapping[State, float] = field(default_factory=lambda: LIMITS_S)
     fence_corners_deg: Corners | None = None
+    longest_chase_s: float = math.inf

@@ -77,6 +77,7 @@ class Event(StrEnum):
     REBOOTED = "autopilot rebooted"
     DISARMED = "disarmed"
     TIMED_OUT = "phase took too long"
+    CHASE_TIMED_OUT = "chase took too long"
     FAULT = "guidance failed"
 
 
@@ -114,6 +115,8 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.ON_STATION, Event.LOOP_LATE): State.PAUSED,
     (State.PAUSED, Event.CLEAR): State.ENGAGED,
     (State.PAUSED, Event.TIMED_OUT): State.HOLDING,
+    (State.ENGAGED, Event.CHASE_TIMED_OUT): State.HOLDING,
+    (State.PAUSED, Event.CHASE_TIMED_OUT): State.HOLDING,
     (State.ENGAGED, Event.NO_GAME): State.HOLDING,
     (State.ON_STATION, Event.NO_GAME): State.HOLDING,
     (State.CLIMBING, Event.TIMED_OUT): State.LANDING,

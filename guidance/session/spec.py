@@ -120,6 +120,7 @@ class Specification:
             after_capture=AfterCapture(self.flight.after_capture),
             engage_on=EngageOn(self.flight.engage_on),
             battery_minimum=self.flight.battery_minimum,
+            longest_chase_s=math.inf if self.flight.longest_chase_s is None else self.flight.longest_chase_s,
             fence_corners_deg=self.limits.fence_polygon_deg,
             limits_s={
                 state: limit_s

@@ -228,6 +228,12 @@ class FlightSection(Section):
     engage_on: Literal["command", "pilot_mode"] = "command"
     on_terminate: Literal["hold", "land", "return"] = Field("hold", description="what SIGTERM hands the vehicle to")
     battery_minimum: float = Field(0.25, ge=0.0, le=1.0)
+    longest_chase_s: float | None = Field(
+        None,
+        gt=0.0,
+        le=7200.0,
+        description="of one chase with its pauses, then the autopilot's hold; unlimited if not given",
+    )
 
 
 class Preflight(Section):

@@ -72,6 +72,7 @@ def read(vehicle_document):
         ({"flight": {"after_capture": "celebrate"}}, "flight.after_capture = 'celebrate'"),
         ({"flight": {"engage_on": "boot"}}, "flight.engage_on = 'boot'"),
         ({"flight": {"on_terminate": "fall"}}, "flight.on_terminate = 'fall'"),
+        ({"flight": {"longest_chase_s": 0.0}}, "flight.longest_chase_s = 0.0"),
         ({"flight": {"battery_minimum": 20.0}}, "flight.battery_minimum = 20.0"),
         ({"preflight": {"loss_time_limit_s": 60.0}}, "preflight.loss_time_limit_s = 60.0"),
         ({"control": {"endpoint": "tcp/0.0.0.0:7448"}}, "must be on loopback"),
@@ -175,6 +176,11 @@ def test_a_daemon_waits_for_its_vehicle_as_long_as_it_takes(read):
 @pytest.mark.parametrize("choice", AfterCapture)
 def test_what_follows_a_capture_is_configured(read, choice):
     assert plan_of(read(flight={"after_capture": str(choice)})).flight.after_capture is choice
+
+
+def test_a_chase_may_last_for_ever_unless_the_file_says_otherwise(read):
+    assert plan_of(read()).flight.longest_chase_s == math.inf
+    assert plan_of(read(flight={"longest_chase_s": 120.0})).flight.longest_chase_s == 120.0
 
 
 def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):

@@ -315,3 +315,23 @@ def test_no_state_that_commands_is_silent_and_no_other_speaks():
         flown.flight._setpoint(flown.now_s, CYCLE_S)
         speaks = flown.flight._setpoint(flown.now_s, CYCLE_S) is not None
         assert speaks is (state in SETPOINT_STATES | HANDING_OVER)  # HEARTBEAT still shows the guided mode
+
+
+def test_a_chase_has_a_longest_time_its_pauses_included_and_a_new_one_begins_anew():
+    flown = Flown(settings_of(longest_chase_s=5.0)).engaged()
+    flown.cycles(2.0)
+    flown.cycle(more=[Odometry(flown.now_s, 7)])
+    flown.cycle(more=[Odometry(flown.now_s, 8)])
+    assert flown.state is State.PAUSED
+    flown.cycles(2.8)
+    assert flown.state is State.ENGAGED
+    outputs = flown.cycles(0.4)
+    assert [h.event for one in outputs for h in one.happenings] == [Event.CHASE_TIMED_OUT]
+    assert flown.state is State.HOLDING
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    flown.cycle(Event.ENGAGE)
+    flown.mode = Mode.GUIDED
+    flown.cycles(1.0, beat=True)
+    assert flown.state is State.ENGAGED
+    assert {one.state for one in flown.cycles(3.5)} == {State.ENGAGED}
