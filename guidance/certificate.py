@@ -36,7 +36,7 @@ class Certificate(NamedTuple):
     NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
     `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `active_limits`.
     `reason` is the `guidance.game.Reason` of the game's answer: with TOO_OLD nothing here is guaranteed. In TAD
-    everything here is said of the estimate as if it were new, and its age may take from that.
+    everything here is said of the disc less what the evader may have run since it was seen.
     """
 
     winner: int

@@ -136,11 +136,12 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         )
         return output._replace(certificate=refused)
     too_old = age_s > guaranteed_age_s(game)
-    if too_old or settings.target_game_m is not None:
-        # Too old for PE, and in TAD at any age, the value can be beaten. Of the laws that tests/bench/bench_game_age.py
-        # sets against a worst evader, the one that takes the estimate for new loses least there with a vehicle's speed
-        # set, the Cylinder. A Ball that believes itself on its disc, and is not, only follows, whichever it plays.
-        game = game.against(evader.speed_bound_m_s, 0.0)
+    if settings.target_game_m is not None:
+        # With age the value can be beaten in TAD. Of the laws that tests/bench/bench_game_age.py sets against a worst
+        # evader, this one loses least: a pursuer that keeps to the disc about an old place lets the evader out of it.
+        game = game.within_spread()
+    elif too_old:
+        game = settings.game.against(evader.speed_bound_m_s, 0.0)
     answered = answer(game, players, settings.acceleration, memory.optimal_game_m_s)
     asked = answered.pursuer_m_s
     if settings.strategy.name != OPTIMAL:

@@ -188,7 +188,7 @@ class Game:
     def against(self, evader_speed_m_s: float, information_age_s: float) -> "Game":
         """Return the same game against an evader of this speed, seen this long ago; only these numbers are checked.
 
-        A flight plays one game, of which nothing else changes from cycle to cycle.
+        A flight plays one game, of which nothing but these and `within_spread` changes from cycle to cycle.
 
         Raises:
             ConfigError: a number is not finite or out of range, or the evader is too fast.
@@ -199,6 +199,20 @@ class Game:
         object.__setattr__(other, "evader_speed_m_s", float(evader_speed_m_s))
         object.__setattr__(other, "information_age_s", float(information_age_s))
         Game._require_speeds(other)
+        return other
+
+    def within_spread(self) -> "Game":
+        """Return the up-to-date game whose disc is smaller by what the evader may have run since it was seen, vτ.
+
+        Whoever reaches this disc about the place where the evader was seen, or is taken to be, has it on the larger one
+        wherever it is by then.
+        """
+        other = copy(self)
+        smaller = copy(self.standoff)
+        spread_m = self.evader_speed_m_s * self.information_age_s
+        object.__setattr__(smaller, "radius_m", max(self.standoff.radius_m - spread_m, 0.0))
+        object.__setattr__(other, "standoff", smaller)
+        object.__setattr__(other, "information_age_s", 0.0)
         return other
 
     def _require_speeds(self) -> None:

@@ -169,3 +169,11 @@ def test_a_pursuer_over_the_meeting_point_does_not_wait_for_an_evader_that_passe
         assert answer.meeting_time_s == 0.0
         assert answer.reason == Reason.TOO_OLD
         np.testing.assert_allclose(answer.pursuer_velocity_m_s, [-2.0, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("age_s", "radius_m"), [(0.0, 3.0), (0.5, 2.0), (1.5, 0.0), (9.0, 0.0)])
+def test_within_the_spread_is_the_game_of_the_smaller_disc(age_s, radius_m):
+    game = Game(Cylinder(6.0, 2.0, 1.5), 2.0, standoff=DISC, information_age_s=age_s, wind_m_s=(0.5, 0.1))
+    smaller = Game(Cylinder(6.0, 2.0, 1.5), 2.0, standoff=StandOff(radius_m, 2.0), wind_m_s=(0.5, 0.1))
+    assert game.within_spread() == smaller
+    assert game.standoff == DISC

@@ -12,7 +12,7 @@ from guidance.control import Situation
 from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
 from guidance.errors import ConfigError
 from guidance.frames import GameFrame
-from guidance.game import Game, Reason, solve
+from guidance.game import Game, Reason, StandOff, solve
 from guidance.monitor import MonitorMemory, Violation, watch
 from guidance.session.vehicle_file import GameSection
 from guidance.strategies import StrategyMemory
@@ -45,6 +45,17 @@ def test_information_older_than_the_guarantee_is_said_and_taken_for_new():
         assert said.value == pytest.approx(float(solve(game, P, E).value), rel=1e-12)
 
 
+def test_in_tad_the_disc_is_smaller_by_what_the_evader_may_have_run():
+    """Against 3 m/s the disc of 3 m is a point from a second on."""
+    settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0))
+    P, E, T = in_game(PURSUER_NED), in_game(EVADER_NED), np.array([40.0, 10.0, 0.0])
+    for age_s, reason, radius_m in ((0.0, Reason.SOLVED, 3.0), (0.4, Reason.SOLVED, 1.8), (1.4, Reason.TOO_OLD, 0.0)):
+        said = cycle(age_s, settings=settings)
+        assert said.reason == reason
+        game = Game(CYCLE.speed_set, 3.0, standoff=StandOff(radius_m, CYCLE.standoff.height_m))
+        assert said.value == pytest.approx(float(solve(game, P, E, T).value), rel=1e-12)
+
+
 def test_what_is_not_guaranteed_is_not_watched():
     said = cycle(0.5)
     guarantee, alarm = MonitorMemory(), None
@@ -66,7 +77,8 @@ def test_what_is_not_guaranteed_is_not_watched():
 def test_a_target_that_moves_is_where_it_is_by_now_and_the_game_knows_its_velocity():
     settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0), target_velocity_m_s=(1.0, -0.5))
     P, E = in_game(PURSUER_NED), in_game(EVADER_NED)
-    game = Game(CYCLE.speed_set, 3.0, standoff=CYCLE.standoff, target_velocity_m_s=(1.0, -0.5))
+    disc = StandOff(CYCLE.standoff.radius_m - 0.1 * 3.0, CYCLE.standoff.height_m)
+    game = Game(CYCLE.speed_set, 3.0, standoff=disc, target_velocity_m_s=(1.0, -0.5))
     for played_s in (0.0, 12.0):
         T = np.array([40.0 + played_s, 10.0 - 0.5 * played_s, 0.0])
         said = cycle(settings=settings, played_s=played_s)
