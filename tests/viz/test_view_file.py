@@ -21,7 +21,6 @@ from guidance.flight import State
 from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_of
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.session.recorded import recorded_settings
-from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.viz.shapes import isochron_at
 from guidance.viz.view import Destination, RecordFile, view
@@ -192,7 +191,7 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
     wider = config.model_copy(update={"game": config.game.model_copy(update={"standoff_radius_m": 11.0})})
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "again.rrd"))
-    painter = Painter(recording, plan_of(config).flight, "again")
+    painter = Painter(recording, recorded_settings, {"config": config.model_dump_json()}, "again")
     cycles = [item for item in scan(record) if item.topic == CYCLE_TOPIC]
     played = next(number for number, item in enumerate(cycles) if b'"certificate"' in item.data)
     painter.take(cycles[played])
