@@ -25,7 +25,7 @@ def restarted(flight, dead_s):
     flight.run(dead_s)
     flight.frozen = False
     flight.flight = Flight(flight.flight.settings)
-    flight.linked = LinkedFlight(flight.flight, flight.world.pursuer, flight.world.evader_source, None)
+    flight.linked = LinkedFlight(flight.flight, flight.world.link, flight.world.evader_source, None)
     flight.sent.clear()
     return flight
 
