@@ -258,10 +258,6 @@ def fill(place: Array, value: Real, plus: Real) -> None:
 
 def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Array:
     """Spread small integers over the leading shape, on the device of `like`."""
-    if is_numpy(xp):
-        filled = np.empty(shape, dtype=np.int8)
-        filled[...] = value
-        return filled
     return xp.broadcast_to(xp.asarray(value, dtype=xp.int8, **_place(like)), shape)
 
 

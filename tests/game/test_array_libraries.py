@@ -184,3 +184,9 @@ def test_numpy_alone_refuses_to_differentiate(games, oracle):
     P, E, _ = oracle.states(26, 2)
     with pytest.raises(ConfigError, match="cannot be differentiated"):
         hji_residual(games["paper"], P, E, method="automatic")
+
+
+def test_arrays_of_different_libraries_are_refused_by_name(library):
+    pursuer, evader = np.array([3.0, 4.0, 10.0]), library.array([30.0, 1.0, 0.0])
+    with pytest.raises(ConfigError, match=r"different libraries cannot be mixed: pursuer: ndarray, evader: "):
+        solve(Game(Ball(2.0), 1.0), pursuer, evader)
