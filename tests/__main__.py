@@ -23,7 +23,7 @@ STEPS = {
     "layers": [BIN / "lint-imports"],
     "tests": [*PYTEST, "-n", "2", "-m", "not slow"],
     # Real clients in real time wait more than they work.
-    "real time": [*PYTEST, "-n", "3", "-m", "slow"],
+    "real time": [*PYTEST, "-n", "3", "--dist", "load", "-m", "slow"],
     "acceptance": [sys.executable, "-m", "tests.acceptance"],
 }
 

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from guidance.autopilots import AutopilotProfile
+from guidance.autopilots import AutopilotProfile, Mode
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
@@ -66,8 +66,21 @@ def _status(vehicle: VehicleState, profile: AutopilotProfile, battery_minimum: f
         return Check("prearm", passed=False, found="not heard"), Check("battery", passed=False, found="not heard")
     reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
     healthy = bool(status.sensors_health & _PREARM_CHECK)
+    found = "healthy" if healthy else "the autopilot's own checks fail"
+    if reported and not healthy and _waits_in_guided(vehicle, profile):
+        # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
+        # refuses by itself what really is wrong.
+        reported, found = False, "of a mode that misses setpoints; asked again as it arms"
     battery = status.battery_remaining
     return (
-        Check("prearm", healthy or not reported, "healthy" if healthy else "the autopilot's own checks fail"),
+        Check("prearm", healthy or not reported, found),
         Check("battery", not battery < battery_minimum, "unknown" if math.isnan(battery) else f"{battery:.0%} left"),
     )
+
+
+def _waits_in_guided(vehicle: VehicleState, profile: AutopilotProfile) -> bool:
+    """Whether it stands disarmed in our mode, where the autopilot grants that only to who streams."""
+    heartbeat = vehicle.last(Heartbeat)
+    if heartbeat is None or heartbeat.armed or not profile.stream_before_guided:
+        return False
+    return profile.mode_of(heartbeat.custom_mode) is Mode.GUIDED

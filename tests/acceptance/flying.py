@@ -73,6 +73,7 @@ class Flown:
 def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flown]:
     """Start `guidance fly` on a case; it is ended with the block."""
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / "outcome.json").unlink(missing_ok=True)  # of an earlier run into the same folder
     (folder / "scenario.toml").write_text(toml(case.scenario), encoding="utf-8")
     command = [GUIDANCE, "fly", folder / "scenario.toml", "--vehicle", relay.client_url, "--link", case.link]
     process = subprocess.Popen(

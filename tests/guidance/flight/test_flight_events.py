@@ -405,3 +405,18 @@ def test_what_was_never_heard_passes_no_check():
     kinds = [kind.__name__ for kind in (Heartbeat, LocalPosition, Attitude, LandedState, Home)]
     assert [check.name for check in rows] == ["autopilot", *kinds, "prearm", "battery"]
     assert {(check.passed, check.found) for check in rows} == {(False, "not heard")}
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "armed", "passed"),
+    [
+        (PX4, Mode.GUIDED, False, True),
+        (PX4, Mode.GUIDED, True, False),
+        (PX4, Mode.HOLD, False, False),
+        (ARDUCOPTER, Mode.GUIDED, False, False),
+    ],
+)
+def test_checks_that_miss_our_setpoints_keep_nobody_on_the_ground(autopilot, mode, armed, passed):
+    """A real PX4 stays in OFFBOARD after a landing, and its checks fail until it is asked for another mode."""
+    vehicle = well(heartbeat(mode=mode, armed=armed, autopilot=autopilot), status(healthy=0))
+    assert row("prearm", vehicle, autopilot)[0] is passed
