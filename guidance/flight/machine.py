@@ -16,7 +16,7 @@ from guidance.flight.echo import Echo
 from guidance.flight.inputs_outputs import ORDERS, Happening, Inputs, Outputs
 from guidance.flight.local_frame import difference, polygon_about_home, shifted
 from guidance.flight.readiness import Check, checks
-from guidance.flight.requests import REPEAT_S, HoldHandover, requests_in
+from guidance.flight.requests import HoldHandover, Pacing, requests_in
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (
     BEFORE_FLIGHT,
@@ -37,21 +37,6 @@ from guidance.vehicle import VehicleState, observe
 
 if TYPE_CHECKING:
     from guidance.certificate import Certificate
-
-BEAT_EVERY_S = 0.1
-"""How often a HEARTBEAT is asked for while the guided mode is entered, or strange setpoints may be a pilot's: it shows
-modes, and comes once a second."""
-
-STREAM_FIRST_S = 0.2
-"""How long a hover is streamed before the guided mode is asked for, where the autopilot wants a stream (PX4): one
-setpoint would do, if it were sure to arrive."""
-
-UNHEARD_S = 0.4
-"""An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the
-same: the order is a person's, and what was last heard of the mode is about a second old."""
-
-_SAME_S = 1e-6
-"""Cycles fall on such times exactly, but for rounding, which must not decide on which side of them."""
 
 INVITE_AFTER_S = 1.0
 """How long after standing by a neutral stream begins, where a pilot is to engage: the hold comes first."""
@@ -91,8 +76,7 @@ class Flight:
         self._checked = False
         self._last_s: float | None = None
         self._since_s = 0.0
-        self._requested_s = float("-inf")
-        self._beat_asked_s = float("-inf")
+        self._pacing = Pacing()
         self._resets_seen = 0
         self._reboots_seen = 0
         self._fault_handover: HoldHandover | None = None
@@ -238,7 +222,8 @@ class Flight:
     def _change(self, now_s: float, event: Event) -> Happening:
         before, after = self.state, next_state(self.state, event)
         if after is not before:
-            self.state, self._since_s, self._requested_s = after, now_s, float("-inf")
+            self.state, self._since_s = after, now_s
+            self._pacing.begin(now_s)
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
             self._certificate, self._other_mode_seen = None, False
             self._note_handover(before, after)
@@ -296,17 +281,14 @@ class Flight:
         return None if heartbeat is None else self.settings.autopilot.mode_of(heartbeat.custom_mode)
 
     def _requests(self, now_s: float, *, fresh_heartbeat: bool) -> tuple[Request, ...]:
-        if self.state in FINAL or now_s - self._requested_s < REPEAT_S:
+        if self.state in FINAL or not self._pacing.is_due(
+            self.state,
+            now_s,
+            fresh_heartbeat=fresh_heartbeat,
+            asked_once=self._mode_left is Mode.OTHER,
+            streamed_first=self.settings.autopilot.stream_before_guided,
+        ):
             return ()
-        entering, repeated = self.state is State.ENTERING, self._requested_s >= self._since_s
-        if repeated and (self.state is State.STANDING_BY or self._mode_left is Mode.OTHER):
-            return ()  # asked once: the pilot's next switch is an answer, not a fault
-        if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
-            return ()
-        streamed_s = STREAM_FIRST_S if self.settings.autopilot.stream_before_guided else 0.0
-        if entering and now_s - self._since_s <= streamed_s + _SAME_S:
-            return ()  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
-        self._requested_s = now_s
         place = None
         start_ned_m, frame = self._start_ned_m(), self.tracking.local_frame
         if start_ned_m is not None and frame is not None:
@@ -322,9 +304,8 @@ class Flight:
 
     def _beat_requests(self, now_s: float) -> tuple[Request, ...]:
         wanted = self.state is State.ENTERING or (self.state in SETPOINT_STATES and self._echo.suspicious)
-        if not wanted or now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
+        if not wanted or not self._pacing.is_beat_due(now_s):
             return ()
-        self._beat_asked_s = now_s
         return (self.settings.autopilot.request_message(HEARTBEAT),)
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:

@@ -17,6 +17,21 @@ REPEAT_S: Final = 1.5
 HEARTBEAT is up to a second old: repeated blindly, a request would take the vehicle back from a pilot who just took it.
 """
 
+BEAT_EVERY_S: Final = 0.1
+"""How often a HEARTBEAT is asked for while the guided mode is entered, or strange setpoints may be a pilot's: it shows
+modes, and comes once a second."""
+
+STREAM_FIRST_S: Final = 0.2
+"""How long a hover is streamed before the guided mode is asked for, where the autopilot wants a stream (PX4): one
+setpoint would do, if it were sure to arrive."""
+
+UNHEARD_S: Final = 0.4
+"""An autopilot that has sent no HEARTBEAT for this long after an engage order is asked for the guided mode all the
+same: the order is a person's, and what was last heard of the mode is about a second old."""
+
+_SAME_S: Final = 1e-6
+"""Cycles fall on such times exactly, but for rounding, which must not decide on which side of them."""
+
 _MODE_OF_STATE = {
     State.ENTERING: Mode.GUIDED,
     State.HOLDING: Mode.HOLD,
@@ -76,6 +91,50 @@ def _takeoff(settings: FlightSettings, vehicle: VehicleState) -> tuple[Request, 
     if home is None or not vehicle.on_ground:
         return ()
     return (settings.autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
+
+
+class Pacing:
+    """When requests are made: of a state at first, and again; and HEARTBEATs that are waited for."""
+
+    def __init__(self) -> None:
+        self._since_s = 0.0
+        self._asked_s = self._beat_asked_s = float("-inf")
+
+    def begin(self, now_s: float) -> None:
+        """Begin a state, of which nothing has been asked yet."""
+        self._since_s, self._asked_s = now_s, float("-inf")
+
+    def is_due(
+        self, state: State, now_s: float, *, fresh_heartbeat: bool, asked_once: bool, streamed_first: bool
+    ) -> bool:
+        """Whether a state's requests are made in this cycle; if so, they count as made.
+
+        Args:
+            state: Where the flight stands.
+            now_s: The present.
+            fresh_heartbeat: Whether one came in this cycle.
+            asked_once: Whether the vehicle is in a pilot's mode, which is asked away only once.
+            streamed_first: Whether the autopilot grants the guided mode only to who streams.
+        """
+        if now_s - self._asked_s < REPEAT_S:
+            return False
+        entering, repeated = state is State.ENTERING, self._asked_s >= self._since_s
+        if repeated and (state is State.STANDING_BY or asked_once):
+            return False  # the pilot's next switch is an answer, not a fault
+        if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
+            return False
+        streamed_s = STREAM_FIRST_S if streamed_first else 0.0
+        if entering and now_s - self._since_s <= streamed_s + _SAME_S:
+            return False  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
+        self._asked_s = now_s
+        return True
+
+    def is_beat_due(self, now_s: float) -> bool:
+        """Whether a HEARTBEAT is asked for in this cycle; if so, it counts as asked for."""
+        if now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
+            return False
+        self._beat_asked_s = now_s
+        return True
 
 
 class HoldHandover:

@@ -12,7 +12,7 @@ from flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, com
 
 from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
 from guidance.flight import ORDERS, Event, State
-from guidance.flight.machine import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
+from guidance.flight.requests import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 
 BEAT = PX4.request_message(HEARTBEAT)
 

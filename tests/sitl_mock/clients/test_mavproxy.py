@@ -27,7 +27,7 @@ def test_arducopter_is_flown_by_mavproxy(fleet_of, proxy):
     with fleet_of({"copter": "arducopter"}, over=["udp"]) as fleet:
         mav = proxy(fleet["copter"])
         mav.expect("Detected vehicle 1:1")
-        assert int(mav.expect("Received", 20.0).split()[1]) == 1390, "by FTP, in one file"
+        assert mav.expect_number(r"Received (\d+)", 20.0) == 1390, "by FTP, in one file"
         mav.say("param set GUID_TIMEOUT 2.5")
         time.sleep(0.5)
         mav.say("param show GUID_TIMEOUT")
@@ -60,7 +60,7 @@ def test_px4_is_armed_and_flown_by_mavproxy(fleet_of, proxy):
     with fleet_of({"uav1": "px4"}, over=["udp"]) as fleet:
         mav = proxy(fleet["uav1"])
         mav.expect("Detected vehicle 1:1")
-        assert int(mav.expect("Received", 20.0).split()[1]) == 887
+        assert mav.expect_number(r"Received (\d+)", 20.0) == 887
         mav.say("param show COM_OF_LOSS_T")
         mav.expect("COM_OF_LOSS_T    1.0")
         mav.say("param set COM_OBL_RC_ACT 5")

@@ -2,6 +2,7 @@
 
 import os
 import queue
+import re
 import subprocess
 import sys
 import threading
@@ -43,6 +44,13 @@ class Proxy:
 
     def expect(self, words, within_s=6.0):
         """Wait for a line with these words."""
+        return self._match(re.escape(words), within_s).string
+
+    def expect_number(self, pattern, within_s=6.0):
+        """Wait for this pattern and read its group as a whole number; a prompt may stand before it in the line."""
+        return int(self._match(pattern, within_s)[1])
+
+    def _match(self, pattern, within_s):
         end_s = time.monotonic() + within_s
         while time.monotonic() < end_s:
             try:
@@ -50,9 +58,9 @@ class Proxy:
             except queue.Empty:
                 continue
             self.heard.append(line)
-            if words in line:
-                return line
-        raise AssertionError(f"MAVProxy did not say {words!r}; it said {self.heard[-15:]}")
+            if found := re.search(pattern, line):
+                return found
+        raise AssertionError(f"MAVProxy did not say {pattern!r}; it said {self.heard[-15:]}")
 
     def close(self):
         """End it, as the end of its standard input does."""
