@@ -57,7 +57,6 @@ class Certificate(NamedTuple):
     strayed: bool
     evader_arrived: bool
     no_game: bool
-    outside_fence: bool
     time_needed_s: float = math.nan
     assured_distance_m: float = math.nan
     reason: int | None = None
@@ -113,7 +112,6 @@ def certify(
     desired_ned_m_s: Vector,
     evader_age_s: float,
     tolerance_m: float,
-    outside_fence: bool,
     reason: int,
 ) -> Certificate:
     """Lay down a cycle of the game.
@@ -127,7 +125,6 @@ def certify(
         desired_ned_m_s: What approach and game asked for.
         evader_age_s: Age of what is known of the evader.
         tolerance_m: How near to the disc counts as reached.
-        outside_fence: Whether the vehicle has left the fence.
         reason: `guidance.game.Reason`.
     """
     solution, at = answered.solution, players.target_m
@@ -151,16 +148,13 @@ def certify(
         strayed=gaps.ground_m > 3.0 * tolerance_m or abs(gaps.height_m) > 3.0 * tolerance_m,
         evader_arrived=at is not None and not reached and math.dist(at[:2], players.evader_m[:2]) <= tolerance_m,
         no_game=False,
-        outside_fence=outside_fence,
         time_needed_s=answered.time_needed_s,
         assured_distance_m=answered.assured_distance_m,
         reason=reason,
     )
 
 
-def certify_no_game(
-    players: Players, gaps: Gaps, setpoint: Setpoint, *, evader_age_s: float, outside_fence: bool
-) -> Certificate:
+def certify_no_game(players: Players, gaps: Gaps, setpoint: Setpoint, *, evader_age_s: float) -> Certificate:
     """Lay down a cycle in which the evader is too fast for a game. What is commanded then is a hover."""
     return Certificate(
         winner=0,
@@ -181,5 +175,4 @@ def certify_no_game(
         strayed=False,
         evader_arrived=False,
         no_game=True,
-        outside_fence=outside_fence,
     )

@@ -11,7 +11,7 @@ import numpy as np
 from guidance.certificate import Certificate, Players, answer, certify, certify_no_game, vector
 from guidance.control import AltitudeHold, Envelope, LimitMemory, Situation, hold_altitude, limit
 from guidance.control.approach import gaps_to_disc
-from guidance.control.fence import keep_inside, measure_fence
+from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
 from guidance.control.follow import Following, FollowMemory, follow, less_drift, observe_drift, with_drift
 from guidance.control.hold import NorthEast, keep_station
 from guidance.control.late_start import Acceleration
@@ -79,12 +79,16 @@ class EvaderEstimate(NamedTuple):
 
 
 class CycleInputs(NamedTuple):
-    """One cycle's view of the world, read once: `situation` has the evader where `evader` does."""
+    """One cycle's view of the world, read once: `situation` has the evader where `evader` does.
+
+    Where the vehicle is to its fences is measured here where the caller has not done so.
+    """
 
     dt_s: float
     situation: Situation
     evader: EvaderEstimate | None
     game_frame: GameFrame | None
+    fence: FenceGeometry | None = None
 
 
 class CycleMemory(NamedTuple):
@@ -113,7 +117,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     Raises:
         ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    (dt_s, here, evader, frame), envelope = inputs, settings.envelope
+    (dt_s, here, evader, frame, fence), envelope = inputs, settings.envelope
     if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
     players = Players(
@@ -124,16 +128,14 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         _target_at(settings, memory.strategy.played_s),
     )
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
-    fence = measure_fence(here.position_ned_m, envelope)
+    fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
     # The position is the estimate for now; its age says how long the evader may have been running elsewhere.
     age_s = min(max(evader.age_s, 0.0), settings.evader_timeout_s)
     try:
         game = settings.game.against(evader.speed_bound_m_s, age_s)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
-        refused = certify_no_game(
-            players, gaps, output.setpoint, evader_age_s=evader.age_s, outside_fence=fence.outside
-        )
+        refused = certify_no_game(players, gaps, output.setpoint, evader_age_s=evader.age_s)
         return output._replace(certificate=refused)
     too_old = age_s > guaranteed_age_s(game)
     if settings.target_game_m is not None:
@@ -161,7 +163,6 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         desired_ned_m_s=followed.desired_ned_m_s,
         evader_age_s=evader.age_s,
         tolerance_m=settings.tolerance_m,
-        outside_fence=fence.outside,
         reason=int(Reason.TOO_OLD if too_old else answered.solution.reason),
     )
     played = StrategyMemory(np.array(asked), memory.strategy.played_s + dt_s)
@@ -181,7 +182,7 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     drift = observe_drift(memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     (north, east), place = keep_station(memory.place, here.position_ned_m, less_drift(here.velocity_ned_m_s, drift))
     still = with_drift((north, east, held.velocity_down_m_s), drift)
-    limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s)
+    limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, fence=inputs.fence)
     begun = memory.strategy.velocity_m_s is not None
     paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
     kept = CycleMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from guidance.autopilots import Mode
 from guidance.certificate import Certificate
-from guidance.control import Envelope, measure_fence
+from guidance.control import Envelope, FenceGeometry
 from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import HANDING_OVER, OUR_MODES, TRANSITIONS, Event, State
@@ -36,11 +36,13 @@ class EventContext:
     since_s: float
     settings: FlightSettings
     vehicle: VehicleState
+    mode: Mode | None
     resets_seen: int
     reboots_seen: int
     evader_silence_s: float
     envelope: Envelope
     position_ned_m: Vector | None
+    fence: FenceGeometry | None
     evader_ned_m: Vector | None
     start_ned_m: Vector | None
     home_ned_m: Vector | None
@@ -50,12 +52,6 @@ class EventContext:
     other_mode_seen: bool
     mode_left: Mode | None = None
     chase_s: float = 0.0
-
-    @property
-    def mode(self) -> Mode | None:
-        """The mode that HEARTBEAT shows, None until one was heard."""
-        heartbeat = self.vehicle.last(Heartbeat)
-        return None if heartbeat is None else self.settings.autopilot.mode_of(heartbeat.custom_mode)
 
     @property
     def heard_since_entry(self) -> bool:
@@ -156,10 +152,6 @@ def _timed_out(context: EventContext) -> bool:
     return context.now_s - context.since_s > context.settings.limits_s.get(context.state, math.inf)
 
 
-def _outside_fence(context: EventContext) -> bool:
-    return context.position_ned_m is not None and measure_fence(context.position_ned_m, context.envelope).outside
-
-
 def _height_m(context: EventContext) -> float:
     """Height above home, NaN where the vehicle has not told where it is."""
     return math.nan if context.position_ned_m is None else context.envelope.home_ned_m[2] - context.position_ned_m[2]
@@ -184,7 +176,7 @@ _DETECTORS: Mapping[Event, Callable[[EventContext], bool]] = {
     Event.DISARMED: lambda context: context.heard_since_entry and not context.vehicle.armed,
     Event.LOOP_STOPPED: lambda context: context.dt_s >= context.settings.autopilot.setpoint_timeout_s,
     Event.FOREIGN: lambda context: context.foreign,
-    Event.FENCE: _outside_fence,
+    Event.FENCE: lambda context: context.fence is not None and context.fence.outside,
     Event.FLOOR: lambda context: _height_m(context) < context.envelope.floor_m - BREACH_M,
     Event.CEILING: lambda context: _height_m(context) > context.envelope.ceiling_m + BREACH_M,
     Event.STAND_OFF: _inside_stand_off,

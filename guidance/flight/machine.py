@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from guidance.autopilots import HEARTBEAT, Mode
-from guidance.control import Envelope, Situation
+from guidance.control import Envelope, FenceGeometry, Situation, measure_fence
 from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, hover, play
 from guidance.flight.detection import EventContext, events, fit
 from guidance.flight.echo import Echo
@@ -61,6 +61,8 @@ class Flight:
         self._cycle = settings.cycle
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._taken_up_ned_m: Vector = (0.0, 0.0, 0.0)
+        self._position_ned_m: Vector | None = None
+        self._fence: FenceGeometry | None = None
         self._evader: EvaderEstimate | None = None
         self._echo = Echo()
         self._foreign = False
@@ -183,6 +185,10 @@ class Flight:
         if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
             self._home_in = home_ned_m, frame
             self._cycle = replace(self._cycle, envelope=self._about(home_ned_m, frame))
+        local = self.vehicle.last(LocalPosition)
+        if local is not None:
+            self._position_ned_m = difference(local.position_ned_m, self.tracking.held_back_ned_m)
+            self._fence = measure_fence(self._position_ned_m, self._cycle.envelope)
         for message in inputs.messages:
             if isinstance(message, Heartbeat) and message.received_s > self._since_s:
                 mode = self.settings.autopilot.mode_of(message.custom_mode)
@@ -252,11 +258,13 @@ class Flight:
             since_s=self._since_s,
             settings=self.settings,
             vehicle=self.vehicle,
+            mode=self._mode(),
             resets_seen=self._resets_seen,
             reboots_seen=self._reboots_seen,
             evader_silence_s=self.tracking.silence_s(now_s),
             envelope=self._cycle.envelope,
-            position_ned_m=self._position_ned_m(),
+            position_ned_m=self._position_ned_m,
+            fence=self._fence,
             evader_ned_m=None if self._evader is None else self._evader.position_ned_m,
             start_ned_m=self._start_ned_m(),
             home_ned_m=self.tracking.home_ned_m,
@@ -267,10 +275,6 @@ class Flight:
             mode_left=self._mode_left,
             chase_s=now_s - self._chase_began_s,
         )
-
-    def _position_ned_m(self) -> Vector | None:
-        local = self.vehicle.last(LocalPosition)
-        return None if local is None else difference(local.position_ned_m, self.tracking.held_back_ned_m)
 
     def _start_ned_m(self) -> tuple[float, float, float] | None:
         start, frame = self.settings.start_game_m, self.tracking.game_frame
@@ -311,7 +315,7 @@ class Flight:
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
         leaving = self.state in HANDING_OVER and self._mode() is Mode.GUIDED and self._claimed
         self._evader = None
-        local, position_ned_m = self.vehicle.last(LocalPosition), self._position_ned_m()
+        local, position_ned_m = self.vehicle.last(LocalPosition), self._position_ned_m
         inviting = self.state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         inviting = inviting and now_s - self._since_s > INVITE_AFTER_S
         if local is None or position_ned_m is None or not (self.state in SETPOINT_STATES or leaving or inviting):
@@ -327,7 +331,7 @@ class Flight:
             None if evader is None else evader.position_ned_m,
             None if evader is None else evader.velocity_ned_m_s,
         )
-        inputs = CycleInputs(dt_s, here, evader, self.tracking.game_frame)
+        inputs = CycleInputs(dt_s, here, evader, self.tracking.game_frame, self._fence)
         playing = self.state is State.ENGAGED or (
             self.state is State.ON_STATION and self.settings.after_capture is AfterCapture.SHADOW
         )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.certificate import Certificate
-from guidance.control import Envelope
+from guidance.control import Envelope, measure_fence
 from guidance.control.late_start import Acceleration
 from guidance.cycle import CycleSettings
 from guidance.flight import FlightSettings
@@ -61,7 +61,6 @@ QUIET = Certificate(
     strayed=False,
     evader_arrived=False,
     no_game=False,
-    outside_fence=False,
 )
 
 
@@ -121,7 +120,12 @@ def context(state, **changes):
         "foreign": False,
         "other_mode_seen": False,
     }
-    return EventContext(**(given | changes))
+    given |= changes
+    envelope, position, heartbeat = given["envelope"], given["position_ned_m"], given["vehicle"].last(Heartbeat)
+    autopilot = given["settings"].autopilot
+    given["fence"] = None if position is None else measure_fence(position, envelope)
+    given["mode"] = None if heartbeat is None else autopilot.mode_of(heartbeat.custom_mode)
+    return EventContext(**given)
 
 
 BOTH = (PX4, ARDUCOPTER)
