@@ -1,6 +1,7 @@
 """The `guidance` command: one module a sub-command, registered here by name."""
 
 import sys
+import traceback
 
 import typer
 
@@ -8,6 +9,7 @@ from guidance.cli.check import check
 from guidance.cli.compare import compare
 from guidance.cli.ctl import ctl
 from guidance.cli.fly import fly
+from guidance.cli.groups import Group
 from guidance.cli.log import log
 from guidance.cli.paper import paper
 from guidance.cli.replay import replay
@@ -15,12 +17,16 @@ from guidance.cli.report import report
 from guidance.cli.run import run
 from guidance.cli.scenario import scenario
 from guidance.cli.solve import solve
+from guidance.cli.streams import open_outlets
 from guidance.cli.sweep import sweep
 from guidance.cli.view import view
-from guidance.errors import GuidanceError
+from guidance.errors import GuidanceError, OutputError
+
+FAULT = 70
+"""Exit code where guidance itself is at fault (EX_SOFTWARE of sysexits.h)."""
 
 app = typer.Typer(
-    no_args_is_help=True,
+    cls=Group,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     help="Closed-form pursuit guidance: fly it, solve it, check it against the paper.",
@@ -46,9 +52,30 @@ def _root() -> None:
 
 
 def main() -> None:
-    """Run the command line. What the user can mend ends with one message and an exit code, not with a traceback."""
+    """Run the command line. What the user can mend ends with one message and an exit code, not with a traceback.
+
+    The exit codes are those of `docs/exit-codes.md`.
+    """
+    open_outlets()
+    try:
+        _run()
+    except GuidanceError as error:
+        _end(str(error), error.exit_code)
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename is not None else ""
+        _end(f"{place}{error.strerror or error}", OutputError.exit_code)
+    except Exception:
+        traceback.print_exc()
+        _end("this is a fault of guidance itself: please report it, with the lines above", FAULT)
+
+
+def _run() -> None:
     try:
         app()
-    except GuidanceError as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201 - the last word of a command
-        sys.exit(error.exit_code)
+    finally:
+        sys.stdout.flush()
+
+
+def _end(words: str, code: int) -> None:
+    print(f"error: {words}", file=sys.stderr)  # noqa: T201 - the last word of a command
+    sys.exit(code)

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from rich.console import Console
-from rich.table import Table
 
 from guidance.config import config_folder
+from guidance.screen import Sheet, pairs
 from guidance.sim.expect import Expectations
 from guidance.sim.files import FOLDER, load_any
 from guidance.sim.maths import opening
@@ -15,26 +16,36 @@ from guidance.sim.scenario import Player, Scenario
 from guidance.sim.team_maths import opening_of
 from guidance.sim.teams import TeamScenario
 
+_WIDE: Final = 120
+
 
 def names() -> list[str]:
     """Return the names of the scenarios that come along."""
     return sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
 
 
-def listing() -> Table:
-    """Return the table of `guidance scenario list`.
+def listed() -> list[dict[str, str]]:
+    """Return the rows of `guidance scenario list`: name, game, title and what is expected.
 
     Raises:
         ConfigError: If one of the files is wrong.
     """
-    table = Table(box=None, pad_edge=False)
-    for heading in ("name", "title", "game", "expected"):
-        table.add_column(heading, no_wrap=heading == "name")
+    rows = []
     for name in names():
         scenario = load_any(name)[1]
         said = team_expected(scenario) if isinstance(scenario, TeamScenario) else expected(scenario)
-        table.add_row(name, scenario.title, scenario.game, said)
-    return table
+        rows.append({"name": name, "game": scenario.game, "title": scenario.title, "expected": said})
+    return rows
+
+
+def listing(width: int) -> Sheet:
+    """Return the table of `guidance scenario list`, a line a scenario; what is expected has room from 120 columns on.
+
+    Raises:
+        ConfigError: If one of the files is wrong.
+    """
+    shown = ("name", "game", "title", "expected")[: 4 if width >= _WIDE else 3]
+    return Sheet(shown, [[row[column] for column in shown] for row in listed()], left=range(4), cut=True)
 
 
 def show(name: str, console: Console, picture: Path | None) -> Path:
@@ -44,19 +55,17 @@ def show(name: str, console: Console, picture: Path | None) -> Path:
         ConfigError: If there is no such scenario, or a key in it is wrong.
         OutputError: If the picture cannot be written.
     """
-    from guidance.viz.preview import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.figures import check_picture  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.preview import draw_scenario  # noqa: PLC0415
     from guidance.viz.team_picture import draw_teams  # noqa: PLC0415
 
+    if picture is not None:
+        check_picture(picture)
     path, scenario = load_any(name)
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name})")
     console.print(" ".join(scenario.description.split()))
     console.print()
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column()
-    for row in team_facts(scenario) if isinstance(scenario, TeamScenario) else facts(scenario):
-        table.add_row(*row)
-    console.print(table)
+    console.print(pairs(team_facts(scenario) if isinstance(scenario, TeamScenario) else facts(scenario)))
     drawn = picture if picture is not None else Path(f"{path.stem}.png")
     if isinstance(scenario, TeamScenario):
         draw_teams(scenario, drawn)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from guidance.cli.asking import agree
+
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
@@ -94,7 +96,7 @@ def _apply(
     if not quiet:
         _print_changes(wanted)
     if not yes:
-        typer.confirm(f"Set these {len(wanted)} parameters?", abort=True)
+        agree(f"Set these {len(wanted)} parameters?")
     done: list[Applied] = []
     checkup.apply(wanted, done.append)
     if not quiet:
@@ -115,21 +117,16 @@ def _print_rows(rows: "Sequence[Finding]") -> None:
 
 
 def _print_table(headings: Sequence[str], lines: Sequence[Sequence[str]], *, style: int) -> None:
-    from rich.console import Console  # noqa: PLC0415 - only where somebody looks
-    from rich.table import Table  # noqa: PLC0415
-    from rich.text import Text  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415 - only where somebody looks
 
-    table = Table(box=None, pad_edge=False)
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
-    for line in lines:
-        cells = [Text(cell, style=_STYLE[cell] if n == style else "") for n, cell in enumerate(line)]
-        table.add_row(*cells)
-    Console().print(table)
+    from guidance.screen import Sheet, console  # noqa: PLC0415
+
+    rows = [[Text(cell, style=_STYLE[cell] if n == style else "") for n, cell in enumerate(line)] for line in lines]
+    console().print(Sheet(headings, rows, left=range(len(headings))))
 
 
 def _print_verdict(refused: Sequence[str]) -> None:
-    from rich.console import Console  # noqa: PLC0415
+    from guidance.screen import console  # noqa: PLC0415
 
     words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
-    Console().print(words, style=_STYLE["refuse" if refused else "pass"])
+    console().print(words, style=_STYLE["refuse" if refused else "pass"])

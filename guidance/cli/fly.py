@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from guidance.cli.asking import agree
+
 if TYPE_CHECKING:
     from guidance.viz.view import ViewerBeside
 
@@ -93,7 +95,7 @@ def _may_fly(vehicle: str, *, fast: bool, port: int, yes: bool) -> None:
     if fast or port:
         raise ConfigError(f"--vehicle {vehicle}: not with {'--fast' if fast else '--port'}, which is the mock's")
     if not (parse(vehicle).on_loopback or yes):
-        typer.confirm(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn", abort=True)
+        agree(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn")
 
 
 def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from guidance.cli.showing import live_line, report
 from guidance.errors import FlightError
+from guidance.screen import console as screen
 from guidance.session.mocked import fly_mock, next_folder
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.session.vehicle import Asked, fly_url, left_out
@@ -46,7 +47,7 @@ def fly_scenario(
     path, scenario = load_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
-    console = Console()
+    console = screen()
     folder = out if out is not None else next_folder(Path("flights"), path.stem)
     title = f"[bold]{scenario.title}[/bold]  ({path.name}"
     if asked is not None:

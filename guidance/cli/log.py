@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from guidance.cli.groups import Group
+
 if TYPE_CHECKING:
     from guidance.messages import EvaderReport
 
-log = typer.Typer(no_args_is_help=True, help="Look into a flight record, and export it for other tools.")
+log = typer.Typer(cls=Group, help="Look into a flight record, and export it for other tools.")
 
 File = Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")]
 

@@ -1,37 +1,64 @@
 """`guidance paper`: the published tables and figures, computed again."""
 
+import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table as Grid
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from guidance.paper import Table
 
 
 def paper(
     out: Annotated[Path, typer.Option(help="Folder for the figures (PNG and PDF).")] = Path("paper"),
     figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the tables as JSON.")] = False,
 ) -> None:
     """Compute the paper's tables and figures again; exit with 1 if a published digit differs."""
+    from guidance.output import writing  # noqa: PLC0415
     from guidance.paper import draw_figures, tables  # noqa: PLC0415 - matplotlib takes a second that others need not pay
+    from guidance.screen import Sheet, console  # noqa: PLC0415
 
-    console = Console()
+    if figures:
+        with writing(out):
+            out.mkdir(parents=True, exist_ok=True)
     computed = tables()
-    for table in computed:
-        grid = Grid(title=table.title, title_justify="left", caption=table.quantity, caption_justify="left")
-        grid.add_column("pursuer")
-        grid.add_column("evader")
-        for column in ("published", "paper's stepping", "exact"):
-            grid.add_column(column, justify="right")
-        grid.add_column("match", justify="center")
-        for case in table.cases:
-            grid.add_row(*case.strategies, case.published, case.stepped, case.exact, "✓" if case.matches else "✗")
-        console.print(grid)
     cases = [case for table in computed for case in table.cases]
     wrong = sum(not case.matches for case in cases)
-    console.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
+    there = console(stderr=as_json)
+    if as_json:
+        typer.echo(json.dumps(_plain(computed), indent=2))
+    else:
+        headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
+        for table in computed:
+            rows = [
+                (*case.strategies, case.published, case.stepped, case.exact, "✓" if case.matches else "✗")
+                for case in table.cases
+            ]
+            there.print(Sheet(headings, rows, left=(0, 1), title=f"{table.title}; {table.quantity}"))
+        there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
     if figures:
         for path in draw_figures(*computed, out):
-            console.print(f"drawn: {path}", soft_wrap=True)
+            there.print(f"drawn: {path}", soft_wrap=True)
     if wrong:
         raise typer.Exit(1)
+
+
+def _plain(computed: "Sequence[Table]") -> list[dict[str, Any]]:
+    return [
+        {
+            "title": table.title,
+            "quantity": table.quantity,
+            "pursuer": case.pursuer_policy,
+            "evader": case.evader_policy,
+            "published": float(case.published),
+            "stepped": float(case.stepped),
+            "exact": float(case.exact),
+            "matches": case.matches,
+        }
+        for table in computed
+        for case in table.cases
+    ]

@@ -1,14 +1,18 @@
 """One scenario, run in any of the four ways, and held against what it expects: what `guidance scenario run` does."""
 
 import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from guidance.errors import ConfigError
+from guidance.output import writing
+from guidance.screen import Cell, Sheet, pairs
 from guidance.sim.expect import CheckedExpectation
 from guidance.sim.files import load_any
 from guidance.sim.maths import play
@@ -22,6 +26,9 @@ WAYS: Final = ("maths", "fast", "live", "vehicle")
 _SECONDS: Final = ("game_time_s", "capture_time_s", "time_needed_s", "duration_s")
 _METRES: Final = ("final_distance_m", "min_standoff_m", "min_altitude_m")
 _NUMBERS: Final = ("predicted", "achieved", "regret")
+
+
+STANDARD_OUTPUT: Final = Path("-")
 
 
 class Run(NamedTuple):
@@ -83,16 +90,14 @@ def _run_teams(scenario: TeamScenario, path: Path, run: Run, console: Console) -
     return 0 if all(verdict.held for verdict in verdicts) else 1
 
 
-def _row_table(rows: Sequence[TeamOutcome]) -> Table:
+def _row_table(rows: Sequence[TeamOutcome]) -> Sheet:
     """Lay out the rows of a game of teams, an evader each."""
-    table = Table(box=None, pad_edge=False)
     shown = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
-    for name in shown:
-        table.add_column(name, justify="left" if name == "end" else "right")
+    cells = []
     for row in rows:
         values = row._asdict()
-        table.add_row(*("-" if values[name] == -1 else _said(values[name], "") for name in shown))
-    return table
+        cells.append(["-" if values[name] == -1 else _said(values[name], "") for name in shown])
+    return Sheet(shown, cells, left=(1,))
 
 
 def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
@@ -122,15 +127,10 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
 
 
 def _outcome_table(outcome: Outcome) -> Table:
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column()
     unit = "s" if outcome.game == "pe" else "m"
     units = {**dict.fromkeys(_SECONDS, "s"), **dict.fromkeys(_METRES, "m"), **dict.fromkeys(_NUMBERS, unit)}
-    for name, value in outcome._asdict().items():
-        if name != "scenario":
-            table.add_row(name, _said(value, units.get(name, "")))
-    return table
+    shown = ((name, value) for name, value in outcome._asdict().items() if name != "scenario")
+    return pairs((name, _said(value, units.get(name, ""))) for name, value in shown)
 
 
 def _said(value: Any, unit: str) -> str:  # noqa: ANN401 - any column
@@ -141,18 +141,18 @@ def _said(value: Any, unit: str) -> str:  # noqa: ANN401 - any column
     return str(value) or "-"
 
 
-def _expectation_table(verdicts: Sequence[CheckedExpectation]) -> Table:
-    table = Table(title="expected", title_justify="left", box=None, pad_edge=False)
-    for heading in ("column", "expected", "came out", ""):
-        table.add_column(heading)
+def _expectation_table(verdicts: Sequence[CheckedExpectation]) -> Sheet:
+    rows: list[Sequence[Cell]] = []
     for verdict in verdicts:
-        held = "[green]holds[/green]" if verdict.held else "[red]FAILS[/red]"
-        table.add_row(verdict.column, verdict.expected, _said(verdict.value, ""), held)
-    return table
+        held = Text("holds", "green") if verdict.held else Text("FAILS", "red")
+        rows.append([verdict.column, verdict.expected, _said(verdict.value, ""), held])
+    return Sheet(("column", "expected", "came out", "verdict"), rows, left=range(4), title="expected")
 
 
 def _write(path: Path, content: Any) -> None:  # noqa: ANN401 - plain values
-    try:
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"--json {path}: cannot be written ({error.strerror}); choose another file") from error
+    text = json.dumps(content, indent=2) + "\n"
+    if path == STANDARD_OUTPUT:
+        sys.stdout.write(text)
+        return
+    with writing(path):
+        path.write_text(text, encoding="utf-8")

@@ -6,8 +6,10 @@ from typing import Annotated
 
 import typer
 
+from guidance.cli.groups import Group
+
 scenario = typer.Typer(
-    no_args_is_help=True, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
+    cls=Group, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
 )
 
 Name = Annotated[str, typer.Argument(help="A scenario file, or the name of one that comes along.")]
@@ -30,7 +32,9 @@ def run(
     ] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for a flight's record; flights/SCENARIO-NUMBER.")] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the outcome row here as JSON.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the outcome row here as JSON; - is standard output.")
+    ] = None,
 ) -> None:
     """Run one scenario; show what it came to beside what the game's value promised.
 
@@ -42,22 +46,26 @@ def run(
     - `guidance scenario run pe --as live`: in real time over Zenoh, or with `--over udp` over UDP
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot
     """
-    from rich.console import Console  # noqa: PLC0415 - `guidance --help` is to be quick
-
-    from guidance.cli.running import Run, run_scenario  # noqa: PLC0415
+    from guidance.cli.running import STANDARD_OUTPUT, Run, run_scenario  # noqa: PLC0415 - `guidance --help` is to be quick
+    from guidance.screen import console  # noqa: PLC0415
 
     asked = Run(way, config, engage, link, port, out, seed, json_file, over)
-    raise typer.Exit(run_scenario(name, asked, Console()))
+    raise typer.Exit(run_scenario(name, asked, console(stderr=json_file == STANDARD_OUTPUT)))
 
 
 @scenario.command(name="list")
-def list_all() -> None:
-    """List the scenarios that come along: name, title, game and what each expects."""
-    from rich.console import Console  # noqa: PLC0415
+def list_all(
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON list, with what each expects.")] = False,
+) -> None:
+    """List the scenarios that come along, a line each; `guidance scenario show NAME` explains one and draws it."""
+    from guidance.cli.catalogue import listed, listing  # noqa: PLC0415
+    from guidance.screen import console  # noqa: PLC0415
 
-    from guidance.cli.catalogue import listing  # noqa: PLC0415
-
-    Console().print(listing())
+    if as_json:
+        typer.echo(json.dumps(listed(), indent=2))
+    else:
+        there = console()
+        there.print(listing(there.width))
 
 
 @scenario.command()
@@ -70,11 +78,10 @@ def show(
     - `guidance scenario show barrier_pursuer`
     - `guidance scenario show my_own.toml --out my_own.png`
     """
-    from rich.console import Console  # noqa: PLC0415
-
     from guidance.cli.catalogue import show as show_scenario  # noqa: PLC0415
+    from guidance.screen import console  # noqa: PLC0415
 
-    show_scenario(name, Console(), out)
+    show_scenario(name, console(), out)
 
 
 @scenario.command()

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.errors import OutputError
+from guidance.screen import pairs, redraws
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
 from guidance.session.mocked import OUTCOME, PICTURE, RECORD
@@ -40,7 +41,7 @@ def live_line(console: Console) -> Iterator[Show]:
             if progress.record_stopped is not None and not told:
                 told = True
                 console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
-            if not console.is_terminal:
+            if not redraws(console):
                 news = plain(progress)
                 if news != shown and not (progress.waiting and time.perf_counter() - drawn_s < _PLAIN_S):
                     shown, drawn_s = news, time.perf_counter()
@@ -110,9 +111,6 @@ def tell_dropped(console: Console, result: FlightResult) -> None:
 def _table(result: FlightResult, outcome: Outcome) -> Table:
     unit, what = ("s", "capture time") if outcome.game == "pe" else ("m", "evader's final distance to T")
     title = f"{ending_words(outcome)}, {what}"
-    table = Table(title=title, title_justify="left", show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column(justify="right")
     rows = {
         "value predicted at engagement": f"{outcome.predicted:.2f} {unit}",
         "time this vehicle needs, at engagement": f"{outcome.time_needed_s:.2f} s",
@@ -125,6 +123,4 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
         "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
         "record": record_words(result.record_stopped),
     }
-    for name, value in rows.items():
-        table.add_row(name, value)
-    return table
+    return pairs(rows.items(), title=title, right=True)

@@ -1,19 +1,12 @@
 """`guidance solve`: who wins a state of a game, where, when and how; or a whole file of states."""
 
-import json
 import math
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table as Grid
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
-from guidance.game import solve as solve_game
 
 
 def solve(
@@ -52,6 +45,9 @@ def solve(
 
         guidance solve --states states.csv --out answers.parquet --speed-ratio 2
     """
+    from guidance.cli.solve_state import solve_state  # noqa: PLC0415 - NumPy takes a third of a second
+    from guidance.game import Ball, Cylinder, Game, StandOff  # noqa: PLC0415
+
     if (speed_ratio is None) == (cylinder is None) and (states is None or cylinder is not None):
         raise ConfigError("--speed-ratio, --cylinder: exactly one of them must be given")
     if not (math.isfinite(evader_speed) and evader_speed > 0):
@@ -78,44 +74,7 @@ def solve(
     given = [_numbers("--pursuer", pursuer, 3), (*_numbers("--evader", evader, 2), 0.0)]
     if target is not None:
         given.append((*_numbers("--target", target, 2), 0.0))
-    answer = solve_game(game, *(np.asarray(place) for place in given))
-    if as_json:
-        sys.stdout.write(json.dumps(as_record(answer)) + "\n")
-    else:
-        Console().print(_grid(answer, with_target=target is not None))
-
-
-def as_record(answer: Solution) -> dict[str, Any]:
-    """Return a single answer as plain values; what is infinite or NaN becomes null, which JSON can say."""
-    record: dict[str, Any] = {}
-    for name, field in answer._asdict().items():
-        values = [float(part) if math.isfinite(part) else None for part in np.ravel(field)]
-        record[name] = values if np.ndim(field) else values[0]
-    return record | {"winner": Winner(int(answer.winner)).name, "reason": Reason(int(answer.reason)).name}
-
-
-def _grid(answer: Solution, *, with_target: bool) -> Grid:
-    """Lay an answer out for people."""
-    escapes = int(answer.winner) < 0
-    meaning = ("pursuer short of a capture by" if escapes else "final distance to the target") + ", m"
-    rows = [
-        ("winner", Winner(int(answer.winner)).name.lower()),
-        (meaning if with_target else "time to capture, s", f"{float(answer.value):.4f}"),
-        ("margin, s", f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"),
-        ("meeting point, m", _vector(answer.meeting_point_m)),
-        ("meeting time, s", f"{float(answer.meeting_time_s):.4f}"),
-        ("pursuer's velocity, m/s", _vector(answer.pursuer_velocity_m_s)),
-        ("evader's velocity, m/s", _vector(answer.evader_velocity_m_s)),
-        ("reason", Reason(int(answer.reason)).name.lower().replace("_", " ")),
-    ]
-    grid = Grid(show_header=False)
-    for row in rows:
-        grid.add_row(*row)
-    return grid
-
-
-def _vector(vector: Any) -> str:  # noqa: ANN401 - an array of any library
-    return ", ".join(f"{float(part):.4f}" for part in vector)
+    solve_state(game, given, as_json=as_json)
 
 
 def _pair(option: str, text: str) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColu
 from guidance.cli.solve_teams import TEAM_COLUMNS, has_teams, team_answers
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, Reason, Solution, Winner, solve
+from guidance.output import writing
 
 PURSUER = ("pursuer_x_m", "pursuer_y_m", "pursuer_z_m")
 EVADER = ("evader_x_m", "evader_y_m")
@@ -54,13 +55,16 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
     Raises:
         ConfigError: a file is missing or neither CSV nor Parquet, a column is missing, can hold no numbers or has the
             name of an answer, or the speed ratio is given twice or not at all.
+        OutputError: the answers cannot be written.
     """
-    if out is None or out.suffix not in KINDS:
-        raise ConfigError(f"--out = {out}: must name a file that ends in {' or '.join(KINDS)}, for the answers")
+    if out is None:
+        raise ConfigError(f"--out: missing; it names the file for the answers, which ends in {' or '.join(KINDS)}")
+    if out.suffix not in KINDS:
+        raise ConfigError(f"--out {out}: must end in {' or '.join(KINDS)}")
     if states.suffix not in KINDS or not states.is_file():
-        raise ConfigError(f"--states = {states}: must be an existing file that ends in {' or '.join(KINDS)}")
+        raise ConfigError(f"--states {states}: must be an existing file that ends in {' or '.join(KINDS)}")
     if states.resolve() == out.resolve():
-        raise ConfigError(f"--out = {out}: must not be the file of the states")
+        raise ConfigError(f"--out {out}: must not be the file of the states")
     writer: Any = None
     strange: list[Cell] = []
     done, console = 0, Console(stderr=True)
@@ -74,13 +78,13 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
                 answered = _answered(game, numbers, {cell.row - done - 1 for cell in cells}, ratio_given=ratio_given)
                 done += chunk.num_rows
                 writer = writer or _writer(out, answered.schema)
-                writer.write_table(answered)
+                with writing(out):
+                    writer.write_table(answered)
                 bar.update(task, completed=source.tell())
     except pa.ArrowInvalid as error:
-        raise ConfigError(f"--states = {states}: cannot be read: {error}") from None
+        raise ConfigError(f"--states {states}: cannot be read: {error}") from None
     finally:
-        if writer is not None:
-            writer.close()
+        _close(writer, out)
     if strange:
         shown = "; ".join(f"row {cell.row}, {cell.column} = {cell.text!r}" for cell in strange[:SHOWN])
         more = f"; and {len(strange) - SHOWN} more" if len(strange) > SHOWN else ""
@@ -108,8 +112,15 @@ def _chunks(source: Any, path: Path, rows: int) -> Iterator[pa.Table]:  # noqa: 
 
 
 def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWriter:
-    out.parent.mkdir(parents=True, exist_ok=True)
-    return csv.CSVWriter(out, schema) if out.suffix == ".csv" else parquet.ParquetWriter(out, schema)
+    with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        return csv.CSVWriter(out, schema) if out.suffix == ".csv" else parquet.ParquetWriter(out, schema)
+
+
+def _close(writer: csv.CSVWriter | parquet.ParquetWriter | None, out: Path) -> None:
+    if writer is not None:
+        with writing(out):
+            writer.close()
 
 
 def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:

@@ -6,11 +6,18 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
+
+from guidance.cli.groups import Group
 
 
-class _FileFirst(TyperGroup):
-    """`guidance sweep FILE` is `guidance sweep run FILE`."""
+class _FileFirst(Group):
+    """`guidance sweep FILE` is `guidance sweep run FILE`, and its help is that of both."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's
+        """Print the help of `guidance sweep FILE`, then the other commands."""
+        command = self.commands["run"]
+        command.format_help(command.context_class(command, info_name=ctx.info_name, parent=ctx.parent), formatter)
+        super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - click's context
         if args and args[0] not in {*self.commands, "--help"}:
@@ -20,7 +27,6 @@ class _FileFirst(TyperGroup):
 
 sweep = typer.Typer(
     cls=_FileFirst,
-    no_args_is_help=True,
     rich_markup_mode="markdown",
     help="Play a scenario many times with its keys varied: `guidance sweep FILE`, then `guidance sweep report FOLDER`.",
 )

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from guidance.game import apollonius_circle, apollonius_sphere, solve
+from guidance.output import writing
 from guidance.paper.cases import GAME, PE_EVADER, PE_PURSUER, TAD_EVADER, TAD_PURSUER, TAD_TARGET, Case, Table
 from guidance.viz.figures import figure_of
 
@@ -32,8 +33,11 @@ class PlayedTrack(NamedTuple):
 
 
 def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
-    """Draw the three figures as PNG and PDF into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Draw the three figures as PNG and PDF into a folder that is there, and return their paths.
+
+    Raises:
+        OutputError: If they cannot be written.
+    """
     drawn = {
         "pe": _pe_figure(pe.cases),
         "tad-part-1": _tad_figure(tad.cases[:3], "TAD game, part 1: u* against the evader's strategies"),
@@ -43,7 +47,8 @@ def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
     for name, figure in drawn.items():
         for kind in ("png", "pdf"):
             path = folder / f"{name}.{kind}"
-            figure.savefig(path, dpi=DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
+            with writing(path):
+                figure.savefig(path, dpi=DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
             paths.append(path)
     return paths
 

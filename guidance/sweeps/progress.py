@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from guidance.screen import redraws
 from guidance.sweeps.running import Told
 
 LINE_S = 10.0
@@ -28,7 +29,7 @@ def shown(console: Console, rows: int, there: int, *, unit: str) -> Iterator[Tol
     def rate() -> float:
         return written / max(1e-9, time.monotonic() - begun_s)
 
-    if not console.is_terminal:
+    if not redraws(console):
         said_s = begun_s
 
         def say(count: int) -> None:

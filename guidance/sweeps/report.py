@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from guidance.errors import OutputError
+from guidance.screen import Sheet, console
 from guidance.sweeps.drawing import draw_all
 from guidance.sweeps.folder import Folder, read_folder, write_whole
 from guidance.sweeps.statistics import Interval, mean, share
 from guidance.sweeps.tally import QUANTILES, Tally, tallied
 from guidance.sweeps.worst import Worst, write_worst
-
-_WIDE = 150
 
 
 def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
@@ -38,7 +36,7 @@ def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
         pictures = draw_all(tallies, cases, title=f"{title}, {folder.plan.way}", unit=unit, out=out)
     except OSError as error:
         raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from error
-    _show(wide_console(), folder, tallies, unit)
+    _show(console(), folder, tallies, unit)
     return [out / "report.json", *pictures, *(case.path for case in cases)]
 
 
@@ -99,37 +97,25 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def wide_console() -> Console:
-    """A console for tables; where there is no terminal to say how wide it is, wide enough for all columns."""
-    console = Console()
-    return console if console.is_terminal else Console(width=_WIDE)
-
-
-def _show(console: Console, folder: Folder, tallies: Sequence[Tally], unit: str) -> None:
+def _show(there: Console, folder: Folder, tallies: Sequence[Tally], unit: str) -> None:
     rows = sum(tally.rows for tally in tallies)
     counted = (
         f"{rows} evaders of {folder.plan.rows} games" if folder.plan.teams else f"{rows} of {folder.plan.rows} rows"
     )
-    console.print(f"{counted}, as {folder.plan.way}; regret in {unit}", highlight=False)
-    ends = _table("pursuer", "evader", "games", "captured", "95 %", "other rows")
-    regrets = _table("pursuer", "evader", "mean regret", "95 %", *(_percent(one) for one in QUANTILES))
+    there.print(f"{counted}, as {folder.plan.way}; regret in {unit}")
+    ends, regrets = [], []
     for tally in tallies:
         captured, regret = share(tally.ends["captured"], tally.valid), mean(tally.regret)
         others = ", ".join(f"{count} {end}" for end, count in sorted(tally.ends.items()) if end != "captured")
         reach = f"{captured.low:.4f} to {captured.high:.4f}"
-        ends.add_row(*tally.pair, str(tally.valid), f"{captured.estimate:.4f}", reach, others or "-")
+        policies = [str(policy) for policy in tally.pair]
+        ends.append((*policies, str(tally.valid), f"{captured.estimate:.4f}", reach, others or "-"))
         reach = f"{_short(regret.low)} to {_short(regret.high)}"
         quantiles = [_short(value) for value in tally.quantiles()] or ["-"] * len(QUANTILES)
-        regrets.add_row(*tally.pair, _short(regret.estimate), reach, *quantiles)
-    console.print(ends)
-    console.print(regrets)
-
-
-def _table(*headings: str) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for place, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if place < 2 else "right", no_wrap=place >= 2)
-    return table
+        regrets.append((*policies, _short(regret.estimate), reach, *quantiles))
+    headings = ("pursuer", "evader", "mean regret", "95 %", *(_percent(one) for one in QUANTILES))
+    there.print(Sheet(("pursuer", "evader", "games", "captured", "95 %", "other rows"), ends, left=(0, 1)))
+    there.print(Sheet(headings, regrets, left=(0, 1)))
 
 
 def _short(value: float) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from guidance.errors import OutputError
+from guidance.errors import ConfigError, OutputError
 from guidance.frames import Vector
 from guidance.game import StandOff
 from guidance.viz.shapes import Array, circle
@@ -62,6 +62,17 @@ def save(figure: Figure, path: Path, dpi: int = 130) -> None:
     except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not know
         reason = error.strerror if isinstance(error, OSError) else str(error).split(" (")[0]
         raise OutputError(f"{path}: cannot be written ({reason}); choose another file, as flight.png") from error
+
+
+def check_picture(path: Path) -> None:
+    """Refuse a picture's name before anything is drawn for it.
+
+    Raises:
+        ConfigError: If its ending is of no format that can be drawn.
+    """
+    kinds = sorted(FigureCanvasAgg.get_supported_filetypes())
+    if path.suffix.removeprefix(".") not in kinds:
+        raise ConfigError(f"--out {path}: must end in one of {', '.join(f'.{kind}' for kind in kinds)}")
 
 
 def thinned(values: Array) -> Array:

@@ -213,8 +213,8 @@ def test_wrong_files_and_columns_are_named(tmp_path):
     for arguments, said in (
         (["--states", tmp_path / "no.csv", "--out", out, *given], "must be an existing file"),
         (["--states", tmp_path, "--out", out, *given], "must be an existing file that ends in .csv or .parquet"),
-        (["--states", states, *given], "--out = None: must name a file"),
-        (["--states", states, "--out", tmp_path / "out.txt", *given], "must name a file that ends in"),
+        (["--states", states, *given], "--out: missing; it names the file for the answers"),
+        (["--states", states, "--out", tmp_path / "out.txt", *given], "out.txt: must end in .csv or .parquet"),
         (["--states", states, "--out", states, *given], "must not be the file of the states"),
         (["--states", states, "--out", out], "has no column speed_ratio"),
         (["--states", ratio, "--out", out, *given], "has the column speed_ratio"),

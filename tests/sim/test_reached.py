@@ -384,7 +384,7 @@ def guidance(*arguments, **options):
 
 def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path):
     done = guidance("fly", "--vehicle", "udpin://0.0.0.0:14999", input="n\n", cwd=tmp_path)
-    assert done.returncode == 1
+    assert done.returncode == 4
     assert "may be a real vehicle. Arm and fly it?" in done.stdout + done.stderr
     assert list(tmp_path.iterdir()) == []
 
