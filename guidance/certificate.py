@@ -155,7 +155,14 @@ def certify(
 
 
 def certify_no_game(players: Players, gaps: Gaps, setpoint: Setpoint, *, evader_age_s: float) -> Certificate:
-    """Lay down a cycle in which the evader is too fast for a game. What is commanded then is a hover."""
+    """Lay down a cycle in which the evader is too fast for a game. What is commanded then is a hover.
+
+    Args:
+        players: In the game frame.
+        gaps: To the disc, m.
+        setpoint: The hover that is commanded.
+        evader_age_s: Age of what is known of the evader.
+    """
     return Certificate(
         winner=0,
         value=math.nan,

@@ -26,7 +26,14 @@ _FASTEST_M_S: Final = 1000.0
 
 
 def take(state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
-    """Take one message; those of the vehicle itself and those for others are ignored."""
+    """Take one message; those of the vehicle itself and those for others are ignored.
+
+    Args:
+        state: The vehicle's.
+        commander: Judges commands.
+        now_s: The present.
+        message: As decoded.
+    """
     handler = _HANDLERS.get(message.get_type())
     if handler is None or not addressed(message, state.system_id, COMPONENT):
         return

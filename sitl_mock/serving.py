@@ -69,6 +69,13 @@ def serve(
 ) -> None:
     """Serve a fleet until SIGTERM, SIGINT or, with parent_pipe, the end of standard input.
 
+    Args:
+        config: The fleet.
+        wires: What it is served over.
+        faults: What goes wrong when.
+        as_json: Whether lines for programs are printed.
+        parent_pipe: Whether the end of standard input ends it, too.
+
     Raises:
         ConfigError: There is nothing to serve over, or the fleet or the faults are wrong.
         TransportError: An endpoint cannot be opened.

@@ -108,7 +108,15 @@ def passes(
     *,
     otherwise: Verdict = Verdict.REFUSE,
 ) -> Judgement:
-    """Pass on a condition; `why` is said only where it fails."""
+    """Pass on a condition.
+
+    Args:
+        condition: Whether the value is as wanted.
+        wanted: What is wanted, for people.
+        set_to: What `guidance check --apply` sets instead; None where that is a person's to decide.
+        why: What comes of it otherwise; said only where it fails.
+        otherwise: The verdict where it fails.
+    """
     return Judgement(Verdict.PASS, wanted) if condition else Judgement(otherwise, wanted, set_to, why)
 
 

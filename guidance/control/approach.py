@@ -72,7 +72,14 @@ class Approached(NamedTuple):
 
 
 def closing_allowed(left_m: float, braking_m_s2: float, settle_s: float, backing_m_s: float) -> float:
-    """Return the speed, m/s, at which a distance may be closed; negative, backing off, where none is left."""
+    """Return the speed, m/s, at which a distance may be closed; negative, backing off, where none is left.
+
+    Args:
+        left_m: The distance that is left; negative inside of what may be closed on.
+        braking_m_s2: What brakes, m/s².
+        settle_s: The time constant of the last stretch.
+        backing_m_s: The most that is backed off with.
+    """
     if left_m > 0.0:
         return approach_speed(left_m, braking_m_s2, settle_s)
     return max(-backing_m_s, 0.5 * left_m / settle_s)

@@ -113,7 +113,14 @@ def _hold_back(velocity: Vector, outward: Point, gap_m: float, envelope: Envelop
 def polygon_constraints(
     fence: FenceGeometry, envelope: Envelope, stop: Stop, drift_ned_m: Vector
 ) -> tuple[VelocityConstraint, ...]:
-    """Return what the polygon forbids: to come to rest beyond an edge, less the margin."""
+    """Return what the polygon forbids: to come to rest beyond an edge, less the margin.
+
+    Args:
+        fence: Where the vehicle is to the fences.
+        envelope: The limits, of which the fence's margin is kept.
+        stop: The time that stopping takes, over the ground and vertically.
+        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
+    """
     return tuple(
         constrain(Limiter.FENCE_POLYGON, (*edge.outward, 0.0), edge.gap_m - envelope.fence_margin_m, stop, drift_ned_m)
         for edge in fence.edges
@@ -127,6 +134,13 @@ def keep_in_circle(
 
     The stop point is moved onto the circle where it lies beyond: along the fence the path is bent inwards, and the
     speed over the ground never rises.
+
+    Args:
+        velocity_ned_m_s: What is asked for.
+        fence: Where the vehicle is to the fences.
+        envelope: The limits: radius and margin.
+        stop: The time that stopping takes, over the ground and vertically.
+        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
     """
     if envelope.fence_radius_m is None:
         return velocity_ned_m_s

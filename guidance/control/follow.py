@@ -39,6 +39,12 @@ def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector
 
     A position that is further off than any drift could have it (`JUMP_M`: the estimator was reset) is taken as it is,
     and nothing is learned from it.
+
+    Args:
+        drift: What is known so far.
+        position_ned_m: As reported now.
+        velocity_ned_m_s: As reported now.
+        dt_s: Since the last report.
     """
     if drift.position_ned_m is None:
         return Drift(drift.velocity_ned_m_s, position_ned_m)

@@ -12,7 +12,14 @@ from guidance.frames import Vector
 
 
 def clamp(vector_ned: Vector, ground: float, *, up: float, down: float) -> Vector:
-    """Scale the ground part down to a largest size, and cut the vertical part to its own, upwards and downwards."""
+    """Scale the ground part down to a largest size, and cut the vertical part to its own, upwards and downwards.
+
+    Args:
+        vector_ned: A velocity (m/s), an acceleration (m/s²), or a step of one.
+        ground: The largest size over the ground, in the vector's unit.
+        up: The largest part upwards, as a positive number.
+        down: The largest part downwards.
+    """
     north, east, vertical = vector_ned
     size = math.hypot(north, east)
     vertical = min(down, max(-up, vertical))

@@ -109,6 +109,12 @@ def floor_and_ceiling(
 
     Below the floor nothing descends, above the ceiling nothing climbs; the way back is free and not taken by itself
     (`hold_altitude` takes it).
+
+    Args:
+        down_m: Where the vehicle is, in its local frame.
+        envelope: The limits: heights above home.
+        stop: The time that stopping takes, over the ground and vertically.
+        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
     """
     height_m = envelope.home_ned_m[2] - down_m
     return (

@@ -72,6 +72,12 @@ def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answ
     """Take in a TIMESYNC exchange: we asked, the sender read its clock, the answer came.
 
     The shortest round trip is the best one; a longer one replaces it only when it has grown old.
+
+    Args:
+        clock: What is known of the sender's clock so far.
+        remote_s: The sender's clock as the answer tells it.
+        asked_s: When we asked, by our clock.
+        answered_s: When the answer came, by our clock.
     """
     round_trip_s, offset_s = answered_s - asked_s, 0.5 * (asked_s + answered_s) - remote_s
     if not (0.0 <= round_trip_s <= _STEP_S and math.isfinite(offset_s)):

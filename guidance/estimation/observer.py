@@ -100,7 +100,14 @@ class Observer(NamedTuple):
 
 
 def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
-    """Take in one report of the one evader, and the answer to our TIMESYNC that it may bring along."""
+    """Take in one report of the one evader, and the answer to our TIMESYNC that it may bring along.
+
+    Args:
+        observer: What is known so far.
+        report: As received; its clock is the sender's.
+        frame: The vehicle's local frame, in which the track is kept.
+        settings: What may be believed of this evader.
+    """
     if report.timesync is not None:
         observer = compare_clocks(observer, report.timesync)
     clock = hear(observer.clock, report.sent_s, report.received_s)

@@ -52,6 +52,12 @@ def boot_ms(now_s: float) -> int:
 def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: int) -> Packed:
     """SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero on the wire.
 
+    Args:
+        setpoint: NED, m/s and m/s²; a height beside the velocity takes the place of its vertical part.
+        now_s: By our clock; becomes time_boot_ms.
+        system_id: The vehicle's.
+        component_id: Its autopilot's.
+
     Raises:
         ValueError: If a value is not finite (as a 32 bit float).
     """
@@ -81,9 +87,14 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
 
 
 def request(request: Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0) -> Packed:
-    """COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_*; `attempt` counts from 0 and becomes `confirmation`.
+    """COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_*.
 
-    `autopilot` is MAV_AUTOPILOT, by which integers are carried in a parameter's float.
+    Args:
+        request: What is asked for.
+        attempt: Counts from 0; becomes `confirmation`.
+        system_id: The vehicle's.
+        component_id: Its autopilot's.
+        autopilot: MAV_AUTOPILOT, by which integers are carried in a parameter's float.
 
     Raises:
         ValueError: If a parameter is infinite, a coordinate does not fit, or a parameter's name is too long.

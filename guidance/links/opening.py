@@ -39,10 +39,14 @@ def open_wire(
     timeout_s: float = 5.0,
     on_arrival: Wake | None = None,
 ) -> Wire:
-    """Open the bytes behind a URL; `timeout_s` bounds the connecting (TCP, Zenoh), in real time.
+    """Open the bytes behind a URL.
 
-    `systems` are the MAVLink system ids that are waited for, where anybody could call (`udpin`); None takes any.
-    `on_arrival` is called on the wire's thread whenever something arrived; it may only wake the reader.
+    Args:
+        url: `udpin://`, `udpout://`, `tcpout://`, `serial://` or `zenoh://`.
+        clock: Stamps what arrives.
+        systems: The MAVLink system ids that are waited for, where anybody could call (`udpin`); None takes any.
+        timeout_s: Bounds the connecting (TCP, Zenoh), in real time.
+        on_arrival: Called on the wire's thread whenever something arrived; it may only wake the reader.
 
     Raises:
         ConfigError: If the URL is none of those allowed.
@@ -137,7 +141,20 @@ def link_over(
     timeout_s: float = 10.0,
     sleep: Sleep = time.sleep,
 ) -> VehicleLink:
-    """The same over a wire that is open, which is closed with the link; `who` names the vehicle in errors.
+    """The same over a wire that is open, which is closed with the link.
+
+    Args:
+        wire: Open; it is closed with the link.
+        kind: `mavsdk` or `pymavlink`.
+        system_id: The vehicle's.
+        clock: Stamps what arrives and what is sent.
+        who: Names the vehicle in errors.
+        component_id: Its autopilot's.
+        own_system_id: Ours; None takes the vehicle's, as its companion computer.
+        own_component_id: Ours.
+        signing_key: For MAVLink 2 signing; None signs nothing.
+        timeout_s: How long the first HEARTBEAT is waited for.
+        sleep: Waits between two looks, s.
 
     Raises:
         ConfigError: If an argument is wrong.
@@ -174,6 +191,13 @@ def wait_until_heard(
 ) -> None:
     """Poll until the first HEARTBEAT, sending our own meanwhile; what comes is kept for `receive`.
 
+    Args:
+        link: Of which the first HEARTBEAT is awaited.
+        clock: By which time passes.
+        timeout_s: How long at most.
+        sleep: Waits between two looks, s.
+        who: Names the vehicle in the error.
+
     Raises:
         LinkError: If none came in time.
     """
@@ -209,6 +233,13 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
 
     Our own HEARTBEAT (a companion computer's) goes out once a second, since a vehicle that is called by UDP answers
     only then.
+
+    Args:
+        wire: Open.
+        clock: By which time passes.
+        timeout_s: How long at most.
+        sleep: Waits between two looks, s.
+        who: Names the vehicle in the error.
 
     Raises:
         LinkError: If none came within `timeout_s`.

@@ -135,7 +135,16 @@ def time_of(now_s: float) -> Time:
 def fix(
     now_s: float, frame_id: str, latitude_deg: float, longitude_deg: float, altitude_m: float, sd_m: float = math.nan
 ) -> LocationFix:
-    """A place; `sd_m` is its standard deviation, NaN where that is not known."""
+    """A place as a sensor has it.
+
+    Args:
+        now_s: When it was.
+        frame_id: The sensor's frame, by name.
+        latitude_deg: WGS 84.
+        longitude_deg: WGS 84.
+        altitude_m: Above mean sea level.
+        sd_m: Its standard deviation in each axis, NaN where that is not known.
+    """
     if math.isnan(sd_m):
         covariance, kind = _NO_COVARIANCE, UNKNOWN
     else:

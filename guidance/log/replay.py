@@ -182,6 +182,12 @@ REPLAY_COLUMNS: Final = (
 def compare_into(path: Path, settings_of: SettingsOf, out: Path | None, *, what_if: bool) -> tuple[Comparison, Survey]:
     """Replay a record, and write both velocities where a file is given.
 
+    Args:
+        path: The record.
+        settings_of: Makes a flight's settings of a record's metadata.
+        out: A CSV file for both velocities; None compares only.
+        what_if: The settings are not the flight's: see `replay`.
+
     Raises:
         ConfigError: As `replay`, or if `out` cannot be written.
     """

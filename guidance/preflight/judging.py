@@ -89,7 +89,15 @@ def advice(rows: Sequence[Finding]) -> str:
 def mend(
     rules: Sequence[Rule], before: Parameters, types: Mapping[str, int], wants: Wants, *, advised: bool
 ) -> tuple[ParameterChange, ...]:
-    """Return what to set, in the rules' order; a rule without a value to set leaves its parameter alone."""
+    """Return what to set, in the rules' order; a rule without a value to set leaves its parameter alone.
+
+    Args:
+        rules: In the order in which they are judged and told.
+        before: The parameters as read.
+        types: MAV_PARAM_TYPE of each.
+        wants: What the flight wants of the autopilot.
+        advised: Whether what is only advised is set, too.
+    """
     after = dict(before)
     wrong: dict[str, Judgement] = {}
     for _ in range(_MOST_ROUNDS):

@@ -34,7 +34,14 @@ def is_done(order: Event, state: State) -> bool:
 
 
 def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
-    """Say why `order` changed nothing."""
+    """Say why `order` changed nothing.
+
+    Args:
+        order: What was ordered.
+        flight: As it stands.
+        now_s: The present.
+        rows: What preflight found.
+    """
     state = flight.state
     if flight.fault is not None:
         return f"guidance failed ({flight.fault}), and is silent since: order reset to begin another"
@@ -96,7 +103,16 @@ def not_engageable(flight: Flight, now_s: float) -> str | None:
 def status(
     name: str, now_s: float, flight: Flight, outputs: Outputs | None, rows: Sequence[Finding], *, recording: str
 ) -> dict[str, Any]:
-    """Lay out where the flight stands. NaN and infinities become null."""
+    """Lay out where the flight stands. NaN and infinities become null.
+
+    Args:
+        name: The daemon's.
+        now_s: The present.
+        flight: As it stands.
+        outputs: Of the last cycle, None before the first.
+        rows: What preflight found.
+        recording: Where to, or why not.
+    """
     vehicle = flight.vehicle
     certificate = None if outputs is None else outputs.certificate
     shown: dict[str, Any] = plain(

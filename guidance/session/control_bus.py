@@ -210,6 +210,13 @@ def ask(
 ) -> Mapping[str, Any]:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
+    Args:
+        order: One of `WORDS`.
+        endpoint: Where the daemon listens for orders.
+        name: The daemon's; None takes the only one there is.
+        timeout_s: How long an answer is waited for.
+        token_file: The secret that lets us in, where it is not the default one.
+
     Raises:
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
         LinkError: If nobody answers, or the daemon does not let us in.

@@ -36,7 +36,14 @@ class LinkedFlight:
     def run(
         self, now_s: float, orders: Sequence[Event] = (), refusals: Sequence[str] = (), timing: Timing | None = None
     ) -> Outputs:
-        """Run one cycle at `now_s`; `inputs` is then what it has seen."""
+        """Run one cycle at `now_s`; `inputs` is then what it has seen.
+
+        Args:
+            now_s: The present.
+            orders: What people ordered since the last cycle.
+            refusals: What preflight refuses, by name.
+            timing: How late the cycle is, for the record.
+        """
         inputs = self.inputs = Inputs(now_s, self._link.receive(), self._evader.receive(), orders, refusals)
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s

@@ -61,6 +61,13 @@ def wait_until_placed(
 ) -> tuple[Home, LocalFrame]:
     """Wait until the vehicle has told where its home and its local frame are, on the ground and disarmed.
 
+    Args:
+        link: To the vehicle.
+        profile: Of its autopilot.
+        clock: By which time passes.
+        show: Is told what is waited for.
+        within_s: How long at most.
+
     Raises:
         FlightError: If it is in the air, or armed, or does not know its place in time. Nothing was ordered then.
     """

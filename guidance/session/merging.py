@@ -53,6 +53,14 @@ def merged(scenario: Scenario, config: Config) -> Config:
 def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: "Found", evader_url: str) -> Config:
     """Return the configuration that a vehicle's file would have been: the scenario's limits are the vehicle's own.
 
+    Args:
+        scenario: Who plays what, where and within which limits.
+        url: Where the vehicle is.
+        link: `mavsdk` or `pymavlink`.
+        autopilot: Its name.
+        found: The ids that it answered with.
+        evader_url: Where the simulated evader reports.
+
     Raises:
         ConfigError: If the scenario asks for what no vehicle's file may.
     """

@@ -69,7 +69,14 @@ class Metrics:
                 self._acted.labels(self._name, limit).inc()
 
     def show(self, now_s: float, flight: Flight, outputs: Outputs, counters: Mapping[str, Mapping[str, int]]) -> None:
-        """Set what is only looked at, once a second."""
+        """Set what is only looked at, once a second.
+
+        Args:
+            now_s: The present.
+            flight: As it stands.
+            outputs: Of the last cycle.
+            counters: What each link has counted, by link and by name.
+        """
         for state in State:
             self._state.labels(self._name, str(state)).set(state is outputs.state)
         for what, age_s in (

@@ -83,7 +83,15 @@ class Ending(NamedTuple):
 def note(
     result: FlightResult, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
 ) -> None:
-    """Take one cycle into a result."""
+    """Take one cycle into a result.
+
+    Args:
+        result: Is changed.
+        now_s: The present.
+        outputs: Of the cycle.
+        pursuer_m: Where it is in the game frame; None where that is not known.
+        evader_m: The same of the evader.
+    """
     result.cycles += 1
     result.setpoints_sent += outputs.setpoint is not None
     result.ended = outputs.state

@@ -115,6 +115,13 @@ def fly_url(
 ) -> tuple[FlightResult, str]:
     """Fly a scenario with the vehicle that runs at a URL; its evader is simulated here.
 
+    Args:
+        scenario: Who plays what, where and within which limits.
+        asked: The URL, and how to fly there.
+        folder: For the record.
+        show: Is told how it goes.
+        on_record: Is told the record's path before the flight begins.
+
     Returns:
         What the flight came to, and what an interruption hands the vehicle to.
 
@@ -234,6 +241,12 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
     """Return the scenario where the vehicle stands: its home is the scenario's, and the autopilot is its own.
 
     Faults and wind of the vehicle are a mock's and fall away; those of the evader stay, since it is a mock.
+
+    Args:
+        scenario: With a site of its own.
+        home: Of the vehicle.
+        frame: Its local frame.
+        autopilot: The name of the one that is there.
     """
     x, y = scenario.home_m
     home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))

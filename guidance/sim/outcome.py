@@ -88,7 +88,25 @@ def outcome_of(
     events: Iterable[str] = (),
     reason: str = "",
 ) -> Outcome:
-    """Complete a row: what follows from the rest is worked out here, for every kind of run alike."""
+    """Complete a row: what follows from the rest is worked out here, for every kind of run alike.
+
+    Args:
+        scenario: What was to be played.
+        run: `maths`, `fast`, `live` or `vehicle`.
+        end: How it ended, a word.
+        game_time_s: From engagement to the end.
+        final_distance_m: As the row has it.
+        predicted: The game's value at engagement: s in PE, m in TAD.
+        predicted_winner: `pursuer`, `evader` or `none`.
+        time_needed_s: What this vehicle was said to need.
+        min_standoff_m: The least horizontal distance of the players in the game.
+        min_altitude_m: As the row has it.
+        duration_s: Of the whole run.
+        limits: Names of those that were active.
+        alarms: How many sounded.
+        events: What happened, in order.
+        reason: Why there was no game.
+    """
     captured, comparable = end == "captured", predicted_winner != "evader"
     if scenario.game == "pe":
         achieved = game_time_s if captured else math.nan

@@ -45,13 +45,27 @@ def target_game_m(scenario: Scenario) -> Vector | None:
 
 
 def pursuer_strategy(scenario: Scenario, start_m: Array, speeds: SpeedSet, seed: ArrayLike) -> Strategy:
-    """Return the pursuer's strategy from starts (..., 3) with speeds and seeds (...), all else as the scenario says."""
+    """Return the pursuer's strategy.
+
+    Args:
+        scenario: Policy, course and gain.
+        start_m: Starts, (..., 3), m.
+        speeds: The speed set, of numbers (...), m/s.
+        seed: One a row, (...).
+    """
     course = _course(scenario.pursuer, scenario, start_m, speeds, seed, PURSUER_STREAM)
     return Strategy(scenario.pursuer.policy, course, scenario.pursuer.navigation_gain)
 
 
 def evader_strategy(scenario: Scenario, start_m: Array, speed_m_s: ArrayLike, seed: ArrayLike) -> Strategy:
-    """Return the evader's strategy; arguments as of `pursuer_strategy`."""
+    """Return the evader's strategy.
+
+    Args:
+        scenario: Policy and course.
+        start_m: Starts, (..., 3), m.
+        speed_m_s: One a row, (...).
+        seed: One a row, (...).
+    """
     course = _course(scenario.evader, scenario, start_m, Ball(speed_m_s), seed, EVADER_STREAM)
     return Strategy(scenario.evader.policy, course)
 

@@ -81,7 +81,16 @@ def next_event_s(sensor: Sensor, heard: Heard) -> Array:
 
 
 def listen(sensor: Sensor, noise: Noise, heard: Heard, now_s: Array, evader_m: Array, velocity_m_s: Array) -> Heard:
-    """Make the measurements and receive the reports that are due at `now_s`, (n,)."""
+    """Make the measurements and receive the reports that are due now.
+
+    Args:
+        sensor: Rate, latency and dropouts.
+        noise: Standard deviations and seeds, (n,).
+        heard: What was heard so far; its arrays are changed.
+        now_s: The present of each row, (n,).
+        evader_m: Where the evader is now, (n, 3), m.
+        velocity_m_s: How it moves now, (n, 3).
+    """
     period_s = 1.0 / _rate_hz(sensor)
     near_s = now_s + 1e-9
     due = heard.measurements * period_s <= near_s
@@ -132,7 +141,14 @@ class Known(NamedTuple):
 
 
 def known(noise: Noise, heard: Heard, declared_m_s: Real, now_s: Array) -> Known:
-    """Carry the last report on to now."""
+    """Carry the last report on to now.
+
+    Args:
+        noise: Standard deviations, (n,).
+        heard: What was heard so far.
+        declared_m_s: What the evader says it never exceeds.
+        now_s: The present of each row, (n,).
+    """
     age_s = np.maximum(now_s - heard.measured_s, 0.0)
     position_m = heard.position_m + age_s[:, None] * heard.velocity_m_s
     seen_m_s = np.sqrt(heard.velocity_m_s[:, 0] ** 2 + heard.velocity_m_s[:, 1] ** 2)

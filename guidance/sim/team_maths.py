@@ -120,7 +120,16 @@ def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: b
 
 
 def invalid_teams(title: str, game: str, pursuers: str, evaders: str, seed: int, reason: str) -> TeamOutcome:
-    """Return the row of a scenario that allows no game."""
+    """Return the row of a scenario that allows no game.
+
+    Args:
+        title: The scenario's.
+        game: Which one it was to be.
+        pursuers: Their policy.
+        evaders: Their policy.
+        seed: Of the run.
+        reason: Why there is no game.
+    """
     nan = math.nan
     whole = (title, "maths", game, -1, pursuers, evaders, seed, 0, 0, 0, 0, "invalid", "none", "none", -1, -1, -1)
     return TeamOutcome(*whole, nan, nan, nan, nan, nan, nan, nan, nan, reason)

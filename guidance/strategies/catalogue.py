@@ -65,7 +65,18 @@ def pursue(
     *,
     dt_s: Array | float,
 ) -> Array:
-    """Return the pursuer's velocity, (..., 3), m/s; `dt_s` ago it commanded what `memory` says."""
+    """Return the pursuer's velocity, (..., 3), m/s.
+
+    Args:
+        strategy: Of `PURSUER_STRATEGIES`.
+        game: The game.
+        pursuer: P, (..., 3), m.
+        evader: E, (..., 3), m.
+        target: T, (..., 3), m, or None in PE.
+        seen_m_s: The evader's velocity as seen, (..., 3).
+        memory: What was commanded last, and for how long the strategy has been played.
+        dt_s: Since then; one number or one a row.
+    """
     if strategy.course is not None:
         return _flyable(game.pursuer, strategy.course.velocity_m_s(memory.played_s, pursuer))
     if strategy.name == PROPORTIONAL:
@@ -78,7 +89,16 @@ def pursue(
 def evade(
     strategy: Strategy, game: Game, pursuer: Array, evader: Array, target: Array | None, memory: StrategyMemory
 ) -> Array:
-    """Return the evader's velocity, (..., 3), m/s."""
+    """Return the evader's velocity, (..., 3), m/s.
+
+    Args:
+        strategy: Of `EVADER_STRATEGIES`.
+        game: The game.
+        pursuer: P, (..., 3), m.
+        evader: E, (..., 3), m.
+        target: T, (..., 3), m, or None in PE.
+        memory: For how long the strategy has been played.
+    """
     if strategy.course is not None:
         return bounded(strategy.course.velocity_m_s(memory.played_s, evader), game.evader_speed_m_s)
     return EVADER_POLICIES[strategy.name](game, pursuer, evader, target)

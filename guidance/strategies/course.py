@@ -90,7 +90,15 @@ def random_turns(
     """Go at `speed_m_s` (...) in the plane of a start (..., 3) and turn at random every `every_s`.
 
     The first heading is any; each later one differs from the one before by up to `most_rad`, evenly distributed.
-    `stream` tells the players' draws of one seed apart.
+
+    Args:
+        start_m: (..., 3), m.
+        speed_m_s: (...).
+        seed: (...).
+        stream: Tells the players' draws of one seed apart.
+        every_s: Between two turns.
+        most_rad: The largest turn to either side.
+        duration_s: How long the course has to last.
     """
     count = int(np.ceil(duration_s / every_s)) + 1
     draws = uniform(np.asarray(seed)[..., None], stream, np.arange(count))

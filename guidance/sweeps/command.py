@@ -20,6 +20,14 @@ def run_sweep(
 ) -> Path:
     """Run a sweep, or go on with it; return its folder.
 
+    Args:
+        name: A file, or one of those that come along.
+        way: How each row is run; None takes what the file says.
+        workers: How many processes; None takes one a processor.
+        scheduler: Address of a Dask scheduler, None for processes of our own.
+        out: The folder; None names it after the sweep.
+        chunk: Rows in one file; None chooses.
+
     Raises:
         GuidanceError: For everything that the user can mend.
     """

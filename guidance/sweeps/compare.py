@@ -89,6 +89,12 @@ class Group:
 def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str, Any]:
     """Compare two sweeps; return the comparison as plain values, NaN as null.
 
+    Args:
+        a: One sweep.
+        b: The other.
+        column: What the rows are compared by.
+        rows: How many of the largest differences are listed.
+
     Raises:
         ConfigError: If the column is none that can be compared.
     """

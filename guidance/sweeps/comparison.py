@@ -15,6 +15,13 @@ from guidance.sweeps.folder import read_folder
 def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) -> None:
     """Compare two sweeps' folders or two outcomes' files, and print what came out.
 
+    Args:
+        a: A sweep's folder or an outcome's JSON file.
+        b: Another of the same kind.
+        column: What a sweep's rows are compared by.
+        rows: How many of the largest differences are listed.
+        as_json: Whether plain JSON is printed.
+
     Raises:
         ConfigError: If they are neither.
     """

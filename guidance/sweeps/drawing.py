@@ -32,6 +32,13 @@ _SHOWN: Final = 0.995
 def draw_all(tallies: Sequence[Tally], worst: Sequence[Worst], *, title: str, unit: str, out: Path) -> list[Path]:
     """Draw every picture that there is something for, as PNG and PDF, and return their paths.
 
+    Args:
+        tallies: One a pair of policies.
+        worst: The rows that went worst.
+        title: Of the sweep.
+        unit: Of the regret, `s` or `m`.
+        out: The folder.
+
     Raises:
         OSError: If a file cannot be written.
     """

@@ -41,7 +41,14 @@ def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
 
 
 def summed_up(folder: Folder, tallies: Sequence[Tally], cases: Sequence[Worst], unit: str) -> dict[str, Any]:
-    """Return the report as plain values; what is not known is null."""
+    """Return the report as plain values; what is not known is null.
+
+    Args:
+        folder: The sweep.
+        tallies: One a pair of policies.
+        cases: The rows that went worst.
+        unit: Of the regret, `s` or `m`.
+    """
     return {
         "title": folder.plan.sweep.title,
         "scenario": folder.plan.scenario["title"],

@@ -89,13 +89,29 @@ def lifted(curve: Array, height_m: float, dimensions: int) -> list[Array]:
 
 
 def draw_standoff(axes: Any, standoff: StandOff, evader_m: Vector, dimensions: int, label: str) -> None:  # noqa: ANN401
-    """Draw the rim of the stand-off disc about an evader."""
+    """Draw the rim of the stand-off disc about an evader.
+
+    Args:
+        axes: In the plane or in space.
+        standoff: Radius and height, m.
+        evader_m: In the game frame.
+        dimensions: 2 or 3.
+        label: In the legend.
+    """
     rim = circle(evader_m, standoff.radius_m, 73)
     axes.plot(*lifted(rim, standoff.height_m, dimensions), **STANDOFF, label=label)
 
 
 def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: int, label: str) -> None:  # noqa: ANN401
-    """Mark one place, as `MEETING` or `TARGET` does."""
+    """Mark one place, as `MEETING` or `TARGET` does.
+
+    Args:
+        axes: In the plane or in space.
+        place_m: In the game frame.
+        style: `MEETING` or `TARGET`.
+        dimensions: 2 or 3.
+        label: In the legend.
+    """
     axes.plot(*([part] for part in place_m[:dimensions]), **style, label=label)
 
 

@@ -23,6 +23,12 @@ def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181)
 
     The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in
     each heading ends where that heading's run ends.
+
+    Args:
+        game: The game.
+        pursuer_m: P, m.
+        evader_m: E, m; its height is not looked at.
+        points: How many headings.
     """
     headings = np.linspace(0.0, 2.0 * np.pi, points)
     far = 1e6 * np.stack([np.cos(headings), np.sin(headings), np.zeros(points)], axis=-1)

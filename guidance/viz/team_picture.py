@@ -53,7 +53,14 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
 
 
 def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) -> Array:
-    """Return the edge of what an evader reaches before any of some pursuers, (points, 2), m."""
+    """Return the edge of what an evader reaches before any of some pursuers, (points, 2), m.
+
+    Args:
+        teams: All players.
+        pursuers: Which of them, by number.
+        evader: Which one, by number.
+        points: How many directions.
+    """
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     n = np.cos(angle), np.sin(angle)
     w = teams.pursuers_m[pursuers] - teams.evaders_m[evader]

@@ -53,7 +53,15 @@ def body_at(position_ned_m: Ned, yaw_rad: float, *, on_ground: bool = True) -> B
 
 
 def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundings, dt_s: float) -> Body:
-    """One step of `dt_s` (at most about 0.02 s) under a controller's demand, on the ground or in the air."""
+    """One step of `dt_s` (at most about 0.02 s) under a controller's demand, on the ground or in the air.
+
+    Args:
+        airframe: Mass, drag and lags.
+        body: As it is now.
+        demand: Of the controller.
+        around: Wind and the ground's height.
+        dt_s: At most about 0.02 s.
+    """
     thrust_m_s2 = min(max(demand.thrust_m_s2, 0.0), airframe.thrust_max_m_s2)
     thrust_m_s2 += (body.thrust_m_s2 - thrust_m_s2) * math.exp(-dt_s / airframe.rotor_lag_s)
     if body.on_ground and thrust_m_s2 <= GRAVITY_M_S2:
@@ -163,7 +171,14 @@ class Pending(NamedTuple):
 
 
 def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> Pending:
-    """The setpoints one step on: a streamed one waits for `delay_s`, any other order is obeyed at once."""
+    """The setpoints one step on: a streamed one waits for `delay_s`, any other order is obeyed at once.
+
+    Args:
+        pending: The one obeyed and those that wait.
+        setpoint: The newest.
+        delay_s: How long a streamed one waits.
+        dt_s: The step.
+    """
     clock_s, obeyed, waiting = pending
     if setpoint.kind is not Kind.STREAM and setpoint.kind is not Kind.DIRECT:
         return Pending(clock_s + dt_s, setpoint)

@@ -46,7 +46,15 @@ def shape_pair(
 ) -> tuple[float, float]:
     """The next acceleration of a horizontal reference on its way to the `wanted` velocity.
 
-    `forward` is the acceleration the wanted velocity itself has, `settle_1_s` the gain of the linear end.
+    Args:
+        wanted: Velocity, m/s, north and east.
+        velocity: Of the reference, m/s.
+        acceleration: Of the reference, m/s².
+        forward: The acceleration that the wanted velocity itself has, m/s².
+        accel_max: m/s².
+        jerk_max: m/s³.
+        settle_1_s: Gain of the linear end, 1/s.
+        dt_s: The step.
     """
     err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
@@ -74,6 +82,15 @@ def shape_turn(
     """`shape_pair` as ArduPilot does it: of the correction, what lies across the wanted velocity is worked off first.
 
     Across it at least 1/sqrt(2) of the acceleration is had, along it what is left of it (`shape_vel_accel_xy`).
+
+    Args:
+        wanted: Velocity, m/s, north and east.
+        velocity: Of the reference, m/s.
+        acceleration: Of the reference, m/s².
+        forward: The acceleration that the wanted velocity itself has, m/s².
+        accel_max: m/s².
+        jerk_max: m/s³.
+        dt_s: The step.
     """
     settle_1_s = jerk_max / accel_max
     err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
@@ -138,7 +155,18 @@ def shape_one(
     settle_1_s: float,
     dt_s: float,
 ) -> float:
-    """The next acceleration of a vertical reference on its way to the `wanted` velocity."""
+    """The next acceleration of a vertical reference on its way to the `wanted` velocity.
+
+    Args:
+        wanted: Velocity, m/s, down positive.
+        velocity: Of the reference, m/s.
+        acceleration: Of the reference, m/s².
+        forward: The acceleration that the wanted velocity itself has, m/s².
+        accel_max: m/s².
+        jerk_max: m/s³.
+        settle_1_s: Gain of the linear end, 1/s.
+        dt_s: The step.
+    """
     err = wanted - velocity
     size = min(root_law(abs(err), settle_1_s, jerk_max), accel_max, abs(err) / dt_s)
     change = math.copysign(size, err) + forward - acceleration
@@ -157,6 +185,12 @@ def approach_pair(
     """Velocity towards a place `to_go` away, braking in time.
 
     Half of the acceleration is planned with, so that jerk-limited braking does not overrun the place.
+
+    Args:
+        to_go: The place from here, m, north and east.
+        speed_max: m/s.
+        accel_max: m/s².
+        gain_1_s: Of the linear end, 1/s.
     """
     distance = math.hypot(*to_go)
     if distance < 1e-9:
@@ -166,7 +200,15 @@ def approach_pair(
 
 
 def approach_one(to_go: float, up_max: float, down_max: float, accel_max: float, gain_1_s: float) -> float:
-    """Vertical velocity (down positive) towards a height `to_go` away, braking in time."""
+    """Vertical velocity (down positive) towards a height `to_go` away, braking in time.
+
+    Args:
+        to_go: The height from here, m, down positive.
+        up_max: m/s.
+        down_max: m/s.
+        accel_max: m/s².
+        gain_1_s: Of the linear end, 1/s.
+    """
     speed = root_law(abs(to_go), gain_1_s, 0.5 * accel_max)
     return min(speed, down_max) if to_go > 0.0 else -min(speed, up_max)
 
@@ -231,7 +273,14 @@ def _aligned(
 
 
 def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
-    """The reference one step of `dt_s` further along a TRAVEL or BRAKE setpoint."""
+    """The reference one step of `dt_s` further along a TRAVEL or BRAKE setpoint.
+
+    Args:
+        limits: Of the journey: speeds, accelerations and jerks.
+        reference: Place, velocity and acceleration, NED.
+        setpoint: Of kind TRAVEL or BRAKE.
+        dt_s: The step.
+    """
     braking = setpoint.kind is Kind.BRAKE
     accel = limits.brake_m_s2 if braking else limits.accel_m_s2
     (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference

@@ -119,7 +119,14 @@ def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None
 
 
 def relabelled(frame: bytes, *, system: int | None = None, component: int | None = None, key: bytes | None) -> bytes:
-    """Return the frame as from another system or component."""
+    """Return the frame as from another system or component.
+
+    Args:
+        frame: A whole MAVLink frame.
+        system: The other system; None keeps its own.
+        component: The other component; None keeps its own.
+        key: Signs it again; None leaves it unsigned.
+    """
     spec = SPEC_BY_ID[message_id(frame)]
     head = bytearray(frame)
     at = 3 if frame[0] == V1 else 5

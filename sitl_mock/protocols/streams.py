@@ -120,7 +120,14 @@ class Streams:
         return Result.ACCEPTED
 
     def request_data_stream(self, now_s: float, stream: int, rate_hz: int, *, start: bool) -> None:
-        """Set all messages of a MAV_DATA_STREAM to one rate, or silence them."""
+        """Set all messages of a MAV_DATA_STREAM to one rate, or silence them.
+
+        Args:
+            now_s: The present.
+            stream: MAV_DATA_STREAM.
+            rate_hz: Of every message in it.
+            start: Whether they are sent or silenced.
+        """
         groups = self.rules.groups
         chosen = groups.values() if stream == ALL_STREAMS else (groups.get(stream, ()),)
         interval_s = 1.0 / rate_hz if start and rate_hz > 0 else None

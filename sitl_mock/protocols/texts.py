@@ -36,7 +36,14 @@ class EventLog:
         return len(self._kept)
 
     def add(self, boot_ms: int, event_id: int, levels: int, arguments: bytes) -> Reply:
-        """Number an event and keep it; return its message."""
+        """Number an event and keep it; return its message.
+
+        Args:
+            boot_ms: The present, since boot.
+            event_id: Of the autopilot's own table.
+            levels: Log levels, inside and outside, four bits each.
+            arguments: As on the wire.
+        """
         self.latest = (self.latest + 1) % _WRAP
         reply = ("EVENT", 0, 0, event_id, boot_ms, self.latest, levels, arguments)
         self._kept.append(reply)

@@ -17,7 +17,14 @@ _CUBIC: Final = 0.6  # MPC_XY_MAN_EXPO, MPC_Z_MAN_EXPO, MPC_YAW_EXPO
 
 
 def by_stick(state: VehicleState, plan: Plan, dt_s: float, *, slow: bool = False) -> Setpoint:
-    """The setpoint of a manual mode; `plan` keeps the velocity that the sticks have led to."""
+    """The setpoint of a manual mode; `plan` keeps the velocity that the sticks have led to.
+
+    Args:
+        state: The vehicle's.
+        plan: Keeps the velocity that the sticks have led to.
+        dt_s: The step.
+        slow: Whether the mode is the slow one of its kind.
+    """
     sticks = state.pilot.sticks
     turn = _curved(sticks.yaw) * math.radians(float(state.parameters["MPC_MAN_Y_MAX"]))
     ahead, right, climb = _curved(sticks.pitch), _curved(sticks.roll), _climb_m_s(state, sticks.throttle, slow=slow)

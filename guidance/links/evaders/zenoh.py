@@ -127,6 +127,12 @@ def json_schema() -> dict[str, Any]:
 def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> EvaderReport:
     """Turn a payload into a report.
 
+    Args:
+        payload: The JSON text.
+        received_s: By our clock.
+        frame: The vehicle's local frame, by which an altitude above home or ellipsoid is made AMSL.
+        source: Who said it, as the report names its source.
+
     Raises:
         Refused: If it does not keep the schema, or its altitude's datum cannot be made AMSL in this frame.
     """

@@ -26,6 +26,14 @@ def opened(
 ) -> Painter:
     """Open a recording and say where it can be seen.
 
+    Args:
+        metadata: Of the record or of the flight that lasts.
+        settings_of: Makes a flight's settings of it.
+        source: Named in errors.
+        place: A file, or where it is served.
+        say: Is told where it can be seen.
+        closing: Closes the recording in the end.
+
     Raises:
         ConfigError: If the metadata has no settings, a port is none, or the file cannot be written.
         LinkError: If a port is in use.
