@@ -88,7 +88,14 @@ def calibrate_file(
 ) -> int:
     """Compare a file with the mock, print the result, and give the exit code: 0 within the limit, 1 above it.
 
-    The mock is a whole vehicle flown by MAVLink bytes, or (`dynamics_only`) its dynamics alone.
+    The mock is a whole vehicle flown by MAVLink bytes, or its dynamics alone.
+
+    Args:
+        file: CSV, as `read_step_log` reads it.
+        flavour: Whose mock answers; None guesses by the file.
+        plot: Where a picture is drawn, None for none.
+        as_json: Whether plain JSON is printed.
+        dynamics_only: The dynamics alone instead of a whole vehicle flown by MAVLink bytes.
 
     Raises:
         ConfigError: The file is not a log, the flavour does not exist, or the plot cannot be written.

@@ -127,7 +127,14 @@ class Comparison:
 
 
 def compare(log: StepLog, flavour: Flavour, mock_velocity_ned_m_s: Samples, guessed_by: str = "") -> Comparison:
-    """Measure a log and the mock's answers to its commands (shape (rows, 3), m/s), segment by segment."""
+    """Measure a log and the mock's answers to its commands, segment by segment.
+
+    Args:
+        log: Commands and velocities of the real vehicle.
+        flavour: Whose mock answered.
+        mock_velocity_ned_m_s: The mock's answers to the same commands, (rows, 3).
+        guessed_by: What told the flavour, empty where it was given.
+    """
     mock = mock_velocity_ned_m_s
     segments = tuple(_segment(log, mock, segment) for segment in segments_of(log.time_s, log.command_ned_m_s))
     rms = np.sqrt(np.mean((mock - log.velocity_ned_m_s) ** 2, axis=0)).tolist()

@@ -34,7 +34,14 @@ class Vehicle(Protocol):
         ...
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
-        """The vehicle `dt_s` later; pure, so the same arguments give the same motion."""
+        """The vehicle `dt_s` later; pure, so the same arguments give the same motion.
+
+        Args:
+            motion: As it is now.
+            setpoint: What is obeyed.
+            around: Wind and the ground's height.
+            dt_s: The step.
+        """
         ...
 
 

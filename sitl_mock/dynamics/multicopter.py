@@ -158,7 +158,15 @@ class Control(Protocol[MemoryT]):
     def step(
         self, memory: MemoryT, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[MemoryT, Demand]:
-        """One step of the law."""
+        """One step of the law.
+
+        Args:
+            memory: Of the law.
+            body: The true one.
+            estimate: What the autopilot believes.
+            setpoint: What is asked.
+            dt_s: The step.
+        """
         ...
 
 
