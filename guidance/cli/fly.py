@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
 def fly(
     scenario: Annotated[
-        str, typer.Argument(help="A scenario file, or the name of one that comes along: pe, tad.", show_default=True)
+        str,
+        typer.Argument(
+            help="A scenario file, or the name of one that comes along: `guidance scenario list` names them all.",
+            show_default=True,
+        ),
     ] = "pe",
     vehicle: Annotated[
         str | None,
@@ -29,17 +33,30 @@ def fly(
         bool, typer.Option("--yes", help="Do not ask before a vehicle is armed that is not on loopback.")
     ] = False,
     end: Annotated[
-        str, typer.Option(help="When the game is over (with --vehicle): return home and land, or land where it is.")
-    ] = "return",
+        str | None,
+        typer.Option(
+            help="When the game is over (with --vehicle): return home and land, or land where it is.",
+            show_default="return",
+        ),
+    ] = None,
     fast: Annotated[
         bool, typer.Option("--fast", help="Fly in virtual time, in one process, as fast as the processor goes.")
     ] = False,
-    link: Annotated[str, typer.Option(help="Which client flies: mavsdk or pymavlink (real time only).")] = "mavsdk",
-    port: Annotated[int, typer.Option(help="TCP port of the Zenoh session on loopback; 0 picks a free one.")] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the record and the picture; default flights/SCENARIO-NUMBER.")
+    link: Annotated[
+        str | None,
+        typer.Option(help="Which client flies: mavsdk or pymavlink (real time only).", show_default="mavsdk"),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the mock's noise, instead of the scenario's.")] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(help="TCP port of the Zenoh session on loopback; 0 picks a free one.", show_default="0"),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="New folder for the record and the picture.", show_default="flights/SCENARIO-NUMBER"),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the mock's noise, instead of the scenario's.")
+    ] = None,
     view: Annotated[
         bool, typer.Option("--view", help="Show the flight in Rerun meanwhile (needs the extra viz).")
     ] = False,
@@ -64,8 +81,17 @@ def fly(
     - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
     """
+    from guidance.cli.belonging import refuse_others  # noqa: PLC0415
+
+    given = {"--fast": fast, "--link": link, "--port": port, "--yes": yes, "--autopilot": autopilot, "--end": end}
     if vehicle is not None:
-        _may_fly(vehicle, fast=fast, port=port, yes=yes)
+        where = "without it, with the mock"
+        refuse_others(f"--vehicle {vehicle}", given, {"--fast": where, "--port": where})
+        _may_fly(vehicle, yes=yes)
+    else:
+        refuse_others("the mock", given, dict.fromkeys(("--yes", "--autopilot", "--end"), "with --vehicle"))
+    if fast:
+        refuse_others("--fast", given, dict.fromkeys(("--link", "--port"), "in real time"))
 
     signal.signal(signal.SIGTERM, _terminated)
     with contextlib.ExitStack() as closing:
@@ -75,8 +101,11 @@ def fly(
             from guidance.cli.flying import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
             from guidance.session.vehicle import Asked  # noqa: PLC0415
 
-            asked = None if vehicle is None else Asked(vehicle, autopilot, link, end)
-            code = fly_scenario(scenario, asked, fast=fast, link=link, port=port, out=out, seed=seed, on_record=watch)
+            client = link or "mavsdk"
+            asked = None if vehicle is None else Asked(vehicle, autopilot, client, end or "return")
+            code = fly_scenario(
+                scenario, asked, fast=fast, link=client, port=port or 0, out=out, seed=seed, on_record=watch
+            )
         except KeyboardInterrupt:
             ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"
             typer.echo(f"interrupted: {ended}", err=True)
@@ -88,12 +117,9 @@ def fly(
     raise typer.Exit(code)
 
 
-def _may_fly(vehicle: str, *, fast: bool, port: int, yes: bool) -> None:
-    from guidance.errors import ConfigError  # noqa: PLC0415
+def _may_fly(vehicle: str, *, yes: bool) -> None:
     from guidance.links.endpoint import parse  # noqa: PLC0415
 
-    if fast or port:
-        raise ConfigError(f"--vehicle {vehicle}: not with {'--fast' if fast else '--port'}, which is the mock's")
     if not (parse(vehicle).on_loopback or yes):
         agree(f"{vehicle} may be a real vehicle. Arm and fly it? Propellers will turn")
 

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from guidance.cli.belonging import refuse_others
 from guidance.errors import ConfigError
 from guidance.output import writing
 from guidance.screen import Cell, Sheet, pairs
@@ -37,12 +38,13 @@ class Run(NamedTuple):
     way: str
     config: Path | None = None
     engage: bool = False
-    link: str = "mavsdk"
-    port: int = 0
+    yes: bool = False
+    link: str | None = None
+    port: int | None = None
     out: Path | None = None
     seed: int | None = None
     json_file: Path | None = None
-    over: str = "zenoh"
+    over: str | None = None
 
 
 def run_scenario(name: str, run: Run, console: Console) -> int:
@@ -53,8 +55,9 @@ def run_scenario(name: str, run: Run, console: Console) -> int:
     """
     if run.way not in WAYS:
         raise ConfigError(f"--as {run.way}: allowed are {', '.join(WAYS)}")
-    if (run.config is None) == (run.way == "vehicle"):
-        raise ConfigError("--config: needed with --as vehicle, which says whom to talk to, and with no other")
+    if run.config is None and run.way == "vehicle":
+        raise ConfigError("--config: needed with --as vehicle; it says whom to talk to")
+    _refuse_others(run)
     path, scenario = load_any(name)
     if run.seed is not None:
         scenario = scenario.model_copy(update={"seed": run.seed})
@@ -71,6 +74,26 @@ def run_scenario(name: str, run: Run, console: Console) -> int:
     if run.json_file is not None:
         _write(run.json_file, outcome_json(outcome))
     return 0 if all(verdict.held for verdict in verdicts) else 1
+
+
+def _refuse_others(run: Run) -> None:
+    given = {
+        "--config": run.config,
+        "--engage": run.engage,
+        "--yes": run.yes,
+        "--link": run.link,
+        "--over": run.over,
+        "--port": run.port,
+        "--out": run.out,
+    }
+    ways = dict.fromkeys(("--config", "--engage", "--yes"), ("vehicle",))
+    ways |= dict.fromkeys(("--link", "--over", "--port"), ("live",)) | {"--out": ("fast", "live", "vehicle")}
+    elsewhere = {option: of for option, of in ways.items() if run.way not in of}
+    refuse_others(
+        f"--as {run.way}", given, {option: f"with --as {' or '.join(of)}" for option, of in elsewhere.items()}
+    )
+    if not run.engage:
+        refuse_others("orders by hand", given, {"--yes": "with --engage, which arms"})
 
 
 def _run_teams(scenario: TeamScenario, path: Path, run: Run, console: Console) -> int:
@@ -117,13 +140,33 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
         from guidance.session.vehicle import fly_vehicle  # noqa: PLC0415
 
         assert run.config is not None
+        if run.engage and not run.yes:
+            _may_arm(run.config)
         return outcome_of_flight(fly_vehicle(scenario, run.config, folder, say, engage=run.engage), "vehicle")
     out, fast = folder(stem), run.way == "fast"
     with live_line(console) as show:
-        result = fly_mock(scenario, out, show, fast=fast, link=run.link, port=run.port, over=run.over)
+        result = fly_mock(
+            scenario,
+            out,
+            show,
+            fast=fast,
+            link=run.link or "mavsdk",
+            port=run.port or 0,
+            over=run.over or "zenoh",
+        )
     tell_dropped(console, result)
     say(f"record   {out / RECORD}")
     return outcome_of_flight(result, run.way)
+
+
+def _may_arm(config: Path) -> None:
+    """Ask before the vehicle of a file is armed: one on loopback may be real too, behind a router."""
+    from guidance.cli.asking import agree  # noqa: PLC0415
+    from guidance.config import find  # noqa: PLC0415
+    from guidance.session.plan_fence import load_vehicle  # noqa: PLC0415
+
+    url = load_vehicle(find(str(config), "vehicles")).vehicle.url
+    agree(f"{config}: {url} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
 
 
 def _outcome_table(outcome: Outcome) -> Table:

@@ -23,15 +23,29 @@ def run(
     ] = "maths",
     config: Annotated[Path | None, typer.Option(help="Vehicle configuration, with --as vehicle.")] = None,
     engage: Annotated[
-        bool, typer.Option("--engage", help="With --as vehicle: engage without `guidance ctl engage`.")
+        bool,
+        typer.Option(
+            "--engage",
+            help="With --as vehicle: THE VEHICLE IS ARMED, takes off and engages at once, without `guidance ctl start` "
+            "and `guidance ctl engage`.",
+        ),
     ] = False,
-    link: Annotated[str, typer.Option(help="mavsdk or pymavlink, with --as live.")] = "mavsdk",
-    over: Annotated[str, typer.Option(help="zenoh or udp, with --as live.")] = "zenoh",
+    yes: Annotated[bool, typer.Option("--yes", help="With --engage: do not ask before the vehicle is armed.")] = False,
+    link: Annotated[
+        str | None, typer.Option(help="With --as live: mavsdk or pymavlink.", show_default="mavsdk")
+    ] = None,
+    over: Annotated[str | None, typer.Option(help="With --as live: zenoh or udp.", show_default="zenoh")] = None,
     port: Annotated[
-        int, typer.Option(help="With --as live: TCP port of the mock's Zenoh session, or first UDP port; 0 is any.")
-    ] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder for a flight's record; flights/SCENARIO-NUMBER.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
+        int | None,
+        typer.Option(
+            help="With --as live: TCP port of the mock's Zenoh session, or first UDP port; 0 is any.", show_default="0"
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="New folder for a flight's record.", show_default="flights/SCENARIO-NUMBER"),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the scenario's.")] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the outcome row here as JSON; - is standard output.")
     ] = None,
@@ -44,12 +58,13 @@ def run(
     - `guidance scenario run pe`: the paper's game between point masses
     - `guidance scenario run pe --as fast`: the same file flown against the mock autopilot in virtual time
     - `guidance scenario run pe --as live`: in real time over Zenoh, or with `--over udp` over UDP
-    - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot
+    - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, once a
+      person orders `guidance ctl start` and `guidance ctl engage`; with `--engage` it is **armed** without
     """
     from guidance.cli.running import STANDARD_OUTPUT, Run, run_scenario  # noqa: PLC0415 - `guidance --help` is to be quick
     from guidance.screen import console  # noqa: PLC0415
 
-    asked = Run(way, config, engage, link, port, out, seed, json_file, over)
+    asked = Run(way, config, engage, yes, link, port, out, seed, json_file, over)
     raise typer.Exit(run_scenario(name, asked, console(stderr=json_file == STANDARD_OUTPUT)))
 
 

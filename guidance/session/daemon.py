@@ -11,7 +11,7 @@ from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import RELOADED, STOPPED
 from guidance.log.writer import Record, Records
 from guidance.messages import LocalPosition, Message
-from guidance.preflight import Facts, Finding, PreflightMemory, parameter_names, refusals, rows
+from guidance.preflight import Facts, Finding, PreflightMemory, Verdict, parameter_names, refusals, rows
 from guidance.session.answers import is_done, missing, not_engageable, refusal, status
 from guidance.session.handover import ON_GROUND, ShutdownHandover
 from guidance.session.linked_flight import LinkedFlight, Stopped
@@ -46,6 +46,7 @@ class Daemon:
         notifier: Notifier | None = None,
         record: Record | None = None,
         broadcast: Record | None = None,
+        record_required: bool = False,
     ) -> None:
         self.name = name
         self._link = link
@@ -57,6 +58,7 @@ class Daemon:
         self._record = record
         self._broadcast = broadcast
         self._record_lost = False
+        self._record_required = record_required
         self._leaving: ShutdownHandover | None = None
         self._rows: tuple[Finding, ...] = ()
         self._judged_s = self._shown_s = float("-inf")
@@ -277,12 +279,19 @@ class Daemon:
         if now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        self._rows = rows(self.facts(now_s), self._plan.flight.autopilot, wants)
+        self._rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self._record_row())
         refused = refusals(self._rows)
         if refused != self._refused and self._survey.complete:
             self._refused = refused
             if refused:
                 self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self._rows))
+
+    def _record_row(self) -> tuple[Finding, ...]:
+        """Refuse to fly without the record that is wanted; one that fails in flight is told, and flown on without."""
+        if self._record is None or self._record.failed is None or not self._record_required:
+            return ()
+        mend = "free the disk, or have record.folder written by this user, or set record.required = false"
+        return (Finding("record", self._record.failed, "written", Verdict.REFUSE, mend),)
 
     def _show(self, now_s: float, outputs: Outputs) -> None:
         changed = any(happening.after is not happening.before for happening in outputs.happenings)

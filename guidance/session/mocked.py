@@ -11,6 +11,7 @@ from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
 from guidance.log.background import BackgroundRecorder
 from guidance.log.writer import Recorder, started_utc, versions
+from guidance.output import writing
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
@@ -103,19 +104,28 @@ def next_folder(parent: Path, stem: str) -> Path:
     return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
 
 
+def refuse_another_flight(folder: Path) -> None:
+    """Refuse a folder in which another flight lies, whole or in part: nothing of it is overwritten or mixed with ours.
+
+    Raises:
+        ConfigError: With what is there.
+    """
+    for name in (RECORD, OUTCOME, PICTURE, "report.html"):
+        if (folder / name).exists():
+            raise ConfigError(f"--out {folder}: another flight lies there ({name}), which stays; give a new folder")
+
+
 @contextlib.contextmanager
 def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
     """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle.
 
     Raises:
-        ConfigError: If it cannot be written.
+        ConfigError: If another flight lies there.
+        OutputError: If it cannot be written.
     """
-    try:
+    refuse_another_flight(path.parent)
+    with writing(path.parent):
         written = Recorder(path, metadata)
-    except OSError as error:
-        raise ConfigError(
-            f"--out {path.parent}: cannot be written ({error.strerror}); choose another folder"
-        ) from error
     recorder = BackgroundRecorder(written) if real_time else written
     try:
         yield recorder

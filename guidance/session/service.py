@@ -82,6 +82,7 @@ def run_vehicle(name: str) -> None:
             notifier=notifier,
             record=record,
             broadcast=broadcast,
+            record_required=config.record.required,
         )
         notifier.ready()
         log.say(
@@ -118,7 +119,7 @@ def _metadata(config: Config, clock: MonotonicClock) -> dict[str, str]:
 def _recording(
     config: Config, metadata: Mapping[str, str], log: Log
 ) -> Iterator[BackgroundRecorder | NullRecorder | None]:
-    """Open the record. One that cannot be written is said to be so, and keeps no vehicle on the ground."""
+    """Open the record. Of one that cannot be written preflight says so; a vehicle in flight is served without."""
     if config.record.folder is None:
         yield None
         return

@@ -75,7 +75,7 @@ class KeptNotifier(Notifier):
 class Base:
     """One daemon, its vehicle and its evader."""
 
-    def __init__(self, *, parameters=FENCED, record=None, broadcast=None, **sections):
+    def __init__(self, *, parameters=FENCED, record=None, broadcast=None, record_required=False, **sections):
         config = self.config = parse(Config, document(**sections), source="test")
         self.clock = VirtualClock()
         flavour = config.vehicle.autopilot
@@ -104,6 +104,7 @@ class Base:
             notifier=self.notifier,
             record=record,
             broadcast=broadcast,
+            record_required=record_required,
         )
 
     @property

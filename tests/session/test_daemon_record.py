@@ -110,14 +110,22 @@ def test_a_disk_that_fills_up_is_said_once_everywhere_and_the_flight_goes_on_as_
     assert len(wanted) > 100
 
 
-def test_a_record_that_cannot_even_be_opened_keeps_no_vehicle_on_the_ground(base, vehicle_document, tmp_path):
+@pytest.mark.parametrize("required", [True, False])
+def test_a_record_that_cannot_even_be_opened_keeps_the_vehicle_on_the_ground_unless_it_is_not_required(
+    required, base, vehicle_document, tmp_path
+):
     (tmp_path / "file").write_text("")
     document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
     bare = base()
     with _recording(parse(Config, document, source="test"), {}, bare.log) as unwritten:
-        one = base(record=unwritten)
-        one.standing_by()
-        assert one.order("status")["recording"].startswith("stopped: record.folder = ")
+        one = base(record=unwritten, record_required=required).until(State.CHECKING if required else State.READY)
+        one.run(3.0)
+        started = one.order("start")
+        assert started["accepted"] is not required
+        status = one.order("status")
+        assert status["recording"].startswith("stopped: record.folder = ")
+        assert status["preflight_refused"] == (["record"] if required else [])
+        assert "set record.required = false" in started.get("reason", "set record.required = false")
     assert one.log.messages().count(STOPPED) == 1
     assert bare.log.messages() == ["the record is incomplete"]
 

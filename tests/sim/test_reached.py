@@ -392,8 +392,8 @@ def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--vehicle", "udpin://127.0.0.1:14540", "--fast"), "not with --fast"),
-        (("--vehicle", "udpin://127.0.0.1:14540", "--port", "7000"), "not with --port"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--fast"), "--fast: only without it, with the mock"),
+        (("--vehicle", "udpin://127.0.0.1:14540", "--port", "7000"), "--port: only without it, with the mock"),
         (("--vehicle", "px4"), "url = 'px4'"),
         (("--vehicle", "udpin://127.0.0.1:14540", "--end", "hover"), "--end hover: allowed are return, land"),
         (("--vehicle", "udpin://127.0.0.1:14540", "--link", "ros"), "--link ros: allowed are mavsdk, pymavlink"),

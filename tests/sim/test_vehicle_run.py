@@ -234,7 +234,7 @@ system_id = 2
 request_rate_hz = 20.0
 """
         )
-        command = [GUIDANCE, "scenario", "run", "evader_turns", "--as", "vehicle", "--engage"]
+        command = [GUIDANCE, "scenario", "run", "evader_turns", "--as", "vehicle", "--engage", "--yes"]
         command += ["--config", tmp_path / "uav1.toml", "--out", tmp_path, "--json", tmp_path / "row.json"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=150, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

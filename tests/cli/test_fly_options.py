@@ -1,0 +1,48 @@
+"""What `guidance fly` refuses before anything flies: options that mean nothing there, and folders of other flights."""
+
+import pytest
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.errors import ConfigError
+from guidance.session.mocked import OUTCOME, PICTURE, RECORD
+
+
+def refused(*arguments):
+    done = CliRunner().invoke(app, ["fly", *map(str, arguments)])
+    assert isinstance(done.exception, ConfigError), done.output
+    return str(done.exception)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--fast", "--link", "mavsdk"), "--link: only in real time, not with --fast"),
+        (("--fast", "--port", "0"), "--port: only in real time, not with --fast"),
+        (("--yes",), "--yes: only with --vehicle, not with the mock"),
+        (("--end", "land"), "--end: only with --vehicle, not with the mock"),
+        (("--autopilot", "px4"), "--autopilot: only with --vehicle, not with the mock"),
+    ],
+)
+def test_an_option_that_would_mean_nothing_is_refused(arguments, words):
+    assert words in refused(*arguments)
+
+
+@pytest.mark.parametrize("left", [RECORD, OUTCOME, PICTURE, "report.html"])
+def test_nothing_of_another_flight_is_overwritten_nor_left_beside_a_new_one(left, tmp_path):
+    (tmp_path / left).write_text("of another flight")
+    assert f"another flight lies there ({left})" in refused("--fast", "--out", tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [left]
+    assert (tmp_path / left).read_text() == "of another flight"
+
+
+def test_a_seed_below_zero_is_refused():
+    assert CliRunner().invoke(app, ["fly", "--fast", "--seed", "-1"]).exit_code == 2
+    assert CliRunner().invoke(app, ["scenario", "run", "pe", "--seed", "-1"]).exit_code == 2
+
+
+def test_what_arms_a_vehicle_says_so_in_its_help():
+    for command in (["fly"], ["scenario", "run"]):
+        words = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "200"}).output
+        assert "IS ARMED" in words
+        assert "--yes" in words
