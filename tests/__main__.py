@@ -3,6 +3,7 @@
 `python -m tests coverage` measures what the quick tests reach, by line and branch, in three times the time.
 `python -m tests acceptance --px4 URL --arducopter URL` flies on SITLs that run (docs/acceptance.md);
 without a URL, as here, each kind of flight is flown on a mock over UDP.
+`python -m tests install` installs the wheel into an empty environment of every Python that it finds, and flies there.
 """
 
 import subprocess
@@ -31,6 +32,7 @@ TOGETHER = (("format",), ("lint",), ("types", "layers"), ("tests",), ("real time
 """Which steps run at the same time: those that wait more than they work, and those of one processor."""
 
 ASKED_FOR = {
+    "install": [sys.executable, "-m", "tests.install"],
     "coverage": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-report=term"],
 }
 """Steps that run by name only."""

@@ -7,6 +7,7 @@ from typing import Final
 from rich.console import Console
 
 from guidance.config import config_folder
+from guidance.extras import how_to_add, require
 from guidance.screen import Sheet, pairs
 from guidance.sim.expect import Expectations
 from guidance.sim.files import FOLDER, load_any
@@ -48,31 +49,41 @@ def listing(width: int) -> Sheet:
     return Sheet(shown, [[row[column] for column in shown] for row in listed()], left=range(4), cut=True)
 
 
-def show(name: str, console: Console, picture: Path | None) -> Path:
-    """Explain a scenario and draw it; return where the picture is, `NAME.png` unless said otherwise.
+def show(name: str, console: Console, picture: Path | None) -> None:
+    """Explain a scenario and draw it, into `NAME.png` unless said otherwise.
 
     Raises:
-        ConfigError: If there is no such scenario, or a key in it is wrong.
+        ConfigError: If there is no such scenario, a key in it is wrong, or --out names a picture that nothing can
+            draw.
         OutputError: If the picture cannot be written.
     """
-    from guidance.viz.figures import check_picture  # noqa: PLC0415 - matplotlib takes a second
-    from guidance.viz.preview import draw_scenario  # noqa: PLC0415
-    from guidance.viz.team_picture import draw_teams  # noqa: PLC0415
-
     if picture is not None:
+        require(f"--out {picture}", "plot")
+        from guidance.viz.figures import check_picture  # noqa: PLC0415 - matplotlib takes a second
+
         check_picture(picture)
     path, scenario = load_any(name)
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name})")
     console.print(" ".join(scenario.description.split()))
     console.print()
     console.print(pairs(team_facts(scenario) if isinstance(scenario, TeamScenario) else facts(scenario)))
+    advice = how_to_add("plot")
+    if advice is not None:
+        console.print(f"picture  {advice}", soft_wrap=True, highlight=False, markup=False)
+        return
     drawn = picture if picture is not None else Path(f"{path.stem}.png")
-    if isinstance(scenario, TeamScenario):
-        draw_teams(scenario, drawn)
-    else:
-        draw_scenario(scenario, drawn)
+    _draw(scenario, drawn)
     console.print(f"picture  {drawn}", soft_wrap=True, highlight=False)
-    return drawn
+
+
+def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:
+    from guidance.viz.preview import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.team_picture import draw_teams  # noqa: PLC0415
+
+    if isinstance(scenario, TeamScenario):
+        draw_teams(scenario, path)
+    else:
+        draw_scenario(scenario, path)
 
 
 def facts(scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from guidance.extras import require
+
 
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="An outcome (JSON), or a sweep's folder.")],
@@ -26,6 +28,7 @@ def compare(
     - `guidance compare sweeps/flown-maths sweeps/flown-fast`: the same for a sweep
     - `guidance compare old new --by regret --rows 20`: two versions of a policy
     """
+    require("guidance compare", "sim")
     from guidance.sweeps.comparison import compare_paths  # noqa: PLC0415 - pyarrow takes a moment
 
     compare_paths(a, b, column=column, rows=rows, as_json=as_json)

@@ -18,11 +18,13 @@ def paper(
     as_json: Annotated[bool, typer.Option("--json", help="Print the tables as JSON.")] = False,
 ) -> None:
     """Compute the paper's tables and figures again; exit with 1 if a published digit differs."""
+    from guidance.extras import require  # noqa: PLC0415
     from guidance.output import writing  # noqa: PLC0415
-    from guidance.paper import draw_figures, tables  # noqa: PLC0415 - matplotlib takes a second that others need not pay
+    from guidance.paper import tables  # noqa: PLC0415 - numpy takes a moment
     from guidance.screen import Sheet, console  # noqa: PLC0415
 
     if figures:
+        require("the figures (--no-figures leaves them out)", "plot")
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
     computed = tables()
@@ -41,6 +43,8 @@ def paper(
             there.print(Sheet(headings, rows, left=(0, 1), title=f"{table.title}; {table.quantity}"))
         there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
     if figures:
+        from guidance.paper.figures import draw_figures  # noqa: PLC0415 - matplotlib takes a second
+
         for path in draw_figures(*computed, out):
             there.print(f"drawn: {path}", soft_wrap=True)
     if wrong:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from guidance.extras import require
+
 
 def report(
     file: Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")],
@@ -15,6 +17,7 @@ def report(
     Tracks in space and from above with fence, stand-off and isochrons, the game and its guarantee over time, velocities
     commanded and flown, ages and latencies, events, and a summary.
     """
+    require("guidance report", "plot")
     from guidance.log import making_sense_of  # noqa: PLC0415
     from guidance.session.recorded import recorded_settings  # noqa: PLC0415
     from guidance.viz.report import write_report  # noqa: PLC0415 - matplotlib takes a second

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from guidance.errors import OutputError
+from guidance.extras import how_to_add
 from guidance.screen import pairs, redraws
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
@@ -82,8 +83,6 @@ def plain(progress: Progress) -> str:
 
 def report(console: Console, result: FlightResult, outcome: Outcome, folder: Path) -> None:
     """Print how a flight ended and what it came to, and draw its picture."""
-    from guidance.viz.picture import draw  # noqa: PLC0415 - matplotlib takes a second
-
     tell_dropped(console, result)
     console.print(_table(result, outcome))
     if outcome.run == "fast":
@@ -94,6 +93,12 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
     console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
     with contextlib.suppress(OSError):  # a full disk is told of the picture
         (folder / OUTCOME).write_text(json.dumps(outcome_json(outcome), indent=2) + "\n", encoding="utf-8")
+    advice = how_to_add("plot")
+    if advice is not None:
+        console.print(f"picture  {advice}", soft_wrap=True, highlight=False, markup=False)
+        return
+    from guidance.viz.picture import draw  # noqa: PLC0415 - matplotlib takes a second
+
     try:
         draw(result, outcome, folder / PICTURE)
     except OutputError as error:

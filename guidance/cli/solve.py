@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from guidance.errors import ConfigError
+from guidance.extras import require
 
 
 def solve(
@@ -65,6 +66,7 @@ def solve(
         target_velocity_m_s=_pair("--target-velocity", target_velocity),
     )
     if states is not None:
+        require("--states", "sim")
         from guidance.cli.solve_file import solve_file  # noqa: PLC0415 - pyarrow is heavy, and one state needs none
 
         solve_file(game, states, out, rows=chunk, ratio_given=speed_ratio is not None)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from guidance.cli.groups import Group
+from guidance.extras import require
 
 
 class _FileFirst(Group):
@@ -76,6 +77,7 @@ def run(
     - `guidance sweep policies --as fast --workers 2 --out flown`: the same, flown by the mock
     - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths/rows'))"`: the rows
     """
+    require("guidance sweep", "sim")
     from guidance.sweeps.command import checked_way, run_sweep  # noqa: PLC0415 - pyarrow takes a moment
 
     signal.signal(signal.SIGTERM, _terminated)
@@ -99,6 +101,7 @@ def report(
     regret's mean with its 95 % interval (Student's t) and its quantiles. Writes report.json, pictures as PNG and PDF,
     and the worst cases as scenario files, ready for `guidance fly` and `guidance scenario run`.
     """
+    require("guidance sweep report", "sim", "plot")
     from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
 
     for path in write_report(folder, folder / "report" if out is None else out, worst=worst):

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Final
 
 from guidance.errors import ConfigError
+from guidance.extras import require
 from guidance.log.maps import write_geojson, write_kml
 from guidance.log.places import Feature, features_of
 from guidance.log.reader import SettingsOf, metadata_of, title_of
-from guidance.log.table import write_csv, write_parquet
 from guidance.log.tlog import write_tlog
 
 
@@ -25,10 +25,24 @@ def _map(path: Path, settings_of: SettingsOf) -> tuple[list[Feature], str]:
     return features_of(path, settings_of(metadata)), title_of(metadata)
 
 
+def _csv(path: Path, out: Path, _: SettingsOf) -> int:
+    require(str(out), "sim")
+    from guidance.log.table import write_csv  # noqa: PLC0415 - pyarrow is of an extra
+
+    return write_csv(path, out)
+
+
+def _parquet(path: Path, out: Path, _: SettingsOf) -> int:
+    require(str(out), "sim")
+    from guidance.log.table import write_parquet  # noqa: PLC0415 - as above
+
+    return write_parquet(path, out)
+
+
 EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]] = {
     ".tlog": ("frames", lambda path, out, _: write_tlog(path, out)),
-    ".csv": ("cycles", lambda path, out, _: write_csv(path, out)),
-    ".parquet": ("cycles", lambda path, out, _: write_parquet(path, out)),
+    ".csv": ("cycles", _csv),
+    ".parquet": ("cycles", _parquet),
     ".geojson": ("features", _geojson),
     ".kml": ("features", _kml),
 }

@@ -4,8 +4,6 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
 
-import pyarrow as pa
-
 from guidance.game import Winner
 from guidance.sim.scenario import Scenario
 
@@ -161,15 +159,6 @@ def invalid(title: str, run: str, reason: str) -> Outcome:
     nan = math.nan
     numbers = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
     return Outcome(title, run, "", "", "", 0, "invalid", "none", "none", *numbers, (), 0, (), nan, reason)
-
-
-SCHEMA = pa.schema(
-    [
-        (name, {str: pa.string(), int: pa.int64(), float: pa.float64()}.get(kind, pa.list_(pa.string())))
-        for name, kind in Outcome.__annotations__.items()
-    ]
-)
-"""The columns of a table of outcomes."""
 
 
 def rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:

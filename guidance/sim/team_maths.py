@@ -5,7 +5,6 @@ from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
 from guidance.game import Ball, End, Game
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
@@ -74,15 +73,6 @@ class TeamOutcome(NamedTuple):
     regret: float
     ratio: float
     reason: str = ""
-
-
-TEAM_SCHEMA = pa.schema(
-    [
-        (name, {str: pa.string(), int: pa.int64()}.get(kind, pa.float64()))
-        for name, kind in TeamOutcome.__annotations__.items()
-    ]
-)
-"""The columns of a table of such outcomes."""
 
 
 def play_teams(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:

@@ -14,10 +14,11 @@ from pyarrow import parquet
 
 from guidance.errors import GuidanceError
 from guidance.sim.maths import play
-from guidance.sim.outcome import SCHEMA, Outcome, invalid
+from guidance.sim.outcome import Outcome, invalid
 from guidance.sim.scenario import Scenario
-from guidance.sim.team_maths import TEAM_SCHEMA, TeamOutcome, invalid_teams, play_teams
+from guidance.sim.team_maths import TeamOutcome, invalid_teams, play_teams
 from guidance.sim.teams import TeamScenario
+from guidance.sweeps.columns import SCHEMA, TEAM_SCHEMA
 from guidance.sweeps.plan import Cases, Plan
 from guidance.sweeps.rows import Scenarios
 

@@ -13,6 +13,7 @@ from itertools import islice
 from typing import Any, Final, NamedTuple, Protocol
 
 from guidance.errors import ConfigError, GuidanceError, LinkError
+from guidance.extras import require
 from guidance.sweeps.chunk import computed
 from guidance.sweeps.plan import Plan
 
@@ -187,13 +188,10 @@ def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
 
 
 def _client(scheduler: str) -> Any:  # noqa: ANN401
-    try:
-        import dask  # noqa: PLC0415 - half a second, and nobody else needs it
-        from distributed import Client  # noqa: PLC0415
-    except ImportError as error:
-        raise ConfigError(
-            "--scheduler: a cluster needs Dask, which is not installed: pip install 'pursuit-guidance[cluster]'"
-        ) from error
+    require(f"--scheduler {scheduler}", "cluster")
+    import dask  # noqa: PLC0415 - half a second, and nobody else needs it
+    from distributed import Client  # noqa: PLC0415
+
     dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
     try:
         client = Client(scheduler, timeout=CONNECT_S)

@@ -17,9 +17,8 @@ from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.sim.files import FOLDER as SCENARIOS
 from guidance.sim.files import has_teams, load_any
-from guidance.sim.outcome import SCHEMA
-from guidance.sim.team_maths import TEAM_SCHEMA
 from guidance.sweeps.axes import Axis
+from guidance.sweeps.columns import SCHEMA, TEAM_SCHEMA
 from guidance.sweeps.model import Pair, Sweep, Way
 
 ROW = "row"

@@ -105,7 +105,11 @@ def calibrate_file(
     answers = replay(log, vehicle_of(chosen)) if dynamics_only else fly_log(log, chosen)
     comparison = compare(log, chosen, answers, guessed_by)
     if plot is not None:
-        from sitl_mock.calibrate.picture import draw  # noqa: PLC0415 - matplotlib takes a second, and few want a plot
+        try:
+            from sitl_mock.calibrate.picture import draw  # noqa: PLC0415 - matplotlib takes a second, and few want it
+        except ModuleNotFoundError as error:
+            advice = "pip install 'pursuit-guidance[plot]'"
+            raise ConfigError(f"--plot {plot}: needs {error.name}, which is not installed: {advice}") from error
 
         draw(plot, log, comparison)
     if as_json:

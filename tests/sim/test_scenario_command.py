@@ -6,7 +6,8 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.errors import ConfigError
-from guidance.sim.outcome import SCHEMA, Outcome
+from guidance.sim.outcome import Outcome
+from guidance.sweeps.columns import SCHEMA
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.toml"
 

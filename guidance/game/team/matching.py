@@ -17,10 +17,10 @@ Pursuers that are left still go where they come closest to a capture of their ow
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from guidance.errors import ConfigError
 from guidance.game import Game, Reason, Solution, Winner, solve
+from guidance.game.team.assignment import assigned_rows
 from guidance.game.team.discs import Array
 from guidance.game.team.several import TeamSolution, fitting, solve_team, speeds, spoiled, vectors, with_speeds
 
@@ -162,8 +162,7 @@ def _assigned(profit: Array, kept: Array | None, hysteresis: float) -> Array:
         kept: who had been assigned before, (..., m).
         hysteresis: what it is worth to keep a pair.
     """
-    shape, (n, m) = profit.shape[:-2], profit.shape[-2:]
-    found = np.full((*shape, m), -1, dtype=np.intp)
+    n, m = profit.shape[-2:]
     if kept is not None:
         same = np.arange(n)[:, None] == kept[..., None, :]
         profit = np.where(same, profit + hysteresis, profit)
@@ -171,12 +170,8 @@ def _assigned(profit: Array, kept: Array | None, hysteresis: float) -> Array:
     # One pair more is worth more than any profit; a share of it for the evaders and pursuers is never used up.
     one = 1.0 + min(n, m) * np.max(np.where(edges, profit, 0.0), axis=(-2, -1), keepdims=True)
     worth = np.where(edges, one + profit, 0.0)
-    for row in np.ndindex(*shape):
-        if edges[row].any():
-            i, j = linear_sum_assignment(worth[row], maximize=True)
-            real = edges[row][i, j]
-            found[row][j[real]] = i[real]
-    return found
+    found = assigned_rows(worth)
+    return np.where((found >= 0) & _of_pair(edges, found), found, -1)
 
 
 def _seconds(table: _Table, first: Array, kept: Array | None, hysteresis: float) -> Array:

@@ -4,10 +4,10 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
 from guidance.errors import ConfigError
+from guidance.extras import require
 from guidance.log import SettingsOf
 from guidance.log.reader import Idle
 from guidance.viz.view.places import Destination, FlightSource
@@ -66,8 +66,7 @@ def require_rerun() -> None:
     Raises:
         ConfigError: If it is not.
     """
-    if find_spec("rerun") is None:
-        raise ConfigError("the view needs Rerun, which is not installed: pip install 'pursuit-guidance[viz]'")
+    require("the view", "viz")
 
 
 def _idle(ended: threading.Event, painter: "Painter | None" = None) -> Idle:

@@ -1,0 +1,90 @@
+"""A newcomer's installation: small, whole by itself, and clear about what it leaves out."""
+
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from guidance.errors import ConfigError
+from guidance.extras import EXTRAS, require
+from tests.install import LARGEST_MB, OF_EXTRAS, ROOT, Installed, wheel
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def without_extras(*arguments, folder):
+    """Run the guidance command as if no package of an extra were installed."""
+    code = f"""
+import importlib.util, sys
+class Absent:
+    def find_spec(self, name, *_):
+        if name.partition(".")[0] in {OF_EXTRAS!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+found = importlib.util.find_spec
+importlib.util.find_spec = lambda name, package=None: None if name in {OF_EXTRAS!r} else found(name, package)
+sys.meta_path.insert(0, Absent())
+from guidance.cli import main
+sys.argv = ["guidance", *{arguments!r}]
+main()
+"""
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("scenario", "run", "teams_tad"),
+        ("log", "info", str(ROOT / "tests" / "data" / "short_chase.mcap")),
+        ("log", "export", str(ROOT / "tests" / "data" / "short_chase.mcap"), "flight.tlog"),
+    ],
+)
+def test_games_and_records_need_no_extra(arguments, tmp_path):
+    done = without_extras(*arguments, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "extra"),
+    [
+        (("sweep", "policies"), "sim"),
+        (("sweep", "report", "."), "sim,plot"),
+        (("compare", "a", "b"), "sim"),
+        (("report", "record.mcap"), "plot"),
+        (("paper",), "plot"),
+        (("view", "record.mcap"), "viz"),
+        (("scenario", "show", "pe", "--out", "pe.png"), "plot"),
+    ],
+)
+def test_a_command_whose_extra_is_missing_says_which_and_how_to_add_it(arguments, extra, tmp_path, monkeypatch):
+    from guidance.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)
+    with pytest.raises(ConfigError, match=rf"not installed: pip install 'pursuit-guidance\[{extra}\]'"):
+        app(list(arguments), standalone_mode=False)
+
+
+def test_every_extra_that_a_message_names_is_declared_and_brings_what_is_missed():
+    extras = PROJECT["optional-dependencies"]
+    named = {"rerun": "rerun-sdk"}
+    for extra, packages in EXTRAS.items():
+        brought = " ".join(extras[extra])
+        assert [name for name in packages if named.get(name, name) not in brought] == []
+    assert {"sim", "plot", "viz", "torch", "jax", "all", "dev"} <= set(extras)
+    require("here everything is", *EXTRAS)
+
+
+@pytest.mark.slow
+def test_the_wheel_in_an_empty_environment_is_small_and_flies(tmp_path):
+    base = Installed(wheel(tmp_path), sys.executable, tmp_path)
+    assert base.megabytes < LARGEST_MB
+    assert base.present() == []
+    flown = base.run("guidance", "fly", "--fast", "hover_chase")
+    assert flown.returncode == 0, flown.stderr
+    assert "picture  needs matplotlib, which is not installed: pip install 'pursuit-guidance[plot]'" in flown.stdout
+    assert base.run("sitl-mock", "list").returncode == 0
+    refused = base.run("guidance", "sweep", "policies")
+    assert (refused.returncode, "pursuit-guidance[sim]" in refused.stderr) == (2, True)
