@@ -251,6 +251,7 @@ class Autopilot:
             estimator.position_error_m,
             estimator.velocity_error_m_s,
             self.ground_m,
+            self.conditions.thrust_share,
         )
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
         body = self.motion.body

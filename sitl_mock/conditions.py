@@ -66,6 +66,8 @@ CONDITIONS: Mapping[str, Kind] = MappingProxyType(
         "ekf_yaw_jump_deg": Kind("the heading estimate jumps", 0.0, _number(-180.0, 180.0), event=True),
         "gps_lost": Kind("the receiver has no fix", False, _flag),
         "eph_m": Kind("horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)),
+        "drift_m_s": Kind("the position estimate slides by north, east, down a second", (0.0, 0.0, 0.0), _vector(3)),
+        "thrust_share": Kind("the rotors give this share of what is asked", 1.0, _number(0.0, 1.0)),
         "estimator_invalid": Kind("position and velocity estimates are invalid", False, _flag),
         "fence_breach": Kind("the fence counts as breached", False, _flag),
         "battery": Kind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
@@ -106,6 +108,8 @@ class Conditions:
     offboard_refused: bool = False
     gps_lost: bool = False
     eph_m: float = 0.0
+    drift_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    thrust_share: float = 1.0
     estimator_invalid: bool = False
     fence_breach: bool = False
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)

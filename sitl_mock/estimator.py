@@ -21,6 +21,7 @@ _BLIND_GROWTH_M_S2: Final = 0.2
 EPH_M: Final = 0.4
 """Horizontal uncertainty with a good receiver."""
 _RESET_LIMIT: Final = 256
+_STILL: Final = (0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
@@ -75,6 +76,9 @@ class Estimator:
         self._judge(now_s, conditions)
         if flying and self.lost_gps_s < math.inf:
             self._drift(now_s)
+        if conditions.drift_m_s != _STILL:
+            (north, east, down), (by_n, by_e, by_d) = self.offset_m, conditions.drift_m_s
+            self.offset_m = (north + by_n * STEP_S, east + by_e * STEP_S, down + by_d * STEP_S)
         self._sum()
 
     def jump(self, by_m: Vector) -> None:

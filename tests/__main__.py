@@ -4,6 +4,7 @@
 `python -m tests acceptance --px4 URL --arducopter URL` flies on SITLs that run (docs/acceptance.md);
 without a URL, as here, each kind of flight is flown on a mock over UDP.
 `python -m tests install` installs the wheel into an empty environment of every Python that it finds, and flies there.
+`python -m tests faults --flights 1000 --seed 7` flies more of the flights in which things go wrong (docs/faults.md).
 """
 
 import subprocess
@@ -34,13 +35,14 @@ TOGETHER = (("format",), ("lint",), ("types", "layers"), ("tests",), ("real time
 ASKED_FOR = {
     "install": [sys.executable, "-m", "tests.install"],
     "coverage": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-report=term"],
+    "faults": [sys.executable, "-m", "tests.faults"],
 }
 """Steps that run by name only."""
 
 
 def main() -> int:
-    if sys.argv[1:2] == ["acceptance"]:
-        return subprocess.run([*STEPS["acceptance"], *sys.argv[2:]], cwd=ROOT, check=False).returncode
+    if sys.argv[1:2] in (["acceptance"], ["faults"]):
+        return subprocess.run([*(STEPS | ASKED_FOR)[sys.argv[1]], *sys.argv[2:]], cwd=ROOT, check=False).returncode
     chosen = sys.argv[1:] or list(STEPS)
     steps = STEPS | ASKED_FOR
     unknown = set(chosen) - set(steps)

@@ -59,10 +59,10 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
         airframe: Mass, drag and lags.
         body: As it is now.
         demand: Of the controller.
-        around: Wind and the ground's height.
+        around: Wind, the ground's height, and what the rotors give of what is asked.
         dt_s: At most about 0.02 s.
     """
-    thrust_m_s2 = min(max(demand.thrust_m_s2, 0.0), airframe.thrust_max_m_s2)
+    thrust_m_s2 = around.thrust_share * min(max(demand.thrust_m_s2, 0.0), airframe.thrust_max_m_s2)
     thrust_m_s2 += (body.thrust_m_s2 - thrust_m_s2) * math.exp(-dt_s / airframe.rotor_lag_s)
     if body.on_ground and thrust_m_s2 <= GRAVITY_M_S2:
         return _resting(body, thrust_m_s2, around.ground_down_m)

@@ -66,6 +66,8 @@ class Surroundings(NamedTuple):
     position_error_ned_m: Ned = ZERO
     velocity_error_ned_m_s: Ned = ZERO
     ground_down_m: float = 0.0
+    thrust_share: float = 1.0
+    """What the rotors give of what is asked."""
 
 
 CALM = Surroundings()

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
 from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, choice, number
 from sitl_mock.faults.links import LINK_KINDS
+from sitl_mock.faults.places import along, in_local_frame, on_earth, vector
 from sitl_mock.mavlink import SPEC_BY_NAME
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 REPORTS: Final = ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ODOMETRY", "FOLLOW_TARGET")
 _SCOPE: Final = Scope(Direction.OUT, REPORTS, open=True)
-_M_PER_DEG: Final = 111_319.490_793
 _STAMPS: Final = {"time_boot_ms": 1e3, "time_usec": 1e6, "timestamp": 1e3}
 _JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))
 
@@ -71,33 +71,15 @@ def _stale(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _displaced(frame: bytes, north_m: float, east_m: float, down_m: float) -> dict[str, Any]:
-    fields = frames.layout(frames.message_id(frame))
-    moved: dict[str, float] = {}
-    if "lat" in fields:
-        lat = frames.value(frame, "lat")
-        moved["lat"] = lat + round(north_m / _M_PER_DEG * 1e7)
-        moved["lon"] = frames.value(frame, "lon") + round(
-            east_m / _M_PER_DEG * 1e7 / math.cos(math.radians(lat * 1e-7))
-        )
-        for name in ("alt", "relative_alt"):
-            if name in fields:
-                moved[name] = frames.value(frame, name) - down_m * (1e3 if fields[name].whole else 1.0)
-    else:
-        for name, by_m in (("x", north_m), ("y", east_m), ("z", down_m)):
-            moved[name] = frames.value(frame, name) + by_m
-    return moved
-
-
 def _jump(making: Making) -> Effect:
-    options, signing = making.options, making.vehicle.autopilot.signing
-    by_m = (options["north"], options["east"], options["down"])
+    signing, by_m = making.vehicle.autopilot.signing, vector(making)
     placed = frozenset(SPEC_BY_NAME[name].message_id for name in REPORTS)
 
     def alter(_now_s: float, frame: bytes) -> Passed:
         if frames.message_id(frame) not in placed:
             return ((0.0, frame),)
-        return ((0.0, frames.changed(frame, _displaced(frame, *by_m), signing.secret_key)),)
+        moved = on_earth(frame, by_m) or in_local_frame(frame, by_m)
+        return ((0.0, frames.changed(frame, moved, signing.secret_key)),)
 
     return Effect(alter=alter)
 
@@ -141,7 +123,7 @@ EVADER_KINDS: Mapping[str, Kind] = MappingProxyType(
             Group.EVADER,
             "reported positions are displaced",
             _jump,
-            {"north": _JUMP, "east": _JUMP, "down": _JUMP},
+            along(_JUMP),
             _SCOPE,
         ),
     }

@@ -37,6 +37,22 @@ def _loss(making: Making) -> Effect:
     return Effect(alter=always(lambda _now_s, _frame: (), making))
 
 
+def _burst_loss(making: Making) -> Effect:
+    """Whole bursts of frames are lost, as a radio in a fade loses them (Gilbert's channel, in time)."""
+    random, means_s = making.random, (making.options["good_s"], making.options["lost_s"])
+    fading, until_s = [False], [math.nan]
+
+    def alter(now_s: float, frame: bytes) -> Passed:
+        if math.isnan(until_s[0]):
+            until_s[0] = now_s + random.expovariate(1.0 / means_s[0])
+        while now_s >= until_s[0]:
+            fading[0] = not fading[0]
+            until_s[0] += random.expovariate(1.0 / means_s[fading[0]])
+        return () if fading[0] else ((0.0, frame),)
+
+    return Effect(alter=alter)
+
+
 def _duplicate(making: Making) -> Effect:
     late_s, copies = making.options["late_s"], making.options["copies"]
     return Effect(
@@ -124,6 +140,16 @@ def _port(making: Making) -> Effect:
 LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
     {
         "loss": Kind(Group.LINK, "frames are lost", _loss, {"probability": _SHARE}, ANY),
+        "burst_loss": Kind(
+            Group.LINK,
+            "frames are lost in bursts",
+            _burst_loss,
+            {
+                "good_s": Option("mean seconds between two bursts", 1.0, number(0.01, 1e3)),
+                "lost_s": Option("mean seconds of a burst", 0.3, number(0.01, 1e3)),
+            },
+            ANY,
+        ),
         "duplicate": Kind(
             Group.LINK,
             "frames come again",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -9,6 +10,7 @@ from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
 from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, integer, number
 from sitl_mock.faults.effect import text as a_text
+from sitl_mock.faults.places import along, vector
 from sitl_mock.mavlink import Encoder
 from sitl_mock.protocols import StatusTexts
 from sitl_mock.vehicle import MockVehicle
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 
 _CUSTOM_MODE_ENABLED: Final = 1
 _ONBOARD_CONTROLLER: Final = 18
+_LOCAL_NED: Final = 1
+_VELOCITY_ONLY: Final = 0b0000_1101_1100_0111
 _TEXT_ID: Final = 40_000
 _LONG_TEXT: Final = (
     "Preflight Fail: the compass is inconsistent by 32 degrees, the barometer is stale "
@@ -82,6 +86,25 @@ def _sysid_clash(making: Making) -> Effect:
     return Effect(alter=hear, advance=advance)
 
 
+def _second_source(making: Making) -> Effect:
+    """Another program commands the vehicle: its frames come in by the first link, among ours."""
+    vehicle, options = making.vehicle, making.options
+    link, velocity = next(iter(vehicle.links)), vector(making)
+    encoder = Encoder(options["system"], 190, signing=vehicle.autopilot.signing, link_id=101)
+    next_s = [-math.inf]
+
+    def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
+        if now_s < next_s[0] - 1e-9:
+            return ()
+        next_s[0] = now_s + 1.0 / options["rate_hz"]
+        stamp = vehicle.autopilot.report.boot_ms
+        fields = (stamp, vehicle.system_id, 1, _LOCAL_NED, _VELOCITY_ONLY, 0, 0, 0, *velocity, 0, 0, 0, 0, 0)
+        frame = encoder.pack("SET_POSITION_TARGET_LOCAL_NED", *fields)
+        return [(link, reply) for reply in vehicle.links[link].receive(now_s, frame)]
+
+    return Effect(advance=advance)
+
+
 def _statustext(making: Making) -> Effect:
     vehicle, options = making.vehicle, making.options
     waiting: list[tuple[str, bytes]] = []
@@ -125,6 +148,16 @@ OTHER_SENDER_KINDS: Mapping[str, Kind] = MappingProxyType(
                 "east_m": Option("as above", 0.0, number(-1e5, 1e5)),
             },
             Scope(Direction.IN),
+        ),
+        "second_source": Kind(
+            Group.LINK,
+            "another program sends velocity setpoints to the vehicle",
+            _second_source,
+            {
+                **along(Option("m/s", 0.0, number(-20.0, 20.0))),
+                "rate_hz": Option("how often", 10.0, number(0.1, 100.0)),
+                "system": Option("its system id", 254, integer(1, 255)),
+            },
         ),
         "statustext": Kind(
             Group.LINK,

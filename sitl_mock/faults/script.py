@@ -30,6 +30,7 @@ from sitl_mock.faults.effect import REQUIRED, Direction, Kind, Option, choice, i
 from sitl_mock.faults.evader import EVADER_KINDS
 from sitl_mock.faults.links import LINK_KINDS
 from sitl_mock.faults.other_senders import OTHER_SENDER_KINDS
+from sitl_mock.faults.places import PLACE_KINDS
 from sitl_mock.faults.vehicle import FLIGHT_KINDS
 from sitl_mock.mavlink import SPEC_BY_NAME
 
@@ -38,7 +39,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 KINDS: Mapping[str, Kind] = MappingProxyType(
-    {**LINK_KINDS, **ACK_KINDS, **CONTENT_KINDS, **OTHER_SENDER_KINDS, **FLIGHT_KINDS, **EVADER_KINDS}
+    {
+        **LINK_KINDS,
+        **ACK_KINDS,
+        **CONTENT_KINDS,
+        **PLACE_KINDS,
+        **OTHER_SENDER_KINDS,
+        **FLIGHT_KINDS,
+        **EVADER_KINDS,
+    }
 )
 
 

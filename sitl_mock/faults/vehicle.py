@@ -22,6 +22,7 @@ from sitl_mock.faults.effect import (
     text,
 )
 from sitl_mock.faults.other_senders import mode_named
+from sitl_mock.faults.places import along, vector
 from sitl_mock.pilot import Sticks
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 _STICK: Final = Option("from -1 to 1", 0.0, number(-1.0, 1.0))
 _WIND: Final = Option("m/s", 0.0, number(-40.0, 40.0))
 _JUMP: Final = Option("metres", 0.0, number(-1e4, 1e4))
+_DRIFT: Final = Option("metres a second", 0.0, number(-5.0, 5.0))
 
 
 def _while(making: Making, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
@@ -44,11 +46,6 @@ def _while(making: Making, condition: str, value: Any) -> Effect:  # noqa: ANN40
 def _once(making: Making, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
     """Let something happen."""
     return Effect(begin=lambda _now_s: making.vehicle.inject(condition, value))
-
-
-def _vector(making: Making) -> tuple[float, float, float]:
-    options = making.options
-    return (options["north"], options["east"], options["down"])
 
 
 def _radio(making: Making, effect: Effect) -> Effect:
@@ -129,10 +126,6 @@ def _charge(meaning: str, share: float) -> Kind:
     )
 
 
-def _along(option: Option) -> dict[str, Option]:
-    return {"north": option, "east": option, "down": option}
-
-
 FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
     {
         "telemetry_freeze": _flight("nothing but HEARTBEAT and answers is sent", "telemetry_frozen"),
@@ -163,8 +156,8 @@ FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
         "ekf_jump": Kind(
             Group.FLIGHT,
             "the position estimate jumps, the reset counter rises",
-            lambda making: _once(making, "ekf_jump_m", _vector(making)),
-            _along(_JUMP),
+            lambda making: _once(making, "ekf_jump_m", vector(making)),
+            along(_JUMP),
             for_s=0.0,
         ),
         "ekf_yaw_jump": Kind(
@@ -175,6 +168,26 @@ FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
             for_s=0.0,
         ),
         "gps_loss": _flight("no fix; the estimate slides away and becomes invalid", "gps_lost"),
+        "gps_drift": Kind(
+            Group.FLIGHT,
+            "the position estimate slides away while velocities stay right",
+            lambda making: _while(making, "drift_m_s", vector(making)),
+            along(_DRIFT),
+            for_s=10.0,
+        ),
+        "barometer_drift": Kind(
+            Group.FLIGHT,
+            "the height estimate slides away",
+            lambda making: _while(making, "drift_m_s", (0.0, 0.0, making.options["down_m_s"])),
+            {"down_m_s": Option("metres a second, downwards", 0.2, number(-5.0, 5.0))},
+            for_s=10.0,
+        ),
+        "thrust_loss": Kind(
+            Group.FLIGHT,
+            "the rotors give less than is asked of them",
+            lambda making: _while(making, "thrust_share", making.options["share"]),
+            {"share": Option("of the thrust that is left", 0.8, number(0.0, 1.0))},
+        ),
         "estimator_invalid": _flight("position and velocity are invalid", "estimator_invalid"),
         "eph_growth": Kind(
             Group.FLIGHT,
@@ -191,8 +204,8 @@ FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
         "wind_gust": Kind(
             Group.FLIGHT,
             "a steady wind for a while",
-            lambda making: _while(making, "wind_m_s", _vector(making)),
-            _along(_WIND),
+            lambda making: _while(making, "wind_m_s", vector(making)),
+            along(_WIND),
             for_s=3.0,
         ),
         "gusts": Kind(
@@ -204,8 +217,8 @@ FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
         "push": Kind(
             Group.FLIGHT,
             "the vehicle's velocity jumps",
-            lambda making: _once(making, "push_m_s", _vector(making)),
-            _along(_WIND),
+            lambda making: _once(making, "push_m_s", vector(making)),
+            along(_WIND),
             for_s=0.0,
         ),
         "velocity_truncation": Kind(

@@ -1,0 +1,194 @@
+"""Faults of places and velocities that are wrong and look right: home, the local frame's origin, what is flown."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
+
+from sitl_mock.faults import frames
+from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, choice, number
+from sitl_mock.mavlink import SPEC_BY_NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from sitl_mock.vehicle import MockVehicle
+
+_M_PER_DEG: Final = 111_319.490_793
+_JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))
+_LIE: Final = Option("m/s", 0.0, number(-100.0, 100.0))
+_AGAIN_S: Final = 1.0
+_ON_EARTH: Final = (("lat", "lon", "alt"), ("latitude", "longitude", "altitude"))
+_HOME, _ORIGIN, _LOCAL, _ODOMETRY, _ASKED = (
+    SPEC_BY_NAME[name].message_id
+    for name in (
+        "HOME_POSITION",
+        "GPS_GLOBAL_ORIGIN",
+        "LOCAL_POSITION_NED",
+        "ODOMETRY",
+        "SET_POSITION_TARGET_LOCAL_NED",
+    )
+)
+
+Vector = tuple[float, float, float]
+
+
+def along(option: Option) -> dict[str, Option]:
+    """Return one option for each direction."""
+    return {"north": option, "east": option, "down": option}
+
+
+def vector(making: Making) -> Vector:
+    """Return what the options of `along` say."""
+    options = making.options
+    return (options["north"], options["east"], options["down"])
+
+
+def on_earth(frame: bytes, by_m: Vector) -> dict[str, Any]:
+    """Return the fields that say where on Earth, displaced; none where a message has no such fields."""
+    fields = frames.layout(frames.message_id(frame))
+    names = next((names for names in _ON_EARTH if names[0] in fields), None)
+    if names is None:
+        return {}
+    (lat_name, lon_name, alt_name), (north_m, east_m, down_m) = names, by_m
+    lat = frames.value(frame, lat_name)
+    east = east_m / _M_PER_DEG * 1e7 / math.cos(math.radians(lat * 1e-7))
+    moved: dict[str, Any] = {
+        lat_name: lat + round(north_m / _M_PER_DEG * 1e7),
+        lon_name: frames.value(frame, lon_name) + round(east),
+    }
+    for name in (alt_name, "relative_alt"):
+        if name in fields:
+            moved[name] = frames.value(frame, name) - down_m * (1e3 if fields[name].whole else 1.0)
+    return moved
+
+
+def in_local_frame(frame: bytes, by_m: Vector) -> dict[str, Any]:
+    """Return x, y and z displaced."""
+    return {name: frames.value(frame, name) + by for name, by in zip(("x", "y", "z"), by_m, strict=True)}
+
+
+def _told(vehicle: MockVehicle, *names: str) -> Effect:
+    """Make an effect that has messages said at once, and again every second."""
+    next_s = [-math.inf]
+
+    def begin(now_s: float) -> None:
+        next_s[0] = now_s
+
+    def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
+        if now_s >= next_s[0] - 1e-9:
+            next_s[0] = now_s + _AGAIN_S
+            vehicle.autopilot.state.news.extend(names)
+        return ()
+
+    return Effect(begin=begin, advance=advance)
+
+
+def _home_jump(making: Making) -> Effect:
+    signing, random, wander_m = making.vehicle.autopilot.signing, making.random, making.options["wander_m"]
+    by_m = list(vector(making))
+    effect = _told(making.vehicle, "HOME_POSITION")
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        if frames.message_id(frame) != _HOME:
+            return ((0.0, frame),)
+        by_m[:] = [part + random.gauss(0.0, wander_m) for part in by_m]
+        displaced = (by_m[0], by_m[1], by_m[2])
+        changes = {**on_earth(frame, displaced), **in_local_frame(frame, displaced)}
+        return ((0.0, frames.changed(frame, changes, signing.secret_key)),)
+
+    effect.alter = alter
+    return effect
+
+
+def _origin_jump(making: Making) -> Effect:
+    signing, by_m = making.vehicle.autopilot.signing, vector(making)
+    effect = _told(making.vehicle, "GPS_GLOBAL_ORIGIN")
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        changes = on_earth(frame, by_m) if frames.message_id(frame) == _ORIGIN else {}
+        return ((0.0, frames.changed(frame, changes, signing.secret_key) if changes else frame),)
+
+    effect.alter = alter
+    return effect
+
+
+def _origin_move(making: Making) -> Effect:
+    signing, told = making.vehicle.autopilot.signing, making.options["told"]
+    north, east, down = by_m = vector(making)
+    back_m = (-north, -east, -down)
+    effect = _told(making.vehicle, "GPS_GLOBAL_ORIGIN", "HOME_POSITION") if told == "yes" else Effect()
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        number_ = frames.message_id(frame)
+        if number_ in {_LOCAL, _ODOMETRY, _HOME}:
+            changes = in_local_frame(frame, back_m)
+        elif number_ == _ASKED:
+            changes = in_local_frame(frame, by_m)
+        elif number_ == _ORIGIN and told == "yes":
+            changes = on_earth(frame, by_m)
+        else:
+            return ((0.0, frame),)
+        return ((0.0, frames.changed(frame, changes, signing.secret_key)),)
+
+    effect.alter = alter
+    return effect
+
+
+def _velocity_lie(making: Making) -> Effect:
+    signing, by_m_s = making.vehicle.autopilot.signing, vector(making)
+
+    def alter(_now_s: float, frame: bytes) -> Passed:
+        fields = frames.layout(frames.message_id(frame)) if frames.message_id(frame) >= 0 else {}
+        if "vx" not in fields:
+            return ((0.0, frame),)
+        units = 100.0 if fields["vx"].whole else 1.0  # cm/s in whole numbers
+        parts = zip(("vx", "vy", "vz"), by_m_s, strict=True)
+        changes = {name: frames.value(frame, name) + by * units for name, by in parts}
+        return ((0.0, frames.changed(frame, changes, signing.secret_key)),)
+
+    return Effect(alter=alter)
+
+
+PLACE_KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "home_jump": Kind(
+            Group.LINK,
+            "HOME_POSITION is told elsewhere, and may wander",
+            _home_jump,
+            {**along(_JUMP), "wander_m": Option("standard deviation of each step", 0.0, number(0.0, 1e3))},
+            Scope(Direction.OUT, ("HOME_POSITION",)),
+        ),
+        "origin_jump": Kind(
+            Group.LINK,
+            "GPS_GLOBAL_ORIGIN is told elsewhere than it is",
+            _origin_jump,
+            along(_JUMP),
+            Scope(Direction.OUT, ("GPS_GLOBAL_ORIGIN",)),
+        ),
+        "origin_move": Kind(
+            Group.LINK,
+            "the local frame is moved, and all places in it; it is told or not",
+            _origin_move,
+            {**along(_JUMP), "told": Option("yes or no", "yes", choice("yes", "no"))},
+            Scope(
+                Direction.BOTH,
+                (
+                    "LOCAL_POSITION_NED",
+                    "ODOMETRY",
+                    "HOME_POSITION",
+                    "GPS_GLOBAL_ORIGIN",
+                    "SET_POSITION_TARGET_LOCAL_NED",
+                ),
+            ),
+        ),
+        "velocity_lie": Kind(
+            Group.LINK,
+            "velocities are told with an error; positions are right",
+            _velocity_lie,
+            along(_LIE),
+            Scope(Direction.OUT, ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"), open=True),
+        ),
+    }
+)

@@ -1,0 +1,267 @@
+"""What must hold in every flight, whatever goes wrong, judged by the mock's truth and by the bytes on its wire.
+
+A wall is a fence, the floor, the ceiling or the stand-off's (R - 1, h - 1). It binds while the vehicle flies by our
+setpoints, and for a moment after, while it brakes in the hold that it was handed to. A breach is judged after what
+nobody who flies by what he is told could avoid was taken off, and 0.3 m: the true error of the estimate, what a vehicle
+flies that hears no setpoints any more, and the way of an evader that comes nearer. Of a vehicle that restarts in
+flight, or that obeys another program, no wall is asked; that the other program is noticed is.
+"""
+
+import math
+from collections import deque
+from typing import Any, NamedTuple
+
+from guidance.control import Polygon
+from guidance.flight import FINAL, Outputs, State
+from guidance.flight.detection import TELEMETRY_LIMIT_S
+from guidance.flight.table import HANDING_OVER, SETPOINT_STATES, TRANSITIONS
+from guidance.frames import Amsl
+from guidance.messages import LocalPosition
+from guidance.sim.scenario import EVADER, PURSUER
+from guidance.sim.stepped import SteppedWorld
+from sitl_mock.faults import frames
+from sitl_mock.mavlink import SPEC_BY_NAME
+from sitl_mock.world import Home
+from tests.faults.drawing import Case
+
+Vector = tuple[float, float, float]
+
+SPARE_M = 0.3
+REMEMBERED_S = 3.0
+BRAKING_S = 3.0
+BLIND_AFTER_S = 0.1
+GUIDED = frozenset({"OFFBOARD", "GUIDED"})
+HOLDS = frozenset({"AUTO.LOITER", "HOLD", "LOITER", "BRAKE"})
+SETPOINT = SPEC_BY_NAME["SET_POSITION_TARGET_LOCAL_NED"].message_id
+_SETPOINT_BYTES = SETPOINT.to_bytes(3, "little")
+LOST_AFTER_S = 1.5 + 0.1
+NOTICED_S = 2.1
+
+ENDS = frozenset({State.LANDED, State.YIELDED, State.FAILED, State.HOLDING, State.RETURNING, State.LANDING})
+
+
+class Violation(NamedTuple):
+    """What did not hold, when (after engagement, s), and by how much (m, or what it is counted in)."""
+
+    invariant: str
+    at_s: float
+    amount: float
+    said: str = ""
+
+
+class Sight(NamedTuple):
+    """One moment by the mock's truth, in the pursuer's local frame, and what the service believes."""
+
+    now_s: float
+    pursuer_m: Vector
+    evader_m: Vector
+    error_m: tuple[float, float]
+    evader_error_m: tuple[float, float]
+    blind_m: float
+
+
+class Watch:
+    """Looks at every cycle of one flight."""
+
+    def __init__(self, case: Case, world: SteppedWorld) -> None:
+        self._case = case
+        self._pursuer, self._rover = world.vehicles[PURSUER], world.vehicles[EVADER]
+        self._polygon = None if case.corners_m is None else Polygon(case.corners_m)
+        self._recent: deque[Sight] = deque()
+        self._engaged_s: float | None = None
+        self._home_m: Vector | None = None
+        self._guided_s = -math.inf
+        self._ours = False
+        self._entered_m = 0.0
+        self._before: Sight | None = None
+        self._heard_s = -math.inf
+        self._ended_s: float | None = None
+        self._pilots: str | None = None
+        self._states: list[State] = []
+        self.worst: dict[str, Violation] = {}
+        self.breaches_m: dict[str, float] = {}
+        self._listen()
+
+    def _listen(self) -> None:
+        """Note when a setpoint comes through to the vehicle, faults of its link included."""
+        inner, flown = self._pursuer.step_links, self._pursuer
+
+        def step_links(now_s: float, frames_in: Any) -> Any:
+            if any(_is_setpoint(frame) for arrived in frames_in.values() for frame in arrived):
+                self._heard_s = now_s
+            return inner(now_s, frames_in)
+
+        flown.step_links = step_links  # type: ignore[method-assign]
+
+    def wrong(self, invariant: str, now_s: float, amount: float, said: str = "") -> None:
+        """Keep the worst of each kind."""
+        at_s = math.nan if self._engaged_s is None else now_s - self._engaged_s
+        if invariant not in self.worst or amount > self.worst[invariant].amount:
+            self.worst[invariant] = Violation(invariant, at_s, amount, said)
+
+    def sent(self, now_s: float, passed: list[bytes], outputs: Outputs, flight: Any) -> None:
+        """Judge what went out in one cycle."""
+        setpoints = [frame for frame in passed if _is_setpoint(frame)]
+        if len(setpoints) > 1:
+            self.wrong("one setpoint a cycle", now_s, len(setpoints))
+        for frame in setpoints:
+            self._numbers(now_s, frame)
+            self._permitted(now_s, outputs.state, flight.vehicle.age_s(LocalPosition, now_s))
+        if outputs.state is State.ENGAGED and flight.tracking.silence_s(now_s) > LOST_AFTER_S:
+            self.wrong("no chase of an old place", now_s, flight.tracking.silence_s(now_s))
+
+    def _numbers(self, now_s: float, frame: bytes) -> None:
+        limits = self._case.scenario.speed_limits
+        north, east, down = (frames.value(frame, name) for name in ("vx", "vy", "vz"))
+        if not all(map(math.isfinite, (north, east, down))):
+            self.wrong("numbers", now_s, math.inf)
+            return
+        over = max(math.hypot(north, east) - limits.speed_m_s, -down - limits.climb_m_s, down - limits.descent_m_s)
+        if over > 1e-3:
+            self.wrong("speed limits", now_s, over)
+
+    def _permitted(self, now_s: float, state: State, age_s: float) -> None:
+        if state in FINAL:
+            self.wrong("silence after yielding", now_s, 1.0, str(state))
+        elif state not in SETPOINT_STATES | HANDING_OVER:
+            self.wrong("setpoints only where the state has them", now_s, 1.0, str(state))
+        if age_s > TELEMETRY_LIMIT_S + 0.03:
+            self.wrong("silence rather than old", now_s, age_s)
+
+    def followed(self, now_s: float, outputs: Outputs) -> None:
+        """Judge what the state machine did."""
+        if self._engaged_s is None and outputs.state is State.ENGAGED:
+            self._engaged_s = now_s
+        if self._home_m is None and outputs.state is State.CLIMBING:
+            self._home_m = self._pursuer.autopilot.state.home_m
+        for happening in outputs.happenings:
+            legal = TRANSITIONS.get((happening.before, happening.event), happening.before)
+            if happening.after is not legal:
+                self.wrong("the table", now_s, 1.0, f"{happening.before} {happening.event} {happening.after}")
+        if outputs.fault is not None:
+            self.wrong("no error of our own", now_s, 1.0, outputs.fault)
+        if outputs.state in FINAL and self._ended_s is None:
+            self._ended_s = now_s
+        if self._ended_s is not None and outputs.state not in FINAL:
+            self.wrong("an end is one", now_s, 1.0, str(outputs.state))
+        self._follow_pilot(now_s)
+        self._notice_another(now_s, outputs.state)
+
+    def _follow_pilot(self, now_s: float) -> None:
+        """A pilot who took the vehicle keeps it."""
+        wanted = {fault.keys().get("mode") for fault in self._case.scenario.fault if fault.kind == "pilot_mode"}
+        mode = self._pursuer.mode
+        if self._pilots is None and mode in wanted:
+            self._pilots = mode
+        if self._pilots is not None and mode in GUIDED:
+            self.wrong("a pilot is not fought", now_s, 1.0, mode)
+
+    def see(self, now_s: float, flight: Any) -> None:
+        """Judge where the vehicle is, from engagement on."""
+        mode = self._pursuer.mode
+        if self._pursuer.autopilot.boots > 1 or self._obeys_another(now_s):
+            self._ours = False
+        elif mode in GUIDED and self._pursuer.armed:
+            self._guided_s, self._ours = now_s, True
+        elif mode not in HOLDS or now_s - self._guided_s > BRAKING_S:
+            self._ours = False
+        sight = self._sight(now_s, flight)
+        self._recent.append(sight)
+        while now_s - self._recent[0].now_s > REMEMBERED_S:
+            self._recent.popleft()
+        if self._ours and self._home_m is not None:
+            self._walls(sight, self._home_m)
+        else:
+            self._entered_m = 0.0
+        self._before = sight
+
+    def _obeys_another(self, now_s: float) -> bool:
+        begun_s = self._begun_s("second_source")
+        return self._engaged_s is not None and now_s - self._engaged_s >= begun_s
+
+    def _begun_s(self, kind: str) -> float:
+        return min((fault.at_s for fault in self._case.scenario.fault if fault.kind == kind), default=math.inf)
+
+    def _notice_another(self, now_s: float, state: State) -> None:
+        """Another program is noticed within two seconds, where nothing else goes wrong."""
+        if self._case.kinds == ("second_source",) and self._engaged_s is not None and state in SETPOINT_STATES:
+            since_s = now_s - self._engaged_s - self._begun_s("second_source")
+            if since_s > NOTICED_S:
+                self.wrong("another program is noticed", now_s, since_s)
+
+    def _walls(self, sight: Sight, home_m: Vector) -> None:
+        limits = self._case.scenario.limits
+        north, east, down = (at - home for at, home in zip(sight.pursuer_m, home_m, strict=True))
+        blind_m = max(one.blind_m for one in self._recent)
+        level_m, height_m = (max(one.error_m[axis] for one in self._recent) + blind_m for axis in (0, 1))
+        self._breach("fence", sight, math.hypot(north, east) - limits.fence_radius_m, level_m)
+        if self._polygon is not None and not self._polygon.contains((north, east)):
+            beyond_m = min(math.dist((north, east), point) for point in self._polygon.nearest_points((north, east)))
+            self._breach("polygon", sight, beyond_m, level_m)
+        self._breach("floor", sight, limits.floor_m + down, height_m)
+        self._breach("ceiling", sight, -down - limits.ceiling_m, height_m)
+        evader_m = max(math.hypot(*one.evader_error_m) for one in self._recent)
+        self._breach("stand-off", sight, self._into(sight), math.hypot(level_m, height_m) + evader_m)
+
+    def _into(self, sight: Sight) -> float:
+        """How far the vehicle has itself gone into the space about the evader, the evader's own way not counted."""
+        gap_m = self._gap(sight.pursuer_m, sight.evader_m)
+        if self._before is None or gap_m >= 0.0:
+            self._entered_m = 0.0
+            return 0.0
+        was_m = min(0.0, self._gap(self._before.pursuer_m, sight.evader_m))
+        self._entered_m = max(0.0, self._entered_m + was_m - gap_m)
+        return self._entered_m
+
+    def _gap(self, pursuer_m: Vector, evader_m: Vector) -> float:
+        disc = self._case.scenario.standoff
+        beside_m = math.dist(pursuer_m[:2], evader_m[:2]) - max(0.5, disc.radius_m - 1.0)
+        above_m = evader_m[2] - pursuer_m[2] - max(0.5, disc.height_m - 1.0)
+        return max(beside_m, above_m)
+
+    def _breach(self, wall: str, sight: Sight, breach_m: float, allowed_m: float) -> None:
+        if breach_m > self.breaches_m.get(wall, 0.0):
+            self.breaches_m[wall] = breach_m
+        if breach_m > allowed_m + SPARE_M:
+            excess_m = breach_m - allowed_m
+            self.wrong(wall, sight.now_s, excess_m, f"{breach_m:.2f} m beyond, {allowed_m:.2f} m of error")
+
+    def _sight(self, now_s: float, flight: Any) -> Sight:
+        pursuer, evader = self._pursuer, self._rover
+        frame = pursuer.autopilot.frame
+        here = pursuer.truth.position_ned_m
+        there = frame.to_local(*evader.autopilot.frame.to_geodetic(*evader.truth.position_ned_m))
+        error = pursuer.autopilot.state.estimator.position_error_m
+        level_m, height_m = math.hypot(*error[:2]), abs(error[2])
+        local, believed = flight.vehicle.last(LocalPosition), flight.tracking.local_frame
+        if local is not None and believed is not None:
+            level, height = _apart(_in_frame(frame, believed, local.position_ned_m), here)
+            level_m, height_m = max(level_m, level), max(height_m, height)
+        evader_error = (0.0, 0.0)
+        estimate = flight.tracking.evader(now_s)
+        if estimate is not None and believed is not None:
+            evader_error = _apart(_in_frame(frame, believed, estimate.position_ned_m), there)
+        blind_s = now_s - self._heard_s if self._pursuer.mode in GUIDED else 0.0
+        blind_m = math.hypot(*pursuer.truth.velocity_ned_m_s) * blind_s if blind_s > BLIND_AFTER_S else 0.0
+        return Sight(now_s, here, there, (level_m, height_m), evader_error, blind_m)
+
+    def ended(self, now_s: float, state: State) -> None:
+        """Judge how the flight came out."""
+        if state not in ENDS:
+            self.wrong("an end", now_s, 1.0, str(state))
+
+
+def _is_setpoint(frame: bytes) -> bool:
+    """Whether a frame of MAVLink 2 is a velocity setpoint, and whole."""
+    return frame[7:10] == _SETPOINT_BYTES and frames.message_id(frame) == SETPOINT
+
+
+def _in_frame(frame: Any, believed: Any, position_ned_m: Vector) -> Vector:
+    latitude_deg, longitude_deg, altitude = believed.wgs84_from_ned(position_ned_m)
+    metres = altitude.metres if isinstance(altitude, Amsl) else altitude
+    place: Vector = frame.to_local(*Home(latitude_deg, longitude_deg, metres))
+    return place
+
+
+def _apart(one: Vector, other: Vector) -> tuple[float, float]:
+    return math.dist(one[:2], other[:2]), abs(one[2] - other[2])
