@@ -1,7 +1,7 @@
 """Mutants of the flight machine and of control: `python tests/bench/bench_flight_mutants.py [--only FILES]`.
 
 One change at a time, in memory, in a forked child that stops at the first test that fails: operators, comparisons,
-constants and conditions as in `bench_game_mutants.py`, and besides every statement with an effect dropped, every entry
+constants and conditions as in `mutation.py`, and besides every statement with an effect dropped, every entry
 of a table dropped, every two neighbours of an ordered table exchanged, every line of the transition table missing or
 leading elsewhere, every mode allowed or forbidden. Printed: how many were killed, and every survivor; those that
 change nothing are listed in `flight_mutants.toml` with the reason, and are printed with it. `--minutes` bounds a run,
@@ -24,9 +24,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from bench_game_mutants import REPORT, ROOT, mutants
 from hypothesis import Phase, settings
+from mutation import ROOT, mutants
 
+REPORT = os.dup(1)
 LIMIT_S = 150
 LISTED = Path(__file__).with_name("flight_mutants.toml")
 FLIGHTS = (

@@ -1,285 +1,127 @@
-"""Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--only FILES] [--resume FILE] [--minutes M]`.
+"""Mutants of guidance.game: `python tests/bench/bench_game_mutants.py [--only FILES] [--keep FILE] [--minutes M]`.
 
 A file of a package within is named as it is imported, `--only pe,team.several`; `--tests 'test_team_*.py'` runs fewer
 tests, for a quick look.
 
-One operator, comparison, constant, condition or choice is changed at a time, in memory: a forked child imports the
-changed package afresh, runs the tests that enter the changed function, the likeliest to fail first, and stops at the
-first failure. A test that takes five times its processor time (and five seconds more) has noticed the change; that of
-the clock on the wall does not matter. Annotations and the wording of messages are left alone: they change no result.
+One operator, comparison, constant, condition or choice is changed at a time, in memory (`mutation.py`). The tests are
+collected once. Each mutant has a forked child, in which the changed function's code takes the place of the original's
+and the tests that reach the changed line run, the likeliest to fail soon first, up to the first failure. What is
+changed outside of all functions, and whatever outlasts the first `--first` seconds of tests, is judged once more by all
+tests that reach it in a package imported anew. Of changes that compile to the same code one is drawn, and none that
+compiles to the original's. A test that takes five times its processor time (and three seconds more) has noticed the
+change: it timed out; the clock on the wall does not matter.
 
-Printed: how many were killed, and every survivor. One that changes no result is listed in `game_mutants.toml` with the
-reason, and is not run again without `--listed`; any other fails the run. What only PyTorch or JAX can notice survives
-where they are not installed. A file given with `--resume` keeps what was killed, so that a later run (with those
-libraries, say) judges the others alone.
+Printed: how many were drawn, killed, listed, survived and timed out, and every survivor. One that changes no result is
+listed in `game_mutants.toml` with the reason, and is not run again without `--listed`; any other fails the run. What
+only PyTorch or JAX can notice survives where they are not installed. A file given with `--keep` holds what was noticed,
+by the text of the changed statement, and beside it which test reaches what: a later run judges the others alone.
 """
 
 import argparse
-import ast
-import copy
-import gc
-import hashlib
-import importlib
 import json
 import os
 import random
-import resource
-import signal
 import sys
 import time
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator
-from importlib.machinery import SourceFileLoader
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
+from mutant_judges import LIMIT, Forks, judge_afresh
+from mutant_survey import OPTIONS, Survey, survey
+from mutation import ROOT, Mutant, drawn_from, in_child, modules
 
 REPORT = os.dup(1)
-ROOT = Path(__file__).resolve().parents[2]
-SOURCE, TESTS = ROOT / "guidance" / "game", ROOT / "tests" / "game"
 LISTED = Path(__file__).with_name("game_mutants.toml")
-OWN = ("guidance", "sitl_mock", "tests", "conftest", "__main__")
-LIMIT = "the limit of processor time"
-TIMES, SPARE_S, WALL_S = 5.0, 5.0, 3600
+START_S = 0.005
+"""What pytest takes around a test, s of processor time."""
+
+LOCAL = 10
+"""How much more it says of a test that it noticed another change to the same function."""
+
 LIKELY = 12
-"""Tests that are tried before all other files are even read."""
-SWAPS = {
-    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
-    ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
-    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-    ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In, ast.And: ast.Or, ast.Or: ast.And,
-    ast.USub: ast.UAdd, ast.FloorDiv: ast.Mult,
-}  # fmt: skip
-REVERSED = {ast.Lt: ast.Gt, ast.LtE: ast.GtE, ast.Gt: ast.Lt, ast.GtE: ast.LtE}
+"""Tests that are tried before all other files are even read, in a package imported anew."""
 
 
-def mutants(tree: ast.Module) -> Iterator[tuple[str, ast.Module]]:
-    """Yield a description and a changed tree for every change that can be made."""
-    named = [one for one in tree.body if getattr(getattr(one, "annotation", None), "value", "") == "TypeAlias"]
-    left_alone = {id(part) for one in named for part in ast.walk(one)}
-    for index, node in enumerate(ast.walk(tree)):
-        for number, (said, _) in enumerate(() if id(node) in left_alone else changes(node)):
-            changed = copy.deepcopy(tree)
-            target = next(other for place, other in enumerate(ast.walk(changed)) if place == index)
-            list(changes(target))[number][1]()
-            line = getattr(node, "lineno", 0)
-            yield f"{line}: {said}: {ast.unparse(node)[:90]}", ast.fix_missing_locations(changed)
+class Run:
+    """Who noticed each mutant so far, by digest, and what is left to do."""
 
+    def __init__(self, kept: Path | None, ends: float, first_s: float) -> None:
+        self.kept, self.ends, self.first_s = kept, ends, first_s
+        lines = kept.read_text().splitlines() if kept and kept.exists() else []
+        self.verdicts: dict[str, str] = dict(map(json.loads, lines))
+        self.kills: Counter[str | tuple[str, str, str]] = Counter(self.verdicts.values())
 
-def changes(node: ast.AST):  # noqa: C901 - one case for each kind of node
-    """Yield what can be changed at a node, and a function that does it."""
-    called = getattr(node.func, "id", getattr(node.func, "attr", "")) if isinstance(node, ast.Call) else ""
-    if isinstance(node, (ast.BinOp, ast.BoolOp, ast.UnaryOp, ast.AugAssign)) and type(node.op) in SWAPS:
-        swapped = SWAPS[type(node.op)]
-        yield f"{type(node.op).__name__} → {swapped.__name__}", lambda: setattr(node, "op", swapped())
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-        yield "not dropped", lambda: setattr(node, "op", ast.UAdd())
-    if isinstance(node, ast.Compare) and len(node.ops) == 1:
-        for table in (SWAPS, REVERSED):
-            if type(node.ops[0]) in table:
-                other = table[type(node.ops[0])]
-                yield (
-                    f"{type(node.ops[0]).__name__} → {other.__name__}",
-                    lambda other=other: setattr(node, "ops", [other()]),
-                )
-    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
-        changed = (not node.value) if isinstance(node.value, bool) else node.value + 1
-        yield f"{node.value} → {changed}", lambda: setattr(node, "value", changed)
-    if isinstance(node, (ast.If, ast.IfExp)):
-        yield "condition turned", lambda: setattr(node, "test", ast.UnaryOp(ast.Not(), node.test))
-    if called in ("select", "select2", "_select3", "choose") and len(node.args) == 4:
-        yield "choice turned", lambda: node.args.__setitem__(slice(2, 4), node.args[:1:-1])
-    if called == "where" and len(node.args) == 3:
-        yield "choice turned", lambda: node.args.__setitem__(slice(1, 3), node.args[:0:-1])
-    if called in ("positive_part", "abs") and len(node.args) == 1:
-        yield f"{called} dropped", lambda: setattr(node, "func", ast.parse("(lambda value: value)").body[0].value)
+    def note(self, mutant: Mutant, killer: str) -> None:
+        """Keep who noticed a mutant."""
+        self.verdicts[mutant.digest] = killer
+        self.count(mutant, killer)
+        if killer and self.kept:
+            with self.kept.open("a") as keep:
+                keep.write(json.dumps([mutant.digest, killer]) + "\n")
 
+    def count(self, mutant: Mutant, killer: str) -> None:
+        """Learn which tests notice what."""
+        self.kills[killer] += 1
+        self.kills[mutant.stem, mutant.function, killer] += 1
 
-def modules() -> dict[str, Path]:
-    """Return the files of the package by the names that they are imported by, without `guidance.game.`."""
-    paths = {".".join(path.relative_to(SOURCE).with_suffix("").parts): path for path in SOURCE.rglob("*.py")}
-    return {stem: path for stem, path in sorted(paths.items()) if path.stem != "__init__"}
+    def tests_for(self, mutant: Mutant, found: Survey) -> dict[str, float]:
+        """Return what the tests that can notice a mutant cost, the likeliest to fail soon first."""
 
+        def rank(name: str) -> float:
+            here = self.kills[mutant.stem, mutant.function, name]
+            return (found.costs_s[name] + START_S) / (1 + self.kills[name] + LOCAL * here)
 
-def strip(tree: ast.Module) -> ast.Module:
-    """Make a string of every annotation, and none of a message."""
+        return {name: found.costs_s[name] for name in sorted(sorted(found.of(mutant)), key=rank)}
 
-    class Quiet(ast.NodeTransformer):
-        def visit_JoinedStr(self, node):
-            return ast.copy_location(ast.Constant("message"), node)
+    def in_place(self, waiting: list[Mutant], found: Survey) -> None:
+        """Judge in forks of one process by the first seconds of tests; what is not noticed there stays to be judged."""
 
-        def visit_AnnAssign(self, node):
-            node.annotation = ast.Constant(ast.unparse(node.annotation))
-            return self.generic_visit(node)
+        def work(tell: Callable[[str], None]) -> int:
+            files = sorted({name.split("::")[0] for name in found.costs_s})
+            return int(pytest.main([*OPTIONS, *files], plugins=[Forks(partial(judge_all, tell))]))
 
-        def visit_FunctionDef(self, node):
-            node.returns = None
-            for argument in (*node.args.args, *node.args.kwonlyargs):
-                argument.annotation = None
-            return self.generic_visit(node)
+        def judge_all(tell: Callable[[str], None], judge: Callable[[Mutant, dict[str, float]], str | None]) -> None:
+            for number, mutant in enumerate(waiting, 1):
+                if time.monotonic() > self.ends:
+                    return
+                tests = self.first_for(mutant, found)
+                killer = judge(mutant, tests) if mutant.function and tests else None
+                if killer:
+                    self.count(mutant, killer)
+                    tell(json.dumps([mutant.digest, killer]))
+                else:
+                    say(f"outlasts {len(tests)} tests: {mutant}")
+                if number % 100 == 0:
+                    say(f"judged so far: {number}")
 
-    return ast.fix_missing_locations(Quiet().visit(tree))
+        by_digest = {one.digest: one for one in waiting}
+        in_child(work, 0, lambda line: self.note(by_digest[json.loads(line)[0]], json.loads(line)[1]))
 
+    def first_for(self, mutant: Mutant, found: Survey) -> dict[str, float]:
+        """Return the first tests of a mutant, as many as take the first seconds."""
+        first, spent_s = {}, 0.0
+        for name, cost_s in self.tests_for(mutant, found).items():
+            spent_s += cost_s
+            if first and spent_s > self.first_s:
+                break
+            first[name] = cost_s
+        return first
 
-class Mutant:
-    """A changed file, and what it is called: file, function, change, and a number where several are alike."""
-
-    def __init__(self, stem: str, function: str, said: str, tree: ast.Module, line: str) -> None:
-        self.stem, self.function, self.said, self.tree, self.line = stem, function, said, tree, line
-        self.digest = hashlib.blake2b(f"{stem}\n{ast.unparse(tree)}".encode(), digest_size=8).hexdigest()
-
-    def reason(self, listed: dict[str, dict[str, str]]) -> str:
-        """Why it changes no result, if that is known."""
-        return listed.get(self.stem, {}).get(f"{self.function}: {self.said}", "")
-
-    def __str__(self) -> str:
-        return f"{self.stem}.py:{self.line}: {self.function}: {self.said}"
-
-
-def drawn_from(stem: str) -> Iterator[Mutant]:
-    """Yield every mutant of a file."""
-    tree = strip(ast.parse((SOURCE / f"{stem.replace('.', '/')}.py").read_text()))
-    functions, alike = functions_by_line(tree), Counter()
-    for text, changed in mutants(tree):
-        line, said = text.splitlines()[0].split(": ", 1)
-        function = functions.get(int(line), "")
-        alike[function, said] += 1
-        number = alike[function, said]
-        yield Mutant(stem, function, said if number == 1 else f"{said} ({number})", changed, line)
-
-
-def functions_by_line(tree: ast.AST, prefix: str = "") -> dict[int, str]:
-    """Name the outermost function or method of every line that is in one."""
-    found = {}
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.ClassDef):
-            found |= functions_by_line(node, f"{node.name}.")
-        elif isinstance(node, ast.FunctionDef):
-            first = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
-            found |= dict.fromkeys(range(first, node.end_lineno + 1), prefix + node.name)
-    return found
-
-
-class Judge:
-    """A pytest plugin: the given tests in the given order, each within its own limit of processor time."""
-
-    def __init__(self, limits: dict[str, float], tell: Callable[[str], None]) -> None:
-        self.limits, self.order, self.tell = limits, {name: place for place, name in enumerate(limits)}, tell
-
-    @pytest.hookimpl(trylast=True)
-    def pytest_collection_modifyitems(self, items) -> None:
-        """Choose the tests and put them in order."""
-        items[:] = sorted((one for one in items if one.nodeid in self.order), key=lambda one: self.order[one.nodeid])
-
-    def pytest_runtest_logstart(self, nodeid, location) -> None:
-        """Set the limit of a test."""
-        limit = int(time.process_time() + self.limits[nodeid]) + 1
-        resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
-
-    def pytest_runtest_logreport(self, report) -> None:
-        """Name the test that failed."""
-        if report.failed:
-            self.tell(report.nodeid)
-
-
-class Survey:
-    """A pytest plugin: what each test costs, and which functions of the package it enters."""
-
-    def __init__(self) -> None:
-        self.costs_s: dict[str, float] = {}
-        self.entered: dict[str, list[str]] = {}
-        self.names = {
-            str(path): (stem, functions_by_line(ast.parse(path.read_text()))) for stem, path in modules().items()
-        }
-
-    def pytest_runtest_logstart(self, nodeid, location) -> None:
-        """Start to count."""
-        self.calls: set[tuple[str, int]] = set()
-        self.started = time.process_time()
-        sys.settrace(lambda frame, *_: self.calls.add((frame.f_code.co_filename, frame.f_code.co_firstlineno)))
-
-    def pytest_runtest_logfinish(self, nodeid, location) -> None:
-        """Keep the count."""
-        sys.settrace(None)
-        self.costs_s[nodeid] = time.process_time() - self.started
-        known = [(*self.names[file], line) for file, line in self.calls if file in self.names]
-        self.entered[nodeid] = sorted({f"{stem}.{lines.get(line, '')}" for stem, lines, line in known})
-
-
-def in_child(work: Callable[[Callable[[str], None]], int]) -> tuple[int, str]:
-    """Do something in a forked child; return how it ended, as `os.waitpid` has it, and what it told."""
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        code = 70
-        try:
-            silence = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(silence, 1)
-            os.dup2(silence, 2)
-            signal.alarm(WALL_S)
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            code = work(lambda text: os.write(write, text.encode()))
-        finally:
-            os._exit(code)
-    os.close(write)
-    with os.fdopen(read) as told:
-        text = told.read()
-    return os.waitpid(child, 0)[1], text
-
-
-def run_tests(plugin: object, files: list[str]) -> int:
-    """Run test files up to the first failure."""
-    options = ["-q", "-x", "-m", "not slow", "-p", "no:cacheprovider", "--assert=plain", f"--rootdir={ROOT}"]
-    return int(pytest.main([*options, *files], plugins=[plugin]))
-
-
-def survey(tests: str) -> tuple[dict[str, float], dict[str, list[str]]]:
-    """Run all tests without a change, and import here what they import, so that no child has to."""
-
-    def work(tell) -> int:
-        plugin = Survey()
-        files = {str(path) for pattern in tests.split(",") for path in TESTS.glob(pattern)}
-        code = run_tests(plugin, sorted(files))
-        modules = [name for name in sys.modules if name.split(".")[0] not in OWN and "test_" not in name]
-        tell(json.dumps([plugin.costs_s, plugin.entered, modules]))
-        return code
-
-    status, told = in_child(work)
-    if status:
-        raise SystemExit(f"the tests fail without a change: {told[-500:]}")
-    costs_s, entered, modules = json.loads(told)
-    for name in modules:
-        try:
-            importlib.import_module(name)
-        except ImportError:
-            continue
-    gc.freeze()
-    return costs_s, entered
-
-
-def judge(mutant: Mutant, limits: dict[str, float]) -> str:
-    """Return who noticed a mutant, or nothing."""
-    if not limits:
-        return ""
-
-    def work(tell) -> int:
-        original = SourceFileLoader.get_code
-
-        def get_code(self, name):
-            if name == f"guidance.game.{mutant.stem}":
-                return compile(mutant.tree, self.path, "exec")
-            return original(self, name)
-
-        SourceFileLoader.get_code = get_code
-        return run_tests(Judge(limits, tell), sorted({name.split("::")[0] for name in limits}))
-
-    status, told = in_child(work)
-    if os.WIFSIGNALED(status):
-        ended = signal.Signals(os.WTERMSIG(status))
-        return {signal.SIGXCPU: LIMIT, signal.SIGALRM: ""}.get(ended, ended.name)
-    return told.split("\n")[0] or ("the import" if status else "")
+    def afresh(self, waiting: list[Mutant], found: Survey) -> None:
+        """Judge by all tests that reach the change, in a package imported anew."""
+        for mutant in waiting:
+            if time.monotonic() > self.ends:
+                return
+            tests = list(self.tests_for(mutant, found).items())
+            killer = judge_afresh(mutant, dict(tests[:LIKELY])) or judge_afresh(mutant, dict(tests[LIKELY:]))
+            self.note(mutant, killer)
+            if not killer:
+                say(f"survived {len(tests)} tests: {mutant}")
 
 
 def say(line: str) -> None:
@@ -287,51 +129,23 @@ def say(line: str) -> None:
     os.write(REPORT, f"{line}\n".encode())
 
 
-def judge_all(drawn: list[Mutant], kept: Path, ends: float, tests: str) -> dict[str, str]:
-    """Return who noticed each mutant, by digest; what was killed before is not judged again."""
-    verdicts = dict(map(json.loads, kept.read_text().splitlines())) if kept.exists() else {}
-    waiting = [one for one in drawn if one.digest not in verdicts]
-    if not waiting or time.monotonic() > ends:
-        return verdicts
-    costs_s, entered = survey(tests)
-    say(f"{len(costs_s)} tests, {sum(costs_s.values()):.0f} s of processor time; {len(waiting)} mutants to judge")
-    kills = Counter(verdicts.values())
-    with kept.open("a") as keep:
-        for number, mutant in enumerate(waiting, 1):
-            if time.monotonic() > ends:
-                break
-            place = f"{mutant.stem}.{mutant.function}"
-            tests = [name for name in costs_s if not mutant.function or place in entered[name]]
-            tests.sort(key=lambda name: costs_s[name] / (1 + kills[name]))
-            limits = [(name, SPARE_S + TIMES * costs_s[name]) for name in tests]
-            killer = judge(mutant, dict(limits[:LIKELY])) or judge(mutant, dict(limits[LIKELY:]))
-            verdicts[mutant.digest] = killer
-            kills[killer] += 1
-            if killer:
-                keep.write(json.dumps([mutant.digest, killer]) + "\n")
-                keep.flush()
-            else:
-                say(f"survived: {mutant}")
-            if number % 100 == 0:
-                say(f"judged so far: {number}")
-    return verdicts
-
-
-def report(drawn: list[Mutant], verdicts: dict[str, str], listed: dict[str, dict[str, str]]) -> int:
+def report(drawn: list[Mutant], run: Run, listed: dict[str, dict[str, str]]) -> int:
     """Print the numbers, and return how many survivors change a result."""
-    harmless = sorted((one for one in drawn if one.reason(listed)), key=lambda one: (one.stem, int(one.line)))
-    for one in harmless:
-        noticed = verdicts.get(one.digest)
-        say(f"{one}\n    {f'LISTED, YET NOTICED BY {noticed}' if noticed else one.reason(listed)}")
-    judged = [one for one in drawn if one.digest in verdicts and not one.reason(listed)]
-    killed = [one for one in judged if verdicts[one.digest]]
-    slow = sum(verdicts[one.digest] == LIMIT for one in killed)
-    left = len(drawn) - len(harmless) - len(judged)
+    reasons = {one: listed.get(one.stem, {}).get(one.named, "") for one in drawn}
+    for one in sorted((one for one in drawn if reasons[one]), key=lambda one: (one.stem, one.line)):
+        noticed = run.verdicts.get(one.digest)
+        say(f"{one}\n    {f'LISTED, YET NOTICED BY {noticed}' if noticed else reasons[one]}")
+    known = {one.named for one in drawn}
+    for stem in {one.stem for one in drawn}:
+        for name in listed.get(stem, {}).keys() - known:
+            say(f"{stem}.py: LISTED, YET NOT DRAWN: {name}")
+    judged = [run.verdicts[one.digest] for one in drawn if one.digest in run.verdicts and not reasons[one]]
+    late, survived, harmless = judged.count(LIMIT), judged.count(""), sum(map(bool, reasons.values()))
     say(
-        f"{len(drawn)} mutants: {len(killed)} killed ({slow} of them by the limit of processor time), {len(harmless)} "
-        f"change no result (above), {len(judged) - len(killed)} survived, {left} not judged"
+        f"{len(drawn)} mutants drawn: {len(judged) - survived - late} killed, {late} timed out, {harmless} listed as "
+        f"changing no result (above), {survived} survived, {len(drawn) - harmless - len(judged)} not judged"
     )
-    return len(judged) - len(killed)
+    return survived
 
 
 def main() -> int:
@@ -340,8 +154,12 @@ def main() -> int:
     parser.add_argument("--only", default="", help="comma-separated modules")
     parser.add_argument("--tests", default="test_*.py", help="comma-separated patterns of the test files to run")
     parser.add_argument("--minutes", type=float, default=600.0)
+    parser.add_argument(
+        "--first", type=float, default=10.0, help="seconds of tests before the package is imported anew"
+    )
     parser.add_argument("--listed", action="store_true", help="run what is listed, too")
-    parser.add_argument("--resume", type=Path, default=Path(os.devnull), help="a file that keeps what was killed")
+    parser.add_argument("--quick", action="store_true", help="judge nothing in a package imported anew")
+    parser.add_argument("--keep", type=Path, help="a file that keeps what was noticed")
     given = parser.parse_args()
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)
@@ -349,15 +167,22 @@ def main() -> int:
     settings.register_profile("mutants", phases=[Phase.explicit, Phase.generate], max_examples=20, **calm)
     settings.load_profile("mutants")
     os.environ["HYPOTHESIS_PROFILE"] = "mutants"  # which the tests load again
-    stems = list(modules())
-    chosen = given.only.split(",") if given.only else stems
-    drawn = [mutant for stem in stems if stem in chosen for mutant in drawn_from(stem)]
+    chosen = given.only.split(",") if given.only else list(modules())
+    drawn = [mutant for stem in modules() if stem in chosen for mutant in drawn_from(stem)]
     random.Random(0).shuffle(drawn)
     listed = tomllib.loads(LISTED.read_text())
-    run = [one for one in drawn if given.listed or not one.reason(listed)]
-    return min(
-        report(drawn, judge_all(run, given.resume, time.monotonic() + 60.0 * given.minutes, given.tests), listed), 1
-    )
+    run = Run(given.keep, time.monotonic() + 60.0 * given.minutes, given.first)
+    waiting = [one for one in drawn if given.listed or not listed.get(one.stem, {}).get(one.named)]
+    waiting = [one for one in waiting if one.digest not in run.verdicts]
+    if waiting:
+        found = survey(given.tests, given.keep)
+        say(
+            f"{len(found.costs_s)} tests, {sum(found.costs_s.values()):.0f} s of processor time; {len(waiting)} mutants"
+        )
+        run.in_place(waiting, found)
+        if not given.quick:
+            run.afresh([one for one in waiting if one.digest not in run.verdicts], found)
+    return min(report(drawn, run, listed), 1)
 
 
 if __name__ == "__main__":
