@@ -10,6 +10,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "sim": ("pyarrow", "scipy"),
     "plot": ("matplotlib",),
     "viz": ("rerun",),
+    "panel": ("aiohttp",),
     "cluster": ("distributed",),
 }
 """The packages that each extra is missed by."""

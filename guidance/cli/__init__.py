@@ -11,6 +11,7 @@ from guidance.cli.ctl import ctl
 from guidance.cli.fly import fly
 from guidance.cli.groups import Group
 from guidance.cli.log import log
+from guidance.cli.panel import panel
 from guidance.cli.paper import paper
 from guidance.cli.replay import replay
 from guidance.cli.report import report
@@ -44,6 +45,7 @@ app.command()(solve)
 app.command()(run)
 app.command()(check)
 app.command()(ctl)
+app.command()(panel)
 
 
 @app.callback()

@@ -28,9 +28,9 @@ def ctl(
 
         guidance ctl engage --name px4
     """
-    from guidance.session.control_bus import ask  # noqa: PLC0415 - zenoh takes a moment
+    from guidance.session.control_bus import ask, own_name  # noqa: PLC0415 - zenoh takes a moment
 
-    answer = ask(order, endpoint=endpoint, name=name, token_file=token_file)
+    answer = ask(order, endpoint=endpoint, name=name, token_file=token_file, by=own_name("ctl"))
     typer.echo(json.dumps(answer, indent=2))
     if not answer["accepted"]:
         raise typer.Exit(FlightError.exit_code)

@@ -98,6 +98,13 @@ class Flight:
         """Whether HEARTBEAT still shows a mode that is not ours and that an order is to end."""
         return self._mode_left is not None and self._mode_left not in OUR_MODES[State.ENTERING]
 
+    def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
+        """Whether an order would change the state now. Nothing is changed by asking."""
+        if self._fault_handover is not None:
+            return False
+        event = self._meant(order, self._context(now_s, 0.0, refusals))
+        return event is not None and next_state(self.state, event) is not self.state
+
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Show the readiness rows as they stand."""
         return checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.settings.battery_minimum)

@@ -21,6 +21,9 @@ BEGUN: Final = "flight begins"
 RELOADED: Final = "configuration read again"
 """Event of a configuration that took the place of the one in the metadata; it is the detail, as JSON."""
 
+ORDERED: Final = "ordered"
+"""Event of an order that a person gave: which, by whom, and what was answered."""
+
 STOPPED: Final = "recording has stopped; the flight goes on"
 """Event of a record that can be written no longer: it is the log's, the metrics' and the bus's, not the record's."""
 

@@ -15,7 +15,8 @@ from guidance.log.reader import Idle, Item
 MOST_WAITING: Final = 4096
 TIMEOUT_S: Final = 4.0
 
-_TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
+TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
+"""What a daemon broadcasts, by the end of its key, and the topic that a record has it under."""
 
 
 class LiveFlight:
@@ -81,7 +82,7 @@ class LiveFlight:
 
     def _hear(self, sample: "zenoh.Sample") -> None:
         """On Zenoh's thread: keep it and be gone."""
-        topic = _TOPICS.get(str(sample.key_expr).rpartition("/")[2])
+        topic = TOPICS.get(str(sample.key_expr).rpartition("/")[2])
         if topic is not None:
             self._arrived.append((topic, sample.payload.to_bytes()))
 

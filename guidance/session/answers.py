@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from guidance.clock import Clock
-from guidance.flight import BEFORE_FLIGHT, FINAL, TRANSITIONS, Event, Flight, Outputs, State
+from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, TRANSITIONS, Event, Flight, Outputs, State
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, LocalPosition
-from guidance.preflight import Finding, advice, refusals
+from guidance.preflight import Finding, Verdict, advice, refusals
+from guidance.session.handover import ON_GROUND
 from guidance.session.orders import STATUS, WORDS, Answer
 from guidance.session.vehicle_file import Config
 
@@ -24,6 +25,18 @@ _WHY: Final[Mapping[State, str]] = {
     State.RETURNING: "it is returning",
     State.LANDING: "it is landing",
 }
+
+_TO_DO: Final[Mapping[str, str]] = {
+    "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
+    "Heartbeat": "check the vehicle's power and the link",
+    "LocalPosition": "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed",
+    "Attitude": "check that ATTITUDE is streamed",
+    "LandedState": "check that EXTENDED_SYS_STATE is streamed",
+    "Home": "wait for a position fix: home is set with it",
+    "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
+    "battery": "change or charge the battery",
+}
+"""What a person does where a readiness check fails, by its name."""
 
 _ENDING: Final = frozenset({Event.HOLD, Event.RETURN, Event.LAND})
 
@@ -90,6 +103,43 @@ def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
     return "; ".join(filter(None, (", ".join(checks), advice(rows)))) or "the checks have just passed, order again"
 
 
+def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[str, str]]:
+    """List every check that fails and every preflight row that does not pass, each with what to do about it."""
+    failing = [
+        Finding(check.name, check.found, "", Verdict.REFUSE, _TO_DO.get(check.name, ""))
+        for check in flight.checks(now_s)
+        if not check.passed
+    ]
+    return [
+        {
+            "name": row.name,
+            "found": row.value,
+            "wanted": row.wanted,
+            "verdict": str(row.verdict),
+            "advice": row.advice,
+        }
+        for row in (*failing, *rows)
+        if row.verdict is not Verdict.PASS
+    ]
+
+
+def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequence[str]) -> dict[str, str]:
+    """Say for every order why it would be refused now; empty where it would be accepted.
+
+    Args:
+        flight: As it stands.
+        now_s: The present.
+        rows: What preflight found.
+        barred: Names of what bars the vehicle from flying.
+    """
+    reasons = {str(order): "" for order in sorted(ORDERS)}
+    for order in ORDERS:
+        if not (is_done(order, flight.state) or flight.follows(order, now_s, barred)):
+            reasons[str(order)] = refusal(order, flight, now_s, rows)
+    against = not_engageable(flight, now_s) if flight.state not in FINAL | ON_GROUND else None
+    return reasons if against is None else {**reasons, str(Event.ENGAGE): against}
+
+
 def not_engageable(flight: Flight, now_s: float) -> str | None:
     """Say what stands against engaging where the state would allow it; None if nothing does."""
     silence_s = flight.tracking.silence_s(now_s)
@@ -101,7 +151,14 @@ def not_engageable(flight: Flight, now_s: float) -> str | None:
 
 
 def status(
-    name: str, now_s: float, flight: Flight, outputs: Outputs | None, rows: Sequence[Finding], *, recording: str
+    name: str,
+    now_s: float,
+    flight: Flight,
+    outputs: Outputs | None,
+    rows: Sequence[Finding],
+    *,
+    barred: Sequence[str],
+    recording: str,
 ) -> dict[str, Any]:
     """Lay out where the flight stands. NaN and infinities become null.
 
@@ -111,6 +168,7 @@ def status(
         flight: As it stands.
         outputs: Of the last cycle, None before the first.
         rows: What preflight found.
+        barred: Names of what bars the vehicle from flying.
         recording: Where to, or why not.
     """
     vehicle = flight.vehicle
@@ -129,6 +187,8 @@ def status(
             "evader_silence_s": flight.tracking.silence_s(now_s),
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
             "preflight_refused": list(refusals(rows)),
+            "to_do": to_do(flight, now_s, rows),
+            "refused_orders": foreseen(flight, now_s, rows, barred),
             "recording": recording,
             "certificate": certificate,
         }

@@ -4,6 +4,7 @@ A liveliness token says that the vehicle has an owner. It vanishes with the owne
 """
 
 import contextlib
+import getpass
 import json
 import threading
 from collections import deque
@@ -20,6 +21,9 @@ from guidance.session.control_token import ControlToken
 from guidance.session.orders import STATUS, WORDS, Mailbox
 
 ANSWER_LIMIT_S: Final = 2.0
+LONGEST_NAME: Final = 64
+"""Characters of who gave an order: it is said by whoever asks, and kept in the record."""
+
 MOST_WAITING: Final = 16
 _LOOK_EVERY_S: Final = 0.5
 
@@ -177,7 +181,8 @@ class ControlBus:
 
     def _answer(self, query: "zenoh.Query") -> None:
         order = str(query.key_expr).rpartition("/")[2]
-        answer = self._mailbox.ask(order).wait(ANSWER_LIMIT_S)
+        by = "" if query.payload is None else name_in(query.payload.to_bytes())
+        answer = self._mailbox.ask(order, by).wait(ANSWER_LIMIT_S)
         if answer is None:
             reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
             answer = {"accepted": False, "order": order, "reason": reason}
@@ -205,8 +210,28 @@ class ControlBus:
 TIMEOUT_S: Final = 4.0
 
 
+def name_in(data: bytes) -> str:
+    """Read who gives an order, as printable text of bounded length, whatever was sent."""
+    text = data[: 4 * LONGEST_NAME].decode("utf-8", errors="replace")
+    return "".join(one for one in text if one.isprintable())[:LONGEST_NAME].strip()
+
+
+def own_name(program: str) -> str:
+    """Return how a program of this user names itself in an order."""
+    try:
+        return f"{program}, {getpass.getuser()}"
+    except (KeyError, OSError):  # a user without a name
+        return program
+
+
 def ask(
-    order: str, *, endpoint: str, name: str | None, timeout_s: float = TIMEOUT_S, token_file: Path | None = None
+    order: str,
+    *,
+    endpoint: str,
+    name: str | None,
+    timeout_s: float = TIMEOUT_S,
+    token_file: Path | None = None,
+    by: str = "",
 ) -> Mapping[str, Any]:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
@@ -216,6 +241,7 @@ def ask(
         name: The daemon's; None takes the only one there is.
         timeout_s: How long an answer is waited for.
         token_file: The secret that lets us in, where it is not the default one.
+        by: Who gives it, for the log and the record.
 
     Raises:
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
@@ -227,20 +253,28 @@ def ask(
     try:
         if name is None:
             # Never an order to all: first find out who is there.
-            there = _answers(session, control_key("*", STATUS), timeout_s)
+            there = answers(session, control_key("*", STATUS), timeout_s)
             names = sorted(str(answer["name"]) for answer in there)
             if len(names) != 1:
                 known = ", ".join(names) or "none"
                 raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {known}")
             name = names[0]
-        answers = _answers(session, control_key(name, order), timeout_s)
+        answered = answers(session, control_key(name, order), timeout_s, by)
     finally:
         session.close()  # type: ignore[no-untyped-call]
-    if not answers:
+    if not answered:
         raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
-    return answers[0]
+    return answered[0]
 
 
-def _answers(session: Any, key: str, timeout_s: float) -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session
-    replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL)
+def answers(session: Any, key: str, timeout_s: float, by: str = "") -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session
+    """Ask on a control key and return every answer.
+
+    Args:
+        session: A control bus, joined.
+        key: Of one daemon's order, or of several.
+        timeout_s: How long they are waited for.
+        by: Who gives the order; empty for a question.
+    """
+    replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None)
     return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]

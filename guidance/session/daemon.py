@@ -8,7 +8,7 @@ from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.entries import RELOADED, STOPPED
+from guidance.log.entries import ORDERED, RELOADED, STOPPED
 from guidance.log.writer import Record, Records
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, Verdict, parameter_names, refusals, rows
@@ -18,7 +18,7 @@ from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
-from guidance.session.orders import RESET, STATUS, WORDS, Answer, Mailbox, Question
+from guidance.session.orders import RESET, STATUS, WORDS, Mailbox, Question
 from guidance.session.spec import FlightPlan
 
 PREFLIGHT_EVERY_S: Final = 0.5
@@ -158,9 +158,7 @@ class Daemon:
         if outputs.fault is not None:
             self._tell(outputs)
             self.metrics.follow(outputs)
-            for one in (self._record, self._broadcast):
-                if one is not None:
-                    one.event(now_s, str(Event.FAULT), outputs.fault)
+            self._note(now_s, str(Event.FAULT), outputs.fault)
         self._notifier.alive(now_s)
 
     def leave(self, order: Event, now_s: float) -> None:
@@ -185,9 +183,7 @@ class Daemon:
         else:
             self._log.say(logging.INFO, RELOADED)
             self.metrics.happened(RELOADED)
-            for one in (self._record, self._broadcast):
-                if one is not None:
-                    one.event(now_s, RELOADED, self._plan.document)
+            self._note(now_s, RELOADED, self._plan.document)
 
     def _order(self, question: Question, now_s: float) -> Event | None:
         """Answer what needs no cycle; return the order that does."""
@@ -195,12 +191,11 @@ class Daemon:
         if word == STATUS:
             question.answer({"accepted": True, "order": word, **self._status(now_s)})
         elif word == RESET:
-            question.answer(self._reset())
+            self._reply(question, now_s, self._reset())
         elif word not in WORDS:
-            reason = f"order = {word!r}: allowed are {', '.join(WORDS)}"
-            question.answer(self._answered(word, reason=reason))
+            self._reply(question, now_s, f"order = {word!r}: allowed are {', '.join(WORDS)}")
         elif self._leaving is not None:
-            question.answer(self._answered(word, reason="the daemon is ending"))
+            self._reply(question, now_s, "the daemon is ending")
         else:
             return self._checked(question, Event(word), now_s)
         return None
@@ -209,14 +204,14 @@ class Daemon:
         against = not_engageable(self.flight, now_s) if order is Event.ENGAGE and self.in_flight else None
         if against is None:
             return order
-        question.answer(self._answered(order, reason=against))
+        self._reply(question, now_s, against)
         return None
 
-    def _reset(self) -> Answer:
+    def _reset(self) -> str:
         if self.in_flight:
-            return self._answered(RESET, reason=f"in flight ({self.flight.state}): order land or return first")
+            return f"in flight ({self.flight.state}): order land or return first"
         self._begin(self._plan)
-        return self._answered(RESET)
+        return ""
 
     def _answer(self, orders: Mapping[Question, Event | None], outputs: Outputs, now_s: float) -> None:
         happened = iter(outputs.happenings)
@@ -225,19 +220,37 @@ class Daemon:
                 continue
             happening = next(happened)  # the orders come first, one happening each, in their order
             done = happening.after is not happening.before or is_done(order, self.flight.state)
-            reason = "" if done else refusal(order, self.flight, now_s, self._rows)
-            question.answer(self._answered(question.order, reason=reason))
+            self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self._rows))
 
-    def _answered(self, order: str, *, reason: str = "") -> Answer:
-        accepted = not reason
+    def _reply(self, question: Question, now_s: float, reason: str) -> None:
+        """Answer an order, accepted where there is no reason against it, and keep who gave it."""
+        order, accepted = question.order, not reason
         self.metrics.order(order if order in WORDS else "unknown", accepted=accepted)
         level = logging.INFO if accepted else logging.WARNING
         why = {} if accepted else {"reason": reason}
-        self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **why)
-        return {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
+        by = {"by": question.by} if question.by else {}
+        self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **by, **why)
+        question.answer(
+            {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
+        )
+        if question.by:
+            self._note(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
+
+    def _note(self, now_s: float, event: str, detail: str) -> None:
+        for one in (self._record, self._broadcast):
+            if one is not None:
+                one.event(now_s, event, detail)
 
     def _status(self, now_s: float) -> dict[str, Any]:
-        return status(self.name, now_s, self.flight, self.outputs, self._rows, recording=self._recording)
+        return status(
+            self.name,
+            now_s,
+            self.flight,
+            self.outputs,
+            self._rows,
+            barred=self._barred(),
+            recording=self._recording,
+        )
 
     def _tell(self, outputs: Outputs) -> None:
         if outputs.alarm is not None:

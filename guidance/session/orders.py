@@ -17,10 +17,11 @@ Answer = Mapping[str, Any]
 
 
 class Question:
-    """One order, until it is answered."""
+    """One order, until it is answered. `by` says who gave it, empty where nobody said."""
 
-    def __init__(self, order: str) -> None:
+    def __init__(self, order: str, by: str = "") -> None:
         self.order = order
+        self.by = by
         self._answer: Answer | None = None
         self._answered = threading.Event()
 
@@ -47,9 +48,9 @@ class Mailbox:
         """Let every order be answered by `answer`, on the asker's thread, while no loop runs; None: the loop does."""
         self._meanwhile = answer
 
-    def ask(self, order: str) -> Question:
+    def ask(self, order: str, by: str = "") -> Question:
         """Put an order to the loop. It is answered at once where there is no room for it, or no loop yet."""
-        question = Question(order)
+        question = Question(order, by)
         meanwhile = self._meanwhile
         if meanwhile is not None:
             question.answer(meanwhile(order))

@@ -1,0 +1,6 @@
+"""The operator's page: daemons seen and ordered in a browser, from a process of its own. Needs the extra `panel`."""
+
+from guidance.viz.panel.beside import PanelBeside
+from guidance.viz.panel.command import PanelOptions, serve_panel
+
+__all__ = ["PanelBeside", "PanelOptions", "serve_panel"]

@@ -1,0 +1,170 @@
+"""The panel's end of a control bus: who is there is heard, status is asked for, orders are given, on own threads.
+
+A daemon may come, go and come again, with another token each time: the bus is joined anew whenever nobody answers.
+What is heard is put into bounded queues; the page's own thread takes it from there.
+"""
+
+import contextlib
+import json
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import zenoh
+
+from guidance.clock import Clock
+from guidance.errors import GuidanceError, LinkError
+from guidance.log.broadcast import FLIGHT, broadcast_key
+from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.live import TOPICS
+from guidance.log.reader import Item
+from guidance.session.control_bus import answers, control_key, join_session
+from guidance.session.orders import STATUS
+
+MOST_WAITING: Final = 1024
+"""Cycles and events that are kept for the page: twenty seconds of one daemon's."""
+
+ASKED_EVERY_S: Final = 0.5
+"""How often who is there is asked where it stands: readiness is judged twice a second."""
+
+ANSWERED_WITHIN_S: Final = 1.5
+ORDERED_WITHIN_S: Final = 4.0
+SILENT_AFTER: Final = 3
+"""So many questions in a row without any answer, and the bus is joined anew."""
+
+
+class Joined(NamedTuple):
+    """A daemon that was found: its name, its flight's metadata, and what was last heard of each kind before we came."""
+
+    name: str
+    metadata: Mapping[str, str]
+    heard: Item | None
+
+
+class Said(NamedTuple):
+    """A daemon's answer to being asked where it stands, and when it came (of the panel's clock)."""
+
+    name: str
+    at_s: float
+    status: Mapping[str, Any]
+
+
+class Heard(NamedTuple):
+    """One cycle or event of a daemon, as it was broadcast, and when it came (of the panel's clock)."""
+
+    name: str
+    at_s: float
+    item: Item
+
+
+News = Joined | Said | Heard
+
+
+class DaemonBus:
+    """One control endpoint, whoever is on it.
+
+    Args:
+        endpoint: Of the daemons, on loopback.
+        token_file: Where their token lies, if not where it is looked for.
+        clock: The panel's.
+    """
+
+    def __init__(self, endpoint: str, token_file: Path | None, clock: Clock) -> None:
+        self.endpoint = endpoint
+        self.reason = "looking for a daemon"
+        self._token_file = token_file
+        self._clock = clock
+        self._news: deque[News] = deque(maxlen=MOST_WAITING)
+        self._session: zenoh.Session | None = None
+        self._known: set[str] = set()
+        self._silent = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"bus {endpoint}", daemon=True)
+        self._thread.start()
+
+    def news(self) -> Sequence[News]:
+        """Return what came since the last call, oldest first."""
+        taken = []
+        with contextlib.suppress(IndexError):
+            while True:
+                taken.append(self._news.popleft())
+        return taken
+
+    def order(self, name: str, order: str, by: str) -> Mapping[str, Any]:
+        """Give an order and return the daemon's answer. Waits for it: call it from a thread that may.
+
+        Raises:
+            LinkError: If nobody answers.
+        """
+        session = self._session
+        if session is None:
+            raise LinkError(f"no daemon at {self.endpoint}: {self.reason}")
+        try:
+            answered = answers(session, control_key(name, order), ORDERED_WITHIN_S, by)
+        except (zenoh.ZError, ValueError) as error:
+            raise LinkError(f"{name} at {self.endpoint}: the order could not be given ({error})") from error
+        if not answered:
+            raise LinkError(
+                f"{name} at {self.endpoint}: no answer within {ORDERED_WITHIN_S:g} s; give it again, or fly"
+            )
+        return answered[0]
+
+    def close(self) -> None:
+        """Leave the bus. May be called twice."""
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ended.wait(ASKED_EVERY_S):
+            try:
+                self._look()
+            except (GuidanceError, zenoh.ZError, OSError, ValueError, KeyError, TypeError) as error:
+                self.reason = str(error)
+                self._leave()
+        self._leave()
+
+    def _look(self) -> None:
+        """Join the bus where we are not on it, and ask everybody where they stand."""
+        session = self._session
+        if session is None:
+            session = join_session(self.endpoint, self._token_file)
+            self._session, self._silent = session, 0
+            session.declare_subscriber(broadcast_key("*", "*"), self._hear)
+        said = answers(session, control_key("*", STATUS), ANSWERED_WITHIN_S)
+        self._silent = 0 if said else self._silent + 1
+        if self._silent >= SILENT_AFTER:
+            raise LinkError(f"no daemon answers at {self.endpoint}")
+        self.reason = "" if said else "no answer"
+        self._known &= {str(status["name"]) for status in said}  # who was away may have come back another
+        for status in said:
+            name = str(status["name"])
+            if name not in self._known:
+                self._join(session, name)
+            self._news.append(Said(name, self._clock.now_s(), status))
+
+    def _join(self, session: "zenoh.Session", name: str) -> None:
+        """Ask a daemon what it flies; one that still waits for its vehicle does not answer that yet."""
+        replies = session.get(broadcast_key(name, FLIGHT), timeout=ANSWERED_WITHIN_S)
+        for reply in replies:
+            if reply.ok is not None:
+                answer = json.loads(reply.ok.payload.to_bytes())
+                heard = answer.get("heard")
+                item = None if heard is None else Item(0.0, CYCLE_TOPIC, "json", json.dumps(heard).encode())
+                self._news.append(Joined(name, dict(answer["metadata"]), item))
+                self._known.add(name)
+
+    def _hear(self, sample: "zenoh.Sample") -> None:
+        """On Zenoh's thread: keep it and be gone. What it says is judged where it is read."""
+        _, name, _, what = str(sample.key_expr).split("/", 3)
+        if what in TOPICS:
+            item = Item(0.0, TOPICS[what], "json", sample.payload.to_bytes())
+            self._news.append(Heard(name, self._clock.now_s(), item))
+
+    def _leave(self) -> None:
+        session, self._session = self._session, None
+        self._known.clear()
+        if session is not None:
+            with contextlib.suppress(zenoh.ZError):
+                session.close()  # type: ignore[no-untyped-call]

@@ -1,0 +1,115 @@
+"""What `guidance panel` does: find the daemons, serve the page, until it is ended."""
+
+import asyncio
+import os
+import signal
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from guidance.clock import MonotonicClock
+from guidance.errors import ConfigError, LinkError
+from guidance.extras import require
+from guidance.log import SettingsOf
+from guidance.viz.panel.access import Access, secured
+from guidance.viz.panel.bus import DaemonBus
+from guidance.viz.panel.hub import Hub
+
+NICE: Final = 5
+"""A panel gives way to the loop that it looks at, and not to everything else: orders come through it."""
+
+
+class PanelOptions(NamedTuple):
+    """Which daemons, and where the page is served; see `guidance panel --help`."""
+
+    endpoints: Sequence[str]
+    token_file: Path | None = None
+    host: str = "127.0.0.1"
+    port: int = 8088
+    look: bool = False
+    certificate: Path | None = None
+    key: Path | None = None
+    password_file: Path | None = None
+
+
+def serve_panel(
+    options: PanelOptions, settings_of: SettingsOf, say: Callable[[str], None], *, with_parent: bool = False
+) -> None:
+    """Serve until SIGINT or SIGTERM, or until standard input closes where a parent holds it.
+
+    Raises:
+        ConfigError: If aiohttp is not installed, or the page may not be served there.
+        LinkError: If the port is in use.
+    """
+    require("guidance panel", "panel")
+    if not 0 <= options.port <= 65535:
+        raise ConfigError(f"--port {options.port}: allowed is 0 (pick a free one) to 65535")
+    security = secured(options.host, options.certificate, options.key, options.password_file)
+    listening = _listen(options.host, options.port)
+    access = Access(listening.getsockname()[1], security)
+    os.nice(NICE)
+    clock = MonotonicClock()
+    hub = Hub([DaemonBus(one, options.token_file, clock) for one in options.endpoints], settings_of, clock)
+    try:
+        asyncio.run(_serve(hub, access, listening, options, say, with_parent=with_parent))
+    finally:
+        listening.close()
+        hub.close()
+
+
+async def _serve(
+    hub: Hub,
+    access: Access,
+    listening: socket.socket,
+    options: PanelOptions,
+    say: Callable[[str], None],
+    *,
+    with_parent: bool,
+) -> None:
+    from aiohttp import web  # noqa: PLC0415 - of the extra
+
+    from guidance.viz.panel.server import PanelServer  # noqa: PLC0415
+
+    ended, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ended.set)
+    if with_parent:
+        threading.Thread(
+            target=_end_with_parent, args=(lambda: loop.call_soon_threadsafe(ended.set),), daemon=True
+        ).start()
+    server = PanelServer(hub, access, look=options.look)
+    runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
+    await runner.setup()
+    try:
+        await web.SockSite(runner, listening, ssl_context=access.tls).start()
+        say(_address(options, access, listening.getsockname()[1]))
+        await ended.wait()
+    finally:
+        await runner.cleanup()
+
+
+def _address(options: PanelOptions, access: Access, port: int) -> str:
+    """Return what a person opens; the token lets whoever has it order."""
+    host = f"[{options.host}]" if ":" in options.host else options.host
+    if access.with_password:
+        return f"panel    {access.scheme}://{host}:{port}/  (asks for the password)"
+    return f"panel    {access.scheme}://{host}:{port}/?token={access.token}"
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        raise LinkError(
+            f"--host {host} --port {port}: {error.strerror}; choose another, or port 0 for a free one"
+        ) from error
+
+
+def _end_with_parent(end: Callable[[], object]) -> None:
+    # By its number: a thread that waits in a buffered reader keeps the interpreter from ending.
+    while os.read(0, 1024):
+        pass
+    end()

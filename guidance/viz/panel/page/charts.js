@@ -1,0 +1,79 @@
+// The last five minutes as lines over time: which columns of the history, in which chart.
+import { Surface, ink, roundStep } from "./surface.js";
+import { TEXTS } from "./texts.js";
+
+const CHARTS = [
+  ["range", { gap_m: ["--pursuer", []], height_gap_m: ["--evader", [5, 3]] }],
+  ["value", { value: ["--pursuer", []], time_needed_s: ["--isochron", [5, 3]] }],
+  ["speed", { flown_m_s: ["--isochron", []], commanded_m_s: ["--pursuer", [5, 3]], desired_m_s: ["--evader", [2, 3]] }],
+  ["age", { position_age_ms: ["--pursuer", []], evader_age_ms: ["--evader", [5, 3]] }],
+];
+const [LEFT, RIGHT, TOP, BOTTOM] = [34, 8, 34, 18];
+const WINDOW_S = 300;
+
+export class Charts {
+  constructor(element) {
+    this.surfaces = CHARTS.map(([name]) => {
+      const canvas = document.createElement("canvas");
+      canvas.dataset.chart = name;
+      element.append(canvas);
+      return new Surface(canvas);
+    });
+  }
+
+  // `until_s` is the right edge; a replay shows its own whole length.
+  show(daemon, window_s = WINDOW_S) {
+    const { rows, columns } = daemon;
+    const until = rows.at(-1)?.[0] ?? 0;
+    const from = Math.max(rows[0]?.[0] ?? 0, until - window_s);
+    CHARTS.forEach(([name, curves], at) => {
+      const surface = this.surfaces[at];
+      if (!surface.begin()) return;
+      const drawn = Object.entries(curves).map(([column, [colour, dash]]) => {
+        const index = columns.indexOf(column);
+        const points = rows.filter((row) => row[0] >= from).map((row) => (row[index] === null ? null : [row[0], row[index]]));
+        return { column, colour: ink(colour), dash, points };
+      });
+      this.chart(surface, TEXTS.charts[name], drawn, [from, Math.max(until, from + 10)], daemon.scene?.unit);
+    });
+  }
+
+  chart(surface, title, curves, [from, until], unit) {
+    const { width, height } = surface;
+    const values = curves.flatMap(({ points }) => points.filter(Boolean).map(([, value]) => value));
+    const low = Math.min(0, ...values);
+    const high = Math.max(low + 1, ...values) * 1.05;
+    const x = (now) => LEFT + ((now - from) / (until - from)) * (width - LEFT - RIGHT);
+    const y = (value) => height - BOTTOM - ((value - low) / (high - low)) * (height - TOP - BOTTOM);
+    surface.font(11);
+    const step = roundStep(high - low, 4);
+    for (let value = Math.ceil(low / step) * step; value <= high; value += step) {
+      surface.line([[LEFT, y(value)], [width - RIGHT, y(value)]], ink("--grid"));
+      surface.text(String(Number(value.toFixed(3))), LEFT - 4, y(value), ink("--faint"), "right");
+    }
+    const every = roundStep(until - from, 4);
+    for (let now = Math.ceil(from / every) * every; now <= until; now += every) {
+      surface.line([[x(now), TOP], [x(now), height - BOTTOM]], ink("--grid"));
+      surface.text(`${Number(now.toFixed(1))} s`, x(now), height - 8, ink("--faint"), "center");
+    }
+    for (const { points, colour, dash } of curves) {
+      surface.line(points.map((one) => one && [x(one[0]), y(one[1])]), colour, 1.8, dash);
+    }
+    this.legend(surface, title, curves, unit);
+  }
+
+  legend(surface, title, curves, unit) {
+    surface.font(12, 700);
+    surface.text(title, 6, 10, ink("--ink"));
+    surface.font(11);
+    let left = 6;
+    for (const { column, colour, dash, points } of curves) {
+      surface.line([[left, 25], [left + 12, 25]], colour, 2.5, dash);
+      const last = points.at(-1)?.[1];
+      const name = TEXTS.charts[column === "value" ? "value_curve" : column] + (column === "value" ? ` ${unit ?? "s"}` : "");
+      const words = `${name}${last === undefined ? "" : ` ${last.toFixed(last < 100 ? 1 : 0)}`}`;
+      surface.text(words, left + 15, 25, ink("--ink"));
+      left += 21 + surface.context.measureText(words).width;
+    }
+  }
+}

@@ -1,0 +1,90 @@
+// What the panel tells this page, kept by daemon; the socket comes back by itself.
+export const WINDOW_S = 300;
+const AGAIN_MS = 1000;
+const SILENT_MS = 2000;
+const MOST_EVENTS = 200;
+
+export class Feed {
+  // told(): something is new; lost(reason): "gone" where the panel does not answer, "closed" where it lets us in no more.
+  constructor(told, lost) {
+    this.told = told;
+    this.lost = lost;
+    this.daemons = new Map();
+    this.buses = [];
+    this.heardMs = -Infinity;
+    this.connect();
+    setInterval(() => this.watch(), 500);
+  }
+
+  connect() {
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    this.socket = socket;
+    socket.onmessage = (event) => this.take(JSON.parse(event.data));
+    socket.onclose = () => {
+      setTimeout(() => this.again(), AGAIN_MS);
+    };
+  }
+
+  async again() {
+    try {
+      const answer = await fetch("/alive");
+      if (answer.status === 403) {
+        this.lost("closed");
+        return;
+      }
+      this.connect();
+    } catch {
+      this.lost("gone");
+      setTimeout(() => this.again(), AGAIN_MS);
+    }
+  }
+
+  watch() {
+    if (performance.now() - this.heardMs > SILENT_MS && this.heardMs > 0) this.lost("gone");
+  }
+
+  take(message) {
+    this.heardMs = performance.now();
+    this.buses = message.buses;
+    if (message.whole) this.daemons.clear();
+    for (const said of message.daemons) this.daemons.set(said.key, merged(this.daemons.get(said.key), said));
+    this.told();
+  }
+}
+
+// Fold one message about a daemon into what is known of it.
+export function merged(known, said) {
+  const daemon = known ?? { events: [], rows: [], status: {}, columns: [] };
+  const { events, history, snapshot, ...plain } = said;
+  Object.assign(daemon, plain);
+  if (history) {
+    daemon.columns = history.columns;
+    daemon.rows = history.rows;
+  }
+  if (events) daemon.events = [...(history ? [] : daemon.events), ...events].slice(-MOST_EVENTS);
+  if (snapshot) {
+    daemon.snapshot = snapshot;
+    if (!history) remember(daemon, snapshot);
+  }
+  return daemon;
+}
+
+// The charts' and tracks' rows go on from what the panel sent, four a second, five minutes of them.
+function remember(daemon, seen) {
+  const last = daemon.rows.at(-1);
+  if (last && seen.now_s < last[0]) daemon.rows = [];
+  if (last && seen.now_s - last[0] < 0.25 && seen.now_s >= last[0]) return;
+  daemon.rows.push(rowOf(seen));
+  while (daemon.rows.length && seen.now_s - daemon.rows[0][0] > WINDOW_S) daemon.rows.shift();
+}
+
+export function rowOf(seen) {
+  const none = [null, null, null];
+  const game = seen.game ?? {};
+  const ms = (s) => (s === null || s === undefined ? null : 1000 * s);
+  return [
+    seen.now_s, ...(seen.pursuer_m ?? none), ...(seen.evader_m ?? none), game.gap_m ?? null, game.height_gap_m ?? null,
+    game.value ?? null, game.time_needed_s ?? null, seen.speed_m_s.flown, seen.speed_m_s.commanded,
+    seen.speed_m_s.desired, ms(seen.age_s.position), ms(seen.age_s.evader),
+  ];
+}

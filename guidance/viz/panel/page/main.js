@@ -1,0 +1,167 @@
+// The page: it takes what the panel tells, shows one daemon of those there are, and gives orders to that one.
+import { Charts } from "./charts.js";
+import { Feed } from "./feed.js";
+import { Glance, lamp } from "./glance.js";
+import { Orders } from "./orders.js";
+import { Plan } from "./plan.js";
+import { Profile } from "./profile.js";
+import { Space } from "./space.js";
+import { forgetInks } from "./surface.js";
+import { TEXTS } from "./texts.js";
+
+const CHARTS_EVERY_MS = 500;
+const MOST_TIMED = 600;
+const at = (name) => document.getElementById(name);
+
+class Page {
+  constructor(lookOnly) {
+    this.chosen = null;
+    this.waiting = false;
+    this.chartsMs = 0;
+    this.lostFor = "";
+    this.timed = []; // when each cycle was drawn: [cycle's time s, this computer's clock ms]
+    this.glance = new Glance();
+    this.plan = new Plan(at("plan"));
+    this.space = new Space(at("space"));
+    this.profile = new Profile(at("profile"));
+    this.charts = new Charts(at("charts"));
+    this.orders = new Orders(at("orders"), lookOnly);
+    at("mark").textContent = lookOnly ? TEXTS.look : "";
+    this.feed = new Feed(() => this.told(), (reason) => this.lost(reason));
+    window.panel = this;
+  }
+
+  get daemon() {
+    return this.feed.daemons.get(this.chosen) ?? this.feed.daemons.values().next().value;
+  }
+
+  told() {
+    this.lostFor = "";
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.draw();
+    });
+  }
+
+  lost(reason) {
+    this.lostFor = reason;
+    this.banner();
+  }
+
+  draw() {
+    const { daemon } = this;
+    this.tabs(daemon);
+    this.banner();
+    if (!daemon) return;
+    this.glance.show(daemon);
+    this.orders.show(daemon);
+    this.pictures(daemon);
+    const seen = daemon.snapshot;
+    if (seen && this.timed.at(-1)?.[0] !== seen.now_s) {
+      this.timed.push([seen.now_s, performance.timeOrigin + performance.now()]);
+      if (this.timed.length > MOST_TIMED) this.timed.shift();
+    }
+  }
+
+  pictures(daemon) {
+    if (at("plan").hidden) this.space.show(daemon);
+    else this.plan.show(daemon);
+    this.profile.show(daemon);
+    if (performance.now() - this.chartsMs > CHARTS_EVERY_MS) {
+      this.chartsMs = performance.now();
+      this.charts.show(daemon);
+    }
+  }
+
+  tabs(daemon) {
+    const daemons = [...this.feed.daemons.values()];
+    const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state ?? one.status.state ?? "–"}`);
+    const shown = JSON.stringify([words, daemon?.key]);
+    if (shown !== this.shownTabs) {
+      this.shownTabs = shown;
+      at("daemons").replaceChildren(...daemons.map((one, index) => this.tab(one, words[index], one === daemon)));
+    }
+    if (daemon) lamp(at("contact"), daemon.contact, TEXTS.contact[daemon.contact]);
+    else lamp(at("contact"), "unknown", TEXTS.noDaemon);
+    document.title = daemon ? `${daemon.name} · ${TEXTS.title}` : TEXTS.title;
+  }
+
+  tab(daemon, words, pressed) {
+    const button = document.createElement("button");
+    button.className = "quiet";
+    button.textContent = words;
+    button.setAttribute("aria-pressed", pressed);
+    button.addEventListener("click", () => {
+      this.chosen = daemon.key;
+      this.draw();
+    });
+    return button;
+  }
+
+  // What is old must not look like now.
+  banner() {
+    const { daemon } = this;
+    let words = "";
+    if (this.lostFor) words = this.lostFor === "closed" ? TEXTS.panelClosed : TEXTS.panelGone;
+    else if (!daemon) words = this.feed.buses.map((bus) => TEXTS.looking(bus.endpoint, bus.reason)).join(" ");
+    else if (daemon.contact === "warning") words = TEXTS.daemonGone(Math.round(daemon.silent_s));
+    const banner = at("banner");
+    banner.hidden = !words;
+    if (banner.textContent !== words) banner.textContent = words;
+    banner.className = daemon || this.lostFor ? "warning" : "unknown";
+    document.body.classList.toggle("old", Boolean(this.lostFor) || daemon?.contact === "warning");
+  }
+}
+
+export function dress(redraw) {
+  const root = document.documentElement;
+  const wanted = localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  const wear = (theme) => {
+    root.dataset.theme = theme;
+    at("theme").textContent = theme === "dark" ? TEXTS.light : TEXTS.dark;
+    forgetInks();
+  };
+  wear(wanted);
+  at("theme").addEventListener("click", () => {
+    const theme = root.dataset.theme === "dark" ? "light" : "dark";
+    localStorage.setItem("theme", theme);
+    wear(theme);
+    redraw();
+  });
+}
+
+export function switchViews(page) {
+  const show = (plan) => {
+    at("plan").hidden = !plan;
+    at("space").hidden = plan;
+    at("show-plan").setAttribute("aria-pressed", plan);
+    at("show-space").setAttribute("aria-pressed", !plan);
+    page.draw();
+  };
+  const shown = () => (at("plan").hidden ? page.space : page.plan);
+  at("show-plan").addEventListener("click", () => show(true));
+  at("show-space").addEventListener("click", () => show(false));
+  at("zoom-in").addEventListener("click", () => shown().zoom(1.5));
+  at("zoom-out").addEventListener("click", () => shown().zoom(1 / 1.5));
+  at("fit").addEventListener("click", () => shown().fit());
+  show(true);
+}
+
+export function label() {
+  for (const [name, words] of [
+    ["show-plan", TEXTS.plan], ["show-space", TEXTS.space], ["fit", TEXTS.fit], ["records-button", TEXTS.records],
+  ]) at(name).textContent = words;
+  at("by-label").firstElementChild.textContent = TEXTS.by;
+  at("by").value = localStorage.getItem("by") ?? TEXTS.byDefault;
+  at("by").addEventListener("change", () => localStorage.setItem("by", at("by").value));
+}
+
+if (location.search) history.replaceState(null, "", location.pathname);
+label();
+const { look } = await (await fetch("/alive")).json();
+const page = new Page(look);
+dress(() => page.draw());
+switchViews(page);
+window.addEventListener("resize", () => page.draw());

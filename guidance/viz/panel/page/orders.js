@@ -1,0 +1,146 @@
+// Orders. The daemon decides: a press asks it, and its answer is shown. Start, engage and abort take a second's press.
+import { TEXTS } from "./texts.js";
+
+const HOLD_MS = 1000;
+const LOOKS = { start: "go", engage: "go", hold: "stop", land: "stop", abort: "last" };
+const SLOW = new Set(["start", "engage", "abort"]);
+const KEYS = { h: "hold", l: "land" };
+const ALWAYS = ["hold", "land", "return", "abort"];
+
+// Which order comes next in a state, if one begins something; the daemon says in `refused_orders` what stands against it.
+const NEXT = {
+  connecting: "start", checking: "start", ready: "start", waiting: "start", "standing by": "engage", holding: "engage",
+  landed: "reset", yielded: "reset", failed: "reset",
+};
+
+export class Orders {
+  constructor(element, lookOnly) {
+    this.next = element.querySelector("#next");
+    this.answer = element.querySelector("#answer");
+    this.lookOnly = lookOnly;
+    this.daemon = null;
+    this.shown = "";
+    if (lookOnly) {
+      this.next.textContent = TEXTS.look;
+      return;
+    }
+    element.querySelector("#buttons").append(...ALWAYS.map((order) => this.button(order)));
+    document.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  show(daemon) {
+    this.daemon = daemon;
+    if (this.lookOnly) return;
+    const state = daemon.snapshot?.state ?? daemon.status.state ?? "connecting";
+    const status = daemon.status;
+    const order = NEXT[state];
+    const reason = status.refused_orders?.[order] ?? "";
+    const what = JSON.stringify([daemon.key, state, order, reason, status.to_do, status.waiting_for]);
+    if (what === this.shown) return;
+    this.shown = what;
+    const blocked = order !== "reset" && (reason || !status.refused_orders);
+    const parts = [];
+    if (order && !blocked) parts.push(this.button(order), said("p", TEXTS.ready[order] ?? ""));
+    else if (order) parts.push(...this.missing(order, status, reason));
+    else parts.push(said("h2", `${TEXTS.underWay}: ${state}`));
+    if (order === "start") parts.push(...this.listed(status.to_do, "warn", TEXTS.advised, "caution"));
+    this.next.replaceChildren(...parts);
+  }
+
+  // What stands against an order, and what to do about it, in place of its button.
+  missing(order, status, reason) {
+    const parts = [said("h2", TEXTS.missing[order])];
+    const list = this.listed(status.to_do, "refuse", null, "warning");
+    const words = status.waiting_for ? TEXTS.waiting(status.waiting_for) : reason;
+    if (list.length) return [...parts, ...list];
+    return [...parts, said("p", words)];
+  }
+
+  listed(rows, verdict, heading, level) {
+    const kept = (rows ?? []).filter((row) => row.verdict === verdict);
+    if (!kept.length) return [];
+    const list = document.createElement("ul");
+    for (const row of kept) {
+      const line = document.createElement("li");
+      line.className = level;
+      line.append(said("b", `${TEXTS.shapes[level]} ${row.name}: ${row.found}`));
+      const advice = [row.wanted && TEXTS.wanted(row.wanted), row.advice].filter(Boolean).join("; ");
+      line.append(advice);
+      list.append(line);
+    }
+    return heading ? [said("h2", heading), list] : [list];
+  }
+
+  button(order) {
+    const button = document.createElement("button");
+    const [name, what] = TEXTS.orders[order];
+    button.className = `order ${LOOKS[order] ?? ""}`;
+    button.dataset.order = order;
+    button.append(document.createElement("i"), name, said("small", SLOW.has(order) ? TEXTS.holdDown : what));
+    if (SLOW.has(order)) this.slow(button, order, name);
+    else button.addEventListener("click", () => this.give(order));
+    return button;
+  }
+
+  slow(button, order, name) {
+    let timer = null;
+    const begin = (event) => {
+      if (event.type === "keydown" && (event.repeat || ![" ", "Enter"].includes(event.key))) return;
+      if (event.type === "pointerdown" && event.button !== 0) return;
+      event.preventDefault();
+      button.classList.add("held");
+      clearTimeout(timer);
+      timer = setTimeout(() => {
+        timer = null;
+        button.classList.remove("held");
+        if (button.isConnected) this.give(order); // else what it stood for has passed meanwhile
+      }, HOLD_MS);
+    };
+    const end = () => {
+      button.classList.remove("held");
+      if (timer === null) return;
+      clearTimeout(timer);
+      timer = null;
+      this.say("unknown", TEXTS.tooShort(name));
+    };
+    for (const kind of ["pointerdown", "keydown"]) button.addEventListener(kind, begin);
+    for (const kind of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) button.addEventListener(kind, end);
+    button.addEventListener("contextmenu", (event) => event.preventDefault());
+  }
+
+  key(event) {
+    const typing = ["INPUT", "TEXTAREA", "SELECT"].includes(document.activeElement?.tagName);
+    if (typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
+    const order = KEYS[event.key.toLowerCase()];
+    if (order) this.give(order);
+  }
+
+  async give(order) {
+    const daemon = this.daemon;
+    if (!daemon) return;
+    const name = `${daemon.name} · ${TEXTS.orders[order][0]}`;
+    this.say("unknown", TEXTS.given(name));
+    try {
+      const answer = await fetch("/order", {
+        method: "POST",
+        headers: { "Content-Type": "application/json" },
+        body: JSON.stringify({ daemon: daemon.key, order, by: document.querySelector("#by").value }),
+      });
+      const { accepted, reason } = await answer.json();
+      this.say(accepted ? "ok" : "warning", accepted ? TEXTS.accepted(name) : TEXTS.refused(name, reason));
+    } catch {
+      this.say("warning", TEXTS.unanswered(name));
+    }
+  }
+
+  say(level, words) {
+    this.answer.className = level;
+    this.answer.textContent = `${TEXTS.shapes[level]} ${words}`;
+  }
+}
+
+function said(tag, words) {
+  const element = document.createElement(tag);
+  element.textContent = words;
+  return element;
+}

@@ -1,0 +1,257 @@
+"""A flight's items, live or of a record, folded into what one moment of it looks like: plain values for a page."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.certificate import Certificate
+from guidance.game import Winner
+from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, title_of
+from guidance.log.codec import plain
+from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
+from guidance.log.reader import CONFIG, entry_of
+from guidance.messages import Attitude, Heartbeat, Home, Message, SystemStatus
+from guidance.viz.panel import levels
+from guidance.viz.shapes import fence_edges, isochron_at
+
+if TYPE_CHECKING:
+    from guidance.flight import FlightSettings
+    from guidance.monitor import Alarm
+
+ISOCHRON_EVERY_S: Final = 0.4
+ALARM_FOR_S: Final = 10.0
+"""How long an alarm stays in view."""
+
+_POINTS: Final = 49
+_CENTIMETRES: Final = 2
+
+Plain = dict[str, Any]
+
+
+class SnapshotFold:
+    """What was heard of one flight so far.
+
+    Args:
+        settings_of: Makes the flight's settings of its metadata.
+        metadata: The flight's.
+        source: Named where an item cannot be read.
+
+    Attributes:
+        scenes: Counts what stays (fence, home, target): a page asks for `scene` anew when it has changed.
+
+    Raises:
+        ConfigError: If the metadata has no settings.
+    """
+
+    def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
+        self._settings_of = settings_of
+        self._settings: FlightSettings = settings_of(metadata)
+        self._title = title_of(metadata)
+        self._source = Path(source)
+        self.scenes = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._aggregator = Aggregator(self._settings)
+        self._heard: dict[type, Message] = {}
+        self._report = ""
+        self._cycle: Cycle | None = None
+        self._row: CycleEntry | None = None
+        self._alarm: tuple[float, Alarm] | None = None
+        self._isochron: list[Any] | None = None
+        self._isochron_s = -math.inf
+        self._scene: Plain | None = None
+        self._home_m: Any = None
+        self.scenes += 1
+
+    def take(self, item: Item) -> EventEntry | CycleEntry | None:
+        """Fold one item and return what it was; others than cycles and events are passed over.
+
+        Raises:
+            ConfigError: If it is one of another version.
+        """
+        if item.topic == EVENT_TOPIC:
+            return self._event(entry_of(EVENT, item, self._source))
+        if item.topic == CYCLE_TOPIC:
+            row = entry_of(CYCLE, item, self._source)
+            self._fold(row)
+            return row
+        return None
+
+    def _event(self, event: EventEntry) -> EventEntry:
+        if event.event == RELOADED:
+            self._settings = self._settings_of({CONFIG: event.detail})
+            self._begin()
+            return event._replace(detail="")
+        if event.event == BEGUN:
+            self._begin()
+        return event
+
+    def _fold(self, row: CycleEntry) -> None:
+        self._cycle, self._row = self._aggregator.cycle(row), row
+        self._heard.update((type(message), message) for message in row.inputs.messages)
+        for report in row.inputs.reports:
+            self._report = report.source
+        if row.alarm is not None:
+            self._alarm = row.now_s, row.alarm
+        if self._aggregator.home_m != self._home_m:
+            self._home_m = self._aggregator.home_m
+            self._scene = None
+            self.scenes += 1
+
+    @property
+    def scene(self) -> Plain:
+        """What stays where it is: home, fence, target, the stand-off's size, and what is played."""
+        if self._scene is None:
+            self._scene = self._laid_out()
+        return self._scene
+
+    def _laid_out(self) -> Plain:
+        cycle, home, place = self._settings.cycle, self._aggregator.home_m, self._last(Home)
+        envelope = self._aggregator.envelope
+        return {
+            "title": self._title,
+            "unit": "s" if cycle.target_game_m is None else "m",
+            "autopilot": self._settings.autopilot.name,
+            "home_m": rounded(home),
+            "home_deg": None if place is None else [place.latitude_deg, place.longitude_deg],
+            "fence_m": [] if home is None else [np.round(one, 1).tolist() for one in fence_edges(envelope, home)],
+            "floor_m": envelope.floor_m,
+            "ceiling_m": envelope.ceiling_m,
+            "target_m": rounded(cycle.target_game_m),
+            "standoff_m": {"radius": cycle.standoff.radius_m, "height": cycle.standoff.height_m},
+            "evader_timeout_s": cycle.evader_timeout_s,
+        }
+
+    def snapshot(self) -> Plain | None:
+        """Return what the last cycle looks like, None before the first; what is not known is null."""
+        cycle, row = self._cycle, self._row
+        if cycle is None or row is None:
+            return None
+        heartbeat, status = self._last(Heartbeat), self._last(SystemStatus)
+        mode = None if heartbeat is None else self._settings.autopilot.mode_of(heartbeat.custom_mode)
+        seen: Plain = {
+            "now_s": round(cycle.now_s, 3),
+            "state": str(row.state),
+            "mode": "unknown" if mode is None else str(mode),
+            "armed": heartbeat is not None and heartbeat.armed,
+            "battery": math.nan if status is None else status.battery_remaining,
+            "streaming": row.setpoint is not None,
+            "age_s": {
+                "heartbeat": math.inf if heartbeat is None else cycle.now_s - heartbeat.received_s,
+                "position": cycle.telemetry_age_s if math.isfinite(cycle.telemetry_age_s) else math.inf,
+                "evader": cycle.evader_age_s if math.isfinite(cycle.evader_age_s) else math.inf,
+                "late": cycle.late_s,
+                "round_trip": cycle.round_trip_s,
+            },
+            "source": self._report,
+            "pursuer_m": rounded(cycle.pursuer_m),
+            "evader_m": rounded(cycle.evader_m),
+            "yaw_rad": self._yaw(),
+            "speed_m_s": {
+                "flown": math.hypot(*cycle.flown_ned_m_s),
+                "commanded": math.hypot(*cycle.commanded_ned_m_s),
+                "desired": math.hypot(*cycle.desired_ned_m_s),
+            },
+            "game": None if row.certificate is None else self._game(row.certificate, row.now_s),
+            "alarm": self._alarmed(row.now_s),
+        }
+        seen["levels"] = levels.of_snapshot(seen, self._settings)
+        return dict(plain(seen))
+
+    def _last(self, kind: type[Any]) -> Any:  # noqa: ANN401 - a message of that kind
+        return self._heard.get(kind)
+
+    def _yaw(self) -> float:
+        attitude = self._last(Attitude)
+        return math.nan if attitude is None else round(attitude.yaw_rad, 3)
+
+    def _game(self, certificate: Certificate, now_s: float) -> Plain:
+        meets = not certificate.no_game
+        return {
+            "winner": certificate.winner,
+            "wins": "pursuer" if certificate.winner == Winner.PURSUER else "evader",
+            "value": certificate.value,
+            "margin_s": certificate.margin_s,
+            "time_needed_s": certificate.time_needed_s,
+            "assured_m": certificate.assured_distance_m,
+            "gap_m": certificate.gap_m,
+            "height_gap_m": certificate.height_gap_m,
+            "limits": list(certificate.active_limits),
+            "no_game": certificate.no_game,
+            "captured": certificate.captured,
+            "meeting_m": rounded(certificate.meeting_point_game_m) if meets else None,
+            "isochron_m": self._curve(certificate, now_s) if meets else None,
+        }
+
+    def _curve(self, certificate: Certificate, now_s: float) -> list[Any] | None:
+        # Solved anew a few times a second only: it is a batch of games.
+        if self._isochron is None or not 0.0 <= now_s - self._isochron_s < ISOCHRON_EVERY_S:
+            self._isochron_s = now_s
+            self._isochron = finite(isochron_at(self._settings.cycle, certificate, _POINTS))
+        return self._isochron
+
+    def _alarmed(self, now_s: float) -> Plain | None:
+        if self._alarm is None or now_s - self._alarm[0] > ALARM_FOR_S:
+            return None
+        since_s, alarm = self._alarm
+        return {"what": str(alarm.violation), "amount": alarm.amount, "since_s": since_s}
+
+    def history_row(self) -> list[Any] | None:
+        """Return the last cycle as one row of the charts and tracks, None before the first; see `HISTORY`."""
+        cycle = self._cycle
+        if cycle is None:
+            return None
+        values = (
+            cycle.now_s,
+            *cycle.pursuer_m,
+            *cycle.evader_m,
+            cycle.gap_m,
+            cycle.height_gap_m,
+            cycle.value,
+            cycle.time_needed_s,
+            math.hypot(*cycle.flown_ned_m_s),
+            math.hypot(*cycle.commanded_ned_m_s),
+            math.hypot(*cycle.desired_ned_m_s),
+            1e3 * cycle.telemetry_age_s,
+            1e3 * cycle.evader_age_s,
+        )
+        return [round(value, 2) if math.isfinite(value) else None for value in values]
+
+
+HISTORY: Final = (
+    "now_s",
+    "pursuer_x",
+    "pursuer_y",
+    "pursuer_z",
+    "evader_x",
+    "evader_y",
+    "evader_z",
+    "gap_m",
+    "height_gap_m",
+    "value",
+    "time_needed_s",
+    "flown_m_s",
+    "commanded_m_s",
+    "desired_m_s",
+    "position_age_ms",
+    "evader_age_ms",
+)
+"""Columns of `SnapshotFold.history_row`; positions in the game frame, m."""
+
+
+def rounded(place: Any) -> list[float] | None:  # noqa: ANN401 - a vector, or None
+    """Return a place to the centimetre; None where it is not known."""
+    if place is None or not all(map(math.isfinite, place)):
+        return None
+    return [round(float(value), _CENTIMETRES) for value in place]
+
+
+def finite(curve: NDArray[np.float64]) -> list[Any]:
+    """Return the points of a curve that are known, to the centimetre."""
+    kept: list[Any] = np.round(curve[np.isfinite(curve).all(axis=-1)], _CENTIMETRES).tolist()
+    return kept

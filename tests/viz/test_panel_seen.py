@@ -1,0 +1,197 @@
+"""What a page is told of a flight: snapshots, levels, and what is told when."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from guidance.clock import VirtualClock
+from guidance.config import find
+from guidance.errors import LinkError
+from guidance.flight import State
+from guidance.log import cycles_of, metadata_of, scan
+from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.log.reader import Item
+from guidance.session.plan_fence import load_vehicle
+from guidance.session.recorded import recorded_settings
+from guidance.viz.panel import levels
+from guidance.viz.panel.bus import Heard, Joined, Said
+from guidance.viz.panel.hub import HISTORY_S, MOST_DAEMONS, MOST_EVENTS, Hub
+from guidance.viz.panel.levels import Level
+from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
+
+
+def folded(path, until=lambda row: False):
+    """Fold a record up to the first cycle of which something is true."""
+    fold = SnapshotFold(recorded_settings, metadata_of(path), "test")
+    for item in scan(path):
+        entry = fold.take(item)
+        if item.topic == CYCLE_TOPIC and until(entry):
+            break
+    return fold
+
+
+class StubBus:
+    """A bus that says what the test has it say."""
+
+    endpoint, reason = "tcp/127.0.0.1:1", ""
+
+    def __init__(self):
+        self.waiting = []
+        self.ordered = []
+
+    def news(self):
+        taken, self.waiting = self.waiting, []
+        return taken
+
+    def order(self, name, order, by):
+        self.ordered.append((name, order, by))
+        return {"accepted": True, "order": order, "name": name}
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def told(record):
+    """A hub that has been told of a daemon: how to tell more, and how to read what pages are told."""
+    bus, clock = StubBus(), VirtualClock(100.0)
+    hub = Hub([bus], recorded_settings, clock)
+
+    def tell(*news):
+        bus.waiting += news
+        hub.listen()
+
+    def read(*, whole=False):
+        return json.loads(hub.message(whole=whole))
+
+    tell(Joined("uav1", metadata_of(record), None))
+    return SimpleNamespace(hub=hub, bus=bus, clock=clock, tell=tell, read=read)
+
+
+def test_a_moment_of_the_chase_is_what_the_record_has(record):
+    fold = folded(record, lambda row: row.state is State.ENGAGED and row.certificate is not None)
+    row = next(row for row in cycles_of(record) if row.state is State.ENGAGED and row.certificate is not None)
+    seen, scene = fold.snapshot(), fold.scene
+    json.dumps([seen, scene], allow_nan=False)
+    assert (seen["state"], seen["mode"], seen["armed"], seen["streaming"]) == ("engaged", "guided", True, True)
+    game, certificate = seen["game"], row.certificate
+    assert game["value"] == certificate.value
+    assert game["time_needed_s"] == certificate.time_needed_s
+    assert game["meeting_m"] == pytest.approx(certificate.meeting_point_game_m, abs=0.006)
+    assert seen["pursuer_m"] == pytest.approx(certificate.pursuer_game_m, abs=0.2)  # certified a cycle's way ahead
+    assert game["wins"] == "pursuer"
+    # Every point of the isochron is reached by the evader when the pursuer is: none lies beyond its own run.
+    run_m = 1.001 * max(math.dist(place, certificate.evader_game_m[:2]) for place in game["isochron_m"])
+    assert math.dist(game["meeting_m"][:2], certificate.evader_game_m[:2]) <= run_m
+    assert len(scene["fence_m"][0]) > 3
+    home = scene["home_m"]
+    reach = [math.dist(corner, home[:2]) for corner in scene["fence_m"][0]]
+    assert max(reach) - min(reach) < 0.2
+    assert len(fold.history_row()) == len(HISTORY)
+
+
+def test_before_anything_was_heard_nothing_is_made_up(record):
+    fold = SnapshotFold(recorded_settings, metadata_of(record), "test")
+    assert fold.snapshot() is None
+    assert fold.history_row() is None
+    assert fold.scene["fence_m"] == []
+    first = folded(record, lambda _: True).snapshot()
+    assert first["game"] is None
+    assert first["battery"] is None
+    assert first["levels"]["battery"] == "unknown"
+    assert first["levels"]["evader"] == "warning"
+
+
+@pytest.mark.parametrize(
+    ("level", "wanted"),
+    [
+        (levels.of_state(State.YIELDED), Level.WARNING),
+        (levels.of_state(State.PAUSED), Level.CAUTION),
+        (levels.of_state(State.ENGAGED), Level.OK),
+        (levels.of_age(0.4, 1.0), Level.OK),
+        (levels.of_age(0.6, 1.0), Level.CAUTION),
+        (levels.of_age(1.1, 1.0), Level.WARNING),
+        (levels.of_age(math.inf, 1.0), Level.WARNING),
+        (levels.of_age(math.nan, 1.0), Level.UNKNOWN),
+        (levels.of_battery(0.19, 0.2), Level.WARNING),
+        (levels.of_battery(0.25, 0.2), Level.CAUTION),
+        (levels.of_battery(0.9, 0.2), Level.OK),
+        (levels.of_battery(math.nan, 0.2), Level.UNKNOWN),
+        (levels.of_winner(None, no_game=False), Level.UNKNOWN),
+        (levels.of_winner(1, no_game=True), Level.WARNING),
+    ],
+)
+def test_levels_follow_the_limits_that_the_flight_acts_on(level, wanted):
+    assert level is wanted
+
+
+def test_a_page_that_joins_is_told_everything_and_then_only_what_is_new(told, record):
+    items = [item for item in scan(record) if item.topic in {CYCLE_TOPIC, EVENT_TOPIC}]
+    told.tell(*(Heard("uav1", 100.0, item) for item in items), Said("uav1", 100.0, {"state": "landed"}))
+    (everything,) = told.read(whole=True)["daemons"]
+    assert everything["snapshot"]["state"] == "landed"
+    assert everything["status"] == {"state": "landed"}
+    assert len(everything["events"]) <= MOST_EVENTS
+    rows = everything["history"]["rows"]
+    assert rows[-1][0] - rows[0][0] > 20.0
+    (first,) = told.read()["daemons"]
+    assert {"scene", "status", "snapshot", "events"} <= first.keys()
+    assert "history" not in first
+    (again,) = told.read()["daemons"]
+    assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact"}
+
+
+def test_the_history_is_of_five_minutes_however_long_a_flight_lasts(told, record):
+    (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
+    row = json.loads(last.data)
+    for number in range(3000):
+        data = json.dumps({**row, "now_s": row["now_s"] + 0.25 * number}).encode()
+        told.tell(Heard("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
+    rows = told.read(whole=True)["daemons"][0]["history"]["rows"]
+    assert len(rows) <= HISTORY_S / 0.25
+    assert rows[-1][0] - rows[0][0] <= HISTORY_S
+    # A daemon that was started anew has a clock of its own: nothing of before is drawn beside it.
+    told.tell(Heard("uav1", 100.0, last))
+    assert len(told.read(whole=True)["daemons"][0]["history"]["rows"]) == 1
+
+
+def test_a_daemon_that_falls_silent_is_said_to(told, record):
+    (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
+    told.tell(Heard("uav1", 100.0, last))
+    for after_s, contact in ((0.5, "ok"), (1.5, "caution"), (2.5, "warning")):
+        told.clock.sleep_until(100.0 + after_s)
+        told.tell(Said("uav1", 100.0 + after_s, {"state": "ready"}))  # its loop hangs, its bus answers
+        assert told.read()["daemons"][0]["contact"] == contact
+
+
+def test_nonsense_on_the_bus_is_passed_over_and_bounded(told):
+    for data in (b"", b"{", b"[]", b'{"now_s": 1}', b'{"now_s": "x", "event": 3}'):
+        for topic in (CYCLE_TOPIC, EVENT_TOPIC):
+            told.tell(Heard("uav1", 100.0, Item(0.0, topic, "json", data)))
+    told.tell(Joined("odd", {"config": "no JSON"}, None), Said("odd", 100.0, {"state": "waiting"}))
+    told.tell(*(Said(f"uav{number}", 100.0, {}) for number in range(2 * MOST_DAEMONS)))
+    daemons = told.read(whole=True)["daemons"]
+    assert len(daemons) == MOST_DAEMONS
+    assert daemons[0].keys() >= {"scene", "status"}
+    assert daemons[0]["snapshot"] is None
+    assert daemons[1]["status"] == {"state": "waiting"}
+
+
+def test_a_configuration_read_again_is_the_scene_from_then_on(told):
+    document = load_vehicle(find("px4", "vehicles")).model_dump(mode="json")
+    document["limits"]["ceiling_m"] = 44.0
+    event = {"now_s": 2.0, "event": RELOADED, "detail": json.dumps(document)}
+    told.tell(Heard("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    (daemon,) = told.read(whole=True)["daemons"]
+    assert daemon["scene"]["ceiling_m"] == 44.0
+    assert daemon["events"] == [{"now_s": 2.0, "event": RELOADED, "detail": ""}]
+
+
+def test_orders_go_to_the_daemon_that_was_chosen(told):
+    (daemon,) = told.read(whole=True)["daemons"]
+    assert told.hub.order(daemon["key"], "hold", "panel, Ana")["accepted"]
+    assert told.bus.ordered == [("uav1", "hold", "panel, Ana")]
+    with pytest.raises(LinkError, match="no daemon 'uav9' was heard"):
+        told.hub.order("uav9", "hold", "")

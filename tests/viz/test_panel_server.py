@@ -1,0 +1,250 @@
+"""The panel's doors: who is let in, from where, what is answered, and what a page that hangs costs the others."""
+
+import asyncio
+import json
+import ssl
+import subprocess
+from types import SimpleNamespace
+
+import pytest
+from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
+from aiohttp.test_utils import unused_port
+
+from guidance.errors import ConfigError, LinkError
+from guidance.viz.panel import server as servers
+from guidance.viz.panel.access import Access, secured
+from guidance.viz.panel.server import MOST_UNTAKEN, PanelServer
+
+PATHS = ("/page/main.js", "/page/index.html", "/alive", "/live", "/order", "/nowhere")
+
+
+class StubHub:
+    """Something new at every look, and orders kept."""
+
+    def __init__(self):
+        self.ordered, self.number, self.size = [], 0, 1
+
+    def listen(self):
+        self.number += 1
+
+    def message(self, *, whole=False):
+        return json.dumps({"whole": whole, "number": self.number, "filling": "x" * self.size})
+
+    def order(self, daemon, order, by):
+        if daemon == "gone":
+            raise LinkError("gone: no answer within 4 s")
+        self.ordered.append((daemon, order, by))
+        return {"accepted": False, "order": order, "reason": "on the ground: order start first"}
+
+
+@pytest.fixture
+async def opened(monkeypatch):
+    """Serve a panel on a free port of loopback; everything ends with the test."""
+    monkeypatch.setattr(servers, "TOLD_EVERY_S", 0.01)
+    monkeypatch.setattr(servers, "WRONG_PASSWORD_S", 0.01)
+    closing = []
+
+    async def open_one(*, look=False, security=None):
+        port, hub = unused_port(), StubHub()
+        access = Access(port, security)
+        runner = web.AppRunner(PanelServer(hub, access, look=look).application(), shutdown_timeout=0.2)
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", port, ssl_context=access.tls).start()
+        client = ClientSession(f"{access.scheme}://127.0.0.1:{port}", cookie_jar=CookieJar(unsafe=True))
+        closing.append((client, runner))
+        return SimpleNamespace(
+            hub=hub, access=access, client=client, origin={"Origin": f"{access.scheme}://127.0.0.1:{port}"}
+        )
+
+    yield open_one
+    for client, runner in closing:
+        await client.close()
+        await runner.cleanup()
+
+
+async def let_in(panel):
+    async with panel.client.get("/", params={"token": panel.access.token}) as answer:
+        assert answer.status == 200
+    return panel
+
+
+async def test_without_the_token_nothing_is_served_and_nothing_ordered(opened):
+    panel = await opened()
+    for path in PATHS:
+        for send in (panel.client.get, panel.client.post):
+            async with send(path, headers=panel.origin) as answer:
+                assert answer.status == 403, path
+                assert await answer.text() == ""
+    for token in ("", "wrong", panel.access.token[:-1], panel.access.token + "x", "ü"):
+        async with panel.client.get("/", params={"token": token}) as answer:
+            assert answer.status == 403
+            assert "Not let in" in await answer.text()
+            assert not answer.cookies
+    assert panel.hub.ordered == []
+
+
+async def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_never_have(opened):
+    panel = await opened()
+    async with panel.client.get("/", params={"token": panel.access.token}) as answer:
+        (cookie,) = answer.cookies.values()
+        assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (True, "Strict", "/")
+        assert cookie.value != panel.access.token
+        policy = answer.headers["Content-Security-Policy"]
+        assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;")
+        assert "http" not in policy
+        assert answer.headers["Referrer-Policy"] == "no-referrer"
+        assert answer.headers["Cache-Control"] == "no-store"
+    async with panel.client.get("/page/main.js") as answer:
+        assert answer.status == 200
+        assert answer.content_type == "text/javascript"
+    for name in ("nothing.js", "..%2Fserver.py", "%2Fetc%2Fpasswd", "panel", "x.py"):
+        async with panel.client.get(f"/page/{name}") as answer:
+            assert answer.status == 404, name
+
+
+async def test_pages_of_other_sites_and_names_that_lead_here_are_turned_away(opened):
+    panel = await let_in(await opened())
+    for origin in ({}, {"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": "https://127.0.0.1"}):
+        async with panel.client.post(
+            "/order", json={"daemon": "uav1", "order": "hold", "by": ""}, headers=origin
+        ) as answer:
+            assert answer.status == 403
+        with pytest.raises(WSServerHandshakeError) as refused:
+            await panel.client.ws_connect("/live", headers=origin)
+        assert refused.value.status == 403
+    async with panel.client.get("/alive", headers={"Host": "evil.example:80"}) as answer:
+        assert answer.status == 421
+    assert panel.hub.ordered == []
+
+
+async def test_an_order_goes_to_the_daemon_with_who_gave_it_and_its_reason_comes_back(opened):
+    panel = await let_in(await opened())
+    order = {"daemon": "uav1@x", "order": "engage", "by": "Ana" + 90 * "a"}
+    async with panel.client.post("/order", json=order, headers=panel.origin) as answer:
+        assert (await answer.json())["reason"] == "on the ground: order start first"
+    assert panel.hub.ordered == [("uav1@x", "engage", f"panel, Ana{21 * 'a'} at 127.0.0.1")]
+    async with panel.client.post("/order", json={**order, "daemon": "gone"}, headers=panel.origin) as answer:
+        assert await answer.json() == {"accepted": False, "order": "engage", "reason": "gone: no answer within 4 s"}
+    for body in (b"", b"[]", b"{}", b'{"daemon": 1}', b"x" * 100_000):
+        async with panel.client.post("/order", data=body, headers=panel.origin) as answer:
+            assert answer.status in {400, 413}
+
+
+async def test_a_panel_that_only_looks_takes_no_order(opened):
+    panel = await let_in(await opened(look=True))
+    async with panel.client.get("/alive") as answer:
+        assert await answer.json() == {"look": True}
+    order = {"daemon": "uav1", "order": "hold", "by": ""}
+    async with panel.client.post("/order", json=order, headers=panel.origin) as answer:
+        assert answer.status == 403
+        assert (await answer.json())["reason"] == "this panel only looks on (--look)"
+    assert panel.hub.ordered == []
+
+
+async def test_twenty_pages_are_told_everything_and_then_the_same(opened):
+    panel = await let_in(await opened())
+    sockets = [await panel.client.ws_connect("/live", headers=panel.origin) for _ in range(20)]
+    firsts = [await socket.receive_json() for socket in sockets]
+    assert all(first["whole"] for first in firsts)
+    from_number = max(first["number"] for first in firsts) + 1
+    heard = [await told_at(socket, from_number) for socket in sockets]
+    assert heard == [heard[0]] * 20
+    assert not heard[0]["whole"]
+    for socket in sockets:
+        await socket.close()
+
+
+async def told_at(socket, number):
+    while (said := await socket.receive_json(timeout=10.0))["number"] < number:
+        pass
+    return said
+
+
+async def test_a_page_that_takes_nothing_is_let_go_and_holds_up_no_other(opened):
+    panel = await let_in(await opened())
+    panel.hub.size = 2_000_000  # more than any buffer between us holds of so many
+    hanging = await panel.client.ws_connect("/live", headers=panel.origin, max_msg_size=0)
+    first = await hanging.receive_json()
+    panel.hub.size = 4_000_000
+    await asyncio.sleep(0)
+    hanging._response.connection.transport.pause_reading()
+    other = await panel.client.ws_connect("/live", headers=panel.origin, max_msg_size=0)
+    panel.hub.size = 1_000_000
+    last = await told_at(other, first["number"] + MOST_UNTAKEN + 5)
+    assert last["number"] > first["number"] + MOST_UNTAKEN
+    hanging._response.connection.transport.resume_reading()
+    while (await hanging.receive(timeout=10.0)).type is WSMsgType.TEXT:  # what was under way
+        pass
+    assert hanging.close_code == 1013
+    await other.close()
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tls")
+    command = [
+        "openssl",
+        "req",
+        "-x509",
+        "-newkey",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:P-256",
+        "-nodes",
+        "-days",
+        "2",
+    ]
+    files = ["-keyout", folder / "key.pem", "-out", folder / "cert.pem"]
+    names = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"]
+    subprocess.run([*command, *files, *names], check=True, capture_output=True)
+    (folder / "password").write_text("correct horse battery\nmore\n")
+    (folder / "password").chmod(0o600)
+    return folder
+
+
+async def test_elsewhere_than_on_loopback_it_is_tls_and_a_password(opened, certificate):
+    files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
+    panel = await opened(security=secured("0.0.0.0", *files))
+    trusting = ssl.create_default_context(cafile=certificate / "cert.pem")
+
+    async def post(password, origin):
+        form = {"password": password}
+        return await panel.client.post("/login", data=form, headers=origin, ssl=trusting, allow_redirects=False)
+
+    async with panel.client.get("/", params={"token": panel.access.token}, ssl=trusting) as answer:
+        assert answer.status == 403 or "Password" in await answer.text()  # the token opens nothing here
+        assert not answer.cookies
+    for password, origin in (("wrong", panel.origin), ("", panel.origin), ("correct horse battery", {})):
+        answer = await post(password, origin)
+        assert answer.status == 403
+        assert not answer.cookies
+    answer = await post("correct horse battery", panel.origin)
+    assert answer.status == 303
+    (cookie,) = answer.cookies.values()
+    assert cookie["secure"]
+    async with panel.client.get("/alive", ssl=trusting) as answer:
+        assert answer.status == 200
+
+
+def test_what_is_missing_for_that_is_said(certificate, tmp_path):
+    cert, key, password = (certificate / name for name in ("cert.pem", "key.pem", "password"))
+    for host in ("127.0.0.1", "localhost", "::1", "127.0.0.9"):
+        assert secured(host, None, None, None) is None
+    for host, given in (
+        ("0.0.0.0", (None, None, None)),
+        ("192.168.1.7", (cert, key, None)),
+        ("127.0.0.1", (cert, None, None)),
+    ):
+        with pytest.raises(ConfigError, match="--certificate, --key and --password-file, all three"):
+            secured(host, *given)
+    with pytest.raises(ConfigError, match="cannot be used"):
+        secured("0.0.0.0", password, key, password)
+    weak = tmp_path / "weak"
+    weak.write_text("short\n")
+    with pytest.raises(ConfigError, match="others can read it; chmod 600"):
+        secured("0.0.0.0", cert, key, weak)
+    weak.chmod(0o600)
+    with pytest.raises(ConfigError, match="has 5 characters; give at least 12"):
+        secured("0.0.0.0", cert, key, weak)
+    with pytest.raises(ConfigError, match="cannot be read"):
+        secured("0.0.0.0", cert, key, tmp_path / "nothing")
