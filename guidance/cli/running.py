@@ -12,6 +12,7 @@ from rich.text import Text
 
 from guidance.cli.belonging import refuse_others
 from guidance.errors import ConfigError
+from guidance.files import private_file
 from guidance.output import writing
 from guidance.screen import Cell, Sheet, pairs
 from guidance.sim.expect import CheckedExpectation
@@ -198,4 +199,4 @@ def _write(path: Path, content: Any) -> None:  # noqa: ANN401 - plain values
         sys.stdout.write(text)
         return
     with writing(path):
-        path.write_text(text, encoding="utf-8")
+        private_file(path).write_text(text, encoding="utf-8")

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from guidance.errors import OutputError
 from guidance.extras import how_to_add
+from guidance.files import private_file
 from guidance.screen import pairs, redraws
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
@@ -92,7 +93,8 @@ def report(console: Console, result: FlightResult, outcome: Outcome, folder: Pat
         )
     console.print(f"record   {folder / RECORD}", soft_wrap=True, highlight=False)
     with contextlib.suppress(OSError):  # a full disk is told of the picture
-        (folder / OUTCOME).write_text(json.dumps(outcome_json(outcome), indent=2) + "\n", encoding="utf-8")
+        row = json.dumps(outcome_json(outcome), indent=2) + "\n"
+        private_file(folder / OUTCOME).write_text(row, encoding="utf-8")
     advice = how_to_add("plot")
     if advice is not None:
         console.print(f"picture  {advice}", soft_wrap=True, highlight=False, markup=False)

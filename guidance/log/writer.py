@@ -1,9 +1,9 @@
 """The flight's record: one MCAP file with the raw frames of every link and a JSON row for every cycle and event.
 
 A long flight goes on in a next file from time to time, `NAME.002.mcap` and so on: each can be read by itself, and what
-the writer has to remember for a file's index stays bounded. Written through an unbuffered file in small chunks, so that
-a killed process loses at most the last fraction of a second. A record that cannot be written never disturbs the flight:
-recording stops and `failed` says why.
+the writer has to remember for a file's index stays bounded. Only their owner reads them. Written through an unbuffered
+file in small chunks, so that a killed process loses at most the last fraction of a second. A record that cannot be
+written never disturbs the flight: recording stops and `failed` says why.
 """
 
 import calendar
@@ -20,6 +20,7 @@ from typing import Any, Protocol, TypeVar
 from mcap.writer import CompressionType, Writer
 from typing_extensions import Buffer
 
+from guidance.files import private_file, private_folder
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
 from guidance.log.provenance import PACKAGE, commit
@@ -122,12 +123,12 @@ class Recorder:
         self._scene = Scene()
         self._sequence = 0
         self._part = 0
-        path.parent.mkdir(parents=True, exist_ok=True)
+        private_folder(path.parent)
         self._open_part()
 
     def _open_part(self) -> None:
         self._part += 1
-        self._stream = part_path(self.path, self._part).open("wb", buffering=0)
+        self._stream = private_file(part_path(self.path, self._part)).open("wb", buffering=0)
         self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library="guidance")
         self._writer.add_metadata("run", {**self._metadata, **({} if self._part == 1 else {PART: str(self._part)})})

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from guidance.files import private_file
 from guidance.sweeps.statistics import share
 from guidance.sweeps.tally import Tally
 from guidance.sweeps.worst import Worst
@@ -50,7 +51,7 @@ def draw_all(tallies: Sequence[Tally], worst: Sequence[Worst], *, title: str, un
             continue
         for kind in ("png", "pdf"):
             path = out / f"{name}.{kind}"
-            figure.savefig(path, dpi=_DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
+            figure.savefig(private_file(path), dpi=_DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
             paths.append(path)
     return paths
 

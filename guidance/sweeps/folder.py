@@ -20,6 +20,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from guidance.errors import ConfigError, OutputError
+from guidance.files import private_file, private_folder
 from guidance.log.provenance import PACKAGE, commit
 from guidance.sweeps.chunk import chunks_of, rows_of
 from guidance.sweeps.plan import Plan, plan_of
@@ -42,7 +43,7 @@ def write_whole(path: Path, content: bytes) -> None:
     """
     partial = path.with_name(f".{path.name}{_PARTIAL}")  # hidden, so that nobody takes it for rows
     try:
-        with partial.open("wb") as stream:
+        with private_file(partial).open("wb") as stream:
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
@@ -129,12 +130,12 @@ def opened(path: Path, plan: Plan, chunk_rows: int | None, default_rows: Callabl
         OutputError: If it cannot be written.
     """
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        private_folder(path)
         if (path / MANIFEST).is_file():
             return _resumed(path, plan, chunk_rows)
         if any(child for child in path.iterdir() if not child.name.startswith(".") and child.name != ROWS):
             raise ConfigError(f"--out {path}: holds files and no sweep ({MANIFEST}); give a new folder")
-        (path / ROWS).mkdir(exist_ok=True)
+        private_folder(path / ROWS)
         rows = chunk_rows or default_rows()
         manifest = {
             "format": _FORMAT,
@@ -180,8 +181,7 @@ def alone(path: Path) -> Iterator[None]:
     import fcntl  # noqa: PLC0415 - not on every system
 
     try:
-        path.mkdir(parents=True, exist_ok=True)
-        lock = (path / ".lock").open("w")
+        lock = private_file(private_folder(path) / ".lock").open("w")
     except OSError as error:
         raise OutputError(f"--out {path}: cannot be written ({error.strerror}); choose another folder") from error
     with lock:

@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from guidance.errors import OutputError
+from guidance.files import private_folder
 from guidance.screen import Sheet, console
 from guidance.sweeps.drawing import draw_all
 from guidance.sweeps.folder import Folder, read_folder, write_whole
@@ -29,7 +30,7 @@ def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
     unit = "s" if folder.plan.scenario["game"] == "pe" else "m"
     title = folder.plan.sweep.title or str(folder.plan.scenario["title"])
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        private_folder(out)
         cases = list(write_worst(folder, tallies, out))
         summary = summed_up(folder, tallies, cases, unit)
         write_whole(out / "report.json", (json.dumps(summary, indent=1) + "\n").encode())

@@ -1,10 +1,12 @@
 """The flight as a picture: both tracks in space and from above, where the game began and where it was to end."""
 
+import contextlib
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from guidance.files import private_file
 from guidance.flight import State
 from guidance.frames import Vector
 from guidance.session.result import FlightResult, ending_words
@@ -31,6 +33,8 @@ def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
     label_space(space)
     figure.suptitle(literal(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}"))
     legend_below(figure, plan)
+    with contextlib.suppress(OSError):  # `save` says what cannot be written
+        private_file(path)
     save(figure, path)
 
 

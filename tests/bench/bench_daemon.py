@@ -31,6 +31,7 @@ from pathlib import Path
 from statistics import median
 
 from bench_links import SETPOINT, Stopwatch, open_wire, processor_s, url_of
+from footprint import footprint
 
 LOCAL_POSITION = 32
 PERIOD_S = 0.02
@@ -42,6 +43,9 @@ FLOODS = {
     "bytes": (20_000, 12, lambda: b"\xfd"),
 }
 """What a stranger sends: datagrams a second, from how many ports, and the datagram."""
+LASTING_MAH = 1e6
+"""A charge that lasts for days: how long it flies is not the battery's to say."""
+
 CONFIG = """
 name = "bench"
 [vehicle]
@@ -94,6 +98,7 @@ def vehicle(wire: str, port: int, evader_port: int) -> None:
 
     parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
     mock = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
+    mock.autopilot.state.battery.capacity_mah = LASTING_MAH
     watch, inbox, orders = Watch(), deque(), deque()
 
     def on_frame(data: bytes) -> None:
@@ -140,6 +145,9 @@ class Beacon:
         if now_s < self.next_s:
             return
         self.next_s = now_s + 0.1
+        self.socket.sendto(self.frame(now_s), self.to)
+
+    def frame(self, now_s: float) -> bytes:
         angle = 2.0 * now_s / 25.0
         north_m, east_m = 60.0 + 25.0 * math.cos(angle), 25.0 * math.sin(angle)
         lat = 47.397742 + math.degrees(north_m / 6371000.0)
@@ -147,7 +155,7 @@ class Beacon:
         velocity = round(-200.0 * math.sin(angle)), round(200.0 * math.cos(angle)), 0
         place = round(lat * 1e7), round(lon * 1e7), 488000, 0
         message = self.dialect.MAVLink_global_position_int_message(round(now_s * 1e3), *place, *velocity, 0)
-        self.socket.sendto(message.pack(self.mavlink), self.to)
+        return bytes(message.pack(self.mavlink))
 
 
 def foreign_heartbeat(system_id: int) -> bytes:
@@ -186,15 +194,15 @@ def script(wire: str, port: int, _evader_port: int) -> Iterator[int]:
 
 
 @contextlib.contextmanager
-def daemon(link: str, wire: str, port: int, evader_port: int) -> Iterator[int]:
-    """`guidance run`, brought up and engaged."""
+def daemon(link: str, wire: str, port: int, evader_port: int, more: str = "") -> Iterator[int]:
+    """`guidance run`, brought up and engaged; `more` is added to its configuration."""
     from guidance.session.control_bus import ask
 
     control_port = free_port(socket.SOCK_STREAM)
     config = CONFIG.format(link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
-        path.write_text(config)
+        path.write_text(config + more)
         command = [sys.executable, "-c", "from guidance.cli import main; main()", "run", str(path)]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
             try:
@@ -226,12 +234,6 @@ def insist(ask: Callable[[], Mapping], wanted: Callable[[Mapping], bool], what: 
     raise SystemExit(f"{what}: not within {limit_s:g} s; the daemon says {answer}")
 
 
-def memory_mb(pid: int) -> float:
-    """Resident memory of a process (Linux)."""
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
 def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]:
     link, wire = case.split("/")
     port = free_port(socket.SOCK_DGRAM if wire == "udp" else socket.SOCK_STREAM)
@@ -251,7 +253,7 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
             before_s, began_s = processor_s(pid), time.monotonic()
             time.sleep(seconds)
             share = 100.0 * (processor_s(pid) - before_s) / (time.monotonic() - began_s)
-            resident_mb = memory_mb(pid)
+            resident_mb = footprint(pid).memory_mb
             flying.stdin.write("report\n")
             flying.stdin.flush()
             measured = json.loads(flying.stdout.readline())

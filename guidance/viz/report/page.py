@@ -11,6 +11,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from guidance.errors import ConfigError
+from guidance.files import private_file, private_folder
 from guidance.log import SettingsOf
 from guidance.viz.report import charts
 from guidance.viz.report.story import Story, story_of
@@ -73,12 +74,13 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path
     page = folder / "report.html"
     written = [page]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        private_folder(folder)
         figures = {name: picture.draw(story) for name, picture in PICTURES.items()}
         for name, figure in figures.items():
             written.append(folder / f"{name}.png")
-            figure.savefig(written[-1], dpi=130)
-        page.write_text(page_of(story, {name: svg_of(figure) for name, figure in figures.items()}), encoding="utf-8")
+            figure.savefig(private_file(written[-1]), dpi=130)
+        text = page_of(story, {name: svg_of(figure) for name, figure in figures.items()})
+        private_file(page).write_text(text, encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"--out {folder}: cannot be written ({error.strerror})") from error
     return written

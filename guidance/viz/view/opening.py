@@ -7,6 +7,7 @@ from pathlib import Path
 import rerun as rr
 
 from guidance.errors import ConfigError
+from guidance.files import private_file, private_folder
 from guidance.log import SettingsOf, title_of
 from guidance.viz.view.layout import layout
 from guidance.viz.view.painter import Painter
@@ -49,9 +50,8 @@ def opened(
 
 def _file(path: Path) -> rr.FileSink:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("wb"):  # Rerun would only say so in its log
-            pass
+        private_folder(path.parent)
+        private_file(path)  # Rerun would only say in its log that it cannot
     except OSError as error:
         raise ConfigError(f"--save {path}: cannot be written ({error.strerror})") from error
     return rr.FileSink(path)

@@ -1,0 +1,44 @@
+"""Files and folders that only their owner reads: they say where people and vehicles were.
+
+Whatever the process's umask is, a file has mode 0600 and a folder that is made for it 0700. A folder that is there
+already keeps the rights that a person gave it.
+"""
+
+import contextlib
+import os
+import stat
+from pathlib import Path
+from typing import Final
+
+_FILE: Final = stat.S_IRUSR | stat.S_IWUSR
+_FOLDER: Final = stat.S_IRWXU
+
+
+def private_folder(path: Path) -> Path:
+    """Make a folder, and those above it that are missing, for us alone; return it.
+
+    Raises:
+        OSError: If it cannot be made.
+    """
+    for folder in reversed((path, *path.parents)):
+        if not folder.exists():
+            with contextlib.suppress(FileExistsError):  # somebody else has made it meanwhile
+                folder.mkdir(mode=_FOLDER)
+                folder.chmod(_FOLDER)  # a umask takes away only
+    path.mkdir(exist_ok=True)
+    return path
+
+
+def private_file(path: Path) -> Path:
+    """Make an empty file for us alone, or empty the one there and make it ours alone; return it, to be written.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    opened = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, _FILE)
+    try:
+        if stat.S_ISREG(os.fstat(opened).st_mode):  # not /dev/null
+            path.chmod(_FILE)
+    finally:
+        os.close(opened)
+    return path

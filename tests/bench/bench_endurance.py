@@ -1,0 +1,253 @@
+"""Flights that do not end: does memory, do descriptors or threads grow, and can every record of it be read?
+
+    python tests/bench/bench_endurance.py virtual [--hours 24]      # every cycle of it, faster than real time
+    python tests/bench/bench_endurance.py real [--minutes 30]       # `guidance run`, MAVSDK over Zenoh, real time
+
+In virtual time one daemon flies a mock PX4 by whole MAVLink frames at its fifty cycles a second, with preflight,
+orders, shadowing of an evader that goes in circles, and everything recorded in files of half an hour. Every hour a
+person orders hold and engages again. Each file is read by itself, by the MCAP library, as soon as the next one is
+begun, and deleted then, but for the first two, which are replayed as one: across the seam every setpoint has to come
+out bit for bit. What `--within` cuts off is said. In real time the daemon is a process of its own, and is looked at
+from outside.
+
+Ends with 1 unless all is flat to 2 MB an hour and every file is whole.
+"""
+
+import argparse
+import gc
+import math
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from socket import SOCK_DGRAM, SOCK_STREAM
+
+from bench_daemon import CONFIG, LASTING_MAH, Beacon, daemon, free_port
+from footprint import Footprint, footprint, growth_mb_h, told
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from guidance.clock import VirtualClock
+from guidance.config import parse
+from guidance.flight import State
+from guidance.links import MemoryWire
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.log import compare
+from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.reader import CONFIG as CONFIG_KEY
+from guidance.log.writer import Recorder, part_path
+from guidance.session.daemon import Daemon
+from guidance.session.loop import run
+from guidance.session.recorded import recorded_settings
+from guidance.session.spec import plan_of
+from guidance.session.vehicle_file import Config
+from guidance.sim.stepped import SteppedMock
+from sitl_mock import MockVehicle
+from sitl_mock.faults import Faulted, FaultScript
+
+FLAT_MB_H = 2.0
+LOOK_EVERY_S = 600.0
+ORDERS_EVERY_S = 3600.0
+WARM_S = 3600.0
+"""Growth is counted from here: caches are full, and a second file has been begun."""
+
+
+class VirtualWorld:
+    """A mock PX4 and an evader's reports at 10 Hz, both by frames."""
+
+    real_time = False
+    player = None
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self._clock = clock
+        parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
+        vehicle = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
+        vehicle.autopilot.state.battery.capacity_mah = LASTING_MAH
+        self._mock = SteppedMock("bench", Faulted(vehicle, "bench", FaultScript()), clock)
+        self.link = PymavlinkLink(self._mock.wire, clock.now_s, system_id=1)
+        ours, self._radio = MemoryWire.pair(clock.now_s)
+        self.evader_source = MavlinkEvader(ours, GlobalPositionInt(), system_id=2)
+        self._beacon = Beacon(0)
+        self._next_s = 0.0
+
+    def advance(self) -> None:
+        now_s = self._clock.now_s()
+        self._mock.advance(now_s)
+        if now_s >= self._next_s:
+            self._next_s = now_s + 0.1
+            self._radio.send(self._beacon.frame(now_s))
+        self._radio.receive()  # nobody answers
+
+    def engage(self) -> None:
+        """Nothing waits for it."""
+
+    def drain(self) -> Sequence[tuple[float, str, bytes]]:
+        return self._mock.wire.drain()
+
+    def close(self) -> None:
+        self.link.close()
+        self.evader_source.close()
+        self._beacon.socket.close()
+
+
+def cycles_in(path: Path) -> int:
+    """Count the cycles of one file by itself, as the MCAP library reads it; 0 where it is not finished properly."""
+    with path.open("rb") as file:
+        try:
+            summary = make_reader(file, validate_crcs=True).get_summary()
+        except McapError:
+            return 0
+    if summary is None or summary.statistics is None:
+        return 0
+    counts = summary.statistics.channel_message_counts
+    return sum(counts[number] for number, channel in summary.channels.items() if channel.topic == CYCLE_TOPIC)
+
+
+class Person:
+    """What a person does around the cycles, and who looks at the process meanwhile."""
+
+    def __init__(self, daemon: Daemon, record: Path, hours: float, within_s: float) -> None:
+        self._daemon, self._record, self._end_s, self._within_s = daemon, record, 3600.0 * hours, within_s
+        self.hours: list[float] = []
+        self.taken: list[Footprint] = []
+        self.parts: list[int] = []
+        self.written_mb = 0.0
+        self.cycles = self.setpoints = self.engagements = 0
+        self._look_s, self._order_s, self._began_s = LOOK_EVERY_S, ORDERS_EVERY_S, time.monotonic()
+        self.finished = False
+
+    def before(self, now_s: float) -> None:
+        state, mailbox = self._daemon.flight.state, self._daemon.mailbox
+        if state is State.READY:
+            mailbox.ask("start")
+        elif state in {State.STANDING_BY, State.HOLDING}:
+            mailbox.ask("engage")
+        elif state is State.ON_STATION and now_s >= self._order_s:
+            self._order_s += ORDERS_EVERY_S
+            mailbox.ask("hold")
+
+    def after(self, now_s: float, late_s: float) -> None:
+        outputs = self._daemon.outputs
+        self.cycles += 1
+        self.setpoints += outputs.setpoint is not None
+        self.engagements += any(each.after is State.ENTERING for each in outputs.happenings)
+        if self._daemon.flight.state in {State.YIELDED, State.FAILED, State.LANDED, State.RETURNING}:
+            raise SystemExit(f"{now_s:.1f} s: {self._daemon.flight.state}: {outputs.happenings}")
+        if now_s >= self._look_s:
+            self._look_s += LOOK_EVERY_S
+            self._look(now_s)
+        self.finished = now_s >= self._end_s or time.monotonic() - self._began_s > self._within_s
+
+    def _look(self, now_s: float) -> None:
+        if part_path(self._record, len(self.parts) + 2).exists():
+            self.read_part()
+        gc.collect()
+        self.hours.append(now_s / 3600.0)
+        self.taken.append(footprint())
+        fast = now_s / (time.monotonic() - self._began_s)
+        print(f"{now_s / 3600.0:6.2f} h, {fast:.1f} x real time, {self.taken[-1]}", file=sys.stderr, flush=True)
+
+    def read_part(self) -> None:
+        number = len(self.parts) + 1
+        path = part_path(self._record, number)
+        self.parts.append(cycles_in(path))
+        self.written_mb += path.stat().st_size / 1e6
+        if number > 2:
+            path.unlink()
+
+
+def virtual(hours: float, within_s: float) -> bool:
+    clock = VirtualClock()
+    text = CONFIG.format(link="pymavlink", url="udpin://127.0.0.1:14540", evader_port=14541, control_port=7448)
+    config = parse(Config, tomllib.loads(text), source="bench")
+    world, began_s = VirtualWorld(clock), time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flight.mcap"
+        record = Recorder(path, {CONFIG_KEY: config.model_dump_json()})
+        flown = Daemon(config.name, plan_of(config), world.link, world.evader_source, record=record)
+        person = Person(flown, path, hours, within_s)
+        run(flown, world, clock, mission=person, record=record)
+        record.close()
+        world.close()
+        took_s = time.monotonic() - began_s
+        while part_path(path, len(person.parts) + 1).exists():
+            person.read_part()
+        flown_h = clock.now_s() / 3600.0
+        seen = [number for number, hour in enumerate(person.hours) if 3600.0 * hour >= min(WARM_S, 1200.0 * flown_h)]
+        at, taken = [person.hours[one] for one in seen], [person.taken[one] for one in seen]
+        whole, kept = sum(count > 0 for count in person.parts), sum(person.parts)
+        print(f"flown in virtual time  {flown_h:.2f} h in {took_s / 60.0:.1f} min of real time")
+        print(f"cycles, setpoints      {person.cycles}, {person.setpoints}; engaged {person.engagements} times")
+        print(f"the process            {told(at, taken)} ({len(at)} looks from {at[0]:.2f} h on)")
+        if flown_h < hours:
+            more_mb = growth_mb_h(at, taken) * (hours - flown_h)
+            print(
+                f"not flown              {hours - flown_h:.2f} h of {hours:g}; on the same line {more_mb:+.1f} MB more"
+            )
+        print(
+            f"files of the record    {len(person.parts)}, {person.written_mb:.0f} MB, each read by itself: {whole} "
+            f"whole; cycles in them {kept} of {person.cycles}"
+        )
+        comparison, survey = compare(path, recorded_settings)
+        print(
+            f"replay across a seam   {comparison.cycles} cycles of the first files, {comparison.differing} differ, "
+            f"{survey.missing} messages missing"
+        )
+    flat = growth_mb_h(at, taken) < FLAT_MB_H and taken[-1][1:] == taken[0][1:]
+    lost = kept != person.cycles or whole != len(person.parts) or survey.missing or comparison.differing
+    return flat and not lost
+
+
+def real(minutes: float, rotate_s: float) -> bool:
+    port, evader_port = free_port(SOCK_STREAM), free_port(SOCK_DGRAM)
+    own = [sys.executable, str(Path(__file__).with_name("bench_daemon.py")), "--as-vehicle", "zenoh"]
+    hours, taken = [], []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        subprocess.Popen(
+            [*own, str(port), str(evader_port)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as flying,
+    ):
+        assert flying.stdin is not None
+        assert flying.stdout is not None
+        flying.stdout.readline()
+        recorded = f'[record]\nfolder = "{folder}"\nrotate_s = {rotate_s}\n'
+        with daemon("mavsdk", "zenoh", port, evader_port, recorded) as pid:
+            began_s = time.monotonic()
+            while (passed_s := time.monotonic() - began_s) < 60.0 * minutes:
+                hours.append(passed_s / 3600.0)
+                taken.append(footprint(pid))
+                time.sleep(10.0)
+        flying.stdin.close()
+        files = sorted(Path(folder).glob("*.mcap"))
+        cycles = [cycles_in(file) for file in files]
+    warm = len(hours) // 6
+    print(f"flown in real time     {minutes:g} min, `guidance run` with MAVSDK over Zenoh")
+    print(f"the process            {told(hours[warm:], taken[warm:])} ({len(hours) - warm} looks)")
+    whole = sum(count > 0 for count in cycles)
+    print(f"files of the record    {len(files)}, each read by itself: {whole} whole; cycles in them {sum(cycles)}")
+    counted = [one[1:] for one in taken[warm:]]
+    return growth_mb_h(hours[warm:], taken[warm:]) < FLAT_MB_H and counted[-1] <= counted[0] and whole == len(files)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("way", choices=("virtual", "real"))
+    parser.add_argument("--hours", type=float, default=24.0, help="virtual time")
+    parser.add_argument(
+        "--within", type=float, default=math.inf, help="minutes of real time that a virtual flight may take"
+    )
+    parser.add_argument("--minutes", type=float, default=30.0, help="real time")
+    parser.add_argument("--rotate-s", type=float, default=300.0, help="length of a file in real time")
+    given = parser.parse_args()
+    held = virtual(given.hours, 60.0 * given.within) if given.way == "virtual" else real(given.minutes, given.rotate_s)
+    print("flat and whole" if held else "NOT flat, or not whole")
+    sys.exit(0 if held else 1)
+
+
+if __name__ == "__main__":
+    main()
