@@ -2,14 +2,18 @@
 
 import sys
 import traceback
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 
 from guidance.cli.check import check
 from guidance.cli.compare import compare
 from guidance.cli.ctl import ctl
+from guidance.cli.doctor import doctor
 from guidance.cli.fly import fly
 from guidance.cli.groups import Group
+from guidance.cli.init import init
 from guidance.cli.log import log
 from guidance.cli.panel import panel
 from guidance.cli.paper import paper
@@ -42,14 +46,30 @@ app.add_typer(scenario, name="scenario")
 app.add_typer(sweep, name="sweep")
 app.command()(compare)
 app.command()(solve)
+app.command()(init)
+app.command()(doctor)
 app.command()(run)
 app.command()(check)
 app.command()(ctl)
 app.command()(panel)
 
 
+def _version(asked: bool) -> None:
+    if not asked:
+        return
+    from guidance.log.provenance import PACKAGE, commit  # noqa: PLC0415 - for this only
+
+    known = commit()
+    typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {known[:12]}" if known else ""))
+    raise typer.Exit
+
+
 @app.callback()
-def _root() -> None:
+def _root(
+    _: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and its commit.")
+    ] = False,
+) -> None:
     """Closed-form pursuit guidance: fly it, solve it, check it against the paper."""
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from guidance.cli.asking import agree
+from guidance.errors import FlightError
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -51,8 +52,6 @@ def check(
     - `guidance check --vehicle udpin://127.0.0.1:14540 --apply`: PX4's SITL, made ready for `guidance fly --vehicle`
     - `guidance check hover_chase --vehicle tcpout://127.0.0.1:5760 --apply --yes`: ArduPilot's, without being asked
     """
-    from guidance.preflight import refusals  # noqa: PLC0415 - NumPy takes a moment
-
     if (yes or advised) and not apply:
         raise typer.BadParameter("only with --apply", param_hint="--yes" if yes else "--advised")
     if as_json and apply and not yes:
@@ -61,13 +60,20 @@ def check(
         rows = checkup.rows()
         if apply:
             rows = _apply(checkup, rows, advised=advised, yes=yes, quiet=as_json)
+    raise typer.Exit(tell(rows, as_json=as_json))
+
+
+def tell(rows: "Sequence[Finding]", *, as_json: bool) -> int:
+    """Print what was found and what is refused; return the exit code."""
+    from guidance.preflight import refusals  # noqa: PLC0415 - NumPy takes a moment
+
     refused = refusals(rows)
     if as_json:
         typer.echo(json.dumps([row._asdict() for row in rows], indent=2))
     else:
         _print_rows(rows)
         _print_verdict(refused)
-    raise typer.Exit(4 if refused else 0)
+    return FlightError.exit_code if refused else 0
 
 
 def _checkup(

@@ -1,0 +1,81 @@
+"""`guidance init`: a first vehicle file, and what comes next."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from guidance.session.new_file import Surveyed
+
+
+def init(
+    url: Annotated[
+        str | None, typer.Argument(help="URL of the autopilot, which is read and not changed; asked for if not given.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The file to write; one that is there is never overwritten.")] = Path(
+        "vehicle.toml"
+    ),
+    name: Annotated[
+        str | None, typer.Option(help="Of the vehicle, in orders and records; the file's by default.")
+    ] = None,
+    autopilot: Annotated[
+        str | None,
+        typer.Option(help="px4 or arducopter; found by HEARTBEAT at a URL, and needed where there is no vehicle yet."),
+    ] = None,
+) -> None:
+    """Write a commented vehicle file for the autopilot at a URL, with its present limits, and say what comes next.
+
+    The autopilot is found by its HEARTBEAT, and its limits of speed, height and distance are read; nothing is set and
+    nothing is ordered. The file's own limits are never looser than what was read.
+
+    - `guidance init udpin://127.0.0.1:14540`: PX4's SITL, or `sitl-mock run --udp 14540`
+    - `guidance init serial:///dev/ttyACM0:921600 --out uav1.toml`: an autopilot on a serial port
+    - `guidance init --autopilot px4`: before there is a vehicle
+    """
+    from guidance.errors import ConfigError  # noqa: PLC0415 - NumPy takes a moment
+    from guidance.session.new_file import vehicle_file, write_new  # noqa: PLC0415
+
+    if out.exists():
+        raise ConfigError(f"--out {out}: is there already, and is not overwritten; choose another name")
+    if url is None and autopilot is None:
+        url, autopilot = _asked()
+    surveyed = None if url is None else _surveyed(url, autopilot)
+    chosen = str(autopilot) if surveyed is None else surveyed.autopilot
+    write_new(out, vehicle_file(chosen, name=name or out.stem, url=url, surveyed=surveyed))
+    typer.echo(f"written  {out}")
+    typer.echo(_next(out))
+
+
+def _asked() -> tuple[str | None, str | None]:
+    from guidance.errors import ConfigError  # noqa: PLC0415
+
+    if not sys.stdin.isatty():
+        raise ConfigError("which autopilot? give its URL, or --autopilot px4 or arducopter to read none")
+    url = typer.prompt("Where is the autopilot? (a URL; nothing, if there is none yet)", default="", show_default=False)
+    if url:
+        return url, None
+    return None, typer.prompt("Which one will it be? (px4 or arducopter)", default="px4")
+
+
+def _surveyed(url: str, autopilot: str | None) -> "Surveyed":
+    from guidance.session.new_file import LIMITS, survey  # noqa: PLC0415
+
+    typer.echo(f"waiting for a HEARTBEAT at {url}")
+    surveyed = survey(url, autopilot)
+    count = len(LIMITS[surveyed.autopilot])
+    typer.echo(
+        f"found    {surveyed.autopilot}, system {surveyed.found.system_id}: "
+        f"{len(surveyed.parameters)} of {count} limits read"
+    )
+    return surveyed
+
+
+def _next(out: Path) -> str:
+    return f"""next
+  1. say in {out} where the evader's reports come from ([evader]) and how large your field is ([limits])
+  2. guidance doctor {out}      is this computer ready: clock, ports, rights, disk
+  3. guidance check {out}       is the autopilot set up; --apply sets what is refused, after asking
+  4. guidance run {out}         the daemon: it waits, and arms nothing by itself
+  5. guidance ctl start         in another terminal, then: guidance ctl engage"""

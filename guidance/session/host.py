@@ -1,0 +1,189 @@
+"""What a computer needs to fly a vehicle, looked at before there is one: each row by itself, with how to mend it.
+
+Nothing is changed: ports are bound for a moment and let go, scheduling is asked for and given back.
+"""
+
+import contextlib
+import ctypes
+import os
+import platform
+import shutil
+import socket
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from serial.tools import list_ports
+
+from guidance.autopilots import Finding, Verdict
+from guidance.extras import EXTRAS, how_to_add
+from guidance.links.endpoint import parse
+from guidance.session.control_token import default_path
+from guidance.session.loop import PERIOD_S
+from guidance.session.scheduling import PRIORITY
+from guidance.session.vehicle_file import Config, Control
+
+CYCLES: Final = 50
+"""Cycles that the clock is watched for: a second."""
+
+LATE_S: Final = 0.005
+"""A cycle that begins later than this is told of; a flight alone makes more of them."""
+
+FLIGHT_BYTES: Final = 200_000_000
+"""An hour's record, at 3 MB a minute."""
+
+_TIME_ERROR: Final = 5
+_DEFAULT_URLS: Final = ("udpin://127.0.0.1:14540", "udpin://127.0.0.1:14541")
+
+
+def examine(config: Config | None = None) -> Sequence[Finding]:
+    """Look at this computer, for the vehicle of a file or for one at the usual ports.
+
+    Args:
+        config: The vehicle's file.
+    """
+    folder = Path.cwd() if config is None or config.record.folder is None else config.record.folder
+    return (
+        _software(),
+        _calendar(),
+        _cadence(),
+        _scheduling(),
+        *_urls(config),
+        _control(Control() if config is None else config.control),
+        *_serial_ports(config),
+        _record_folder(folder),
+        _disk(folder),
+        _extras(),
+    )
+
+
+def _software() -> Finding:
+    found = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
+    return Finding("software", found, "Linux, Python 3.11 or later", _warn_unless(sys.platform == "linux"))
+
+
+def _calendar() -> Finding:
+    """Whether the kernel's clock is held by a time service: signing and the evader's time stamps need the date."""
+    wanted = "synchronized"
+    try:
+        state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024))
+    except (AttributeError, OSError):
+        return Finding("calendar", "not known", wanted, Verdict.WARN, "see that a time service runs")
+    if state != _TIME_ERROR:
+        return Finding("calendar", "synchronized", wanted, Verdict.PASS)
+    advice = "timedatectl set-ntp true, or the time from GPS"
+    return Finding("calendar", "not synchronized", wanted, Verdict.WARN, advice)
+
+
+def _cadence() -> Finding:
+    """How late this process wakes, as others use the processor now."""
+    worst_s, due_s = 0.0, time.monotonic()
+    for _ in range(CYCLES):
+        due_s += PERIOD_S
+        time.sleep(max(0.0, due_s - time.monotonic()))
+        worst_s = max(worst_s, time.monotonic() - due_s)
+    good = worst_s <= LATE_S
+    advice = "" if good else "end what else runs, or allow real-time scheduling (the next row)"
+    found = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
+    return Finding("cadence", found, f"at most {1e3 * LATE_S:g} ms", _warn_unless(good), advice)
+
+
+def _scheduling() -> Finding:
+    wanted = f"realtime {PRIORITY}"
+    if not hasattr(os, "sched_setscheduler"):
+        return Finding("scheduling", "none on this system", wanted, Verdict.WARN, "fly on Linux")
+    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
+    except PermissionError:
+        advice = "CPUSchedulingPolicy=rr, or rtprio in limits.conf"
+        return Finding("scheduling", "not permitted", wanted, Verdict.WARN, advice)
+    os.sched_setscheduler(0, policy, parameter)
+    return Finding("scheduling", "permitted", wanted, Verdict.PASS)
+
+
+def _urls(config: Config | None) -> Iterator[Finding]:
+    if config is None:
+        urls: Sequence[tuple[str, str]] = [("usual", url) for url in _DEFAULT_URLS]
+    else:
+        given = (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
+        urls = [(key, url) for key, url in given if url is not None]
+    for key, url in urls:
+        endpoint = parse(url)
+        if endpoint.scheme in {"udpin", "tcpin"}:
+            kind = socket.SOCK_DGRAM if endpoint.scheme == "udpin" else socket.SOCK_STREAM
+            yield _port(f"{key} {url}", endpoint.host, endpoint.port, kind, "end what listens there, or take another")
+
+
+def _control(control: Control) -> Finding:
+    path = control.token_file or default_path(control.endpoint)
+    folder = next(part for part in (path, *path.parents) if part.exists())
+    if not os.access(folder, os.W_OK):
+        advice = f"the token goes to {path}: set control.token_file, or run as who owns {folder}"
+        return Finding("orders", f"{folder} is not writable", "a folder for the token", Verdict.REFUSE, advice)
+    where = control.endpoint.partition("/")[2]
+    host, _, port = where.rpartition(":")
+    if not (control.host and port.isdigit()):
+        return Finding("orders", control.endpoint, "a folder for the token", Verdict.PASS)
+    advice = "a daemon runs already? guidance ctl status says; else set control.endpoint"
+    return _port(f"orders {control.endpoint}", host.strip("[]"), int(port), socket.SOCK_STREAM, advice)
+
+
+def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str) -> Finding:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with contextlib.closing(socket.socket(family, kind)) as probe:
+        if kind == socket.SOCK_STREAM:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            return Finding(name, str(error.strerror), "free", Verdict.REFUSE, advice)
+    return Finding(name, "free", "free", Verdict.PASS)
+
+
+def _serial_ports(config: Config | None) -> Iterator[Finding]:
+    wanted = "readable and writable"
+    asked = parse(config.vehicle.url) if config is not None else None
+    if asked is not None and asked.scheme == "serial" and not Path(asked.host).exists():
+        yield Finding(asked.host, "not there", wanted, Verdict.REFUSE, "plug it in; ls /dev/serial/by-id lists what is")
+    for port in sorted(one.device for one in list_ports.comports()):
+        good = os.access(port, os.R_OK | os.W_OK)
+        used = asked is not None and asked.host == port
+        verdict = Verdict.PASS if good else Verdict.REFUSE if used else Verdict.WARN
+        advice = "" if good else "usermod -aG dialout USER, and log in again"
+        yield Finding(port, wanted if good else "no rights", wanted, verdict, advice)
+
+
+def _record_folder(folder: Path) -> Finding:
+    there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
+    good = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+    verdict = Verdict.PASS if good else Verdict.REFUSE
+    return Finding(
+        "record folder",
+        f"{folder.absolute()}: {'writable' if good else 'not writable'}",
+        "writable",
+        verdict,
+        "" if good else "set record.folder, or change the rights",
+    )
+
+
+def _disk(folder: Path) -> Finding:
+    there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
+    free = shutil.disk_usage(there).free
+    good = free >= FLIGHT_BYTES
+    advice = "" if good else "make room: a full disk ends the record, never the flight"
+    found = f"{free / 1e9:.1f} GB free"
+    return Finding("disk", found, f"{FLIGHT_BYTES / 1e6:g} MB for an hour", _warn_unless(good), advice)
+
+
+def _extras() -> Finding:
+    there = [extra for extra in EXTRAS if how_to_add(extra) is None]
+    absent = ",".join(extra for extra in EXTRAS if extra not in there)
+    advice = f"pip install 'pursuit-guidance[{absent}]'" if absent else ""
+    return Finding("extras", ", ".join(there) or "none", "as you like", Verdict.PASS, advice)
+
+
+def _warn_unless(good: bool) -> Verdict:
+    return Verdict.PASS if good else Verdict.WARN

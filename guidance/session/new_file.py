@@ -1,0 +1,231 @@
+"""A first vehicle file: the one that comes along for an autopilot, with the limits that this one has."""
+
+import math
+import re
+import time
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from guidance.autopilots import AutopilotProfile
+from guidance.clock import Clock, MonotonicClock
+from guidance.config import config_folder, parse
+from guidance.errors import ConfigError, OutputError
+from guidance.links.opening import Found, find_autopilot, link_over, open_wire
+from guidance.links.port import VehicleLink
+from guidance.messages import Parameter, ParameterRequest
+from guidance.session.meeting import identify
+from guidance.session.vehicle import FOUND_WITHIN_S
+from guidance.session.vehicle_file import Config
+
+_ASK_EVERY_S: Final = 2.0
+READ_WITHIN_S: Final = 10.0
+_CONNECTED_WITHIN_S: Final = 5.0
+_LOOK_EVERY_S: Final = 0.02
+_BEHIND_M: Final = 5.0
+"""The autopilot's fence stands behind ours by this; it is what `guidance check` asks for."""
+
+_LIMITS_ABOVE: Final = 1.1
+"""Unless a file says otherwise, commands may be so much faster than the game."""
+
+
+class Limit(NamedTuple):
+    """A parameter of the autopilot that bounds a key of the file, and what turns its value into the key's unit."""
+
+    section: str
+    key: str
+    parameter: str
+    scale: float = 1.0
+
+
+LIMITS: Final[Mapping[str, tuple[Limit, ...]]] = {
+    "px4": (
+        Limit("game", "speed_m_s", "MPC_XY_VEL_MAX"),
+        Limit("game", "climb_m_s", "MPC_Z_VEL_MAX_UP"),
+        Limit("game", "descent_m_s", "MPC_Z_VEL_MAX_DN"),
+        Limit("limits", "fence_radius_m", "GF_MAX_HOR_DIST"),
+        Limit("limits", "ceiling_m", "GF_MAX_VER_DIST"),
+    ),
+    "arducopter": (
+        Limit("game", "speed_m_s", "WPNAV_SPEED", 0.01),
+        Limit("game", "climb_m_s", "WPNAV_SPEED_UP", 0.01),
+        Limit("game", "descent_m_s", "WPNAV_SPEED_DN", 0.01),
+        Limit("limits", "fence_radius_m", "FENCE_RADIUS"),
+        Limit("limits", "ceiling_m", "FENCE_ALT_MAX"),
+    ),
+}
+
+
+class Surveyed(NamedTuple):
+    """An autopilot that answered: who it is, and those of its parameters that bound a file, as read."""
+
+    autopilot: str
+    found: Found
+    parameters: Mapping[str, float]
+
+
+def survey(url: str, asked: str | None = None, *, clock: Clock | None = None) -> Surveyed:
+    """Find the autopilot at a URL and read its limits. Nothing is set, armed or ordered.
+
+    Args:
+        url: Where it is; see `guidance.links.endpoint`.
+        asked: The name of the autopilot that is expected there.
+        clock: By which time passes.
+
+    Raises:
+        ConfigError: If the URL is wrong, or what is there is flown by nothing here.
+        LinkError: If nothing is there.
+    """
+    clock = MonotonicClock() if clock is None else clock
+    wire = open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)
+    try:
+        found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=url)
+        profile = identify(found, url, asked)
+        link = link_over(
+            wire,
+            "pymavlink",
+            system_id=found.system_id,
+            component_id=found.component_id,
+            clock=clock.now_s,
+            who=f"{url}: system {found.system_id}",
+        )
+    except BaseException:
+        wire.close()
+        raise
+    try:
+        return Surveyed(profile.name, found, _read(link, profile, clock))
+    finally:
+        link.close()
+
+
+def _read(link: VehicleLink, profile: AutopilotProfile, clock: Clock) -> dict[str, float]:
+    """Ask for the parameters until all have come, or for so long as is reasonable: an old firmware may lack one."""
+    wanted = {limit.parameter for limit in LIMITS[profile.name]}
+    read: dict[str, float] = {}
+    begun_s, asked_s, now_s = clock.now_s(), -math.inf, clock.now_s()
+    while wanted - read.keys() and now_s - begun_s < READ_WITHIN_S:
+        if now_s - asked_s >= _ASK_EVERY_S:
+            asked_s = now_s
+            link.send_heartbeat()
+            for name in sorted(wanted - read.keys()):
+                link.request(ParameterRequest(name))
+        for message in link.receive():
+            if isinstance(message, Parameter) and message.name in wanted:
+                read[message.name] = message.value
+        clock.sleep_until(now_s + _LOOK_EVERY_S)
+        now_s = clock.now_s()
+    return read
+
+
+def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed: Surveyed | None = None) -> str:
+    """Return the text of a vehicle file, commented, and checked as `guidance run` checks it.
+
+    Args:
+        autopilot: "px4" or "arducopter".
+        name: Of the vehicle, in orders, metrics and records.
+        url: Where it is; as in the file that comes along if not given.
+        surveyed: What was read of it, if anything was.
+
+    Raises:
+        ConfigError: If the name or the URL is none, or there is no such autopilot.
+    """
+    if autopilot not in LIMITS:
+        raise ConfigError(f"--autopilot {autopilot}: allowed are {', '.join(LIMITS)}")
+    text = (config_folder() / "vehicles" / f"{autopilot}.toml").read_text(encoding="utf-8")
+    text = f"{_head(autopilot, surveyed)}\n{text[text.index('name = ') :]}"
+    changes: list[tuple[str, str, str, str]] = [("", "name", _quoted(name), "in orders, metrics and records")]
+    if url is not None:
+        changes.append(("vehicle", "url", _quoted(url), ""))
+    if surveyed is not None:
+        changes += [
+            ("vehicle", "system_id", str(surveyed.found.system_id), "as its HEARTBEAT says"),
+            *_bounded(text, surveyed),
+        ]
+    for change in changes:
+        text = _changed(text, *change)
+    _checked(text)
+    return text
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there yet.
+
+    Raises:
+        ConfigError: If it is there.
+        OutputError: If it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise ConfigError(f"--out {path}: is there already, and is not overwritten; choose another name") from error
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+
+
+def _head(autopilot: str, surveyed: Surveyed | None) -> str:
+    lines = [
+        "# A vehicle file of pursuit guidance. Every key carries its unit; `guidance schema vehicle` describes all."
+    ]
+    if surveyed is None:
+        lines.append(f"# Written without a vehicle: the limits are those that come along for {autopilot}.")
+        return "\n".join((*lines, ""))
+    lines.append(f"# Read of system {surveyed.found.system_id}, {autopilot}:")
+    for limit in LIMITS[autopilot]:
+        value = surveyed.parameters.get(limit.parameter)
+        lines.append(f"#   {limit.parameter:<18} {'not told' if value is None else f'{value:g}'}")
+    return "\n".join((*lines, ""))
+
+
+def _bounded(text: str, surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
+    """Yield the keys whose bound was read, with the largest value that it allows, at most the file's own."""
+    for section, key, parameter, scale in LIMITS[surveyed.autopilot]:
+        told = surveyed.parameters.get(parameter)
+        if told is None:
+            continue
+        bound, own = told * scale, float(_value(text, section, key))
+        if section == "limits":
+            value = own if bound <= _BEHIND_M else min(own, math.floor(bound - _BEHIND_M))
+            said = f"{parameter} is {told:g}" + (", which is off: guidance check refuses" if told == 0.0 else "")
+        else:
+            value = min(own, math.floor(10.0 * bound / _LIMITS_ABOVE) / 10.0)
+            said = f"{parameter} is {told:g}"
+        yield section, key, f"{value:.1f}", said
+        if key == "ceiling_m" and value < float(_value(text, "flight", "takeoff_height_m")):
+            yield "flight", "takeoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
+            yield "game", "standoff_height_m", f"{value:.1f}", "likewise"
+        if key == "speed_m_s" and value <= float(_value(text, "game", "evader_speed_m_s")):
+            yield "game", "evader_speed_m_s", f"{value / 2.0:.2f}", "slower than the pursuer, or there is no game"
+
+
+def _line(section: str, key: str) -> re.Pattern[str]:
+    within = r"\A(?:(?!^\[).*\n)*?" if not section else rf"^\[{section}\]\n(?:(?!\[).*\n)*?"
+    return re.compile(rf"({within})^({key} = )([^#\n]*?)( *#[^\n]*)?$", re.MULTILINE)
+
+
+def _value(text: str, section: str, key: str) -> str:
+    found = _line(section, key).search(text)
+    assert found is not None, f"{section}.{key}"
+    return found[3]
+
+
+def _changed(text: str, section: str, key: str, value: str, why: str) -> str:
+    """Put a value in the place of the one that a key has, and say why behind it."""
+
+    def line(found: re.Match[str]) -> str:
+        said = f"  # {why}" if why else (found[4] or "")
+        return f"{found[1]}{found[2]}{value}{said}"
+
+    return _line(section, key).sub(line, text, count=1)
+
+
+def _quoted(text: str) -> str:
+    if re.search(r'["\\\x00-\x1f]', text):
+        raise ConfigError(f"{text!r}: no quotation marks, backslashes and control characters are allowed")
+    return f'"{text}"'
+
+
+def _checked(text: str) -> None:
+    parse(Config, tomllib.loads(text), source="the vehicle file")
