@@ -87,7 +87,7 @@ def _refuse_others(run: Run) -> None:
         "--port": run.port,
         "--out": run.out,
     }
-    ways = dict.fromkeys(("--config", "--engage", "--yes"), ("vehicle",))
+    ways: dict[str, tuple[str, ...]] = dict.fromkeys(("--config", "--engage", "--yes"), ("vehicle",))
     ways |= dict.fromkeys(("--link", "--over", "--port"), ("live",)) | {"--out": ("fast", "live", "vehicle")}
     elsewhere = {option: of for option, of in ways.items() if run.way not in of}
     refuse_others(

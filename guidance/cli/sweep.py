@@ -40,15 +40,19 @@ def run(
         str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights), in place of the file's.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine. Default: one a processor.")
+        int | None, typer.Option(min=1, help="Processes on this machine.", show_default="one a processor")
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask cluster in place of them: tcp://HOST:PORT (extra `cluster`).")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the rows; default sweeps/FILE-WAY.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the rows.", show_default="sweeps/FILE-WAY")] = None,
     chunk: Annotated[
         int | None,
-        typer.Option(min=1, help="Rows written at a time. Default: about 10 s of work."),
+        typer.Option(
+            min=1,
+            help="Rows written at a time.",
+            show_default="about 10 s of work, and four chunks a worker at least; a flight each with --as fast",
+        ),
     ] = None,
 ) -> None:
     """Play every row of a sweep and write the rows as Parquet, chunk by chunk.
@@ -92,8 +96,9 @@ def run(
 @sweep.command()
 def report(
     folder: Annotated[Path, typer.Argument(help="The folder that guidance sweep wrote; it need not be complete.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the report; default FOLDER/report.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the report.", show_default="FOLDER/report")] = None,
     worst: Annotated[int, typer.Option(min=0, help="Worst cases of each pair of policies, as scenario files.")] = 3,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what report.json holds.")] = False,
 ) -> None:
     """Tell what came out: who captures how often, how much is lost against the game's value, and where it was worst.
 
@@ -104,8 +109,8 @@ def report(
     require("guidance sweep report", "sim", "plot")
     from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
 
-    for path in write_report(folder, folder / "report" if out is None else out, worst=worst):
-        typer.echo(str(path))
+    for path in write_report(folder, folder / "report" if out is None else out, worst=worst, as_json=as_json):
+        typer.echo(str(path), err=as_json)
 
 
 def _terminated(*_: object) -> NoReturn:

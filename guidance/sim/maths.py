@@ -5,7 +5,7 @@ least time in which the end could come, so that none is stepped over. Every game
 batch is the same, bit for bit, as alone.
 """
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -73,15 +73,25 @@ class Moment(NamedTuple):
     end: NDArray[np.int8]
 
 
-def play(scenarios: Sequence[Scenario], *, cycle_s: float = CYCLE_S) -> list[Outcome]:
-    """Play scenarios to their ends; outcomes in their order. Faults are not played: they are an autopilot's."""
+def play(
+    scenarios: Sequence[Scenario], *, cycle_s: float = CYCLE_S, on_end: Callable[[], None] = lambda: None
+) -> list[Outcome]:
+    """Play scenarios to their ends; outcomes in their order. Faults are not played: they are an autopilot's.
+
+    Args:
+        scenarios: What is played, of any kinds.
+        cycle_s: How long velocities are held at most.
+        on_end: Called whenever a game has ended, in any order.
+    """
     kinds: dict[Hashable, list[int]] = {}
     for index, scenario in enumerate(scenarios):
         kinds.setdefault(kind_of(scenario), []).append(index)
     outcomes: dict[int, Outcome] = {}
     for indices in kinds.values():
         alike = [scenarios[index] for index in indices]
-        outcomes.update((indices[row], outcome) for row, outcome in _play_alike(alike, cycle_s))
+        for row, outcome in _play_alike(alike, cycle_s):
+            outcomes[indices[row]] = outcome
+            on_end()
     return [outcomes[index] for index in range(len(scenarios))]
 
 

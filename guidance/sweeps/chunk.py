@@ -29,6 +29,14 @@ CHUNK_S = 10.0
 """A chunk should take about so long: rows are kept, and progress is seen, that often."""
 
 CHUNKS_A_WORKER = 4
+
+OnEnd = Callable[[], None]
+
+
+def _unheard() -> None:
+    """For who need not know."""
+
+
 _TRIED = (8, 64, 512)
 _TRIED_S = 1.0
 
@@ -69,15 +77,20 @@ def chunks_of(plan: Plan, size: int) -> int:
     return math.ceil(plan.rows / size)
 
 
-def computed(plan: Plan, rows: range) -> bytes:
+def computed(plan: Plan, rows: range, on_end: OnEnd = _unheard) -> bytes:
     """Play rows and return the bytes of their Parquet file: a pure function of both.
+
+    Args:
+        plan: What is swept.
+        rows: Numbers of the rows.
+        on_end: Called whenever a game of mathematics has ended.
 
     Raises:
         GuidanceError: If a flight cannot be flown for a reason that is not the row's.
     """
     sink = BytesIO()
     with _all_kept():
-        parquet.write_table(table_of(plan, rows), sink, compression="zstd")
+        parquet.write_table(table_of(plan, rows, on_end), sink, compression="zstd")
     return sink.getvalue()
 
 
@@ -93,19 +106,19 @@ def _all_kept() -> Iterator[None]:
             gc.enable()
 
 
-def table_of(plan: Plan, rows: range) -> pa.Table:
+def table_of(plan: Plan, rows: range, on_end: OnEnd = _unheard) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
-    return as_table(plan, *_outcomes(plan, cases))
+    return as_table(plan, *_outcomes(plan, cases, on_end))
 
 
-def _outcomes(plan: Plan, cases: Cases) -> tuple[Cases, list[Any]]:
+def _outcomes(plan: Plan, cases: Cases, on_end: OnEnd = _unheard) -> tuple[Cases, list[Any]]:
     """Return the outcomes, one a row, and the cases of the rows: each once, or of teams once for every evader."""
     found = list(Scenarios(plan).of(cases))
     if plan.teams:
         return _of_teams(plan, cases, found)
     games = [scenario for scenario in found if isinstance(scenario, Scenario)]
-    played = iter(play(games) if plan.way == "maths" else [_flown(scenario) for scenario in games])
+    played = iter(play(games, on_end=on_end) if plan.way == "maths" else [_flown(scenario) for scenario in games])
     return cases, [
         _no_game(plan, cases, place, scenario) if isinstance(scenario, str) else next(played)
         for place, scenario in enumerate(found)

@@ -3,11 +3,10 @@
 import time
 from pathlib import Path
 
-from rich.console import Console
-
 from guidance.errors import ConfigError
+from guidance.screen import console
 from guidance.sweeps.executors import Executor, executor, workers_by_default
-from guidance.sweeps.folder import alone
+from guidance.sweeps.folder import MANIFEST, alone
 from guidance.sweeps.model import Way
 from guidance.sweeps.progress import shown
 from guidance.sweeps.running import Told, Work, begun, finish, planned
@@ -31,26 +30,31 @@ def run_sweep(
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    console = Console(stderr=True)
+    there = console(stderr=True)
     plan = planned(name, way)
     path = out if out is not None else Path("sweeps") / f"{Path(name).stem}-{plan.way}"
     unit = UNITS[plan.way]
     size = workers if workers is not None else workers_by_default()
     with alone(path):
-        console.print(f"[bold]{plan.sweep.title or Path(name).stem}[/bold]: {plan.rows} {unit}", highlight=False)
+        there.print(f"[bold]{plan.sweep.title or Path(name).stem}[/bold]: {plan.rows} {unit}")
+        if chunk is None and plan.way == "maths" and not (path / MANIFEST).is_file():
+            there.print("a few are played first, to see how long they take")
         work = begun(plan, path, chunk, size)
         count = len(work.missing)
         if work.rows_there:
-            console.print(f"{work.rows_there} of them there already", highlight=False)
+            there.print(f"{work.rows_there} of them there already")
         if count:
             size = min(size, count)
-            console.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}", highlight=False)
+            there.print(f"{count} chunks of {work.folder.chunk_rows}, {_by(size, scheduler)}")
             begun_s = time.monotonic()
-            with executor(size, scheduler) as working, shown(console, plan.rows, work.rows_there, unit=unit) as told:
-                _finish(work, working, told)
+            with (
+                shown(there, plan.rows, work.rows_there, unit=unit) as progress,
+                executor(size, scheduler, progress.played) as working,
+            ):
+                _finish(work, working, progress.kept)
             took_s = time.monotonic() - begun_s
             rows = plan.rows - work.rows_there
-            console.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} a second", highlight=False)
+            there.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} a second")
     return path
 
 

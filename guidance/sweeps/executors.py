@@ -5,14 +5,14 @@ import os
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any, Final, NamedTuple, Protocol
 
-from guidance.errors import ConfigError, GuidanceError, LinkError
+from guidance.errors import ConfigError, LinkError
 from guidance.extras import require
 from guidance.sweeps.chunk import computed
 from guidance.sweeps.plan import Plan
@@ -23,6 +23,18 @@ _AHEAD: Final = 3
 
 _DEATHS: Final = 5
 """So many workers may die of one chunk before the sweep gives up on it."""
+
+_LOOK_S: Final = 0.5
+"""So often it is looked at what the workers have played."""
+
+_SPAWN: Final = multiprocessing.get_context("spawn")
+
+Played = Callable[[int], None]
+
+
+def _unheard(_: int) -> None:
+    """For who need not know."""
+
 
 Chunk = tuple[int, range]
 """A chunk's number and its rows."""
@@ -47,19 +59,34 @@ class Executor(Protocol):
 
 
 class SerialExecutor:
-    """This process, one chunk after the other."""
+    """This process, one chunk after the other.
+
+    Args:
+        played: Is told of games that have ended, within a chunk too.
+    """
+
+    def __init__(self, played: Played = _unheard) -> None:
+        self._played = played
 
     def work(self, plan: Plan, chunks: Iterable[Chunk]) -> Iterator[Done]:
         """See `Executor`."""
         for chunk, rows in chunks:
-            yield Done(chunk, computed(plan, rows))
+            yield Done(chunk, computed(plan, rows, lambda: self._played(1)))
 
 
 class ProcessExecutor:
-    """Processes on this machine. A chunk whose worker dies is computed again by another; nobody listens on a port."""
+    """Processes on this machine. A chunk whose worker dies is computed again by another; nobody listens on a port.
 
-    def __init__(self, workers: int) -> None:
+    Args:
+        workers: How many.
+        played: Is told of games that have ended, within a chunk too.
+    """
+
+    def __init__(self, workers: int, played: Played = _unheard) -> None:
         self._workers = workers
+        self._played = played
+        self._told = 0
+        self._ended: Any = _SPAWN.Value("q", 0)
         self._pool = self._started()
 
     def work(self, plan: Plan, chunks: Iterable[Chunk]) -> Iterator[Done]:
@@ -72,10 +99,11 @@ class ProcessExecutor:
                 chunk = again.popleft() if again else next(waiting, None)
                 if chunk is None:
                     break
-                running[self._pool.submit(computed, plan, chunk[1])] = chunk
+                running[self._pool.submit(_computed, plan, chunk[1])] = chunk
             if not running:
                 return
-            finished, _ = wait(running, return_when=FIRST_COMPLETED)
+            finished, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
+            self._tell()
             lost = []
             for future in finished:
                 chunk = running.pop(future)
@@ -98,12 +126,31 @@ class ProcessExecutor:
             process.terminate()
 
     def _started(self) -> ProcessPoolExecutor:
-        spawn = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self._workers, mp_context=spawn, initializer=_begin_worker)
+        return ProcessPoolExecutor(self._workers, mp_context=_SPAWN, initializer=_begin_worker, initargs=(self._ended,))
+
+    def _tell(self) -> None:
+        news, self._told = self._ended.value - self._told, self._ended.value
+        if news:
+            self._played(news)
 
 
-def _begin_worker() -> None:
+_ended: Any = None
+"""In a worker: counts the games that have ended in any of them."""
+
+
+def _computed(plan: Plan, rows: range) -> bytes:
+    return computed(plan, rows, _count)
+
+
+def _count() -> None:
+    with _ended.get_lock():
+        _ended.value += 1
+
+
+def _begin_worker(ended: Any) -> None:  # noqa: ANN401 - a number that processes share
     """In a worker: Ctrl-C is its parent's affair, and it ends with its parent, however that ends."""
+    global _ended  # noqa: PLW0603 - set once, before the worker's first chunk
+    _ended = ended
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -118,9 +165,7 @@ def _end_with_parent() -> None:
 def _refuse_deadly(deaths: Counter[int]) -> None:
     for chunk, count in deaths.items():
         if count >= _DEATHS:
-            raise GuidanceError(
-                f"chunk {chunk} ended {_DEATHS} workers; if they ran out of memory, use a smaller --chunk"
-            )
+            raise LinkError(f"chunk {chunk} ended {_DEATHS} workers; if they ran out of memory, use a smaller --chunk")
 
 
 class ClusterExecutor:
@@ -162,12 +207,13 @@ def workers_by_default() -> int:
 
 
 @contextmanager
-def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
+def executor(workers: int, scheduler: str | None, played: Played = _unheard) -> Iterator[Executor]:
     """Start an executor, and end it.
 
     Args:
         workers: Processes on this machine; 1 is this one.
         scheduler: Address of a Dask cluster in place of them.
+        played: Is told of games that have ended within a chunk, by this machine's workers.
 
     Raises:
         ConfigError: If Dask is wanted and not installed.
@@ -178,9 +224,9 @@ def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
             yield ClusterExecutor(client)
         return
     if workers == 1:
-        yield SerialExecutor()
+        yield SerialExecutor(played)
         return
-    processes = ProcessExecutor(workers)
+    processes = ProcessExecutor(workers, played)
     try:
         yield processes
     finally:
@@ -213,7 +259,7 @@ def _result(future: Any, chunk: int) -> bytes:  # noqa: ANN401
     try:
         content: bytes = future.result()
     except KilledWorker as error:
-        raise GuidanceError(
+        raise LinkError(
             f"chunk {chunk} ended {_DEATHS} workers; if they ran out of memory, use a smaller --chunk"
         ) from error
     except ModuleNotFoundError as error:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from guidance.sweeps.tally import QUANTILES, Tally, tallied
 from guidance.sweeps.worst import Worst, write_worst
 
 
-def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
+def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
     """Print a sweep's table, write its report, and return the files.
 
     Raises:
@@ -37,7 +38,10 @@ def write_report(path: Path, out: Path, *, worst: int) -> list[Path]:
         pictures = draw_all(tallies, cases, title=f"{title}, {folder.plan.way}", unit=unit, out=out)
     except OSError as error:
         raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from error
-    _show(console(), folder, tallies, unit)
+    if as_json:
+        sys.stdout.write(json.dumps(summary, indent=1) + "\n")
+    else:
+        _show(console(), folder, tallies, unit)
     return [out / "report.json", *pictures, *(case.path for case in cases)]
 
 

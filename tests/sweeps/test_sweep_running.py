@@ -234,7 +234,7 @@ def die(_plan, _rows):
 
 @pytest.mark.slow
 def test_a_chunk_that_ends_every_worker_is_given_up(plan_from, tmp_path, monkeypatch):
-    monkeypatch.setattr(executors, "computed", die)
+    monkeypatch.setattr(executors, "_computed", die)
     with executor(2, None) as working, pytest.raises(GuidanceError, match="ended 5 workers"):
         finish(begun(plan_from(), tmp_path / "out", 12), working, lambda _: None)
 
