@@ -1,14 +1,17 @@
 """Files and folders that only their owner reads: they say where people and vehicles were.
 
 Whatever the process's umask is, a file has mode 0600 and a folder that is made for it 0700. A folder that is there
-already keeps the rights that a person gave it.
+already keeps the rights that a person gave it. What the system refuses is said with the file's name.
 """
 
 import contextlib
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
+
+from guidance.errors import OutputError
 
 _FILE: Final = stat.S_IRUSR | stat.S_IWUSR
 _FOLDER: Final = stat.S_IRWXU
@@ -42,3 +45,17 @@ def private_file(path: Path) -> Path:
     finally:
         os.close(opened)
     return path
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Say what cannot be written, and why, where the system only refuses.
+
+    Raises:
+        OutputError: For an OSError of the body.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise OutputError(f"{path}: cannot be written ({reason}); choose another place") from error

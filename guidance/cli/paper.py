@@ -19,7 +19,7 @@ def paper(
 ) -> None:
     """Compute the paper's tables and figures again; exit with 1 if a published digit differs."""
     from guidance.extras import require  # noqa: PLC0415
-    from guidance.output import writing  # noqa: PLC0415
+    from guidance.files import writing  # noqa: PLC0415
     from guidance.paper import tables  # noqa: PLC0415 - numpy takes a moment
     from guidance.screen import Sheet, console  # noqa: PLC0415
 

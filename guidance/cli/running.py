@@ -12,8 +12,7 @@ from rich.text import Text
 
 from guidance.cli.belonging import refuse_others
 from guidance.errors import ConfigError
-from guidance.files import private_file
-from guidance.output import writing
+from guidance.files import private_file, writing
 from guidance.screen import Cell, Sheet, pairs
 from guidance.sim.expect import CheckedExpectation
 from guidance.sim.files import load_any

@@ -18,8 +18,8 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColu
 
 from guidance.cli.solve_teams import TEAM_COLUMNS, has_teams, team_answers
 from guidance.errors import ConfigError
+from guidance.files import writing
 from guidance.game import Ball, Game, Reason, Solution, Winner, solve
-from guidance.output import writing
 
 PURSUER = ("pursuer_x_m", "pursuer_y_m", "pursuer_z_m")
 EVADER = ("evader_x_m", "evader_y_m")

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from guidance.files import writing
 from guidance.game import apollonius_circle, apollonius_sphere, solve
-from guidance.output import writing
 from guidance.paper.cases import GAME, PE_EVADER, PE_PURSUER, TAD_EVADER, TAD_PURSUER, TAD_TARGET, Case, Table
 from guidance.viz.figures import figure_of
 
