@@ -21,6 +21,7 @@ from guidance.cli.replay import replay
 from guidance.cli.report import report
 from guidance.cli.run import run
 from guidance.cli.scenario import scenario
+from guidance.cli.schema import schema
 from guidance.cli.solve import solve
 from guidance.cli.streams import open_outlets
 from guidance.cli.sweep import sweep
@@ -48,6 +49,7 @@ app.command()(compare)
 app.command()(solve)
 app.command()(init)
 app.command()(doctor)
+app.command()(schema)
 app.command()(run)
 app.command()(check)
 app.command()(ctl)

@@ -5,13 +5,14 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from guidance.config import Section
 from guidance.control import Polygon, SpeedLimits, Speeds
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.endpoint import taken_apart
+from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
@@ -29,6 +30,10 @@ Url = Annotated[str, AfterValidator(_is_url)]
 EvaderKind = Literal[
     "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
 ]
+Policy = Annotated[
+    str,
+    WithJsonSchema({"type": "string", "enum": [name for name in PURSUER_STRATEGIES if name not in COURSES]}),
+]
 _IN_METRES = ("odometry", "ros_pose", "ros_odometry")
 ON_ZENOH = ("json", "ros_pose", "ros_odometry")
 MOST_FENCE_M = 20_000.0
@@ -38,12 +43,14 @@ _LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+
 class Vehicle(Section):
     """How the autopilot is reached."""
 
-    autopilot: Literal["px4", "arducopter"]
-    link: Literal["mavsdk", "pymavlink"] = "pymavlink"
+    autopilot: Literal["px4", "arducopter"] = Field(description="which autopilot is there")
+    link: Literal["mavsdk", "pymavlink"] = Field(
+        "pymavlink", description="which client speaks to it; only pymavlink signs"
+    )
     url: Url = Field(description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://")
-    system_id: SystemId = 1
-    component_id: SystemId = 1
-    connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0)
+    system_id: SystemId = Field(1, description="MAVLink system id of the vehicle")
+    component_id: SystemId = Field(1, description="MAVLink component id of its autopilot")
+    connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0, description="how long the first HEARTBEAT is waited for")
     signing_key_file: Path | None = Field(None, description="64 hexadecimal digits, readable by nobody else")
 
     @model_validator(mode="after")
@@ -56,21 +63,21 @@ class Vehicle(Section):
 class EvaderFrame(Section):
     """The evader's own local frame, for sources that report metres or heights that need a datum."""
 
-    latitude_deg: Latitude
-    longitude_deg: Longitude
-    altitude_amsl_m: Altitude
-    home_altitude_amsl_m: Altitude | None = None
+    latitude_deg: Latitude = Field(description="of the frame's zero")
+    longitude_deg: Longitude = Field(description="of the frame's zero")
+    altitude_amsl_m: Altitude = Field(description="of the frame's zero, above mean sea level")
+    home_altitude_amsl_m: Altitude | None = Field(None, description="of the evader's home, for heights above home")
     undulation_m: float | None = Field(None, ge=-120.0, le=120.0, description="of the geoid above the ellipsoid there")
 
 
 class EvaderSection(Section):
     """Where reports of the evader come from. Without a `url` they come on the vehicle's own link."""
 
-    kind: EvaderKind
-    url: Url | None = None
-    system_id: SystemId | None = None
-    component_id: SystemId | None = None
-    icao_address: int | None = Field(None, ge=1, le=0xFFFFFF)
+    kind: EvaderKind = Field(description="which message reports it")
+    url: Url | None = Field(None, description="where its reports arrive; the vehicle's own link if not given")
+    system_id: SystemId | None = Field(None, description="MAVLink system that is believed, and no other")
+    component_id: SystemId | None = Field(None, description="and its component; any if not given")
+    icao_address: int | None = Field(None, ge=1, le=0xFFFFFF, description="of ADSB_VEHICLE")
     id_or_mac: str | None = Field(
         None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal, of OPEN_DRONE_ID"
     )
@@ -78,7 +85,7 @@ class EvaderSection(Section):
         None, gt=0.0, le=50.0, description="asked of an evader that sends nothing itself"
     )
     timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="silence after which the evader counts as lost")
-    frame: EvaderFrame | None = None
+    frame: EvaderFrame | None = Field(None, description="where its metres have their zero")
 
     @field_validator("url")
     @classmethod
@@ -107,25 +114,27 @@ class EvaderSection(Section):
 class Place(Section):
     """A place on Earth."""
 
-    latitude_deg: Latitude
-    longitude_deg: Longitude
+    latitude_deg: Latitude = Field(description="north is positive")
+    longitude_deg: Longitude = Field(description="east is positive")
     altitude_amsl_m: Altitude = Field(0.0, description="for people only: heights in a game are differences")
 
 
 class GameSection(Section):
     """What is played."""
 
-    kind: Literal["pe", "tad"] = "pe"
-    speed_set: Literal["ball", "cylinder"] = "cylinder"
-    speed_m_s: float = Field(gt=0.0, le=30.0)
-    climb_m_s: float = Field(1.5, gt=0.0, le=10.0)
-    descent_m_s: float = Field(1.0, gt=0.0, le=10.0)
-    policy: str = "optimal"
+    kind: Literal["pe", "tad"] = Field("pe", description="pursuit-evasion, or target-attacker-defender")
+    speed_set: Literal["ball", "cylinder"] = Field(
+        "cylinder", description="what the vehicle flies: one speed in all directions, or level, up and down apart"
+    )
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="level speed that the game is played with")
+    climb_m_s: float = Field(1.5, gt=0.0, le=10.0, description="and upwards")
+    descent_m_s: float = Field(1.0, gt=0.0, le=10.0, description="and downwards")
+    policy: Policy = Field("optimal", description="what the pursuer plays")
     navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description="N of policy = proportional_navigation")
     evader_speed_m_s: float = Field(gt=0.0, le=30.0, description="what the evader says it never exceeds")
-    standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0)
+    standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0, description="of the disc about the evader that is flown to")
     standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="above the evader")
-    tolerance_m: float = Field(1.0, gt=0.0, le=10.0)
+    tolerance_m: float = Field(1.0, gt=0.0, le=10.0, description="distance from the disc that counts as captured")
     target: Place | None = Field(None, description="TAD: the place that the evader wants to reach")
     target_velocity_m_s: tuple[float, float] = Field(
         (0.0, 0.0), description="TAD: velocity of that place, east and north, kept from the engagement on"
@@ -179,9 +188,9 @@ def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:
 class LimitsSection(SpeedLimits):
     """What the flight never leaves. Heights are above home, distances from home; speeds are those of every command."""
 
-    floor_m: float = Field(5.0, ge=1.0)
-    ceiling_m: float = Field(60.0, gt=5.0, le=500.0)
-    fence_radius_m: float | None = Field(200.0, gt=10.0, le=10_000.0)
+    floor_m: float = Field(5.0, ge=1.0, description="lowest height above home")
+    ceiling_m: float = Field(60.0, gt=5.0, le=500.0, description="greatest height above home")
+    fence_radius_m: float | None = Field(200.0, gt=10.0, le=10_000.0, description="greatest distance from home")
     fence_polygon_ne_m: tuple[tuple[float, float], ...] | None = Field(None, description="corners north, east of home")
     fence_polygon_deg: tuple[tuple[Latitude, Longitude], ...] | None = Field(
         None, description="corners by latitude, longitude"
@@ -189,8 +198,8 @@ class LimitsSection(SpeedLimits):
     fence_plan_file: Path | None = Field(
         None, description="a QGroundControl plan (.plan) whose one inclusion polygon is the fence"
     )
-    fence_margin_m: float = Field(2.0, ge=0.0)
-    yaw_rate_deg_s: float = Field(45.0, gt=0.0, le=180.0)
+    fence_margin_m: float = Field(2.0, ge=0.0, description="how far inside the fence commands keep the vehicle")
+    yaw_rate_deg_s: float = Field(45.0, gt=0.0, le=180.0, description="how fast it turns its nose")
 
     @model_validator(mode="after")
     def _check_fence(self) -> Self:
@@ -223,11 +232,15 @@ class LimitsSection(SpeedLimits):
 class FlightSection(Section):
     """How the flight goes around the game."""
 
-    takeoff_height_m: float = Field(15.0, ge=2.0, le=120.0)
-    after_capture: Literal["hold", "shadow", "return"] = "hold"
-    engage_on: Literal["command", "pilot_mode"] = "command"
+    takeoff_height_m: float = Field(15.0, ge=2.0, le=120.0, description="above home")
+    after_capture: Literal["hold", "shadow", "return"] = Field(
+        "hold", description="stay, keep station on the moving evader, or fly home"
+    )
+    engage_on: Literal["command", "pilot_mode"] = Field(
+        "command", description="who engages: an order, or the pilot's switch to the guided mode once standing by"
+    )
     on_terminate: Literal["hold", "land", "return"] = Field("hold", description="what SIGTERM hands the vehicle to")
-    battery_minimum: float = Field(0.25, ge=0.0, le=1.0)
+    battery_minimum: float = Field(0.25, ge=0.0, le=1.0, description="share of the charge below which it returns")
     longest_chase_s: float | None = Field(
         None,
         gt=0.0,
@@ -239,16 +252,20 @@ class FlightSection(Section):
 class Preflight(Section):
     """What the autopilot has to be set to."""
 
-    fence_required: bool = True
-    loss_time_limit_s: float = Field(1.5, gt=0.2, le=5.0)
-    origin_distance_limit_m: float = Field(1000.0, gt=0.0)
-    evader_height_limit_m: float = Field(30.0, gt=0.0)
+    fence_required: bool = Field(True, description="whether the autopilot's own fence must stand behind ours")
+    loss_time_limit_s: float = Field(
+        1.5, gt=0.2, le=5.0, description="longest time that it may fly an old setpoint when ours stop"
+    )
+    origin_distance_limit_m: float = Field(
+        1000.0, gt=0.0, description="farthest that its local frame's zero may be from home"
+    )
+    evader_height_limit_m: float = Field(30.0, gt=0.0, description="largest height of the evader above or below home")
 
 
 class Control(Section):
     """Where orders come from: Zenoh queryables on loopback."""
 
-    endpoint: str = "tcp/127.0.0.1:7448"
+    endpoint: str = Field("tcp/127.0.0.1:7448", description="Zenoh endpoint, on loopback only")
     host: bool = Field(True, description="listen there; false connects to a Zenoh router that is there already")
     token_file: Path | None = Field(
         None, description="the secret that lets `guidance ctl` in; by default in the runtime folder, for its owner only"
@@ -265,8 +282,8 @@ class Control(Section):
 class LogSection(Section):
     """The log, on standard error."""
 
-    format: Literal["console", "json"] = "console"
-    level: Literal["debug", "info", "warning", "error"] = "info"
+    format: Literal["console", "json"] = Field("console", description="lines for people, or a JSON object each")
+    level: Literal["debug", "info", "warning", "error"] = Field("info", description="what is worth a line")
 
 
 class MetricsSection(Section):

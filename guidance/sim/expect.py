@@ -3,7 +3,7 @@
 import math
 from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
-from pydantic import field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from guidance.config import RENAMED_EVENTS, Section
 
@@ -14,8 +14,8 @@ End: TypeAlias = Literal["captured", "arrived", "time_up", "yielded", "failed"]
 class Range(Section):
     """From `min` to `max`, both included; either may be left out."""
 
-    min: float | None = None
-    max: float | None = None
+    min: float | None = Field(None, description="at least this")
+    max: float | None = Field(None, description="at most this")
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
@@ -52,19 +52,21 @@ class CheckedExpectation(NamedTuple):
 class Expectations(Section):
     """What is expected of the outcome's columns of the same names."""
 
-    end: End | None = None
-    winner: Literal["pursuer", "evader", "none"] | None = None
-    capture_time_s: Range | None = None
-    final_distance_m: Range | None = None
-    predicted: Range | None = None
-    time_needed_s: Range | None = None
-    achieved: Range | None = None
-    regret: Range | None = None
-    ratio: Range | None = None
-    min_standoff_m: Range | None = None
-    min_altitude_m: Range | None = None
-    alarms: Range | None = None
-    events: tuple[str, ...] = ()
+    end: End | None = Field(None, description="how the run ends")
+    winner: Literal["pursuer", "evader", "none"] | None = Field(None, description="who wins")
+    capture_time_s: Range | None = Field(None, description="from engagement to the capture")
+    final_distance_m: Range | None = Field(
+        None, description="of the evader from its target, or of the pursuer from the disc"
+    )
+    predicted: Range | None = Field(None, description="the game's value at engagement, s or m")
+    time_needed_s: Range | None = Field(None, description="what the vehicle promised at engagement")
+    achieved: Range | None = Field(None, description="what it came to, s or m")
+    regret: Range | None = Field(None, description="what the pursuer lost against the value, s or m")
+    ratio: Range | None = Field(None, description="achieved / predicted")
+    min_standoff_m: Range | None = Field(None, description="least level distance of the players")
+    min_altitude_m: Range | None = Field(None, description="least height of the pursuer")
+    alarms: Range | None = Field(None, description="how often the guarantee was seen to be broken")
+    events: tuple[str, ...] = Field((), description="what happens from engagement on")
 
     @field_validator("events")
     @classmethod
@@ -110,8 +112,8 @@ class Expectations(Section):
 class Expect(Expectations):
     """What is expected of every run, and what of those in mathematics or in flight alone."""
 
-    maths: Expectations = Expectations()
-    flown: Expectations = Expectations()
+    maths: Expectations = Field(Expectations(), description="of a run in mathematics alone")
+    flown: Expectations = Field(Expectations(), description="of a flight alone")
 
     def check_all(self, game: str) -> None:
         """Refuse contradictions in each part; see `check`."""

@@ -7,7 +7,7 @@ import itertools
 import math
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
 
 from guidance.config import Section
 from guidance.control import SpeedLimits, Speeds
@@ -24,6 +24,9 @@ PURSUER_ID, EVADER_ID = 1, 2
 BESIDE_M: Final = 2.0
 """How far beside its start the pursuer takes off."""
 
+PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
+EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_STRATEGIES]})]
+
 TrackRow = tuple[float, float, float, float]
 """Time in s, and x, y and z in m."""
 
@@ -31,17 +34,17 @@ TrackRow = tuple[float, float, float, float]
 class Site(Section):
     """Where on Earth the game frame has its zero."""
 
-    latitude_deg: float = Field(47.397742, ge=-85.0, le=85.0)
-    longitude_deg: float = Field(8.545594, ge=-180.0, le=180.0)
-    altitude_amsl_m: float = Field(488.0, ge=-500.0, le=6000.0)
+    latitude_deg: float = Field(47.397742, ge=-85.0, le=85.0, description="north is positive")
+    longitude_deg: float = Field(8.545594, ge=-180.0, le=180.0, description="east is positive")
+    altitude_amsl_m: float = Field(488.0, ge=-500.0, le=6000.0, description="of the evader's plane, above sea level")
 
 
 class Player(Section):
     """What both players share: how they play, where that is a course."""
 
-    policy: str = "optimal"
+    policy: str = Field("optimal", description="what is played")
     waypoints_m: tuple[Point3 | Point2, ...] = Field((), description='of policy = "waypoints"; then the player stays')
-    turn_every_s: float = Field(5.0, ge=0.5, description='of policy = "random_turns"')
+    turn_every_s: float = Field(5.0, ge=0.5, description='of policy = "random_turns": how often it turns')
     turn_most_deg: float = Field(90.0, gt=0.0, le=180.0, description="largest turn at a time")
     track: tuple[TrackRow, ...] = Field(
         (), description='of policy = "recorded": rows of t, x, y, z, or in a file the path of a .csv or .mcap'
@@ -65,14 +68,17 @@ class Player(Section):
 class Pursuer(Player):
     """The vehicle that guidance flies."""
 
-    position_m: Point3
-    speed_m_s: float = Field(gt=0.0, le=30.0)
-    speed_set: Literal["ball", "cylinder"] = "ball"
-    climb_m_s: float = Field(3.0, gt=0.0, le=10.0)
-    descent_m_s: float = Field(1.5, gt=0.0, le=10.0)
+    policy: PursuerPolicy = Field("optimal", description="what it plays")
+    position_m: Point3 = Field(description="where the game begins: x east, y north, z up")
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="level speed that the game is played with")
+    speed_set: Literal["ball", "cylinder"] = Field(
+        "ball", description="one speed in all directions (the paper's), or level, up and down apart"
+    )
+    climb_m_s: float = Field(3.0, gt=0.0, le=10.0, description="and upwards, of the cylinder")
+    descent_m_s: float = Field(1.5, gt=0.0, le=10.0, description="and downwards, of the cylinder")
     navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description='N of policy = "proportional_navigation"')
-    autopilot: Literal["px4", "arducopter"] = "px4"
-    takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0)
+    autopilot: Literal["px4", "arducopter"] = Field("px4", description="which one the mock plays in a flight")
+    takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0, description="above home")
 
     @property
     def speeds(self) -> Speeds:
@@ -83,8 +89,9 @@ class Pursuer(Player):
 class Evader(Player):
     """The cooperative evader: a ground vehicle that plays the evader."""
 
-    position_m: Point2
-    height_m: float = Field(0.0, ge=0.0)
+    policy: EvaderPolicy = Field("optimal", description="what it plays")
+    position_m: Point2 = Field(description="where the game begins: x east, y north")
+    height_m: float = Field(0.0, ge=0.0, description="of the evader's own antenna above its plane")
     speed_m_s: float = Field(gt=0.0, le=30.0, description="that it has")
     declared_speed_m_s: float | None = Field(
         None, gt=0.0, le=30.0, description="that it says it has, which the pursuer believes; speed_m_s if not given"
@@ -99,23 +106,23 @@ class Evader(Player):
 class Target(Section):
     """The place the evader wants to reach."""
 
-    position_m: Point2
+    position_m: Point2 = Field(description="x east, y north")
 
 
 class Standoff(Section):
     """The terminal set: the disc of this radius around the evader, at this height above the ground."""
 
-    radius_m: float = Field(3.0, gt=0.0, le=100.0)
-    height_m: float = Field(5.0, ge=2.0, le=120.0)
-    tolerance_m: float = Field(0.5, gt=0.0, le=5.0)
+    radius_m: float = Field(3.0, gt=0.0, le=100.0, description="R, about the evader")
+    height_m: float = Field(5.0, ge=2.0, le=120.0, description="h, above the ground")
+    tolerance_m: float = Field(0.5, gt=0.0, le=5.0, description="distance from the disc that counts as captured")
 
 
 class Limits(SpeedLimits):
     """What the flight never leaves: heights above the site, a circle about home (`Scenario.home_m`), and speeds."""
 
-    fence_radius_m: float = Field(300.0, gt=10.0)
-    ceiling_m: float = Field(120.0, gt=5.0)
-    floor_m: float = Field(3.0, ge=1.0)
+    fence_radius_m: float = Field(300.0, gt=10.0, description="greatest distance from home")
+    ceiling_m: float = Field(120.0, gt=5.0, description="greatest height")
+    floor_m: float = Field(3.0, ge=1.0, description="lowest height")
 
 
 class Sensor(Section):
@@ -124,7 +131,7 @@ class Sensor(Section):
     rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="of reports; as they come if not given")
     latency_s: float = Field(0.0, ge=0.0, le=5.0, description="from measurement to arrival")
     position_noise_m: float = Field(0.0, ge=0.0, le=50.0, description="standard deviation of each coordinate")
-    velocity_noise_m_s: float = Field(0.0, ge=0.0, le=10.0)
+    velocity_noise_m_s: float = Field(0.0, ge=0.0, le=10.0, description="standard deviation of each component")
     dropout: float = Field(0.0, ge=0.0, lt=1.0, description="share of reports that never arrive")
     outages_s: tuple[tuple[float, float], ...] = Field(
         (), description="from when to when, after engagement, nothing arrives"
@@ -145,7 +152,7 @@ class Wind(Section):
     blows on the vehicle, whose autopilot holds the speed over ground against it, and nobody is told.
     """
 
-    velocity_m_s: Point2 = (0.0, 0.0)
+    velocity_m_s: Point2 = Field((0.0, 0.0), description="x east, y north: where the air goes to")
 
 
 class Fault(Section):
@@ -153,11 +160,11 @@ class Fault(Section):
 
     model_config = ConfigDict(extra="allow")
 
-    kind: str
-    vehicle: Literal["pursuer", "evader"] = "pursuer"
+    kind: str = Field(description="as `sitl-mock list faults` names it")
+    vehicle: Literal["pursuer", "evader"] = Field("pursuer", description="whose")
     after: Literal["engaged", "start"] = Field("engaged", description="what at_s counts from")
-    at_s: Annotated[float, Field(ge=0.0)] = 0.0
-    for_s: Annotated[float, Field(gt=0.0)] | None = None
+    at_s: Annotated[float, Field(ge=0.0)] = Field(0.0, description="when it begins")
+    for_s: Annotated[float, Field(gt=0.0)] | None = Field(None, description="how long it lasts; for good if not given")
 
     def keys(self) -> dict[str, Any]:
         """The keys that belong to the kind."""
@@ -167,20 +174,20 @@ class Fault(Section):
 class Scenario(Section):
     """A whole scenario file."""
 
-    title: str
-    description: str = ""
-    game: Literal["pe", "tad"]
+    title: str = Field(description="a few words")
+    description: str = Field("", description="what it shows, and why it is as it is")
+    game: Literal["pe", "tad"] = Field(description="pursuit-evasion, or target-attacker-defender")
     pursuer: Pursuer
     evader: Evader
-    target: Target | None = None
+    target: Target | None = Field(None, description='with game = "tad"')
     standoff: Standoff = Standoff()
     sensor: Sensor = Sensor()
     wind: Wind = Wind()
-    fault: tuple[Fault, ...] = ()
+    fault: tuple[Fault, ...] = Field((), description="what goes wrong in a mocked flight")
     expect: Expect = Expect()
     limits: Limits = Limits()
     site: Site = Site()
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, description="of all that is random")
     time_limit_s: float = Field(300.0, gt=0.0, description="of the game itself, from engagement")
     hold_s: float = Field(3.0, ge=0.0, description="on station before landing")
 

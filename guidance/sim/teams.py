@@ -6,11 +6,11 @@ of them scattered over a disc by the seed, so that their number is a key that a 
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, WithJsonSchema, model_validator
 
 from guidance.config import Section
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game
@@ -27,9 +27,9 @@ class PlayerGroup(Section):
 
     count: int = Field(1, ge=1, le=50, description="how many players this table stands for")
     scatter_m: float = Field(0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters them")
-    speed_m_s: float = Field(gt=0.0, le=30.0)
-    policy: str = "optimal"
-    position_m: Point3 | Point2
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="in every direction")
+    policy: str = Field("optimal", description="what they play")
+    position_m: Point3 | Point2 = Field(description="where they begin")
 
     @model_validator(mode="after")
     def _check_scatter(self) -> Self:
@@ -41,13 +41,19 @@ class PlayerGroup(Section):
 class PursuerGroup(PlayerGroup):
     """Pursuers in space."""
 
-    position_m: Point3
+    policy: Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})] = Field(
+        "optimal", description="what they play"
+    )
+    position_m: Point3 = Field(description="where they begin: x east, y north, z up")
 
 
 class EvaderGroup(PlayerGroup):
     """Evaders in the plane."""
 
-    position_m: Point2
+    policy: Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})] = Field(
+        "optimal", description="what they play"
+    )
+    position_m: Point2 = Field(description="where they begin: x east, y north")
 
 
 class TeamExpect(Section):
@@ -71,17 +77,17 @@ class TeamExpect(Section):
 class TeamScenario(Section):
     """A whole scenario file of teams."""
 
-    title: str
-    description: str = ""
-    game: Literal["pe", "tad"]
-    pursuer: tuple[PursuerGroup, ...] = Field(min_length=1)
-    evader: tuple[EvaderGroup, ...] = Field(min_length=1)
-    target: Target | None = None
+    title: str = Field(description="a few words")
+    description: str = Field("", description="what it shows, and why it is as it is")
+    game: Literal["pe", "tad"] = Field(description="pursuit-evasion, or target-attacker-defender")
+    pursuer: tuple[PursuerGroup, ...] = Field(min_length=1, description="a table [[pursuer]] for each group")
+    evader: tuple[EvaderGroup, ...] = Field(min_length=1, description="a table [[evader]] for each group")
+    target: Target | None = Field(None, description='with game = "tad"')
     capture_m: float = Field(0.0, ge=0.0, le=100.0, description="distance of the players that counts as captured")
     hysteresis: float = Field(0.0, ge=0.0, description="what a new pair must be better by; m in tad, s in pe")
     step_s: float = Field(0.05, gt=0.0, le=10.0, description="how long velocities are held at most")
-    seed: int = Field(0, ge=0)
-    time_limit_s: float = Field(300.0, gt=0.0)
+    seed: int = Field(0, ge=0, description="of the places")
+    time_limit_s: float = Field(300.0, gt=0.0, description="of the game")
     expect: TeamExpect = TeamExpect()
 
     @model_validator(mode="after")

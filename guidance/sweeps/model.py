@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from guidance.config import Section, find, load
+from guidance.sim.scenario import EvaderPolicy, PursuerPolicy
 from guidance.sweeps.axes import Axis, flat, grid_axis, random_axis
 
 FOLDER = "sweeps"
@@ -15,7 +16,8 @@ FOLDER = "sweeps"
 Way = Literal["maths", "fast"]
 """How a row is played: by point masses, or flown by the mock in virtual time."""
 
-Names = str | tuple[str, ...] | None
+PursuerNames = PursuerPolicy | tuple[PursuerPolicy, ...] | None
+EvaderNames = EvaderPolicy | tuple[EvaderPolicy, ...] | None
 
 
 class Pair(NamedTuple):
@@ -28,8 +30,8 @@ class Pair(NamedTuple):
 class Policies(Section):
     """Policies of both players, crossed where there are several of one."""
 
-    pursuer: Names = None
-    evader: Names = None
+    pursuer: PursuerNames = Field(None, description="one or several; the scenario's own if not given")
+    evader: EvaderNames = Field(None, description="likewise")
 
     def pairs(self) -> Iterator[Pair]:
         """Every pursuer's policy with every evader's."""
@@ -42,9 +44,9 @@ class Seeds(Section):
 
     model_config = ConfigDict(populate_by_name=True)
 
-    begin: int = Field(0, alias="from", ge=0)
-    count: int = Field(1, ge=1)
-    values: tuple[Annotated[int, Field(ge=0)], ...] = Field((), alias="list")
+    begin: int = Field(0, alias="from", ge=0, description="the first")
+    count: int = Field(1, ge=1, description="how many")
+    values: tuple[Annotated[int, Field(ge=0)], ...] = Field((), alias="list", description="these, in place of both")
 
 
 def _seeds(given: Any) -> Any:  # noqa: ANN401 - from a file
@@ -60,17 +62,17 @@ class Sweep(Section):
     on the seed and the key alone, so rows of one seed are comparable pairwise.
     """
 
-    title: str = ""
-    description: str = ""
+    title: str = Field("", description="a few words")
+    description: str = Field("", description="what it shows, and why it is as it is")
     scenario: str = Field(description="a scenario's name or path; beside the sweep's file, or with the package")
     way: Way = Field("maths", alias="as", description="played by point masses, or flown by the mock in virtual time")
     rows: int | None = Field(None, ge=1, description="how many in all, in place of seeds")
-    seeds: Annotated[Seeds | None, BeforeValidator(_seeds)] = Field(
-        None, description="how many, a list, or { from = 100, count = 50 }"
+    seeds: Annotated[Seeds | None, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds | None)] = (
+        Field(None, description="how many, a list, or { from = 100, count = 50 }")
     )
     grid: dict[str, Any] = Field({}, description="a scenario's key and its values, crossed with those of the others")
     random: dict[str, Any] = Field({}, description="a scenario's key and its distribution, one draw for each seed")
-    policies: tuple[Policies, ...] = ()
+    policies: tuple[Policies, ...] = Field((), description="who plays against whom; the scenario's own if not given")
 
     @property
     def axes(self) -> tuple[Axis, ...]:
