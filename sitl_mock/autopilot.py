@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, Wind, attitude_of
+from sitl_mock.dynamics.values import maker_of
 from sitl_mock.errors import ConfigError
 from sitl_mock.estimator import STEP_S as ESTIMATOR_S
 from sitl_mock.estimator import Estimator
@@ -68,6 +69,7 @@ class Announcements(NamedTuple):
 
 
 _NOTHING: Final = Announcements()
+_euler, _surroundings = maker_of(Euler), maker_of(Surroundings)
 
 
 class Autopilot:
@@ -145,7 +147,9 @@ class Autopilot:
             now_s=now_s,
         )
         self.commander = self.flavour.commander(self.state, self.plans)
-        self.report = Report(self.flavour, self.state, self.commander, Setpoint(Kind.STOPPED), self.events)
+        self.report = Report(
+            self.flavour, self.state, self.commander, Setpoint(Kind.STOPPED), self.events, settings.unix_us
+        )
         self._renew_times(now_s)
 
     def tick(self, now_s: float, count: int) -> None:
@@ -245,14 +249,11 @@ class Autopilot:
     def _move(self) -> None:
         """One step of the body under the last decision, and what the estimator makes of it."""
         state, estimator = self.state, self.state.estimator
-        wind, gust = self.conditions.wind_m_s, self._gust
-        around = Surroundings(
-            (wind[0] + gust[0], wind[1] + gust[1], wind[2] + gust[2]),
-            estimator.position_error_m,
-            estimator.velocity_error_m_s,
-            self.ground_m,
-            self.conditions.thrust_share,
-        )
+        (n, e, d), gust = self.conditions.wind_m_s, self._gust
+        if gust is not ZERO:
+            n, e, d = n + gust[0], e + gust[1], d + gust[2]
+        errors = (estimator.position_error_m, estimator.velocity_error_m_s)
+        around = _surroundings(((n, e, d), *errors, self.ground_m, self.conditions.thrust_share))
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
         body = self.motion.body
         self.report.reference = self.plant.reference(self.motion)
@@ -272,13 +273,15 @@ class Autopilot:
         (n, e, d), (v_n, v_e, v_d) = state.position_m, state.velocity_m_s
         state.position_m = (n + v_n * TICK_S, e + v_e * TICK_S, d + v_d * TICK_S)
         roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
-        state.attitude = Euler(
-            roll + roll_rate * TICK_S,
-            pitch + pitch_rate * TICK_S,
-            yaw + yaw_rate * TICK_S,
-            roll_rate,
-            pitch_rate,
-            yaw_rate,
+        state.attitude = _euler(
+            (
+                roll + roll_rate * TICK_S,
+                pitch + pitch_rate * TICK_S,
+                yaw + yaw_rate * TICK_S,
+                roll_rate,
+                pitch_rate,
+                yaw_rate,
+            )
         )
 
     def since_boot_s(self, now_s: float) -> float:
@@ -287,9 +290,10 @@ class Autopilot:
 
     def _renew_times(self, now_s: float) -> None:
         report = self.report
-        report.boot_us = boot_us = max(0, int((now_s - self.state.booted_s + self.time_jump_s) * 1e6 + 0.5))
+        boot_us = int((now_s - self.state.booted_s + self.time_jump_s) * 1e6 + 0.5)
+        boot_us = max(boot_us, 0)
+        report.boot_us = boot_us
         report.boot_ms = boot_us // 1000 & 0xFFFFFFFF
-        report.unix_us = self.settings.unix_us + int(now_s * 1e6)
 
     def _hear_radio(self, now_s: float) -> None:
         conditions, pilot = self.conditions, self.state.pilot

@@ -126,14 +126,14 @@ class Link:
 
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
-        autopilot = self.autopilot
+        autopilot, prepared = self.autopilot, self._prepared
         report, frame_of = autopilot.report, self.encoder.frame
-        only_heartbeat = autopilot.conditions.telemetry_frozen
+        names = self.streams.due(now_s)
+        if autopilot.conditions.telemetry_frozen:
+            names = [name for name in names if name == "HEARTBEAT"]
         frames: list[bytes] = []
-        for name in self.streams.due(now_s):
-            if only_heartbeat and name != "HEARTBEAT":
-                continue
-            build, spec = self._prepared[name]
+        for name in names:
+            build, spec = prepared[name]
             fields = build(report)
             if fields is not None:
                 try:

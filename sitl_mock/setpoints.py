@@ -38,15 +38,16 @@ class Target(NamedTuple):
 
 
 def _kept(values: Vector, mask: int, first_bit: int) -> Vector:
-    if not mask >> first_bit & 7:
+    bits = mask >> first_bit & 7
+    if not bits:
         return values
-    if mask >> first_bit & 7 == 7:
+    if bits == 7:
         return IGNORED
     x, y, z = values
     return (
-        math.nan if mask >> first_bit & 1 else x,
-        math.nan if mask >> first_bit + 1 & 1 else y,
-        math.nan if mask >> first_bit + 2 & 1 else z,
+        math.nan if bits & 1 else x,
+        math.nan if bits & 2 else y,
+        math.nan if bits & 4 else z,
     )
 
 
@@ -66,13 +67,13 @@ def read_global(message: Any, frame: LocalFrame, home_m: Vector | None) -> Targe
 def _read(message: Any, position_m: Vector) -> Target:  # noqa: ANN401 - as above
     mask = message.type_mask
     return Target(
-        frame=message.coordinate_frame,
-        type_mask=mask,
-        position_m=_kept(position_m, mask, 0),
-        velocity_m_s=_kept((message.vx, message.vy, message.vz), mask, 3),
-        acceleration_m_s2=_kept((message.afx, message.afy, message.afz), mask, 6),
-        yaw_rad=math.nan if mask & IGNORE_YAW else message.yaw,
-        yaw_rate_rad_s=math.nan if mask & IGNORE_YAW_RATE else message.yaw_rate,
+        message.coordinate_frame,
+        mask,
+        _kept(position_m, mask, 0),
+        _kept((message.vx, message.vy, message.vz), mask, 3),
+        _kept((message.afx, message.afy, message.afz), mask, 6),
+        math.nan if mask & IGNORE_YAW else message.yaw,
+        math.nan if mask & IGNORE_YAW_RATE else message.yaw_rate,
     )
 
 

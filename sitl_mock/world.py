@@ -47,11 +47,9 @@ class LocalFrame:
 
     def to_geodetic(self, north_m: float, east_m: float, down_m: float) -> Home:
         """Turn local metres into latitude, longitude (degrees) and height above mean sea level (metres)."""
-        origin = self.origin
+        lat_deg, lon_deg, alt_amsl_m = self.origin
         return Home(
-            origin.lat_deg + north_m / self._north_m_per_deg,
-            origin.lon_deg + east_m / self._east_m_per_deg,
-            origin.alt_amsl_m - down_m,
+            lat_deg + north_m / self._north_m_per_deg, lon_deg + east_m / self._east_m_per_deg, alt_amsl_m - down_m
         )
 
     def to_local(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Vector:

@@ -29,6 +29,8 @@ from sitl_mock.dynamics.values import (
     Kind,
     Ned,
     Setpoint,
+    maker_of,
+    within,
     wrap_rad,
     zero_where_ignored,
 )
@@ -81,6 +83,10 @@ class ArduMemory(NamedTuple):
     limited: Limited = UNLIMITED
 
 
+_memory, _demand = maker_of(ArduMemory), maker_of(Demand)
+_STOPPED, _IDLING, _STREAM, _BRAKE = Kind.STOPPED, Kind.IDLING, Kind.STREAM, Kind.BRAKE
+
+
 @dataclass(frozen=True)
 class ArduControl:
     """The control law with its parameters and the thrust it reckons with."""
@@ -98,39 +104,38 @@ class ArduControl:
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[ArduMemory, Demand]:
         """One step of the law: the new memory and what is asked of the airframe."""
-        gains = self.gains
-        if setpoint.kind is Kind.STOPPED:
+        gains, kind = self.gains, setpoint.kind
+        if kind is _STOPPED:
             return ArduMemory(Kind.STOPPED, Reference(estimate.position_ned_m, ZERO)), Demand(0.0, 0.0, 0.0, 0.0)
         spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
-        if setpoint.kind is Kind.IDLING or (spooled_s < gains.spool_s and body.on_ground):
-            idle = ArduMemory(setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, spooled_s)
+        if kind is _IDLING or (spooled_s < gains.spool_s and body.on_ground):
+            idle = ArduMemory(kind, Reference(estimate.position_ned_m, ZERO), ZERO, spooled_s)
             return idle, Demand(0.0, 0.0, gains.thrust_min_m_s2, 0.0)
 
-        started = memory.reference
-        if memory.kind <= Kind.IDLING or (setpoint.kind is Kind.BRAKE and memory.kind is not Kind.BRAKE):
+        was, started, integral, _, heading_rad, limited = memory
+        if was is _STOPPED or was is _IDLING or (was is not kind and kind is _BRAKE):
             started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, started.acceleration_ned_m_s2)
-        if setpoint.kind is Kind.STREAM:
+        if kind is _STREAM:
             reference = self._shaped(started, setpoint, dt_s)
-        elif setpoint.kind is Kind.ATTITUDE:
+        elif kind is Kind.ATTITUDE:
             return self._leaning(memory, body, estimate, setpoint, dt_s)
         else:
             reference = travel(self.travel_limits, started, setpoint, dt_s)
-        if memory.limited is not UNLIMITED:
-            reference = _held(started, reference, memory.limited)
-        heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
-        limited, integral, lean, thrust = self._track(reference, memory.integral_ned_m_s2, body, estimate, dt_s)
-        fresh = ArduMemory(setpoint.kind, reference, integral, spooled_s, heading_rad, limited)
-        return fresh, Demand(*lean, thrust, yaw_rate_rad_s)
+        if limited is not UNLIMITED:
+            reference = _held(started, reference, limited)
+        heading_rad, yaw_rate_rad_s = self._yaw(heading_rad, body, setpoint, reference)
+        limited, integral, lean, thrust = self._track(reference, integral, body, estimate, dt_s)
+        fresh = (kind, reference, integral, spooled_s, heading_rad, limited)
+        return _memory(fresh), _demand((*lean, thrust, yaw_rate_rad_s))
 
     def _shaped(self, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
         """The GUIDED reference one step further: acceleration and jerk are limited, speed is not."""
         gains = self.gains
         (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
-        to_n, to_e, to_d = setpoint.position_ned_m
-        wanted = setpoint.acceleration_ned_m_s2
-        if math.isnan(setpoint.velocity_ned_m_s[0]) and math.isnan(to_n) and not math.isnan(wanted[0]):
+        _, (to_n, to_e, to_d), speed, wanted, *_ = setpoint
+        if math.isnan(speed[0]) and math.isnan(to_n) and not math.isnan(wanted[0]):
             return self._accelerated(reference, wanted, dt_s)
-        n, e, d = zero_where_ignored(setpoint.velocity_ned_m_s)
+        n, e, d = zero_where_ignored(speed)
         f_n, f_e, f_d = zero_where_ignored(wanted)
         limits = self.travel_limits
         if not math.isnan(to_n + to_e):
@@ -154,7 +159,7 @@ class ArduControl:
         change, most = math.hypot(d_n, d_e), self.gains.jerk_m_s3 * dt_s
         keep = most / change if change > most else 1.0
         most_z = self.gains.jerk_z_m_s3 * dt_s
-        down = a_d + min(max(d_d, -most_z), most_z)
+        down = a_d + within(d_d, -most_z, most_z)
         return advance(reference, (a_n + d_n * keep, a_e + d_e * keep, down), dt_s)
 
     def _leaning(
@@ -193,9 +198,8 @@ class ArduControl:
         """P on position, PID on velocity with the reference fed forward, lean limit with anti-windup."""
         gains = self.gains
         (r_n, r_e, r_d), (w_n, w_e, w_d), (f_n, f_e, f_d) = reference
-        p_n, p_e, p_d = estimate.position_ned_m
-        v_n, v_e, v_d = estimate.velocity_ned_m_s
-        b_n, b_e, b_d = body.acceleration_ned_m_s2
+        (p_n, p_e, p_d), (v_n, v_e, v_d) = estimate
+        _, _, (b_n, b_e, b_d), lean_n, lean_e, *_ = body
         i_n, i_e, i_d = integral
         err_n = w_n + gains.xy_p_1_s * (r_n - p_n) - v_n
         err_e = w_e + gains.xy_p_1_s * (r_e - p_e) - v_e
@@ -214,29 +218,31 @@ class ArduControl:
         least, most = gains.thrust_min_m_s2, self.thrust_max_m_s2
         if (lift > least or a_d < b_d) and (lift < most or a_d > b_d):
             i_d += gains.z_acc_i_1_s * (a_d - b_d) * dt_s
-        lift = min(max(lift, least), most)
+        lift = within(lift, least, most)
         lean = math.atan(lean_tan)
         per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
         # Angle boost: the lift is kept by the lean the body really has.
-        up = math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
+        up = math.cos(math.hypot(lean_n, lean_e))
         return limited, (i_n, i_e, i_d), (a_n * per, a_e * per), lift / max(up, 0.3)
 
     def _yaw(self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference) -> tuple[float, float]:
         """The heading wanted and the yaw rate asked for: nose to the direction of travel where yaw is ignored."""
         gains = self.gains
-        forward = 0.0 if math.isnan(setpoint.yaw_rate_rad_s) else setpoint.yaw_rate_rad_s
-        if math.isnan(setpoint.yaw_rad) and not math.isnan(setpoint.yaw_rate_rad_s):
-            return body.yaw_rad, min(max(forward, -gains.yaw_rate_max_rad_s), gains.yaw_rate_max_rad_s)
-        if not math.isnan(setpoint.yaw_rad):
-            heading_rad = setpoint.yaw_rad
+        kind, _, _, _, yaw_rad, yaw_rate_rad_s, *_ = setpoint
+        here_rad, most_rad_s = body.yaw_rad, gains.yaw_rate_max_rad_s
+        forward = 0.0 if math.isnan(yaw_rate_rad_s) else yaw_rate_rad_s
+        if math.isnan(yaw_rad) and not math.isnan(yaw_rate_rad_s):
+            return here_rad, within(forward, -most_rad_s, most_rad_s)
+        if not math.isnan(yaw_rad):
+            heading_rad = yaw_rad
         elif math.isnan(heading_rad):
-            heading_rad = body.yaw_rad
-        elif setpoint.kind is not Kind.BRAKE:
+            heading_rad = here_rad
+        elif kind is not _BRAKE:
             n, e, _ = reference.velocity_ned_m_s
             if math.hypot(n, e) > gains.look_ahead_m_s:
                 heading_rad = math.atan2(e, n)
-        rate = gains.yaw_p_1_s * wrap_rad(heading_rad - body.yaw_rad) + forward
-        return heading_rad, min(max(rate, -gains.yaw_rate_max_rad_s), gains.yaw_rate_max_rad_s)
+        rate = gains.yaw_p_1_s * wrap_rad(heading_rad - here_rad) + forward
+        return heading_rad, within(rate, -most_rad_s, most_rad_s)
 
 
 def _held(before: Reference, after: Reference, limited: Limited) -> Reference:

@@ -17,8 +17,13 @@ from sitl_mock.dynamics.values import (
     Ned,
     Setpoint,
     Surroundings,
+    maker_of,
+    within,
     wrap_rad,
 )
+
+_STREAM, _DIRECT = Kind.STREAM, Kind.DIRECT
+_body, _estimate, _motion = maker_of(Body), maker_of(Estimate), maker_of(Motion)
 
 
 @dataclass(frozen=True)
@@ -62,9 +67,10 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
         around: Wind, the ground's height, and what the rotors give of what is asked.
         dt_s: At most about 0.02 s.
     """
-    thrust_m_s2 = around.thrust_share * min(max(demand.thrust_m_s2, 0.0), airframe.thrust_max_m_s2)
-    thrust_m_s2 += (body.thrust_m_s2 - thrust_m_s2) * math.exp(-dt_s / airframe.rotor_lag_s)
-    if body.on_ground and thrust_m_s2 <= GRAVITY_M_S2:
+    *_, was_m_s2, on_ground = body
+    thrust_m_s2 = around.thrust_share * within(demand.thrust_m_s2, 0.0, airframe.thrust_max_m_s2)
+    thrust_m_s2 += (was_m_s2 - thrust_m_s2) * math.exp(-dt_s / airframe.rotor_lag_s)
+    if on_ground and thrust_m_s2 <= GRAVITY_M_S2:
         return _resting(body, thrust_m_s2, around.ground_down_m)
     return _flying(airframe, body, demand, thrust_m_s2, around, dt_s)
 
@@ -81,23 +87,24 @@ def _flying(
     airframe: Airframe, body: Body, demand: Demand, thrust_m_s2: float, around: Surroundings, dt_s: float
 ) -> Body:
     (p_n, p_e, p_d), (v_n, v_e, v_d), _, lean_n, lean_e, rate_n, rate_e, yaw, yaw_rate, _, _ = body
+    to_n, to_e, _, turn = demand
+    (w_n, w_e, w_d), _, _, ground_d, _ = around
 
-    ask_n = airframe.attitude_gain_1_s * (demand.lean_n_rad - lean_n)
-    ask_e = airframe.attitude_gain_1_s * (demand.lean_e_rad - lean_e)
-    ask = math.hypot(ask_n, ask_e)
-    if ask > airframe.lean_rate_max_rad_s:
-        ask_n *= airframe.lean_rate_max_rad_s / ask
-        ask_e *= airframe.lean_rate_max_rad_s / ask
+    ask_n = airframe.attitude_gain_1_s * (to_n - lean_n)
+    ask_e = airframe.attitude_gain_1_s * (to_e - lean_e)
+    ask, fastest = math.hypot(ask_n, ask_e), airframe.lean_rate_max_rad_s
+    if ask > fastest:
+        ask_n *= fastest / ask
+        ask_e *= fastest / ask
     keep = math.exp(-airframe.rate_gain_1_s * dt_s)
     rate_n = ask_n + (rate_n - ask_n) * keep
     rate_e = ask_e + (rate_e - ask_e) * keep
     lean_n += rate_n * dt_s
     lean_e += rate_e * dt_s
-    yaw_rate += (demand.yaw_rate_rad_s - yaw_rate) * (1.0 - math.exp(-airframe.yaw_rate_gain_1_s * dt_s))
+    yaw_rate += (turn - yaw_rate) * (1.0 - math.exp(-airframe.yaw_rate_gain_1_s * dt_s))
 
     lean = math.hypot(lean_n, lean_e)
     side = thrust_m_s2 * (math.sin(lean) / lean if lean > 1e-9 else 1.0)
-    w_n, w_e, w_d = around.wind_ned_m_s
     air_n, air_e, air_d = v_n - w_n, v_e - w_e, v_d - w_d
     # Implicit in the drag: stable and free of bias at rest for any wind and step.
     a_n, a_e = _against_air(airframe, (side * lean_n, side * lean_e), (air_n, air_e), yaw, dt_s)
@@ -106,21 +113,23 @@ def _flying(
 
     half = 0.5 * dt_s
     p_d += (v_d + a_d * half) * dt_s
-    if p_d >= around.ground_down_m and v_d + a_d * dt_s >= 0.0:
+    if p_d >= ground_d and v_d + a_d * dt_s >= 0.0:
         # The legs take the impact: nothing bounces, nothing slides.
-        return body_touching(body, thrust_m_s2, around.ground_down_m)
-    return Body(
-        (p_n + (v_n + a_n * half) * dt_s, p_e + (v_e + a_e * half) * dt_s, p_d),
-        (v_n + a_n * dt_s, v_e + a_e * dt_s, v_d + a_d * dt_s),
-        (a_n, a_e, a_d),
-        lean_n,
-        lean_e,
-        rate_n,
-        rate_e,
-        math.remainder(yaw + yaw_rate * dt_s, math.tau),
-        yaw_rate,
-        thrust_m_s2,
-        on_ground=False,
+        return body_touching(body, thrust_m_s2, ground_d)
+    return _body(
+        (
+            (p_n + (v_n + a_n * half) * dt_s, p_e + (v_e + a_e * half) * dt_s, p_d),
+            (v_n + a_n * dt_s, v_e + a_e * dt_s, v_d + a_d * dt_s),
+            (a_n, a_e, a_d),
+            lean_n,
+            lean_e,
+            rate_n,
+            rate_e,
+            math.remainder(yaw + yaw_rate * dt_s, math.tau),
+            yaw_rate,
+            thrust_m_s2,
+            False,
+        )
     )
 
 
@@ -178,6 +187,9 @@ class Pending(NamedTuple):
     waiting: tuple[tuple[float, Setpoint], ...] = ()
 
 
+_pending = maker_of(Pending)
+
+
 def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> Pending:
     """The setpoints one step on: a streamed one waits for `delay_s`, any other order is obeyed at once.
 
@@ -188,14 +200,15 @@ def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> P
         dt_s: The step.
     """
     clock_s, obeyed, waiting = pending
-    if setpoint.kind is not Kind.STREAM and setpoint.kind is not Kind.DIRECT:
+    kind = setpoint.kind
+    if kind is not _STREAM and kind is not _DIRECT:
         return Pending(clock_s + dt_s, setpoint)
     if setpoint is not (waiting[-1][1] if waiting else obeyed):
         waiting = (*waiting, (clock_s + delay_s, setpoint))
     now_s = clock_s + 0.5 * dt_s
     while waiting and waiting[0][0] <= now_s:
         obeyed, waiting = waiting[0][1], waiting[1:]
-    return Pending(clock_s + dt_s, obeyed, waiting)
+    return _pending((clock_s + dt_s, obeyed, waiting))
 
 
 @dataclass(frozen=True)
@@ -230,17 +243,17 @@ class Multicopter(Generic[MemoryT]):
 
     def estimate(self, body: Body, around: Surroundings) -> Estimate:
         """What the autopilot believes: truth, the estimator's scale and the errors of the surroundings."""
-        (p_n, p_e, p_d), (v_n, v_e, v_d) = body.position_ned_m, body.velocity_ned_m_s
-        (q_n, q_e, q_d), (w_n, w_e, w_d) = around.position_error_ned_m, around.velocity_error_ned_m_s
+        (p_n, p_e, p_d), (v_n, v_e, v_d), *_ = body
+        _, (q_n, q_e, q_d), (w_n, w_e, w_d), *_ = around
         s_n, s_e, s_d = self.velocity_scale_ned
-        return Estimate((p_n + q_n, p_e + q_e, p_d + q_d), (v_n * s_n + w_n, v_e * s_e + w_e, v_d * s_d + w_d))
+        return _estimate(((p_n + q_n, p_e + q_e, p_d + q_d), (v_n * s_n + w_n, v_e * s_e + w_e, v_d * s_d + w_d)))
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
         """The vehicle `dt_s` later under one setpoint, in equal steps of at most `step_max_s`."""
         body = motion.body
         estimate = self.estimate(body, around)
         pending, memory = self._memory(motion, estimate)
-        count = max(1, math.ceil(dt_s / self.step_max_s - 1e-9))
+        count = 1 if dt_s <= self.step_max_s else math.ceil(dt_s / self.step_max_s - 1e-9)
         inner_s = dt_s / count
         for left in range(count, 0, -1):
             pending = take(pending, setpoint, self.setpoint_delay_s, inner_s)
@@ -248,7 +261,7 @@ class Multicopter(Generic[MemoryT]):
             body = step_body(self.airframe, body, demand, around, inner_s)
             if left > 1:
                 estimate = self.estimate(body, around)
-        return Motion(body, (pending, memory))
+        return _motion((body, (pending, memory)))
 
     def reference(self, motion: Motion) -> Reference | None:
         """The motion that the control follows."""

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 from sitl_mock.dynamics.shaping import Reference, TravelLimits, travel
 from sitl_mock.dynamics.values import (
     GRAVITY_M_S2,
+    IGNORED,
     ZERO,
     Body,
     Demand,
@@ -18,10 +19,13 @@ from sitl_mock.dynamics.values import (
     Kind,
     Ned,
     Setpoint,
+    maker_of,
+    within,
     wrap_rad,
     zero_where_ignored,
 )
 
+_STOPPED, _IDLING, _STREAM, _DIRECT = Kind.STOPPED, Kind.IDLING, Kind.STREAM, Kind.DIRECT
 _TILT_OPENS_RAD_S: Final = 0.2
 """How fast the greatest tilt grows after a take-off."""
 
@@ -70,6 +74,9 @@ class Px4Memory(NamedTuple):
     yaw_integral_rad_s2: float = 0.0
 
 
+_memory, _demand, _reference = maker_of(Px4Memory), maker_of(Demand), maker_of(Reference)
+
+
 @dataclass(frozen=True)
 class Px4Control:
     """The control law with its parameters and the thrust it reckons with."""
@@ -89,61 +96,76 @@ class Px4Control:
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
         """One step of the law: the new memory and what is asked of the airframe."""
-        if setpoint.kind <= Kind.IDLING:
-            return self._idle(memory, estimate, setpoint.kind, dt_s)
-        if setpoint.kind is Kind.DIRECT:
+        kind = setpoint.kind
+        if kind is _STOPPED or kind is _IDLING:
+            return self._idle(memory, estimate, kind, dt_s)
+        if kind is _DIRECT:
             return self._direct(memory, body, estimate, setpoint, dt_s)
         return self._controlled(memory, body, estimate, setpoint, dt_s)
 
     def _controlled(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
-        gains = self.gains
-        spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
-        if spooled_s < gains.spool_s and body.on_ground:
+        gains, on_ground = self.gains, body.on_ground
+        _, _, was_integral, was, spooled_s, ramped_s, tilt_max_rad, _ = memory
+        if spooled_s < gains.spool_s:
+            spooled_s = min(spooled_s + dt_s, gains.spool_s)
+        if spooled_s < gains.spool_s and on_ground:
             idle = Px4Memory(setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, spooled_s)
             return idle, Demand(0.0, 0.0, 0.0, 0.0)
 
-        if setpoint.kind is Kind.STREAM:
-            reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
+        position, speed = estimate
+        now = body.acceleration_ned_m_s2
+        if setpoint.kind is _STREAM:
+            reference = _reference((position, speed, now))
             velocity, forward = self._stream_velocity(estimate, setpoint)
         else:
             reference = self._travelled(memory, body, estimate, setpoint, dt_s)
             velocity, forward = self._track(estimate, reference)
-        up_max = gains.up_max_m_s if math.isnan(setpoint.climb_m_s) else setpoint.climb_m_s
-        ramped_s = memory.ramped_s
-        if ramped_s < gains.ramp_s:
-            if not body.on_ground or velocity[2] < -gains.take_off_wish_m_s:
-                ramped_s = min(ramped_s + dt_s, gains.ramp_s)
-            # From the speed that asks for no thrust at all up to the one wanted, so that the thrust itself ramps.
-            none = -GRAVITY_M_S2 / gains.z_vel_p_1_s
-            up_max = none + (up_max - none) * ramped_s / gains.ramp_s
-        tilt_max_rad = gains.tilt_ground_rad
-        if ramped_s >= gains.ramp_s:
-            tilt_max_rad = min(memory.tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, gains.tilt_max_rad)
-        velocity = (velocity[0], velocity[1], max(velocity[2], -up_max))
-        lifting = body.on_ground and 0.0 < ramped_s < gains.ramp_s
+        climb = setpoint.climb_m_s
+        up_max = gains.up_max_m_s if math.isnan(climb) else climb
+        flying = ramped_s >= gains.ramp_s
+        if not flying:
+            wishes = not on_ground or velocity[2] < -gains.take_off_wish_m_s
+            ramped_s, up_max = self._ramped(ramped_s + dt_s if wishes else ramped_s, up_max)
+            flying = ramped_s >= gains.ramp_s
+        tilt_max_rad = self._tilt_max(tilt_max_rad, dt_s) if flying else gains.tilt_ground_rad
+        if velocity[2] < -up_max:
+            velocity = (velocity[0], velocity[1], -up_max)
 
         lag = math.exp(-dt_s / gains.derivative_lag_s)
-        now, was = body.acceleration_ned_m_s2, memory.filtered_acceleration_ned_m_s2
         slow = (now[0] + (was[0] - now[0]) * lag, now[1] + (was[1] - now[1]) * lag, 0.0)
         integral, lean, thrust = self._velocity_loop(
             velocity,
             forward,
-            estimate.velocity_ned_m_s,
+            speed,
             slow,
-            memory.integral_ned_m_s2,
+            was_integral,
             dt_s,
             tilt_max_rad,
-            flying=ramped_s >= gains.ramp_s,
+            flying=flying,
         )
-        if body.on_ground:
+        if on_ground:
             # While the thrust ramps up the climb's integral runs: it holds the first seconds of the climb back.
-            integral = (0.0, 0.0, integral[2] if lifting else 0.0)
+            integral = (0.0, 0.0, integral[2] if ramped_s > 0.0 and not flying else 0.0)
         turn, yaw_integral = self._yaw_rate(memory, body, setpoint, dt_s)
-        demand = Demand(lean[0], lean[1], thrust, turn)
-        carried = Px4Memory(setpoint.kind, reference, integral, slow, spooled_s, ramped_s, tilt_max_rad, yaw_integral)
-        return carried, demand
+        carried = (setpoint.kind, reference, integral, slow, spooled_s, ramped_s, tilt_max_rad, yaw_integral)
+        return _memory(carried), _demand((*lean, thrust, turn))
+
+    def _ramped(self, ramped_s: float, up_max: float) -> tuple[float, float]:
+        """How far a take-off's ramp has come, and the fastest climb there.
+
+        From the speed that asks for no thrust at all up to the one wanted, so that the thrust itself ramps.
+        """
+        gains = self.gains
+        ramped_s = min(ramped_s, gains.ramp_s)
+        none = -GRAVITY_M_S2 / gains.z_vel_p_1_s
+        return ramped_s, none + (up_max - none) * ramped_s / gains.ramp_s
+
+    def _tilt_max(self, tilt_max_rad: float, dt_s: float) -> float:
+        """The greatest tilt one step on: it opens slowly after a take-off."""
+        most = self.gains.tilt_max_rad
+        return most if tilt_max_rad == most else min(tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, most)
 
     def _travelled(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
@@ -189,6 +211,9 @@ class Px4Control:
 
     def _stream_velocity(self, estimate: Estimate, setpoint: Setpoint) -> tuple[Ned, Ned]:
         """Velocity after position control and truncation (NaN: not controlled), and the acceleration fed forward."""
+        _, position, velocity, acceleration, *_ = setpoint
+        if position is IGNORED and acceleration is IGNORED:
+            return (ZERO if math.isnan(sum(velocity)) else self._truncated(*velocity)), ZERO
         n, a_n = self._axis(setpoint, estimate, 0, self.gains.xy_p_1_s)
         e, a_e = self._axis(setpoint, estimate, 1, self.gains.xy_p_1_s)
         d, a_d = self._axis(setpoint, estimate, 2, self.gains.z_p_1_s)
@@ -212,11 +237,11 @@ class Px4Control:
 
     def _truncated(self, n: float, e: float, d: float) -> Ned:
         gains = self.gains
-        speed = math.hypot(n, e)
-        if speed > gains.xy_vel_max_m_s:
-            n *= gains.xy_vel_max_m_s / speed
-            e *= gains.xy_vel_max_m_s / speed
-        return n, e, min(max(d, -gains.up_max_m_s), gains.down_max_m_s)
+        speed, most = math.hypot(n, e), gains.xy_vel_max_m_s
+        if speed > most:
+            n *= most / speed
+            e *= most / speed
+        return n, e, within(d, -gains.up_max_m_s, gains.down_max_m_s)
 
     def _track(self, estimate: Estimate, reference: Reference) -> tuple[Ned, Ned]:
         gains = self.gains
@@ -241,18 +266,20 @@ class Px4Control:
     ) -> tuple[Ned, tuple[float, float], float]:
         """PID on velocity, thrust and tilt limits with vertical first, anti-windup by what could be produced."""
         gains = self.gains
-        err_n, err_e, err_d = zero_where_ignored(
-            (wanted[0] - velocity[0], wanted[1] - velocity[1], wanted[2] - velocity[2])
-        )
+        (w_n, w_e, w_d), (v_n, v_e, v_d), (f_n, f_e, f_d) = wanted, velocity, forward
+        err_n, err_e, err_d = w_n - v_n, w_e - v_e, w_d - v_d
+        if math.isnan(err_n + err_e + err_d):
+            err_n, err_e, err_d = zero_where_ignored((err_n, err_e, err_d))
         i_n, i_e, i_d = integral
-        a_n = gains.xy_vel_p_1_s * err_n + i_n - gains.xy_vel_d * acceleration[0] + forward[0]
-        a_e = gains.xy_vel_p_1_s * err_e + i_e - gains.xy_vel_d * acceleration[1] + forward[1]
-        lift = GRAVITY_M_S2 - (gains.z_vel_p_1_s * err_d + i_d + forward[2])
+        a_n = gains.xy_vel_p_1_s * err_n + i_n - gains.xy_vel_d * acceleration[0] + f_n
+        a_e = gains.xy_vel_p_1_s * err_e + i_e - gains.xy_vel_d * acceleration[1] + f_e
+        lift = GRAVITY_M_S2 - (gains.z_vel_p_1_s * err_d + i_d + f_d)
 
         most, least = self.thrust_max_m_s2, self._thrust_least() if flying else 0.0
-        if (lift >= most and err_d <= 0.0) or (lift <= least and err_d >= 0.0):
-            err_d = 0.0
-        lift = min(max(lift, least, 1e-3), most)
+        if lift >= most or lift <= max(least, 1e-3):
+            if (lift >= most and err_d <= 0.0) or (lift <= least and err_d >= 0.0):
+                err_d = 0.0
+            lift = min(max(lift, least, 1e-3), most)
         # PX4 tilts by the horizontal acceleration against gravity alone (MPC_ACC_DECOUPLE 1).
         tilt_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
         tan_max = min(math.tan(tilt_max_rad), math.sqrt(most * most - lift * lift) / lift)
@@ -266,7 +293,7 @@ class Px4Control:
         integral = (
             i_n + gains.xy_vel_i_1_s2 * err_n * dt_s,
             i_e + gains.xy_vel_i_1_s2 * err_e * dt_s,
-            min(max(i_d + gains.z_vel_i_1_s2 * err_d * dt_s, -GRAVITY_M_S2), GRAVITY_M_S2),
+            within(i_d + gains.z_vel_i_1_s2 * err_d * dt_s, -GRAVITY_M_S2, GRAVITY_M_S2),
         )
         tilt = math.atan(tilt_tan)
         per = tilt / (tilt_tan * GRAVITY_M_S2) if tilt_tan > 1e-9 else 1.0 / GRAVITY_M_S2
@@ -276,23 +303,22 @@ class Px4Control:
     def _yaw_rate(self, memory: Px4Memory, body: Body, setpoint: Setpoint, dt_s: float) -> tuple[float, float]:
         """The yaw rate that PI on the rate settles at against the damping, and the integral carried on."""
         gains = self.gains
-        error = self._yaw_rate_wanted(body, setpoint) - body.yaw_rate_rad_s
+        rate = body.yaw_rate_rad_s
+        error = self._yaw_rate_wanted(body, setpoint) - rate
         integral = 0.0 if body.on_ground else memory.yaw_integral_rad_s2 + gains.yaw_rate_i_1_s2 * error * dt_s
-        push = gains.yaw_rate_p_1_s * (error + body.yaw_rate_rad_s) + integral
+        push = gains.yaw_rate_p_1_s * (error + rate) + integral
         return push / (gains.yaw_rate_p_1_s + gains.yaw_damping_1_s), integral
 
     def _yaw_rate_wanted(self, body: Body, setpoint: Setpoint) -> float:
         gains = self.gains
-        if not math.isnan(setpoint.yaw_rad):
-            forward = 0.0 if math.isnan(setpoint.yaw_rate_rad_s) else setpoint.yaw_rate_rad_s
-            rate = gains.yaw_p_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad) + forward
-        elif not math.isnan(setpoint.yaw_rate_rad_s):
+        kind, _, _, _, yaw, yaw_rate, *_ = setpoint
+        if not math.isnan(yaw):
+            rate = gains.yaw_p_1_s * wrap_rad(yaw - body.yaw_rad) + (0.0 if math.isnan(yaw_rate) else yaw_rate)
+        elif not math.isnan(yaw_rate):
             most = gains.yaw_rate_max_rad_s
-            return min(max(setpoint.yaw_rate_rad_s, -most), most)
-        elif setpoint.kind is Kind.STREAM:
-            return gains.yaw_drift_rad_s
+            return within(yaw_rate, -most, most)
         else:
-            return 0.0
-        own = setpoint.kind is not Kind.STREAM and setpoint.kind is not Kind.DIRECT
+            return gains.yaw_drift_rad_s if kind is _STREAM else 0.0
+        own = kind is not _STREAM and kind is not _DIRECT
         most = gains.yaw_auto_rate_max_rad_s if own else gains.yaw_rate_max_rad_s
-        return min(max(rate, -most), most)
+        return within(rate, -most, most)

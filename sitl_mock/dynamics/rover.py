@@ -12,6 +12,7 @@ from sitl_mock.dynamics.values import (
     Ned,
     Setpoint,
     Surroundings,
+    within,
     wrap_rad,
     zero_where_ignored,
 )
@@ -69,15 +70,15 @@ class Rover:
             yaw_rate = self.heading_gain_1_s * wrap_rad(math.atan2(wanted_e, wanted_n) - body.yaw_rad)
         elif not math.isnan(setpoint.yaw_rad) and setpoint.kind > Kind.IDLING:
             yaw_rate = self.heading_gain_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad)
-        yaw_rate = min(max(yaw_rate, -self.turn_rate_max_rad_s), self.turn_rate_max_rad_s)
+        yaw_rate = within(yaw_rate, -self.turn_rate_max_rad_s, self.turn_rate_max_rad_s)
         yaw_rate = yaw_rate + (body.yaw_rate_rad_s - yaw_rate) * math.exp(-dt_s / self.turn_lag_s)
         yaw = math.remainder(body.yaw_rad + yaw_rate * dt_s, math.tau)
 
         # No driving while the nose points away: the projection is cut at zero, so the rover turns on the spot.
-        along = min(max(wanted_n * forward_n + wanted_e * forward_e, 0.0), self.speed_max_m_s)
+        along = within(wanted_n * forward_n + wanted_e * forward_e, 0.0, self.speed_max_m_s)
         speed = body.velocity_ned_m_s[0] * forward_n + body.velocity_ned_m_s[1] * forward_e
         most = self.accel_m_s2 * dt_s
-        speed += min(max(along - speed, -most), most)
+        speed += within(along - speed, -most, most)
         velocity = (speed * math.cos(yaw), speed * math.sin(yaw), 0.0)
         was, place = body.velocity_ned_m_s, body.position_ned_m
         return Motion(

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from sitl_mock.dynamics.values import ZERO, Kind, Ned, Setpoint, zero_where_ignored
+from sitl_mock.dynamics.values import ZERO, Kind, Ned, Setpoint, maker_of, within, zero_where_ignored
 
 CORNER_SHARE: Final = math.sqrt(0.5)
 
@@ -21,6 +21,9 @@ class Reference(NamedTuple):
     position_ned_m: Ned
     velocity_ned_m_s: Ned
     acceleration_ned_m_s2: Ned = ZERO
+
+
+_reference = maker_of(Reference)
 
 
 def root_law(error: float, gain: float, second_max: float) -> float:
@@ -112,19 +115,20 @@ def shape_turn(
 def _cornered(accel: tuple[float, float], wanted: tuple[float, float], accel_max: float) -> tuple[float, float]:
     """Limit an acceleration to `accel_max`, keeping what turns the velocity before what speeds it up."""
     a_n, a_e = accel
-    size, speed = math.hypot(a_n, a_e), math.hypot(*wanted)
-    along = (a_n * wanted[0] + a_e * wanted[1]) / speed if speed > 0.0 else 0.0
+    w_n, w_e = wanted
+    size, speed = math.hypot(a_n, a_e), math.hypot(w_n, w_e)
+    along = (a_n * w_n + a_e * w_e) / speed if speed > 0.0 else 0.0
     across = math.sqrt(max(size * size - along * along, 0.0))
     if speed == 0.0 or abs(along) <= across:
         keep = min(1.0, accel_max / size)
         return a_n * keep, a_e * keep
-    w_n, w_e = wanted[0] / speed, wanted[1] / speed
+    w_n, w_e = w_n / speed, w_e / speed
     c_n, c_e = a_n - w_n * along, a_e - w_e * along
     cross = min(across, CORNER_SHARE * accel_max)
     if across > cross:
         c_n, c_e = c_n * cross / across, c_e * cross / across
     most = math.sqrt(accel_max * accel_max - cross * cross)
-    along = min(max(along, -most), most)
+    along = within(along, -most, most)
     return c_n + w_n * along, c_e + w_e * along
 
 
@@ -141,7 +145,7 @@ def turning_first(accel: tuple[float, float], velocity: tuple[float, float], mos
     if across > most:
         return c_n * most / across, c_e * most / across
     rest = math.sqrt(most * most - across * across)
-    along = min(max(along, -rest), rest)
+    along = within(along, -rest, rest)
     return c_n + u_n * along, c_e + u_e * along
 
 
@@ -171,7 +175,7 @@ def shape_one(
     size = min(root_law(abs(err), settle_1_s, jerk_max), accel_max, abs(err) / dt_s)
     change = math.copysign(size, err) + forward - acceleration
     most = jerk_max * dt_s
-    return acceleration + min(max(change, -most), most)
+    return acceleration + within(change, -most, most)
 
 
 def approach_gain_1_s(accel_max: float, jerk_max: float, settle_1_s: float) -> float:
@@ -219,7 +223,8 @@ def advance(reference: Reference, acceleration: Ned, dt_s: float) -> Reference:
     a_n, a_e, a_d = acceleration
     n, e, d = v_n + a_n * dt_s, v_e + a_e * dt_s, v_d + a_d * dt_s
     half = 0.5 * dt_s
-    return Reference((p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half), (n, e, d), acceleration)
+    place = (p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half)
+    return _reference((place, (n, e, d), acceleration))
 
 
 _ALIGNED_M: Final = 0.05

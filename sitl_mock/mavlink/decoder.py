@@ -7,20 +7,23 @@ still found; bytes of the failed frame are not counted a second time. The buffer
 from __future__ import annotations
 
 import re
+import struct
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
-from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock.mavlink.dialect import SPEC_BY_ID, Message
 from sitl_mock.mavlink.signing import BLOCK_LENGTH, Verdict
 
 if TYPE_CHECKING:
+    from sitl_mock.mavlink.dialect import MessageSpec
     from sitl_mock.mavlink.signing import Signing
 
+_HEAD: Final = struct.Struct("<BBBBBBBHB").unpack_from
 _MAGIC: Final = re.compile(rb"[\xfd\xfe]")
 _MAGIC_V1: Final = 0xFE
+_MAGIC_V2: Final = 0xFD
 _SIGNED: Final = 0x01
 _HEADER_V2: Final = 10
 _HEADER_V1: Final = 6
@@ -104,6 +107,10 @@ class Decoder:
             whole: The data end a datagram or a sample: an unfinished frame is counted as truncated and dropped
                 instead of being held back for the next call.
         """
+        if whole and not self._rest:
+            message = self._usual(bytes(data))
+            if message is not None:
+                return [message]
         buffer = self._rest + bytes(data) if self._rest else bytes(data)
         size = len(buffer)
         messages: list[Message] = []
@@ -130,6 +137,20 @@ class Decoder:
         self._rest = buffer[at:]
         self._reject_end = max(0, self._reject_end - at)
         return messages
+
+    def _usual(self, data: bytes) -> Message | None:
+        """The message of one good unsigned MAVLink 2 frame while no key is set; None for any other data."""
+        size, signing = len(data), self.signing
+        if size < _HEADER_V2 + 2 or (signing is not None and signing.secret_key is not None):
+            return None
+        magic, held, incompatible, _, sequence, system, component, low, high = _HEAD(data)
+        spec = SPEC_BY_ID.get(low | high << 16)
+        if magic != _MAGIC_V2 or held + _HEADER_V2 + 2 != size or incompatible or spec is None:
+            return None
+        if mcrf4xx(data[1:-2] + spec.crc_extra) != data[-2] | data[-1] << 8:
+            return None
+        self.counts.frames += 1
+        return _filled(spec, data, data[_HEADER_V2:-2], (sequence, system, component))
 
     def _skip_garbage(self, buffer: bytes, at: int) -> int:
         found = _MAGIC.search(buffer, at)
@@ -217,18 +238,35 @@ def _fault(buffer: bytes, at: int, frame: _Frame) -> str | None:
 
 
 def _message(buffer: bytes, at: int, frame: _Frame) -> Message:
-    spec = SPEC_BY_ID[frame.message_id]
-    payload = buffer[frame.header_end : frame.payload_end]
-    size = spec.size
-    held = len(payload)
+    message = _filled(
+        SPEC_BY_ID[frame.message_id],
+        buffer[at : frame.payload_end + 2],
+        buffer[frame.header_end : frame.payload_end],
+        (frame.sequence, frame.system, frame.component),
+    )
+    if frame.signed:
+        message._header.incompat_flags = frame.incompat  # noqa: SLF001
+        message._msgbuf = buffer[at : frame.end]  # noqa: SLF001
+        message._link_id = buffer[frame.end - BLOCK_LENGTH]  # noqa: SLF001
+    return message
+
+
+def _filled(spec: MessageSpec, frame: bytes, payload: bytes, sender: tuple[int, int, int]) -> Message:
+    """The message object, with the attributes that pymavlink's own decoder fills; the frame ends with its CRC.
+
+    Args:
+        spec: The message.
+        frame: All its bytes but a signature.
+        payload: Those of the payload, which may be cut short or longer than is known here.
+        sender: Sequence, system and component.
+    """
+    size, held = spec.size, len(payload)
     full = payload if held == size else payload.ljust(size, b"\0") if held < size else payload[:size]
     message = spec.message_class(*spec.unpack_payload(full))  # takes every value that the wire can carry
-    message._header = dialect.MAVLink_header(  # noqa: SLF001 - the attributes pymavlink's own decoder fills
-        frame.message_id, frame.incompat, 0, held, frame.sequence, frame.system, frame.component
-    )
+    header = message._header  # noqa: SLF001
+    header.mlen = held
+    header.seq, header.srcSystem, header.srcComponent = sender
     message._payload = payload  # noqa: SLF001
-    message._msgbuf = buffer[at : frame.end]  # noqa: SLF001
-    message._crc = int.from_bytes(buffer[frame.payload_end : frame.payload_end + 2], "little")  # noqa: SLF001
-    if frame.signed:
-        message._link_id = buffer[frame.end - BLOCK_LENGTH]  # noqa: SLF001
+    message._msgbuf = frame  # noqa: SLF001
+    message._crc = frame[-2] | frame[-1] << 8  # noqa: SLF001
     return message

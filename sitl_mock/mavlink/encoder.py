@@ -56,10 +56,13 @@ class Encoder:
             EncodeError: Wrong number of values, or a value out of its field's range.
         """
         try:
-            if len(values) != spec.count:
-                raise struct.error(f"{spec.count} values expected, {len(values)} given")
             arrange = spec.arrange
-            payload = spec.pack(*values) if arrange is None else spec.pack(*arrange(values))
+            if arrange is None:
+                payload = spec.pack(*values)
+            elif len(values) == spec.count:
+                payload = spec.pack(*arrange(values))
+            else:
+                raise struct.error(f"{spec.count} values expected, {len(values)} given")
         except _UNFIT as error:
             raise EncodeError(f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}") from error
         if not payload[-1]:

@@ -113,4 +113,9 @@ class Session:
 
     def advance(self, now_s: float) -> list[Reply]:
         """Return what is due by now from all protocols."""
-        return [reply for piece in self._late for reply in piece.advance(now_s)]
+        replies: list[Reply] = []
+        for piece in self._late:
+            late = piece.advance(now_s)
+            if late:
+                replies += late
+        return replies

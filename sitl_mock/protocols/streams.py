@@ -9,9 +9,9 @@ The rates of the real links were measured on PX4 v1.17.0 (SIH), on its onboard l
 
 from __future__ import annotations
 
-import heapq
 import math
 from dataclasses import dataclass, field
+from heapq import heapify, heapreplace
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.mavlink import SPEC_BY_ID, Message
@@ -64,7 +64,7 @@ class Streams:
         self._offered = offered
         self._default_s = {name: 1.0 / hz for name, hz in default_hz.items() if name in offered and hz > 0.0}
         self._interval_s = dict(self._default_s)
-        self._queue: list[tuple[float, int, str]] = []
+        self._queue: list[tuple[float, int, str, float]] = []  # when, which first, what, how often
         self._order = {name: index for index, name in enumerate((*default_hz, *sorted(offered - set(default_hz))))}
         self._started = False
 
@@ -75,13 +75,14 @@ class Streams:
         queue = self._queue
         names: list[str] = []
         limit_s = now_s + SLACK_S
-        while queue and queue[0][0] <= limit_s:
-            at_s, order, name = queue[0]
-            interval_s = self._interval_s[name]
+        while queue:
+            at_s, order, name, interval_s = queue[0]
+            if at_s > limit_s:
+                break
             next_s = at_s + interval_s
             if next_s <= limit_s:  # a stall: leave out what was missed, keep the grid
                 next_s = at_s + interval_s * (math.floor((limit_s - at_s) / interval_s) + 1)
-            heapq.heapreplace(queue, (next_s, order, name))
+            heapreplace(queue, (next_s, order, name, interval_s))
             names.append(name)
         return names
 
@@ -145,10 +146,10 @@ class Streams:
 
     def _start(self, now_s: float) -> None:
         self._started = True
-        for index, name in enumerate(self._interval_s):
+        for index, (name, interval_s) in enumerate(self._interval_s.items()):
             phase = 0.0 if name in self.rules.fixed or name == "HEARTBEAT" else index * GOLDEN % 1.0
-            self._queue.append((now_s + phase * self._interval_s[name], self._order[name], name))
-        heapq.heapify(self._queue)
+            self._queue.append((now_s + phase * interval_s, self._order[name], name, interval_s))
+        heapify(self._queue)
 
     def _set(self, now_s: float, name: str, interval_s: float | None) -> None:
         if not self._started:
@@ -159,8 +160,8 @@ class Streams:
         self._interval_s.pop(name, None)
         if interval_s is not None:
             self._interval_s[name] = interval_s
-            self._queue.append((now_s, self._order[name], name))
-        heapq.heapify(self._queue)
+            self._queue.append((now_s, self._order[name], name, interval_s))
+        heapify(self._queue)
 
     def _offered_name(self, message_id: int) -> str | None:
         spec = SPEC_BY_ID.get(message_id)

@@ -29,6 +29,7 @@ from sitl_mock.setpoints import (
 from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
+_STREAM: Final = Kind.STREAM
 STAND: Final = Setpoint(Kind.BRAKE)
 
 
@@ -44,30 +45,23 @@ def read(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 -
 def _judged(state: VehicleState, target: Target, name: str, frame_known: bool) -> Setpoint | str:
     if not frame_known:
         return f"{name} coordinate frame {target.frame} unsupported"
-    position, velocity, acceleration = target.position_m, target.velocity_m_s, target.acceleration_m_s2
-    if target.type_mask & FORCE and any_finite(acceleration):
+    frame, mask, position, velocity, acceleration, yaw_rad, yaw_rate_rad_s = target
+    if mask & FORCE and any_finite(acceleration):
         return f"{name} force not supported"
     if not (any_finite(velocity) or any_finite(position) or any_finite(acceleration)):
         return f"{name} invalid"
-    if target.frame == BODY_NED:
+    if frame == BODY_NED:
         position = IGNORED
-        velocity = turned(velocity, state.yaw_rad) if not target.type_mask & IGNORE_VELOCITY else IGNORED
-        acceleration = in_ned(acceleration, state) if not target.type_mask & IGNORE_ACCELERATION else IGNORED
+        velocity = turned(velocity, state.yaw_rad) if not mask & IGNORE_VELOCITY else IGNORED
+        acceleration = in_ned(acceleration, state) if not mask & IGNORE_ACCELERATION else IGNORED
     if not _followable(position, velocity, acceleration):
         return STAND
-    return Setpoint(
-        Kind.STREAM,
-        _finite(position),
-        _finite(velocity),
-        _finite(acceleration),
-        yaw_rad=target.yaw_rad,
-        yaw_rate_rad_s=target.yaw_rate_rad_s,
-    )
+    return Setpoint(_STREAM, _finite(position), _finite(velocity), _finite(acceleration), yaw_rad, yaw_rate_rad_s)
 
 
 def _finite(vector: Vector) -> Vector:
     n, e, d = vector
-    if not math.isinf(n + e + d):
+    if vector is IGNORED or not math.isinf(n + e + d):
         return vector
     return (
         n if math.isfinite(n) else math.nan,
@@ -79,9 +73,11 @@ def _finite(vector: Vector) -> Vector:
 def _followable(position: Vector, velocity: Vector, acceleration: Vector) -> bool:
     """Whether every axis is controlled by something and the horizontal axes come in pairs."""
     finite = math.isfinite
+    if position is IGNORED and acceleration is IGNORED and finite(velocity[0] + velocity[1] + velocity[2]):
+        return True
     if not (_paired(position) and _paired(velocity) and _paired(acceleration)):
         return False
-    if math.isfinite(velocity[0] + velocity[2]):
+    if finite(velocity[0] + velocity[2]):
         return True
     level = finite(position[0]) or finite(velocity[0]) or finite(acceleration[0])
     return level and (finite(position[2]) or finite(velocity[2]) or finite(acceleration[2]))

@@ -39,7 +39,8 @@ def local_position_ned(report: Report) -> Fields:
 def global_position_int(report: Report) -> Fields:
     """GLOBAL_POSITION_INT."""
     state = report.state
-    lat, lon, alt = state.frame.to_geodetic(*state.position_m)
+    north, east, down = state.position_m
+    lat, lon, alt = state.frame.to_geodetic(north, east, down)
     home = state.home_m
     v_n, v_e, v_d = state.velocity_m_s
     return (
@@ -47,11 +48,11 @@ def global_position_int(report: Report) -> Fields:
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),
-        round(((home[2] if home is not None else 0.0) - state.position_m[2]) * 1e3),
+        round(((home[2] if home is not None else 0.0) - down) * 1e3),
         int16(v_n * 100.0),
         int16(v_e * 100.0),
         int16(v_d * 100.0),
-        heading_cdeg(state.attitude.yaw_rad),
+        heading_cdeg(state.attitude[2]),
     )
 
 

@@ -21,6 +21,8 @@ _NOBODY: Final = (0,) * 20
 _PRESENT: Final = 0x0300402F
 _RADIO, _GPS, _POSITION, _AHRS, _PREARM = 0x10000, 0x20, 0x4000, 0x200000, 0x10000000
 _HEALTHY: Final = 0x0300881F
+_IDLING: Final = int(Kind.IDLING)
+_OWN: Final = (Kind.TRAVEL, Kind.BRAKE)
 _STILL: Final = (_NAN,) * 6 + (0.0, 0.0, 100.0)
 """What an idling PX4 asks for: an acceleration downwards that no motor can follow."""
 _FIELD_GAUSS: Final = (0.21, 0.006, 0.43)
@@ -98,7 +100,7 @@ def position_target_local_ned(report: Report) -> Fields:
     """POSITION_TARGET_LOCAL_NED: the trajectory as it moves, a stream's setpoint as it was sent."""
     setpoint = report.setpoint
     yaw = setpoint.yaw_rad
-    if setpoint.kind in {Kind.STOPPED, Kind.IDLING}:
+    if setpoint.kind <= _IDLING:
         return (report.boot_ms, _LOCAL_NED, _mask(_STILL), *_STILL, report.state.yaw_rad, 0.0)
     moving = _trajectory(report)
     return (report.boot_ms, _LOCAL_NED, _mask(moving), *moving, yaw, setpoint.yaw_rate_rad_s)
@@ -106,7 +108,7 @@ def position_target_local_ned(report: Report) -> Fields:
 
 def _trajectory(report: Report) -> tuple[float, ...]:
     setpoint, reference = report.setpoint, report.reference
-    if setpoint.kind in {Kind.TRAVEL, Kind.BRAKE} and reference is not None:
+    if setpoint.kind in _OWN and reference is not None:
         return (*reference.position_ned_m, *reference.velocity_ned_m_s, *reference.acceleration_ned_m_s2)
     asked = report.state.body.acceleration_ned_m_s2
     push = tuple(real if math.isnan(given) else given for given, real in zip(setpoint[3], asked, strict=True))
@@ -139,22 +141,23 @@ def highres_imu(report: Report) -> Fields:
     state = report.state
     sensors = state.sensors
     noise = sensors.noise
-    scatter = sensors.scatter()
+    s_0, s_1, s_2, s_3, s_4, s_5, s_6, s_7, s_8 = sensors.scatter()
+    m_n, m_e, m_d = _FIELD_GAUSS
     push = -(GRAVITY_M_S2 if state.on_ground else state.body.thrust_m_s2)
     a_sd, w_sd, m_sd = noise.accelerometer_sd_m_s2, noise.gyro_sd_rad_s, noise.magnetometer_sd_gauss
-    p, q, r = state.attitude[3:]
-    height = state.frame.origin.alt_amsl_m - sensors.barometer_down_m
+    _, _, _, p, q, r = state.attitude
+    height = state.frame.origin[2] - sensors.barometer_down_m
     return (
         report.boot_us,
-        a_sd * scatter[0],
-        a_sd * scatter[1],
-        push + a_sd * scatter[2],
-        p + w_sd * scatter[3],
-        q + w_sd * scatter[4],
-        r + w_sd * scatter[5],
-        _FIELD_GAUSS[0] + m_sd * scatter[6],
-        _FIELD_GAUSS[1] + m_sd * scatter[7],
-        _FIELD_GAUSS[2] + m_sd * scatter[8],
+        a_sd * s_0,
+        a_sd * s_1,
+        push + a_sd * s_2,
+        p + w_sd * s_3,
+        q + w_sd * s_4,
+        r + w_sd * s_5,
+        m_n + m_sd * s_6,
+        m_e + m_sd * s_7,
+        m_d + m_sd * s_8,
         pressure_hpa(height),
         0.0,
         height,

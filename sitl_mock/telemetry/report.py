@@ -26,7 +26,7 @@ class Report:
         events: What has been said as EVENT.
         boot_ms: Time since boot, as it goes on the wire (32 bits).
         boot_us: The same in microseconds, not wrapped.
-        unix_us: Time of the autopilot's clock since 1970.
+        epoch_us: Time of the autopilot's clock since 1970 at time 0.
         place: Estimated place on Earth.
         sequence: Counts PING.
         reference: The motion that the control follows, where it makes one.
@@ -37,11 +37,16 @@ class Report:
     commander: Commander
     setpoint: Setpoint
     events: EventLog
+    epoch_us: int
     boot_ms: int = 0
     boot_us: int = 0
-    unix_us: int = 0
     sequence: int = 0
     reference: Reference | None = None
+
+    @property
+    def unix_us(self) -> int:
+        """Time of the autopilot's clock since 1970, in microseconds."""
+        return self.epoch_us + int(self.state.now_s * 1e6)
 
     @property
     def place(self) -> Home:
