@@ -24,6 +24,7 @@ from sitl_mock.protocols import (
     PlanStore,
     Reply,
     StatusTexts,
+    named,
 )
 from sitl_mock.reception import take
 from sitl_mock.sensors import EXACT, Sensors
@@ -179,7 +180,8 @@ class Autopilot:
     def announcements(self) -> Announcements:
         """Return what is to be said without having been asked for."""
         texts, reached = self.state.texts, self.commander.mission.reached
-        if not texts and not reached and not self.state.news:
+        news, changed = self.state.news, self.state.parameter_news
+        if not (texts or reached or news or changed):
             return _NOTHING
         said: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
@@ -188,13 +190,13 @@ class Autopilot:
             event = self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None
             if event is not None:
                 everywhere.append(self.events.add(self.report.boot_ms, *event))
-        for name in dict.fromkeys(self.state.news):
+        everywhere += [named(self.parameters, self.flavour.parameter_rules, name) for name in changed]
+        for name in dict.fromkeys(news):
             fields = BUILDERS[name](self.report)
             if fields is not None:
                 everywhere.append((name, *fields))
-        self.state.news.clear()
-        texts.clear()
-        reached.clear()
+        for told in (news, changed, texts, reached):
+            told.clear()
         return Announcements(everywhere, said)
 
     def set_mission_item(self, _now_s: float, seq: int) -> list[Reply]:

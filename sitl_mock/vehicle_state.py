@@ -74,6 +74,7 @@ class Severity(IntEnum):
     WARNING = 4
     NOTICE = 5
     INFO = 6
+    DEBUG = 7
 
 
 class Landed(IntEnum):
@@ -115,6 +116,7 @@ class VehicleState:
         landed_s: Since when it has stood on the ground; plus infinity in the air.
         flew: It has left the ground since it was armed.
         news: Names of messages to send once on every link, without being asked.
+        parameter_news: Names of parameters that have changed by themselves, likewise.
         target: The last FOLLOW_TARGET.
     """
 
@@ -145,6 +147,7 @@ class VehicleState:
     battery: Battery = field(default_factory=Battery)
     texts: list[tuple[int, str]] = field(default_factory=list)
     news: list[str] = field(default_factory=list)
+    parameter_news: list[str] = field(default_factory=list)
 
     @property
     def on_ground(self) -> bool:

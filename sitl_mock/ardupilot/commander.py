@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.ardupilot import guided, safety
 from sitl_mock.ardupilot.guided import read_attitude
 from sitl_mock.ardupilot.maneuvers import Speeds
+from sitl_mock.ardupilot.totals import tell_totals
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
@@ -282,6 +283,8 @@ class ArduPilot:
             self.set_home(state.position_m)
             state.say(Severity.INFO, "EKF3 IMU0 is using GPS")
         self._look()
+        if self.plans.news:
+            tell_totals(state, self.plans)
         if self.firmware.flies:
             self._hear_switch()
         if state.armed:

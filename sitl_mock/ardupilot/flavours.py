@@ -6,9 +6,9 @@ Formats: ``AP_Filesystem_Param`` (0x671B) and ``AP_Filesystem_Mission`` (0x763D)
 from __future__ import annotations
 
 import math
-import os.path
 import struct
 from dataclasses import replace
+from itertools import takewhile
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot.commander import ArduPilot
@@ -62,11 +62,16 @@ def packed_parameters(parameters: ParameterStore) -> bytes:
     packed, last = [struct.pack("<HHH", _PARAMETERS, count, count)], ""
     for name in parameters.names:
         kind, form = _TYPES[parameters.definitions[name].kind]
-        common = min(len(os.path.commonpath((last, name))), len(name) - 1, 15)
+        common = min(_shared(last, name), len(name) - 1, 15)
         rest = name[common:].encode()
         packed.append(bytes((kind, len(rest) - 1 << 4 | common)) + rest + struct.pack(form, parameters[name]))
         last = name
     return b"".join(packed)
+
+
+def _shared(first: str, second: str) -> int:
+    """How many characters two names have in common at their beginnings."""
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(first, second, strict=False)))
 
 
 def packed_plan(plans: PlanStore, kind: PlanKind) -> bytes:

@@ -1,4 +1,4 @@
-"""The parameter tables: one CSV file a flavour, read once.
+"""The parameter tables: one CSV file a flavour, read once, in the order in which the autopilot lists them.
 
 PX4 and ArduCopter: all parameters that PX4 v1.17.0 (SIH quadrotor) and ArduCopter 4.5.7 (its own simulated quadrotor,
 ``copter.parm``) list, with the type and the value they have on the wire. Rover: a selection of Rover 4.5's defaults.
@@ -19,7 +19,7 @@ _PACKAGE: Final = "sitl_mock.parameters"
 
 @cache
 def parameters_of(flavour: str) -> tuple[Parameter, ...]:
-    """Return the parameters of a flavour in the order of names: px4, arducopter or rover."""
+    """Return the parameters of a flavour in the order of its list: px4, arducopter or rover."""
     text = files(_PACKAGE).joinpath(f"{flavour}.csv").read_text(encoding="utf-8")
     rows = csv.reader(text.splitlines())
     next(rows)

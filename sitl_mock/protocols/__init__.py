@@ -34,6 +34,7 @@ from sitl_mock.protocols.parameter import (
     ParameterRules,
     ParameterStore,
     ParamKind,
+    named,
 )
 from sitl_mock.protocols.plan import MissionResult, Plan, PlanItem, PlanKind, PlanStore
 from sitl_mock.protocols.services import (
@@ -128,6 +129,7 @@ __all__ = [
     "current_mode",
     "gps_global_origin",
     "home_position",
+    "named",
     "on_earth",
     "px4_identity",
     "read_command",

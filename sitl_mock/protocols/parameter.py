@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -71,7 +72,7 @@ class ParameterStore(Mapping[str, float]):
     """The values of one vehicle, read like a dict.
 
     Args:
-        parameters: Definitions; their order gives the indices (sorted by name).
+        parameters: Definitions; their order gives the indices.
         overrides: Values that differ from the defaults.
 
     Raises:
@@ -79,7 +80,7 @@ class ParameterStore(Mapping[str, float]):
     """
 
     def __init__(self, parameters: Iterable[Parameter], overrides: Mapping[str, float] | None = None) -> None:
-        self.definitions: Final = {item.name: item for item in sorted(parameters)}
+        self.definitions: Final = {item.name: item for item in parameters}
         self.names: Final = tuple(self.definitions)
         self.index: Final = {name: index for index, name in enumerate(self.names)}
         self.revision = 0
@@ -118,9 +119,14 @@ class ParameterStore(Mapping[str, float]):
         return stored
 
     def hash(self) -> int:
-        """Return the CRC-32 over names and values that PX4 sends as ``_HASH_CHECK`` (no inversions, as NuttX)."""
+        """Return the CRC-32 over names and values that PX4 sends as ``_HASH_CHECK`` (no inversions, as NuttX).
+
+        What changes by itself (PX4's volatile parameters) is left out.
+        """
         crc = 0xFFFFFFFF
         for name, value in self._values.items():
+            if _VOLATILE.fullmatch(name):
+                continue
             packed = struct.pack("<f" if self.definitions[name].kind is ParamKind.REAL32 else "<i", value)
             crc = zlib.crc32(name.encode() + packed, crc)
         return crc ^ 0xFFFFFFFF
@@ -135,6 +141,11 @@ def rounded(kind: ParamKind, value: float) -> float:
     return int(min(max(math.trunc(value + math.copysign(0.5, value)), low), high))
 
 
+_VOLATILE: Final = re.compile(
+    r"ASPD_SCALE_\d|CAL_(ACC|GYRO|MAG|BARO)\d_([XYZ](OFF|SCALE|COMP|ODIAG)|OFF)"
+    r"|COM_FLIGHT_UUID|EKF2_MAG_DECL|LND_FLIGHT_T_(HI|LO)|SENS_DPRES_OFF"
+)
+"""What PX4 v1.17 marks as volatile of what it lists; with them left out the real one's hash comes out."""
 HASH_NAME: Final = "_HASH_CHECK"
 UINT32: Final = 5
 NO_INDEX: Final = 0xFFFF
@@ -205,7 +216,7 @@ class ParameterProtocol:
             if self._next_index >= len(self._store.names):
                 self._next_index = None
                 break
-            replies.append(self._value(self._store.names[self._next_index]))
+            replies.append(_value(self._store, self._rules, self._store.names[self._next_index]))
             self._next_index += 1
             self._next_s += 1.0 / self._rules.list_hz
         return replies
@@ -213,11 +224,12 @@ class ParameterProtocol:
     def _read(self, message: Message) -> list[Reply]:
         index = message.param_index
         if index >= 0:
-            return [self._value(self._store.names[index])] if index < len(self._store.names) else []
+            names = self._store.names
+            return [_value(self._store, self._rules, names[index])] if index < len(names) else []
         name = message.param_id
         if name == HASH_NAME and self._rules.hash_check:
             return [self._hash_reply()]
-        return [self._named(name)] if name in self._store else []
+        return [named(self._store, self._rules, name)] if name in self._store else []
 
     def _set(self, message: Message) -> list[Reply]:
         name, rules = message.param_id, self._rules
@@ -228,30 +240,32 @@ class ParameterProtocol:
         if item is None or (rules.type_must_match and message.param_type != item.kind):
             return []
         if name in rules.protected:
-            return [("STATUSTEXT", WARNING, f"Param write denied ({name})", 0, 0), self._named(name)]
+            return [("STATUSTEXT", WARNING, f"Param write denied ({name})", 0, 0), named(self._store, rules, name)]
         try:
             self._store.set(name, self._decode(item.kind, message.param_value))
         except ParameterError:  # not a number: it would go on into every sum
             return []
-        return [self._named(name)]
+        return [named(self._store, rules, name)]
 
     def _decode(self, kind: ParamKind, wire: float) -> float:
         if not self._rules.bytewise or kind is ParamKind.REAL32:
             return wire
         return int(struct.unpack("<i", struct.pack("<f", wire))[0])
 
-    def _named(self, name: str) -> Reply:
-        """Return PARAM_VALUE to a question about a name."""
-        reply = self._value(name)
-        return (*reply[:-1], NO_INDEX) if self._rules.index_only_in_lists else reply
-
-    def _value(self, name: str) -> Reply:
-        value = self._store[name]
-        kind = self._store.definitions[name].kind
-        if self._rules.bytewise and kind is not ParamKind.REAL32:
-            value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
-        return ("PARAM_VALUE", name, value, int(kind), len(self._store), self._store.index[name])
-
     def _hash_reply(self) -> Reply:
         value = struct.unpack("<f", struct.pack("<I", self._store.hash()))[0]
         return ("PARAM_VALUE", HASH_NAME, value, UINT32, len(self._store), NO_INDEX)
+
+
+def named(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
+    """Return PARAM_VALUE to a question about a name, or unasked where it has changed by itself."""
+    reply = _value(store, rules, name)
+    return (*reply[:-1], NO_INDEX) if rules.index_only_in_lists else reply
+
+
+def _value(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
+    value = store[name]
+    kind = store.definitions[name].kind
+    if rules.bytewise and kind is not ParamKind.REAL32:
+        value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+    return ("PARAM_VALUE", name, value, int(kind), len(store), store.index[name])

@@ -119,12 +119,14 @@ class PlanStore:
         current: Sequence number of the mission item being flown; the autopilot keeps it.
         uploader: What is uploading at present, so that a second link is refused meanwhile.
         uploader_until_s: Until when that holds; a link that vanished does not block the others.
+        news: Plans that have been replaced and not yet been looked at by an autopilot that tells of it.
     """
 
     plans: dict[PlanKind, Plan] = field(default_factory=lambda: {kind: Plan() for kind in PlanKind})
     current: int = 0
     uploader: object | None = None
     uploader_until_s: float = 0.0
+    news: set[PlanKind] = field(default_factory=set)
 
     @property
     def mission(self) -> Plan:
@@ -144,6 +146,7 @@ class PlanStore:
     def set_plan(self, kind: PlanKind, items: Sequence[PlanItem]) -> None:
         """Replace one plan; a new mission starts at its first item."""
         self.plans[kind] = Plan(tuple(items), self.plans[kind].revision + 1, _crc(items))
+        self.news.add(kind)
         if kind is PlanKind.MISSION:
             self.current = 0
 
