@@ -11,6 +11,7 @@ import typer
 from guidance.cli.asking import agree
 
 if TYPE_CHECKING:
+    from guidance.viz.panel import PanelBeside
     from guidance.viz.view import ViewerBeside
 
 
@@ -60,6 +61,9 @@ def fly(
     view: Annotated[
         bool, typer.Option("--view", help="Show the flight in Rerun meanwhile (needs the extra viz).")
     ] = False,
+    panel: Annotated[
+        bool, typer.Option("--panel", help="Serve the operator's page meanwhile (needs the extra panel).")
+    ] = False,
 ) -> None:
     """Fly a pursuit, of the mock or of an autopilot that runs already, and show how it compares with the game's value.
 
@@ -78,12 +82,14 @@ def fly(
     - `guidance fly --fast`: the same flight in virtual time
     - `guidance fly --link pymavlink`: with pymavlink instead of MAVSDK
     - `guidance fly --view`: with a view of it in the browser, from a process of its own
+    - `guidance fly --panel`: with the operator's page, its picture and its orders
     - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
     """
     from guidance.cli.belonging import refuse_others  # noqa: PLC0415
 
     given = {"--fast": fast, "--link": link, "--port": port, "--yes": yes, "--autopilot": autopilot, "--end": end}
+    given |= {"--panel": panel}
     if vehicle is not None:
         where = "without it, with the mock"
         refuse_others(f"--vehicle {vehicle}", given, {"--fast": where, "--port": where})
@@ -91,12 +97,13 @@ def fly(
     else:
         refuse_others("the mock", given, dict.fromkeys(("--yes", "--autopilot", "--end"), "with --vehicle"))
     if fast:
-        refuse_others("--fast", given, dict.fromkeys(("--link", "--port"), "in real time"))
+        refuse_others("--fast", given, dict.fromkeys(("--link", "--port", "--panel"), "in real time"))
 
     signal.signal(signal.SIGTERM, _terminated)
     with contextlib.ExitStack() as closing:
-        beside = _viewer(closing) if view else None
-        watch = (lambda _: None) if beside is None else beside.start
+        viewer = _viewer(closing) if view else None
+        pages = _panel(closing, out) if panel else None
+        watch = (lambda _: None) if viewer is None else viewer.start
         try:
             from guidance.cli.flying import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
             from guidance.session.vehicle import Asked  # noqa: PLC0415
@@ -104,16 +111,21 @@ def fly(
             client = link or "mavsdk"
             asked = None if vehicle is None else Asked(vehicle, autopilot, client, end or "return")
             code = fly_scenario(
-                scenario, asked, fast=fast, link=client, port=port or 0, out=out, seed=seed, on_record=watch
+                scenario,
+                asked,
+                fast=fast,
+                link=client,
+                port=port or 0,
+                out=out,
+                seed=seed,
+                on_record=watch,
+                control=None if pages is None else pages.endpoint,
             )
         except KeyboardInterrupt:
             ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"
             typer.echo(f"interrupted: {ended}", err=True)
             raise typer.Exit(128 + signal.SIGINT) from None
-        if beside is not None:
-            with contextlib.suppress(KeyboardInterrupt):
-                typer.echo("the view stays: Ctrl-C ends it")
-                beside.wait()
+        _stay([one for one in (viewer, pages) if one is not None])
     raise typer.Exit(code)
 
 
@@ -128,6 +140,25 @@ def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":
     from guidance.viz.view import ViewerBeside  # noqa: PLC0415
 
     beside = ViewerBeside("--port", "0", "--web-port", "0")
+    closing.callback(beside.close)
+    return beside
+
+
+def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:
+    """Leave what was opened beside the flight open until a person ends it."""
+    if not beside:
+        return
+    typer.echo("the view stays: Ctrl-C ends it")
+    with contextlib.suppress(KeyboardInterrupt):
+        for one in beside:
+            one.wait()
+
+
+def _panel(closing: contextlib.ExitStack, out: Path | None) -> "PanelBeside":
+    from guidance.session.onlookers import free_endpoint  # noqa: PLC0415
+    from guidance.viz.panel.beside import PanelBeside, options_of  # noqa: PLC0415
+
+    beside = PanelBeside(free_endpoint(), *options_of(None, Path("flights") if out is None else out.parent))
     closing.callback(beside.close)
     return beside
 

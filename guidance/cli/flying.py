@@ -28,6 +28,7 @@ def fly_scenario(
     out: Path | None,
     seed: int | None,
     on_record: Callable[[Path], None] = lambda _: None,
+    control: str | None = None,
 ) -> int:
     """Fly a scenario; return the exit code: 0 when the game ended as it should have.
 
@@ -40,6 +41,7 @@ def fly_scenario(
         out: Folder for the record and the picture.
         seed: In place of the scenario's.
         on_record: Is told of the record once it is being written.
+        control: Endpoint where people may look on and order meanwhile; None lets nobody in.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -52,21 +54,27 @@ def fly_scenario(
     title = f"[bold]{scenario.title}[/bold]  ({path.name}"
     if asked is not None:
         console.print(f"{title}, {asked.link}, {asked.url})", highlight=False)
-        return _fly_url(name, scenario, asked, console, folder, on_record)
+        return _fly_url(name, scenario, asked, console, folder, on_record, control)
     console.print(f"{title}, {'virtual time' if fast else link})")
     with live_line(console) as show:
-        result = fly_mock(scenario, folder, show, fast=fast, link=link, port=port, on_record=on_record)
+        result = fly_mock(scenario, folder, show, fast=fast, link=link, port=port, on_record=on_record, control=control)
     return _report(console, result, "fast" if fast else "live", folder)
 
 
 def _fly_url(
-    name: str, scenario: Scenario, asked: Asked, console: Console, folder: Path, on_record: Callable[[Path], None]
+    name: str,
+    scenario: Scenario,
+    asked: Asked,
+    console: Console,
+    folder: Path,
+    on_record: Callable[[Path], None],
+    control: str | None,
 ) -> int:
     for what in left_out(scenario):
         console.print(f"{what}: only a mock can have that; the vehicle flies without")
     try:
         with live_line(console) as show:
-            result, hand_over = fly_url(scenario, asked, folder, show, on_record=on_record)
+            result, hand_over = fly_url(scenario, asked, folder, show, on_record=on_record, control=control)
     except FlightError as error:
         raise FlightError(f"{asked.url}: {error}{_advice(name, asked, str(error))}") from error
     code = _report(console, result, "vehicle", folder)

@@ -18,6 +18,9 @@ def panel(
         str, typer.Option(help="Where it is served. Anything else than loopback needs TLS and a password.")
     ] = "127.0.0.1",
     look: Annotated[bool, typer.Option("--look", help="Look on only: no order is taken.")] = False,
+    records: Annotated[Path, typer.Option(help="Folder of the flights that are over, to look at again.")] = Path(
+        "flights"
+    ),
     token_file: Annotated[
         Path | None, typer.Option(help="The daemon's control.token_file; not needed for a daemon of your own.")
     ] = None,
@@ -42,5 +45,5 @@ def panel(
     from guidance.viz.panel import PanelOptions, serve_panel  # noqa: PLC0415 - zenoh takes a moment
 
     endpoints = endpoint or ["tcp/127.0.0.1:7448"]
-    options = PanelOptions(endpoints, token_file, host, port, look, certificate, key, password_file)
+    options = PanelOptions(endpoints, token_file, host, port, look, records, certificate, key, password_file)
     serve_panel(options, recorded_settings, typer.echo, with_parent=with_parent)

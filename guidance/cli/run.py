@@ -1,24 +1,40 @@
 """`guidance run`: the daemon."""
 
-from typing import Annotated
+import contextlib
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from guidance.session.vehicle_file import Config
 
 
 def run(
     config: Annotated[
         str, typer.Argument(help="A vehicle file, or the name of one that comes along: px4, arducopter.")
     ],
+    panel: Annotated[
+        bool, typer.Option("--panel", help="Serve the operator's page beside it (needs the extra panel).")
+    ] = False,
 ) -> None:
     """Run the offboard guidance daemon of one vehicle, on its companion computer.
 
     Connects to the autopilot and to the source of the evader's reports, checks both, and waits for orders
-    (`guidance ctl`): nothing arms and nothing engages by itself. SIGTERM hands the vehicle to the autopilot and ends;
-    SIGHUP reads the file again, on the ground.
+    (`guidance ctl`, `guidance panel`): nothing arms and nothing engages by itself. SIGTERM hands the vehicle to the
+    autopilot and ends; SIGHUP reads the file again, on the ground.
 
     Examples:
-        guidance run config/vehicles/px4.toml
+        guidance run config/vehicles/px4.toml --panel
     """
     from guidance.session.service import run_vehicle  # noqa: PLC0415 - zenoh and mavsdk take a second
 
-    run_vehicle(config)
+    with contextlib.ExitStack() as closing:
+
+        def beside(found: "Config") -> None:
+            from guidance.viz.panel.beside import PanelBeside, options_of  # noqa: PLC0415
+
+            control = found.control
+            options = options_of(control.token_file, found.record.folder)
+            closing.callback(PanelBeside(control.endpoint, *options).close)
+
+        run_vehicle(config, beside if panel else lambda _: None)

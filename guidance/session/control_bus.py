@@ -185,7 +185,7 @@ class ControlBus:
         answer = self._mailbox.ask(order, by).wait(ANSWER_LIMIT_S)
         if answer is None:
             reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
-            answer = {"accepted": False, "order": order, "reason": reason}
+            answer = {"accepted": False, "order": order, "name": self._name, "reason": reason}
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: answers to one question of several daemons are told apart by theirs.
             query.reply(control_key(self._name, order), json.dumps(answer), encoding=zenoh.Encoding.APPLICATION_JSON)

@@ -32,6 +32,7 @@ def fly(
     log: Logger = SILENT,
     notifier: Notifier | None = None,
     signals: Signals | None = None,
+    broadcast: Record | None = None,
 ) -> FlightResult:
     """Fly a scenario to its end.
 
@@ -48,6 +49,7 @@ def fly(
         log: Where the daemon logs.
         notifier: Whom it gives signs of life.
         signals: The operating system's; None leaves them to the process.
+        broadcast: Who looks on hears of every cycle by it.
 
     Raises:
         ConfigError: If the scenario names what does not exist.
@@ -56,7 +58,9 @@ def fly(
     """
     heard = SensedEvader(world.evader_source, scenario.sensor, scenario.seed, clock.now_s)
     plan = plan_of(scenario=scenario) if plan is None else plan
-    daemon = Daemon(name, plan, world.link, heard, mailbox=mailbox, log=log, notifier=notifier, record=record)
+    daemon = Daemon(
+        name, plan, world.link, heard, mailbox=mailbox, log=log, notifier=notifier, record=record, broadcast=broadcast
+    )
     mission = Mission(scenario, daemon, world, heard, conduct, show=show)
     begun_s = time.perf_counter()
     run(daemon, world, clock, mission=mission, signals=signals, record=record)

@@ -15,12 +15,13 @@ from guidance.log.writer import Recorder, started_utc, versions
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
+from guidance.session.onlookers import admitted
 from guidance.session.result import FlightResult
 from guidance.session.vehicle_file import Config
 from guidance.session.world import World
 from guidance.sim.live import OVER, ZENOH
 from guidance.sim.mock_files import check_faults
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import PURSUER, Scenario
 
 RECORD: Final = "record.mcap"
 PICTURE: Final = "flight.png"
@@ -37,6 +38,7 @@ def fly_mock(
     port: int,
     over: str = ZENOH,
     on_record: Callable[[Path], None] = lambda _: None,
+    control: str | None = None,
 ) -> FlightResult:
     """Fly a scenario against the mock, with the record in a folder.
 
@@ -49,6 +51,7 @@ def fly_mock(
         port: Of the mock's Zenoh session, or its first UDP port; 0 is any.
         over: What the live mock is reached over.
         on_record: Is told of the record once it is being written.
+        control: Endpoint where people may look on and order meanwhile; None lets nobody in.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -61,10 +64,15 @@ def fly_mock(
         raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
     check_faults(scenario)
     clock: Clock = VirtualClock() if fast else MonotonicClock()
-    with recording(folder / RECORD, metadata_of(scenario, None, None if fast else clock), real_time=not fast) as record:
+    metadata = metadata_of(scenario, None, None if fast else clock)
+    with recording(folder / RECORD, metadata, real_time=not fast) as record:
         on_record(folder / RECORD)
-        with _mock(scenario, clock, fast=fast, link=link, port=port, over=over) as world:
-            result = fly(scenario, world, clock, record, show)
+        with (
+            _mock(scenario, clock, fast=fast, link=link, port=port, over=over) as world,
+            admitted(PURSUER, metadata, control) as onlookers,
+        ):
+            mailbox, broadcast = onlookers
+            result = fly(scenario, world, clock, record, show, mailbox=mailbox, broadcast=broadcast)
     if record.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, record.failed)
     result.record_dropped = record.dropped if isinstance(record, BackgroundRecorder) else 0

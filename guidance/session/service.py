@@ -4,7 +4,7 @@ import contextlib
 import logging
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -36,8 +36,12 @@ _FIXED: Final = ("name", "vehicle", "evader", "control", "log", "metrics", "reco
 """Sections that are opened at the start: a change of these needs a restart."""
 
 
-def run_vehicle(name: str) -> None:
+def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None) -> None:
     """Run the daemon of a configuration until it is ended.
+
+    Args:
+        name: A path, or of a vehicle file that comes along.
+        on_config: Is told of the configuration before anything is opened.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -45,6 +49,7 @@ def run_vehicle(name: str) -> None:
     path = find(name, "vehicles")
     config = load_vehicle(path)
     plan = plan_of(config)
+    on_config(config)
     clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
     signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
     signals.install()

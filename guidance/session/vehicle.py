@@ -16,6 +16,7 @@ from guidance.links.endpoint import parse
 from guidance.links.opening import KINDS, find_autopilot, open_wire
 from guidance.links.port import Wire
 from guidance.links.wires.udp import UdpWire
+from guidance.log.broadcast import Broadcast
 from guidance.messages import Home
 from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus
@@ -28,6 +29,7 @@ from guidance.session.merging import config_of
 from guidance.session.mission import Conduct, Progress
 from guidance.session.mocked import RECORD, metadata_of, recording
 from guidance.session.notify import Notifier
+from guidance.session.onlookers import Onlookers, admitted
 from guidance.session.opening import VehicleWorld, open_all
 from guidance.session.orders import Mailbox
 from guidance.session.plan_fence import load_vehicle
@@ -107,11 +109,20 @@ def fly_vehicle(
         if not engage:
             say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
         conduct = Conduct(engage, hand_over=hand_over)
-        return _conducted(scenario, Reached(own, world, clock), plan, conduct, out, mailbox, signals)
+        broadcast = Broadcast(own.name, control.session, metadata_of(scenario, own, clock))
+        closing.callback(broadcast.close)
+        onlookers = Onlookers(mailbox, broadcast)
+        return _conducted(scenario, Reached(own, world, clock), plan, conduct, out, onlookers, signals)
 
 
 def fly_url(
-    scenario: Scenario, asked: Asked, folder: Path, show: Show, *, on_record: Callable[[Path], None] = lambda _: None
+    scenario: Scenario,
+    asked: Asked,
+    folder: Path,
+    show: Show,
+    *,
+    on_record: Callable[[Path], None] = lambda _: None,
+    control: str | None = None,
 ) -> tuple[FlightResult, str]:
     """Fly a scenario with the vehicle that runs at a URL; its evader is simulated here.
 
@@ -121,6 +132,7 @@ def fly_url(
         folder: For the record.
         show: Is told how it goes.
         on_record: Is told the record's path before the flight begins.
+        control: Endpoint where people may look on and order meanwhile; None lets nobody in.
 
     Returns:
         What the flight came to, and what an interruption hands the vehicle to.
@@ -143,7 +155,9 @@ def fly_url(
         signals.install()
         conduct = Conduct(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
         reached = Reached(own, world, clock, radio)
-        result = _conducted(laid, reached, plan_of(own, laid), conduct, folder, Mailbox(), signals, show)
+        plan = plan_of(own, laid)
+        with admitted(own.name, metadata_of(laid, own, clock), control) as onlookers:
+            result = _conducted(laid, reached, plan, conduct, folder, onlookers, signals, show)
         result.wall_s = time.perf_counter() - began_s
     return result, own.flight.on_terminate
 
@@ -154,7 +168,7 @@ def _conducted(
     plan: FlightPlan,
     conduct: Conduct,
     folder: Path,
-    mailbox: Mailbox,
+    onlookers: Onlookers,
     signals: Signals,
     show: Show = lambda _: None,
 ) -> FlightResult:
@@ -175,7 +189,8 @@ def _conducted(
             plan=plan,
             conduct=conduct,
             name=own.name,
-            mailbox=mailbox,
+            mailbox=onlookers.mailbox,
+            broadcast=onlookers.broadcast,
             log=log,
             notifier=notifier,
             signals=signals,

@@ -133,7 +133,7 @@ async def test_an_order_goes_to_the_daemon_with_who_gave_it_and_its_reason_comes
 async def test_a_panel_that_only_looks_takes_no_order(opened):
     panel = await let_in(await opened(look=True))
     async with panel.client.get("/alive") as answer:
-        assert await answer.json() == {"look": True}
+        assert await answer.json() == {"look": True, "records": False}
     order = {"daemon": "uav1", "order": "hold", "by": ""}
     async with panel.client.post("/order", json=order, headers=panel.origin) as answer:
         assert answer.status == 403

@@ -24,6 +24,7 @@ class PanelBeside:
 
     def __init__(self, endpoint: str, *options: str) -> None:
         require("--panel", "panel")
+        self.endpoint = endpoint
         self._child: subprocess.Popen[bytes] | None = subprocess.Popen(
             command(endpoint, options), stdin=subprocess.PIPE, start_new_session=True
         )
@@ -52,6 +53,7 @@ def command(endpoint: str, options: Sequence[str]) -> list[str]:
     return [sys.executable, "-c", program, "panel", "--endpoint", endpoint, "--with-parent", *options]
 
 
-def token_option(token_file: Path | None) -> Sequence[str]:
-    """Return the options that name a daemon's token, where it is not where it is looked for."""
-    return () if token_file is None else ("--token-file", str(token_file))
+def options_of(token_file: Path | None, records: Path | None) -> Sequence[str]:
+    """Return the panel's options for a daemon whose token and records lie there, on a free port."""
+    token = () if token_file is None else ("--token-file", str(token_file))
+    return ("--port", "0", *token, *(() if records is None else ("--records", str(records))))

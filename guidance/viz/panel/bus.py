@@ -137,9 +137,9 @@ class DaemonBus:
         if self._silent >= SILENT_AFTER:
             raise LinkError(f"no daemon answers at {self.endpoint}")
         self.reason = "" if said else "no answer"
-        self._known &= {str(status["name"]) for status in said}  # who was away may have come back another
-        for status in said:
-            name = str(status["name"])
+        named = [(str(status["name"]), status) for status in said if "name" in status]
+        self._known &= {name for name, _ in named}  # who was away may have come back another
+        for name, status in named:
             if name not in self._known:
                 self._join(session, name)
             self._news.append(Said(name, self._clock.now_s(), status))

@@ -29,6 +29,7 @@ class PanelOptions(NamedTuple):
     host: str = "127.0.0.1"
     port: int = 8088
     look: bool = False
+    records: Path | None = None
     certificate: Path | None = None
     key: Path | None = None
     password_file: Path | None = None
@@ -70,6 +71,7 @@ async def _serve(
 ) -> None:
     from aiohttp import web  # noqa: PLC0415 - of the extra
 
+    from guidance.viz.panel.records import RecordFolder  # noqa: PLC0415
     from guidance.viz.panel.server import PanelServer  # noqa: PLC0415
 
     ended, loop = asyncio.Event(), asyncio.get_running_loop()
@@ -79,7 +81,8 @@ async def _serve(
         threading.Thread(
             target=_end_with_parent, args=(lambda: loop.call_soon_threadsafe(ended.set),), daemon=True
         ).start()
-    server = PanelServer(hub, access, look=options.look)
+    records = None if options.records is None else RecordFolder(options.records)
+    server = PanelServer(hub, access, look=options.look, records=records)
     runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
     await runner.setup()
     try:
@@ -88,6 +91,8 @@ async def _serve(
         await ended.wait()
     finally:
         await runner.cleanup()
+        if records is not None:
+            records.close()
 
 
 def _address(options: PanelOptions, access: Access, port: int) -> str:

@@ -12,6 +12,8 @@ from aiohttp import WSCloseCode, web
 from guidance.errors import LinkError
 from guidance.viz.panel.access import Access
 from guidance.viz.panel.hub import Hub
+from guidance.viz.panel.past import Past
+from guidance.viz.panel.records import RecordFolder
 
 TOLD_EVERY_S: Final = 0.1
 MOST_PAGES: Final = 64
@@ -84,13 +86,23 @@ class PanelServer:
         hub: What is seen, and where orders go.
         access: Who may open it.
         look: Take no orders.
+        records: The flights that are over; None where no folder of them is known.
         image_sources: Hosts that map tiles come from, none by default.
     """
 
-    def __init__(self, hub: Hub, access: Access, *, look: bool = False, image_sources: str = "") -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        access: Access,
+        *,
+        look: bool = False,
+        records: RecordFolder | None = None,
+        image_sources: str = "",
+    ) -> None:
         self._hub = hub
         self._access = access
         self._look = look
+        self._records = records
         self._pages = Pages()
         self._guessing = asyncio.Lock()
         self._ordering = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="order")
@@ -120,12 +132,15 @@ class PanelServer:
         application = web.Application(middlewares=[guarded], client_max_size=_MOST_BYTES)
         application.add_routes([
             web.get("/", self._index),
+            web.get("/replay", self._index),
             web.post("/login", self._login),
             web.get("/page/{name}", self._file),
             web.get("/alive", self._alive),
             web.get("/live", self._live),
             web.post("/order", self._order),
         ])  # fmt: skip
+        if self._records is not None:
+            application.add_routes(Past(self._records).routes())
         application.cleanup_ctx.append(self._telling)
         application.on_shutdown.append(self._shut_down)
         return application
@@ -138,7 +153,8 @@ class PanelServer:
         except web.HTTPException as error:
             answer = web.Response(status=error.status)
         if not answer.prepared:
-            answer.headers.update(self._headers)
+            for name, value in self._headers.items():
+                answer.headers.setdefault(name, value)
         return answer
 
     def _refused(self, request: web.Request) -> int | None:
@@ -184,7 +200,7 @@ class PanelServer:
         return page(request.match_info["name"])
 
     async def _alive(self, _: web.Request) -> web.StreamResponse:
-        return web.json_response({"look": self._look})
+        return web.json_response({"look": self._look, "records": self._records is not None})
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Tell one page what there is to see, until it goes."""

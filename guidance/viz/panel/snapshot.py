@@ -143,8 +143,8 @@ class SnapshotFold:
             "streaming": row.setpoint is not None,
             "age_s": {
                 "heartbeat": math.inf if heartbeat is None else cycle.now_s - heartbeat.received_s,
-                "position": cycle.telemetry_age_s if math.isfinite(cycle.telemetry_age_s) else math.inf,
-                "evader": cycle.evader_age_s if math.isfinite(cycle.evader_age_s) else math.inf,
+                "position": aged(cycle.telemetry_age_s),
+                "evader": aged(cycle.evader_age_s),
                 "late": cycle.late_s,
                 "round_trip": cycle.round_trip_s,
             },
@@ -217,8 +217,8 @@ class SnapshotFold:
             math.hypot(*cycle.flown_ned_m_s),
             math.hypot(*cycle.commanded_ned_m_s),
             math.hypot(*cycle.desired_ned_m_s),
-            1e3 * cycle.telemetry_age_s,
-            1e3 * cycle.evader_age_s,
+            1e3 * aged(cycle.telemetry_age_s),
+            1e3 * aged(cycle.evader_age_s),
         )
         return [round(value, 2) if math.isfinite(value) else None for value in values]
 
@@ -249,6 +249,11 @@ def rounded(place: Any) -> list[float] | None:  # noqa: ANN401 - a vector, or No
     if place is None or not all(map(math.isfinite, place)):
         return None
     return [round(float(value), _CENTIMETRES) for value in place]
+
+
+def aged(age_s: float) -> float:
+    """Return an age: infinite where nothing was heard, and never below zero (who joins late hears the past last)."""
+    return max(0.0, age_s) if math.isfinite(age_s) else math.inf
 
 
 def finite(curve: NDArray[np.float64]) -> list[Any]:

@@ -65,7 +65,7 @@ export class Charts {
   legend(surface, title, curves, unit) {
     surface.font(12, 700);
     surface.text(title, 6, 10, ink("--ink"));
-    surface.font(11);
+    surface.font(10);
     let left = 6;
     for (const { column, colour, dash, points } of curves) {
       surface.line([[left, 25], [left + 12, 25]], colour, 2.5, dash);
@@ -73,7 +73,7 @@ export class Charts {
       const name = TEXTS.charts[column === "value" ? "value_curve" : column] + (column === "value" ? ` ${unit ?? "s"}` : "");
       const words = `${name}${last === undefined ? "" : ` ${last.toFixed(last < 100 ? 1 : 0)}`}`;
       surface.text(words, left + 15, 25, ink("--ink"));
-      left += 21 + surface.context.measureText(words).width;
+      left += 20 + surface.context.measureText(words).width;
     }
   }
 }

@@ -5,6 +5,8 @@ import { Glance, lamp } from "./glance.js";
 import { Orders } from "./orders.js";
 import { Plan } from "./plan.js";
 import { Profile } from "./profile.js";
+import { Records } from "./records.js";
+import { Replay } from "./replay.js";
 import { Space } from "./space.js";
 import { forgetInks } from "./surface.js";
 import { TEXTS } from "./texts.js";
@@ -13,18 +15,39 @@ const CHARTS_EVERY_MS = 500;
 const MOST_TIMED = 600;
 const at = (name) => document.getElementById(name);
 
-class Page {
-  constructor(lookOnly) {
-    this.chosen = null;
-    this.waiting = false;
+// All pictures of one daemon, live or of a record.
+class Pictures {
+  constructor() {
     this.chartsMs = 0;
-    this.lostFor = "";
-    this.timed = []; // when each cycle was drawn: [cycle's time s, this computer's clock ms]
     this.glance = new Glance();
     this.plan = new Plan(at("plan"));
     this.space = new Space(at("space"));
     this.profile = new Profile(at("profile"));
     this.charts = new Charts(at("charts"));
+  }
+
+  get shown() {
+    return at("plan").hidden ? this.space : this.plan;
+  }
+
+  draw(daemon, window_s) {
+    this.glance.show(daemon);
+    this.shown.show(daemon);
+    this.profile.show(daemon);
+    if (performance.now() - this.chartsMs > CHARTS_EVERY_MS || window_s) {
+      this.chartsMs = performance.now();
+      this.charts.show(daemon, window_s);
+    }
+  }
+}
+
+class Live {
+  constructor(pictures, lookOnly) {
+    this.chosen = null;
+    this.waiting = false;
+    this.lostFor = "";
+    this.timed = []; // when each cycle was drawn: [cycle's time s, this computer's clock ms]
+    this.pictures = pictures;
     this.orders = new Orders(at("orders"), lookOnly);
     at("mark").textContent = lookOnly ? TEXTS.look : "";
     this.feed = new Feed(() => this.told(), (reason) => this.lost(reason));
@@ -55,23 +78,12 @@ class Page {
     this.tabs(daemon);
     this.banner();
     if (!daemon) return;
-    this.glance.show(daemon);
     this.orders.show(daemon);
-    this.pictures(daemon);
+    this.pictures.draw(daemon);
     const seen = daemon.snapshot;
     if (seen && this.timed.at(-1)?.[0] !== seen.now_s) {
       this.timed.push([seen.now_s, performance.timeOrigin + performance.now()]);
       if (this.timed.length > MOST_TIMED) this.timed.shift();
-    }
-  }
-
-  pictures(daemon) {
-    if (at("plan").hidden) this.space.show(daemon);
-    else this.plan.show(daemon);
-    this.profile.show(daemon);
-    if (performance.now() - this.chartsMs > CHARTS_EVERY_MS) {
-      this.chartsMs = performance.now();
-      this.charts.show(daemon);
     }
   }
 
@@ -115,7 +127,7 @@ class Page {
   }
 }
 
-export function dress(redraw) {
+function dress(redraw) {
   const root = document.documentElement;
   const wanted = localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   const wear = (theme) => {
@@ -132,7 +144,7 @@ export function dress(redraw) {
   });
 }
 
-export function switchViews(page) {
+function switchViews(page, pictures) {
   const show = (plan) => {
     at("plan").hidden = !plan;
     at("space").hidden = plan;
@@ -140,16 +152,15 @@ export function switchViews(page) {
     at("show-space").setAttribute("aria-pressed", !plan);
     page.draw();
   };
-  const shown = () => (at("plan").hidden ? page.space : page.plan);
   at("show-plan").addEventListener("click", () => show(true));
   at("show-space").addEventListener("click", () => show(false));
-  at("zoom-in").addEventListener("click", () => shown().zoom(1.5));
-  at("zoom-out").addEventListener("click", () => shown().zoom(1 / 1.5));
-  at("fit").addEventListener("click", () => shown().fit());
+  at("zoom-in").addEventListener("click", () => pictures.shown.zoom(1.5));
+  at("zoom-out").addEventListener("click", () => pictures.shown.zoom(1 / 1.5));
+  at("fit").addEventListener("click", () => pictures.shown.fit());
   show(true);
 }
 
-export function label() {
+function label() {
   for (const [name, words] of [
     ["show-plan", TEXTS.plan], ["show-space", TEXTS.space], ["fit", TEXTS.fit], ["records-button", TEXTS.records],
   ]) at(name).textContent = words;
@@ -158,10 +169,14 @@ export function label() {
   at("by").addEventListener("change", () => localStorage.setItem("by", at("by").value));
 }
 
-if (location.search) history.replaceState(null, "", location.pathname);
+const record = location.pathname === "/replay" ? new URLSearchParams(location.search).get("record") : null;
+if (location.search && record === null) history.replaceState(null, "", location.pathname);
 label();
-const { look } = await (await fetch("/alive")).json();
-const page = new Page(look);
+const { look, records } = await (await fetch("/alive")).json();
+const pictures = new Pictures();
+const page = record === null ? new Live(pictures, look) : new Replay(pictures, record);
+if (records && record === null) new Records(at("records"), at("records-button"));
+else at("records-button").hidden = true;
 dress(() => page.draw());
-switchViews(page);
+switchViews(page, pictures);
 window.addEventListener("resize", () => page.draw());

@@ -20,6 +20,7 @@ export class Orders {
     this.lookOnly = lookOnly;
     this.daemon = null;
     this.shown = "";
+    this.pressed = ""; // the order whose button is held down: it stays where it is meanwhile
     if (lookOnly) {
       this.next.textContent = TEXTS.look;
       return;
@@ -34,15 +35,17 @@ export class Orders {
     const state = daemon.snapshot?.state ?? daemon.status.state ?? "connecting";
     const status = daemon.status;
     const order = NEXT[state];
-    const reason = status.refused_orders?.[order] ?? "";
-    const what = JSON.stringify([daemon.key, state, order, reason, status.to_do, status.waiting_for]);
+    const reason = status.refused_orders?.[order] ?? status.reason ?? "";
+    const about = TEXTS.about[state]?.(daemon.snapshot, TEXTS.after[status.after_capture] ?? TEXTS.after.hold) ?? "";
+    const what = JSON.stringify([daemon.key, state, order, reason, status.to_do, status.waiting_for, about]);
     if (what === this.shown) return;
-    this.shown = what;
     const blocked = order !== "reset" && (reason || !status.refused_orders);
+    if (this.pressed && this.pressed === order && !blocked) return;
+    this.shown = what;
     const parts = [];
     if (order && !blocked) parts.push(this.button(order), said("p", TEXTS.ready[order] ?? ""));
     else if (order) parts.push(...this.missing(order, status, reason));
-    else parts.push(said("h2", `${TEXTS.underWay}: ${state}`));
+    else parts.push(said("p", about));
     if (order === "start") parts.push(...this.listed(status.to_do, "warn", TEXTS.advised, "caution"));
     this.next.replaceChildren(...parts);
   }
@@ -89,15 +92,18 @@ export class Orders {
       if (event.type === "pointerdown" && event.button !== 0) return;
       event.preventDefault();
       button.classList.add("held");
+      this.pressed = order;
       clearTimeout(timer);
       timer = setTimeout(() => {
         timer = null;
+        this.pressed = "";
         button.classList.remove("held");
         if (button.isConnected) this.give(order); // else what it stood for has passed meanwhile
       }, HOLD_MS);
     };
     const end = () => {
       button.classList.remove("held");
+      this.pressed = "";
       if (timer === null) return;
       clearTimeout(timer);
       timer = null;

@@ -150,12 +150,12 @@ export class Plan {
       const meeting = this.pixel(game.meeting_m);
       surface.line([this.pixel(pursuer), meeting, null, this.pixel(evader), meeting], ink("--meeting"), 1.5, [5, 4]);
       surface.star(meeting, 9, ink("--meeting"));
-      surface.text(TEXTS.map.meeting[scene?.unit ?? "s"], meeting[0] + 11, meeting[1] + 10, ink("--meeting"));
+      surface.text(TEXTS.map.meeting[scene?.unit ?? "s"], meeting[0] + 12, meeting[1] - 4, ink("--meeting"));
     }
     if (evader) {
       const [x, y] = this.pixel(evader);
       surface.fill([[x - 7, y], [x, y - 7], [x + 7, y], [x, y + 7]], ink("--evader"));
-      surface.text(TEXTS.map.evader, x + 11, y + 2, ink("--evader"));
+      surface.text(TEXTS.map.evader, x + 8, y + 15, ink("--evader"));
     }
     if (pursuer) this.vehicle(this.pixel(pursuer), seen.yaw_rad ?? 0);
   }

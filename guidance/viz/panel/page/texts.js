@@ -1,3 +1,5 @@
+const inSeconds = (seen) => (seen?.game?.time_needed_s > 0 ? `, there in ${seen.game.time_needed_s.toFixed(0)} s` : "");
+
 // Every English word of the page. What daemons say (reasons, advice, events) is theirs and comes as it is.
 export const TEXTS = {
   title: "Guidance",
@@ -14,6 +16,19 @@ export const TEXTS = {
   pause: "Pause",
   look: "LOOK ONLY",
   replay: "REPLAY, not live",
+  loading: "Reading the record…",
+  noRecords: (folder) => `No records in ${folder} yet.`,
+  recordsIn: (folder) => `Records in ${folder}`,
+  reading: "Reading…",
+  captured: "captured",
+  notCaptured: "not captured",
+  ended: (state) => `ended ${state}`,
+  alarms: (count) => `${count} alarm${count === 1 ? "" : "s"}`,
+  torn: "still open, or torn",
+  columns: ["Flight", "Begun (UTC)", "Lasts", "Outcome", "Look again", "Export"],
+  report: "Report",
+  replayed: "Replay",
+  eventList: "Events",
   noDaemon: "No daemon yet",
   looking: (endpoint, reason) => `${endpoint}: ${reason}`,
   panelGone: "NO CONTACT WITH THE PANEL: what you see is old. Trying again…",
@@ -33,7 +48,7 @@ export const TEXTS = {
   none: "none",
   ago: (s) => (s < 10 ? `${s.toFixed(1)} s` : `${Math.round(s)} s`),
   lamps: {
-    battery: "Battery", heartbeat: "Heartbeat", position: "Position age", evader: "Evader age", source: "Evader heard by",
+    battery: "Battery", heartbeat: "Heartbeat", position: "Position age", evader: "Evader age", source: "Heard by",
     stream: "We send", winner: "Winner", value: "Value to go", need: "Vehicle needs", range: "Range to disc", height: "Height to disc",
     margin: "Margin", assured: "Kept from target", limits: "Limits acting", alarm: "Alarm", altitude: "Above home",
     speed: "Speed", recording: "Record",
@@ -52,7 +67,19 @@ export const TEXTS = {
   missing: { start: "Missing before start", engage: "Missing before engaging" },
   advised: "Worth knowing",
   wanted: (wanted) => `wanted ${wanted}`,
-  underWay: "Under way",
+  // What guidance is about to do, by state; `seen` is the last moment, `status` the daemon's last answer.
+  about: {
+    arming: () => "Arms the vehicle, then climbs.",
+    climbing: () => "The autopilot climbs to the take-off height. Then it flies to the start, or stands by.",
+    positioning: () => "The autopilot flies to the start. Then it stands by for ENGAGE.",
+    entering: () => "Streams a hover until the vehicle shows the guided mode. Then the game begins.",
+    engaged: (seen, after) => `Flies to the stand-off disc${inSeconds(seen)}. There it ${after}.`,
+    paused: () => "Hovers until what is missing is back; after ten seconds the autopilot holds.",
+    "on station": (seen, after) => `At the stand-off disc: it ${after}.`,
+    returning: () => "The autopilot flies home and lands.",
+    landing: () => "The autopilot lands where it is.",
+  },
+  after: { hold: "hovers", shadow: "keeps station on the moving evader", return: "flies home and lands" },
   given: (order) => `${order}: given, waiting for the answer…`,
   accepted: (order) => `${order}: accepted`,
   refused: (order, reason) => `${order} refused: ${reason}`,

@@ -1,0 +1,80 @@
+// The flights that are over: how each ended, its report, its events, its exports, and its replay in the same view.
+import { TEXTS } from "./texts.js";
+
+export class Records {
+  constructor(dialog, button) {
+    this.dialog = dialog;
+    button.addEventListener("click", () => this.open());
+  }
+
+  async open() {
+    this.fill([element("p", TEXTS.reading)]);
+    this.dialog.showModal();
+    try {
+      const said = await (await fetch("/records")).json();
+      this.fill(said.error ? [element("p", said.error)] : this.table(said));
+    } catch (error) {
+      this.fill([element("p", String(error))]);
+    }
+  }
+
+  fill(parts) {
+    const close = element("button", TEXTS.close);
+    close.addEventListener("click", () => this.dialog.close());
+    const head = element("h2", TEXTS.records);
+    const gap = element("span", "");
+    gap.className = "gap";
+    head.append(gap, close);
+    this.dialog.replaceChildren(head, ...parts);
+  }
+
+  table({ folder, exports: kinds, records }) {
+    if (!records.length) return [element("p", TEXTS.noRecords(folder))];
+    const table = document.createElement("table");
+    const head = document.createElement("tr");
+    head.append(...TEXTS.columns.map((words) => element("th", words)));
+    table.append(head, ...records.map((row) => this.row(row, kinds)));
+    return [element("p", TEXTS.recordsIn(folder)), table];
+  }
+
+  row(row, kinds) {
+    const line = document.createElement("tr");
+    const name = element("td", row.record.replace(/\/record\.mcap$/, ""));
+    name.title = row.title ?? "";
+    const begun = (row.started_utc ?? "").replace("T", " ").slice(0, 19);
+    const lasts = row.duration_s === undefined ? "" : `${row.duration_s.toFixed(0)} s`;
+    const again = document.createElement("td");
+    const out = document.createElement("td");
+    if (!row.error) {
+      again.append(
+        link(TEXTS.replayed, "/replay", row.record), link(TEXTS.report, "/records/report", row.record),
+        link(TEXTS.eventList, "/records/events", row.record),
+      );
+      out.append(...kinds.map((kind) => link(kind, `/records/${kind}`, row.record)));
+    }
+    line.append(name, element("td", begun), element("td", lasts), element("td", outcome(row)), again, out);
+    return line;
+  }
+}
+
+function outcome(row) {
+  if (row.error) return row.error;
+  const words = [row.captured ? TEXTS.captured : TEXTS.notCaptured, row.ended && TEXTS.ended(row.ended)];
+  if (row.alarms) words.push(TEXTS.alarms(row.alarms));
+  if (row.torn) words.push(TEXTS.torn);
+  return words.filter(Boolean).join(", ");
+}
+
+function link(words, path, record) {
+  const made = element("a", words);
+  made.href = `${path}?record=${encodeURIComponent(record)}`;
+  made.target = "_blank";
+  made.rel = "noopener";
+  return made;
+}
+
+function element(tag, words) {
+  const made = document.createElement(tag);
+  made.textContent = words;
+  return made;
+}

@@ -1,0 +1,136 @@
+"""The records of a folder: listed, and what is made of one, each by a child process that gives way to everything."""
+
+import asyncio
+import json
+import os
+import sys
+import tempfile
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from guidance.errors import OutputError
+
+MOST_LISTED: Final = 60
+MOST_KEPT: Final = 24
+"""Results that are kept, the last used: a replay is a few megabytes."""
+
+LIMIT_S: Final = 180.0
+NICE: Final = 15
+EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
+
+_GUIDANCE: Final = "from guidance.cli import main; main()"
+_AFTERWARDS: Final = "guidance.viz.panel.afterwards"
+
+
+class Made(NamedTuple):
+    """A file that was made of a record, and what it is called where it is saved."""
+
+    path: Path
+    name: str
+
+
+class RecordFolder:
+    """The flights of one folder: its `*.mcap`, and those of the folders in it.
+
+    Args:
+        folder: Where daemons and flights write their records; it need not be there yet.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._temporary = tempfile.TemporaryDirectory(prefix="guidance-panel-")
+        self._outcomes: dict[tuple[str, int, int], Mapping[str, Any]] = {}
+        self._made: OrderedDict[tuple[str, int, int, str], Path] = OrderedDict()
+        self._one_at_a_time = asyncio.Lock()
+
+    def paths(self) -> Mapping[str, Path]:
+        """Name every record that is there now, the newest first."""
+        found = [*self.folder.glob("*.mcap"), *self.folder.glob("*/*.mcap")]
+        dated = sorted(((path.stat().st_mtime, path) for path in found if path.is_file()), reverse=True)
+        return {path.relative_to(self.folder).as_posix(): path for _, path in dated[:MOST_LISTED]}
+
+    async def listed(self) -> Sequence[Mapping[str, Any]]:
+        """List the records with how each ended; what has not changed is not read again.
+
+        Raises:
+            OutputError: If they could not be read.
+        """
+        async with self._one_at_a_time:
+            paths = self.paths()
+            keys = {name: _key(name, path) for name, path in paths.items()}
+            unread = [name for name, key in keys.items() if key not in self._outcomes]
+            if unread:
+                out = await self._run("-m", _AFTERWARDS, "outcomes", *(str(paths[name]) for name in unread))
+                said = json.loads(out)
+                fresh = {keys[name]: said[str(paths[name])] for name in unread}
+                known = {key: self._outcomes[key] for key in keys.values() if key in self._outcomes}
+                self._outcomes = {**known, **fresh}
+            rows = [{"record": name, "megabytes": _megabytes(path)} for name, path in paths.items()]
+            return [{**row, **self._outcomes[keys[str(row["record"])]]} for row in rows]
+
+    async def made(self, name: str, what: str) -> Made | None:
+        """Make something of a record: `frames`, `events`, `report`, or one of `EXPORTS`; None if there is none such.
+
+        Raises:
+            OutputError: If it could not be made.
+        """
+        path = self.paths().get(name)
+        if path is None or what not in {"frames", "events", "report", *EXPORTS}:
+            return None
+        key = (*_key(name, path), what)
+        async with self._one_at_a_time:
+            if key not in self._made:
+                self._made[key] = await self._make(path, what)
+            self._made.move_to_end(key)
+            while len(self._made) > MOST_KEPT:
+                self._made.popitem(last=False)[1].unlink(missing_ok=True)
+            stem = path.parent.name if path.stem == "record" else path.stem
+            return Made(self._made[key], f"{stem}{self._made[key].suffix}")
+
+    async def _make(self, path: Path, what: str) -> Path:
+        folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
+        if what == "report":
+            await self._run("-c", _GUIDANCE, "report", str(path), "--out", str(folder))
+            return folder / "report.html"
+        if what in EXPORTS:
+            await self._run("-c", _GUIDANCE, "log", "export", str(path), str(folder / f"flight.{what}"))
+            return folder / f"flight.{what}"
+        asked = ("-m", _AFTERWARDS, "frames") if what == "frames" else ("-c", _GUIDANCE, "log", "events")
+        made = folder / ("frames.json" if what == "frames" else "events.txt")
+        made.write_bytes(await self._run(*asked, str(path)))
+        return made
+
+    async def _run(self, *arguments: str) -> bytes:
+        child = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *arguments,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            preexec_fn=lambda: os.nice(NICE),
+        )
+        try:
+            out, err = await asyncio.wait_for(child.communicate(), LIMIT_S)
+        except BaseException:
+            if child.returncode is None:
+                child.kill()
+                await child.wait()
+            raise
+        if child.returncode != 0:
+            raise OutputError(err.decode(errors="replace").strip()[-500:] or f"ended with {child.returncode}")
+        return out
+
+    def close(self) -> None:
+        """Remove what was made. May be called twice."""
+        self._temporary.cleanup()
+
+
+def _key(name: str, path: Path) -> tuple[str, int, int]:
+    found = path.stat()
+    return name, found.st_mtime_ns, found.st_size
+
+
+def _megabytes(path: Path) -> float:
+    return round(path.stat().st_size / 1e6, 2)

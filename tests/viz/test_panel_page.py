@@ -1,0 +1,280 @@
+"""The operator's page in a real browser: a whole flight by its buttons, and what is said when something is gone.
+
+Where no browser is installed, the page is checked for its structure only.
+"""
+
+import contextlib
+import json
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import guidance.viz.panel
+from guidance.session.control_bus import ask
+
+PAGE = Path(guidance.viz.panel.__file__).parent / "page"
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+QUIET = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+GUIDANCE = Path(sys.executable).parent / "guidance"
+FLEET = """
+[[vehicle]]
+name = "uav1"
+flavour = "px4"
+system_id = 1
+ready_after_s = 0.5
+[vehicle.parameters]
+GF_MAX_HOR_DIST = 120.0
+GF_MAX_VER_DIST = 70.0
+[[vehicle]]
+name = "evader"
+flavour = "rover"
+system_id = 2
+start_ned_m = [24.0, 10.0, 0.0]
+ready_after_s = 0.5
+"""
+CONFIG = """
+name = "uav1"
+[vehicle]
+autopilot = "px4"
+url = "zenoh://{mock}/uav1"
+[evader]
+kind = "global_position"
+url = "zenoh://{mock}/evader"
+system_id = 2
+request_rate_hz = 20.0
+[game]
+speed_m_s = 6.0
+evader_speed_m_s = 3.0
+standoff_radius_m = 6.0
+standoff_height_m = 4.0
+[limits]
+floor_m = 3.0
+fence_radius_m = 100.0
+[flight]
+takeoff_height_m = 4.0
+on_terminate = "land"
+[control]
+endpoint = "{control}"
+[log]
+level = "error"
+[record]
+folder = "{folder}"
+"""
+LIMIT_MS = 40_000
+
+
+@pytest.fixture
+def parts(tmp_path):
+    """A mock, and how to start a daemon for it and a panel; everything ends with the test."""
+    with contextlib.ExitStack() as closing:
+
+        def start(*command, to=signal.SIGKILL):
+            child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            closing.callback(child.stdout.close)
+            closing.callback(child.wait)
+            closing.callback(child.send_signal, to)
+            closing.callback(child.stdin.close)
+            return child
+
+        (tmp_path / "fleet.toml").write_text(FLEET)
+        fleet = [sys.executable, "-m", "sitl_mock", "run", "--fleet", tmp_path / "fleet.toml", "--json"]
+        mock = start(*fleet, "--parent-pipe", "--zenoh", "tcp/127.0.0.1:0")
+        at = json.loads(mock.stdout.readline())["vehicles"][0]["endpoints"][0].split()[0].removeprefix("tcp/")
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            control = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        vehicle = tmp_path / "uav1.toml"
+        vehicle.write_text(CONFIG.format(mock=at, control=control, folder=tmp_path))
+
+        def panel(*options):
+            command = [GUIDANCE, "panel", "--endpoint", control, "--port", "0", "--records", tmp_path, *options]
+            child = start(*command)
+            return child, child.stdout.readline().split()[1]
+
+        yield SimpleNamespace(control=control, daemon=lambda: start(GUIDANCE, "run", vehicle), panel=panel)
+
+
+@pytest.fixture
+def browser():
+    """A window of Chromium; every page in it keeps what its console says and whom it asks for anything."""
+    if BROWSER is None:
+        yield None
+        return
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright, playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as chromium:
+        context = chromium.new_context(viewport={"width": 1024, "height": 768})
+        context.set_default_timeout(LIMIT_MS)
+        context.said, context.asked = [], []
+        context.on("console", lambda message: context.said.append(message.text))
+        context.on("weberror", lambda error: context.said.append(str(error.error)))
+        context.on("request", lambda request: context.asked.append(request.url))
+        yield context
+
+
+def hold_down(page, order):
+    """Press a button for as long as it wants."""
+    button = page.locator(f"[data-order={order}]")
+    button.scroll_into_view_if_needed()
+    box = button.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.wait_for_timeout(1100)
+    page.mouse.up()
+
+
+def answered(page, words):
+    page.locator("#answer", has_text=words).wait_for()
+
+
+def stands(page, state):
+    page.locator("#state", has_text=re.compile(f"^{state}$", re.IGNORECASE)).wait_for()
+
+
+def test_the_page_is_whole_without_a_browser():
+    texts = (PAGE / "texts.js").read_text("utf-8")
+    scripts = {path.name: path.read_text("utf-8") for path in PAGE.glob("*.js")}
+    for name, script in scripts.items():
+        for imported, source in re.findall(r"import \{([^}]*)\} from \"\./([\w.]+)\"", script):
+            for one in (word.strip() for word in imported.split(",") if word.strip()):
+                assert re.search(
+                    rf"export (async )?(class|function|const) {one}\b|export const \[.*\b{one}\b", scripts[source]
+                )
+        for key in re.findall(r"TEXTS\.(\w+)", script):
+            assert re.search(rf"\b{key}:", texts), f"{name}: TEXTS.{key}"
+    for path in PAGE.iterdir():
+        assert "://" not in path.read_text("utf-8").replace("://${location.host}", ""), f"{path.name} names a host"
+    html = (PAGE / "index.html").read_text("utf-8")
+    assert all((PAGE / name).is_file() for name in re.findall(r'"/page/([\w.]+)"', html))
+    ids = re.findall(r' id="([\w-]+)"', html)
+    assert len(ids) == len(set(ids))
+
+
+@pytest.mark.slow
+def test_a_whole_flight_by_the_buttons_of_the_page_seen_alike_by_another(parts, browser):
+    if browser is None:
+        print("no chromium here: the page was checked for its structure only")
+        return
+    parts.daemon()
+    panel, url = parts.panel()
+    page = browser.new_page()
+    page.goto(url)
+    page.locator("#by").fill("Ana")
+    page.locator("#state").click()  # keys are orders where nothing is typed
+    page.locator("[data-order=start]").wait_for()
+    assert "token" not in page.url
+    page.keyboard.press("h")
+    answered(page, "HOLD refused: there is no flight to end: the vehicle is not armed")
+    page.locator("[data-order=start]").click()
+    answered(page, "START: not given. Keep it pressed for one second")
+    assert "ready" in page.locator("#state").inner_text().lower()
+    hold_down(page, "start")
+    answered(page, "START: accepted")
+    other = browser.new_page()
+    other.goto(page.url)
+    page.bring_to_front()
+    hold_down(page, "engage")
+    answered(page, "ENGAGE: accepted")
+    stands(page, "engaged")
+    page.locator("[data-name=winner]", has_text="pursuer").wait_for()
+    page.locator("#show-space").click()
+    assert inked(page, "space") > 0.002
+    page.locator("#show-plan").click()
+    for name in ("plan", "profile"):
+        assert inked(page, name) > 0.002
+    assert page.locator("#charts canvas").count() == 4
+    stands(page, "on station")
+    stands(other, "on station")
+    page.keyboard.press("l")
+    answered(page, "LAND: accepted")
+    stands(other, "landing")
+    other.locator("#events", has_text="land by panel, Ana at 127.0.0.1: accepted").wait_for()
+    stands(page, "landed")
+    page.locator("#records-button").click()
+    page.locator("dialog td", has_text="captured, ended landed").wait_for()
+    with browser.expect_page() as opened:
+        page.locator("dialog a", has_text="Replay").click()
+    replay = opened.value
+    replay.locator("#slider").wait_for()
+    replay.locator("#moment").focus()
+    replay.keyboard.press("End")
+    stands(replay, "landed")
+    assert not replay.locator("#buttons").is_visible()
+    assert browser.said == []
+    home = page.url
+    assert {re.match(r"\w+://[^/]+/", one)[0].replace("ws:", "http:") for one in browser.asked} == {home}
+    panel.kill()
+
+
+@pytest.mark.slow
+def test_what_is_gone_is_said_and_comes_back_and_twenty_pages_see_it(parts, browser):
+    if browser is None:
+        print("no chromium here: the page was checked for its structure only")
+        return
+    panel, url = parts.panel()
+    stranger = browser.new_page()
+    assert stranger.goto(url[:-1] + ("a" if url[-1] != "a" else "b")).status == 403
+    assert "Not let in" in stranger.content()
+    stranger.close()
+    browser.said.clear()  # the browser itself notes the 403
+    page = browser.new_page()
+    page.goto(url)
+    page.locator("#banner", has_text="no session within").wait_for()
+    daemon = parts.daemon()
+    page.locator("[data-order=start]").wait_for()
+    assert not page.locator("#banner").is_visible()
+
+    daemon.send_signal(signal.SIGSTOP)
+    page.locator("#banner", has_text="NO CONTACT WITH THE DAEMON").wait_for()
+    assert "old" in page.locator("body").get_attribute("class")
+    daemon.send_signal(signal.SIGKILL)
+    daemon.wait()
+    parts.daemon()  # with another token
+    page.locator("#banner").wait_for(state="hidden")
+    page.locator("[data-order=start]").wait_for()
+
+    pages = [page, *(browser.new_page() for _ in range(19))]
+    for one in pages[1:]:
+        one.goto(page.url, wait_until="commit")
+    for one in pages:
+        stands(one, "ready")
+    for one in pages[1:]:
+        one.close()
+    panel.send_signal(signal.SIGSTOP)
+    page.locator("#banner", has_text="NO CONTACT WITH THE PANEL").wait_for()
+    panel.send_signal(signal.SIGCONT)
+    page.locator("#banner").wait_for(state="hidden")
+    assert browser.said == []
+    assert ask("status", endpoint=parts.control, name="uav1")["state"] == "ready"
+    panel.kill()
+    panel.wait()
+    page.locator("#banner", has_text="NO CONTACT WITH THE PANEL").wait_for()
+    page.keyboard.press("h")
+    answered(page, "HOLD: no answer from the panel")
+
+
+def inked(page, name):
+    """Return the share of a canvas that something was drawn on."""
+    script = """name => {
+      const canvas = document.getElementById(name);
+      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      let drawn = 0;
+      for (let at = 3; at < data.length; at += 4) drawn += data[at] > 128;
+      return (4 * drawn) / data.length;
+    }"""
+    return page.evaluate(script, name)

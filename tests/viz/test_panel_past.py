@@ -1,0 +1,139 @@
+"""Flights that are over, as the panel lists, replays and exports them; and a flight that a panel looks at."""
+
+import itertools
+import json
+import shutil
+from types import SimpleNamespace
+
+import pytest
+from aiohttp import web
+from aiohttp.test_utils import TestClient, TestServer
+
+from guidance.clock import MonotonicClock
+from guidance.config import load
+from guidance.errors import OutputError
+from guidance.log import cycles_of
+from guidance.session.mocked import RECORD, fly_mock
+from guidance.session.onlookers import free_endpoint
+from guidance.session.recorded import recorded_settings
+from guidance.sim.scenario import Scenario
+from guidance.viz.panel import afterwards
+from guidance.viz.panel.beside import command, options_of
+from guidance.viz.panel.bus import DaemonBus, Heard
+from guidance.viz.panel.hub import Hub
+from guidance.viz.panel.past import Past
+from guidance.viz.panel.records import RecordFolder
+from guidance.viz.panel.snapshot import HISTORY
+
+
+@pytest.fixture
+def folder(record, tmp_path):
+    """A folder with a whole record of a daemon, a torn one of a flight, and what is none."""
+    whole, torn, strange = tmp_path / "uav1.mcap", tmp_path / "pe-001" / "record.mcap", tmp_path / "strange.mcap"
+    shutil.copy(record, whole)
+    torn.parent.mkdir()
+    torn.write_bytes(record.read_bytes()[:200_000])
+    strange.write_text("no record")
+    (tmp_path / "notes.txt").write_text("nothing")
+    return RecordFolder(tmp_path)
+
+
+async def test_the_records_of_a_folder_are_listed_with_how_they_ended_and_read_once(folder, monkeypatch):
+    rows = {row["record"]: row for row in await folder.listed()}
+    assert rows.keys() == {"uav1.mcap", "pe-001/record.mcap", "strange.mcap"}
+    whole, torn = rows["uav1.mcap"], rows["pe-001/record.mcap"]
+    assert (whole["captured"], whole["ended"], whole["torn"]) == (True, "landed", None)
+    assert whole["title"] == "A short chase for tests"
+    assert whole["duration_s"] > 20.0
+    assert torn["torn"]
+    assert not torn["captured"]
+    assert "is no MCAP file" in rows["strange.mcap"]["error"]
+
+    async def never(*_):
+        pytest.fail("what has not changed was read again")
+
+    monkeypatch.setattr(folder, "_run", never)
+    assert {row["record"]: row for row in await folder.listed()} == rows
+    folder.close()
+
+
+async def test_what_is_made_of_a_record_is_of_that_folder_only(folder):
+    for name, what in (
+        ("../uav1.mcap", "events"),
+        ("/etc/passwd", "events"),
+        ("notes.txt", "events"),
+        ("uav1.mcap", "sh"),
+    ):
+        assert await folder.made(name, what) is None
+    with pytest.raises(OutputError, match="is no MCAP file"):
+        await folder.made("strange.mcap", "events")
+    made = await folder.made("pe-001/record.mcap", "events")
+    assert made.name == "pe-001.txt"
+    assert "vehicle heard" in made.path.read_text()
+    assert await folder.made("pe-001/record.mcap", "events") == made
+    folder.close()
+    assert not made.path.exists()
+
+
+async def test_the_routes_say_what_each_thing_is(folder, monkeypatch):
+    async def quick(*arguments):
+        assert arguments[:2] == ("-m", "guidance.viz.panel.afterwards")
+        return json.dumps({name: {"ended": "landed"} for name in arguments[3:]}).encode()
+
+    monkeypatch.setattr(folder, "_run", quick)
+    application = web.Application()
+    application.add_routes(Past(folder).routes())
+    async with TestClient(TestServer(application)) as client:
+        listed = await (await client.get("/records")).json()
+        assert {row["ended"] for row in listed["records"]} == {"landed"}
+        assert (await client.get("/records/events", params={"record": "nothing"})).status == 404
+        frames = await client.get("/records/frames", params={"record": "uav1.mcap"})
+        assert frames.content_type == "application/json"
+    folder.close()
+
+
+def test_a_replay_is_the_whole_flight_in_the_order_it_was_flown(record, capsys):
+    assert afterwards.main("frames", str(record)) == 0
+    said = json.loads(capsys.readouterr().out)
+    times = [frame["now_s"] for frame in said["frames"]]
+    assert times == sorted(times)
+    assert 0.09 < min(after - before for before, after in itertools.pairwise(times)) < 0.13
+    assert [said["frames"][0]["state"], said["frames"][-1]["state"]] == ["checking", "landed"]
+    assert said["columns"] == list(HISTORY)
+    assert {len(row) for row in said["rows"]} == {len(HISTORY)}
+    assert [event["event"] for event in said["events"]][:2] == ["flight begins", "vehicle heard"]
+    assert [scene["from_s"] for scene in said["scenes"]] == sorted(scene["from_s"] for scene in said["scenes"])
+    engaged = next(frame for frame in said["frames"] if frame["game"])
+    assert engaged["state"] == "engaged"
+    assert engaged["game"]["isochron_m"]
+
+
+def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(record, request, tmp_path):
+    scenario = load(Scenario, request.config.rootpath / "tests" / "data" / "short_chase.toml")
+    endpoint = free_endpoint()
+    bus = DaemonBus(endpoint, None, MonotonicClock())
+    hub = Hub([bus], recorded_settings, MonotonicClock())
+    heard = SimpleNamespace(cycles=0)
+
+    def look(_):
+        heard.cycles += sum(isinstance(news, Heard) for news in bus._news)
+        hub.listen()
+        hub.message()
+
+    try:
+        fly_mock(scenario, tmp_path / "flown", look, fast=True, link="pymavlink", port=0, control=endpoint)
+    finally:
+        hub.close()
+    assert heard.cycles > 100
+    flown, alone = ([row.setpoint for row in cycles_of(path)] for path in (tmp_path / "flown" / RECORD, record))
+    assert sum(setpoint is not None for setpoint in alone) > 100
+    assert flown == alone
+
+
+def test_a_panel_beside_a_flight_is_told_where_its_daemon_and_its_records_are(tmp_path):
+    asked = command("tcp/127.0.0.1:9", options_of(tmp_path / "token", tmp_path))
+    assert asked[3:] == [
+        *("panel", "--endpoint", "tcp/127.0.0.1:9", "--with-parent", "--port", "0"),
+        *("--token-file", str(tmp_path / "token"), "--records", str(tmp_path)),
+    ]
+    assert options_of(None, None) == ("--port", "0")
