@@ -206,7 +206,7 @@ class EvaderReport(NamedTuple):
 
     `sent_s` is the sender's clock (NaN where the source has none); `altitude_amsl_m` is above mean sea level, made so
     from `said`. `timesync` is the sender's own answer to our TIMESYNC, with the first report after it came: it tells
-    its clock from ours.
+    its clock from ours. `sequence` is the number of the MAVLink frame, `peer` who sent it where the carrier tells.
     """
 
     received_s: float
@@ -220,6 +220,8 @@ class EvaderReport(NamedTuple):
     velocity_sd_m_s: float
     timesync: Timesync | None = None
     said: AltitudeSaid | None = None
+    sequence: int | None = None
+    peer: str | None = None
 
 
 class Setpoint(NamedTuple):

@@ -5,17 +5,18 @@ is moved, every place moves alike, and nothing is less sure.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from guidance.estimation.clock_offset import ClockOffset, hear, synchronise
 from guidance.estimation.imm import STATES, Array, combine
 from guidance.estimation.measurement import measure
+from guidance.estimation.rivals import Rivals, listen, told
 from guidance.estimation.settings import TrackSettings
-from guidance.estimation.track import Accepted, Track, advance, update
+from guidance.estimation.track import Accepted, ReportOutcome, Track, advance, update
 from guidance.frames import LocalFrame, Vector
 from guidance.messages import EvaderReport, Timesync
 
@@ -92,11 +93,18 @@ def _worst_sd(one: float, shared: float, other: float) -> float:
     return math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
 
 
+_FITS: Final[Mapping[ReportOutcome, bool]] = {
+    **dict.fromkeys((ReportOutcome.STARTED, ReportOutcome.ACCEPTED, ReportOutcome.REORDERED), True),
+    **dict.fromkeys((ReportOutcome.OUTLIER, ReportOutcome.TOO_FAR, ReportOutcome.JUMPED), False),
+}
+
+
 class Observer(NamedTuple):
-    """The sender's clock and the track. A new one knows nothing."""
+    """The sender's clock, the track, and whether somebody else speaks as the evader. A new one knows nothing."""
 
     clock: ClockOffset | None = None
     track: Track = Track()
+    rivals: Rivals = Rivals()
 
 
 def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
@@ -112,7 +120,19 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
         observer = compare_clocks(observer, report.timesync)
     clock = hear(observer.clock, report.sent_s, report.received_s)
     measurement = measure(report, frame, _true_at(report, clock, settings), settings)
-    return Observer(clock, update(observer.track, measurement, settings))
+    track = update(observer.track, measurement, settings)
+    if not measurement.is_usable():
+        return Observer(clock, track, observer.rivals)
+    apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
+    one = told(
+        report,
+        true_s=measurement.time_s,
+        place_m=measurement.position_ned_m[:2],
+        fits=None if track.outcome is None else _FITS.get(track.outcome),
+        apart_s=apart_s if math.isfinite(apart_s) else 0.0,
+    )
+    speed_m_s = 2.0 * settings.declared_speed_m_s
+    return Observer(clock, track, listen(observer.rivals, one, speed_m_s=speed_m_s, margin_m=settings.reach_m))
 
 
 def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
@@ -140,13 +160,19 @@ def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
         return observer
     was = track.history[-1].measurement.position_ned_m
     north, east, down = (now - before for before, now in zip(was, into(was), strict=True))
-    return observer._replace(track=_moved_track(track, (north, east, down)))
+    recent = tuple(
+        one._replace(place_m=(one.place_m[0] + north, one.place_m[1] + east)) for one in observer.rivals.recent
+    )
+    rivals = observer.rivals._replace(recent=recent)
+    return observer._replace(track=_moved_track(track, (north, east, down)), rivals=rivals)
 
 
 def _moved_track(track: Track, by_ned_m: Vector) -> Track:
     history = tuple(_moved_report(one, by_ned_m) for one in track.history)
     rival = None if track.rival is None else _moved_track(track.rival, by_ned_m)
-    return replace(track, history=history, rival=rival)
+    north, east, _ = by_ned_m
+    anchors = tuple(one._replace(place_m=(one.place_m[0] + north, one.place_m[1] + east)) for one in track.anchors)
+    return replace(track, history=history, rival=rival, anchors=anchors)
 
 
 def _moved_report(one: Accepted, by_ned_m: Vector) -> Accepted:

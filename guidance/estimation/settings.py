@@ -33,6 +33,9 @@ class TrackSettings:
         history_s: How far back reports can be put in order.
         jump_reports: Outliers in a row that agree with each other and start the track anew,
         jump_s: or fewer that do so for this long.
+        jump_m_s: A jump is believed only so far as this speed goes in the time since the evader was last known,
+        way_m_s: and no report that is further from where it was some seconds ago than this speed goes,
+        reach_m: each give or take this. The largest numbers allowed are no bound.
     """
 
     declared_speed_m_s: float
@@ -56,6 +59,9 @@ class TrackSettings:
     history_s: float = 3.0
     jump_reports: int = 3
     jump_s: float = 0.9
+    jump_m_s: float = _LARGEST
+    way_m_s: float = _LARGEST
+    reach_m: float = 6.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

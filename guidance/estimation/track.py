@@ -34,6 +34,7 @@ class ReportOutcome(StrEnum):
     DUPLICATE = "duplicate"
     TOO_OLD = "too old"  # from before everything that can still be put in order
     OUTLIER = "outlier"
+    TOO_FAR = "too far"  # further from where it was than it can have got
 
 
 TAKEN = frozenset(
@@ -51,6 +52,9 @@ TAKEN = frozenset(
 # the mixture, and to refuse it costs more than to take in what a receiver's bad moment could still hide below.
 _GATE = {2: 27.63, 4: 33.38}
 _SAME_TIME_S = 1e-4
+_ANCHOR_EVERY_S = 0.5
+_JUMP_SIGMAS = 6.0
+_FAR = ReportOutcome.TOO_FAR
 
 
 class Estimate(NamedTuple):
@@ -69,6 +73,13 @@ class Accepted(NamedTuple):
     estimate: Estimate
 
 
+class Anchor(NamedTuple):
+    """A place, north and east in metres, where the evader was taken to be at a time."""
+
+    time_s: float
+    place_m: tuple[float, float]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
     """Everything that is remembered of an evader.
@@ -79,6 +90,7 @@ class Track:
         outcome: What became of the last report.
         counts: How many reports ended with each outcome.
         nis: Normalised innovation squared of the last report that was compared with the estimate.
+        anchors: Where it was in the last seconds, jumps or none, oldest first; they bound how far it can be.
     """
 
     history: tuple[Accepted, ...] = ()
@@ -86,6 +98,7 @@ class Track:
     outcome: ReportOutcome | None = None
     counts: Mapping[ReportOutcome, int] = field(default_factory=dict)
     nis: float = float("nan")
+    anchors: tuple["Anchor", ...] = ()
 
     @property
     def estimate(self) -> Estimate | None:
@@ -102,7 +115,7 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     if estimate is None:
         return _ended(_begun(track, measurement, settings), ReportOutcome.STARTED)
     if measurement.received_s - estimate.received_s > settings.silence_s:
-        return _ended(_begun(track, measurement, settings), ReportOutcome.REACQUIRED)
+        return _begun_anew(track, _begun(track, measurement, settings), ReportOutcome.REACQUIRED, settings)
 
     earlier = len(track.history)
     while track.history[earlier - 1].measurement.time_s > measurement.time_s:
@@ -112,7 +125,37 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         return _outlier(replace(track, nis=nis), measurement, settings)
     history = _replayed((*track.history[:earlier], Accepted(measurement, taken)), track.history[earlier:], settings)
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
-    return Track(_recent(history, settings), None, outcome, _counted(track, outcome), nis)
+    taken_in = Track(_recent(history, settings), None, outcome, _counted(track, outcome), nis, track.anchors)
+    return _anchored(taken_in, settings)
+
+
+def _within_way(track: Track, measurement: Measurement, settings: TrackSettings) -> bool:
+    """Whether the evader can have got there from where it was some seconds ago, jumps or none."""
+    if not track.anchors:
+        return True
+    oldest = track.anchors[0]
+    far_m = math.dist(oldest.place_m, measurement.position_ned_m[:2])
+    return far_m <= settings.way_m_s * abs(measurement.time_s - oldest.time_s) + settings.reach_m
+
+
+def _within_jump(estimate: Estimate, measurement: Measurement, settings: TrackSettings) -> bool:
+    """Whether it can have got there since it was last known, at the speed that it declares."""
+    moved = advance(estimate, measurement.time_s, settings)
+    north, east = imm.combine(moved.modes)[0][:2].tolist()
+    spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
+    far_m = math.dist((north, east), measurement.position_ned_m[:2])
+    age_s = max(0.0, measurement.time_s - estimate.time_s)
+    return far_m <= settings.jump_m_s * age_s + max(settings.reach_m, spread_m)
+
+
+def _anchored(track: Track, settings: TrackSettings) -> Track:
+    """Remember where it is from time to time."""
+    estimate, anchors = track.estimate, track.anchors
+    if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
+        return track
+    north, east = imm.combine(estimate.modes)[0][:2].tolist()
+    kept = tuple(one for one in anchors if estimate.time_s - one.time_s <= settings.history_s)
+    return replace(track, anchors=(*(kept or anchors[-1:]), Anchor(estimate.time_s, (north, east))))
 
 
 def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estimate:
@@ -139,7 +182,7 @@ def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) ->
         return ReportOutcome.STALE
     if age_s < -settings.future_s:
         return ReportOutcome.FUTURE
-    return _repetition(track, measurement)
+    return _repetition(track, measurement) or (None if _within_way(track, measurement, settings) else _FAR)
 
 
 def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
@@ -210,7 +253,16 @@ def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) ->
     lasting_s = rival.history[-1].measurement.time_s - rival.history[0].measurement.time_s
     if len(rival.history) < settings.jump_reports and lasting_s < settings.jump_s:
         return _ended(replace(track, rival=rival), ReportOutcome.OUTLIER)
-    return _ended(replace(track, history=rival.history, rival=None), ReportOutcome.JUMPED)
+    anew = replace(track, history=rival.history, rival=None)
+    return _begun_anew(replace(track, rival=rival), anew, ReportOutcome.JUMPED, settings)
+
+
+def _begun_anew(track: Track, anew: Track, outcome: ReportOutcome, settings: TrackSettings) -> Track:
+    """The track that begins elsewhere, if the evader can have got there since it was last known."""
+    estimate, measurement = track.estimate, anew.history[-1].measurement
+    if estimate is not None and not _within_jump(estimate, measurement, settings):
+        return _ended(track, _FAR)
+    return _anchored(_ended(anew, outcome), settings)
 
 
 def _ended(track: Track, outcome: ReportOutcome) -> Track:

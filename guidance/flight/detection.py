@@ -52,6 +52,7 @@ class EventContext:
     other_mode_seen: bool
     mode_left: Mode | None = None
     chase_s: float = 0.0
+    rival: str = ""
 
     @property
     def heard_since_entry(self) -> bool:
@@ -180,6 +181,7 @@ _DETECTORS: Mapping[Event, Callable[[EventContext], bool]] = {
     Event.FLOOR: lambda context: _height_m(context) < context.envelope.floor_m - BREACH_M,
     Event.CEILING: lambda context: _height_m(context) > context.envelope.ceiling_m + BREACH_M,
     Event.STAND_OFF: _inside_stand_off,
+    Event.RIVAL: lambda context: context.settings.hold_on_rival and bool(context.rival),
     Event.BATTERY_LOW: _battery_low,
     Event.ESTIMATOR_RESET: _reset,
     Event.LOOP_LATE: lambda context: context.dt_s > LATE_LOOP_S,

@@ -66,6 +66,7 @@ class Flight:
         self._evader: EvaderEstimate | None = None
         self._echo = Echo()
         self._foreign = False
+        self._rival = ""
         self._memory = CycleMemory()
         self._certificate: Certificate | None = None
         self._monitor = MonitorMemory()
@@ -165,7 +166,7 @@ class Flight:
         self._alarm = None
 
         self.vehicle = observe(self.vehicle, inputs.messages)
-        self.tracking.observe(self.vehicle, inputs.reports)
+        self.tracking.observe(self.vehicle, inputs.reports, in_flight=self.state not in BEFORE_FLIGHT)
         self._hear(inputs)
         happenings = tuple(self._follow(inputs, dt_s))
         requests = (
@@ -216,6 +217,9 @@ class Flight:
             refused = Happening(inputs.now_s, order, self.state, self.state)
             yield refused if event is None else self._change(inputs.now_s, event)
         context = self._context(inputs.now_s, dt_s, inputs.refusals)
+        before, self._rival = self._rival, context.rival
+        if context.rival and not before and not self.settings.hold_on_rival:
+            yield Happening(inputs.now_s, Event.RIVAL, self.state, self.state)
         for event in events(context):
             yield self._change(inputs.now_s, event)
             return  # the most severe only: the state it leads to is judged by the next cycle
@@ -281,6 +285,7 @@ class Flight:
             other_mode_seen=self._other_mode_seen,
             mode_left=self._mode_left,
             chase_s=now_s - self._chase_began_s,
+            rival=self.tracking.rival(now_s),
         )
 
     def _start_ned_m(self) -> tuple[float, float, float] | None:

@@ -60,6 +60,7 @@ class FlightSettings:
         fence_corners_deg: A polygon fence by latitude and longitude; it takes effect with HOME_POSITION, before which
             nothing flies.
         longest_chase_s: How long one chase may last, pauses included, before the vehicle is handed to its hold.
+        hold_on_rival: Whether the vehicle is handed to its hold when two sources report as the evader.
     """
 
     autopilot: Autopilot
@@ -74,3 +75,4 @@ class FlightSettings:
     limits_s: Mapping[State, float] = field(default_factory=lambda: LIMITS_S)
     fence_corners_deg: Corners | None = None
     longest_chase_s: float = math.inf
+    hold_on_rival: bool = True

@@ -63,6 +63,7 @@ class Event(StrEnum):
     PILOT = "external mode change"
     FOREIGN = "setpoints of another source"
     EVADER_LOST = "evader lost"
+    RIVAL = "second source of the evader's reports"
     ESTIMATOR_RESET = "estimator reset"
     LOOP_STOPPED = "loop stopped for longer than the autopilot waits for setpoints"
     LOOP_LATE = "loop late"
@@ -142,6 +143,7 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     **{(state, Event.CEILING): State.HOLDING for state in _COMMANDING},
     **{(state, Event.STAND_OFF): State.HOLDING for state in _COMMANDING},
     **{(state, Event.FOREIGN): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.RIVAL): State.HOLDING for state in _COMMANDING},
     **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.TELEMETRY_LOST): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},

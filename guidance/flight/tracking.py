@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from guidance.autopilots import AutopilotProfile
 from guidance.cycle import CycleSettings, EvaderEstimate
 from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
 from guidance.flight.local_frame import OriginEstimate
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
+from guidance.game.game import horizontal_speed
 from guidance.messages import EvaderReport, Home
 from guidance.vehicle import VehicleState
 
@@ -20,7 +22,13 @@ class Tracking:
 
     def __init__(self, settings: CycleSettings, profile: AutopilotProfile) -> None:
         self._site = settings.site
-        self._track = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
+        self._free = TrackSettings(declared_speed_m_s=settings.declared_evader_speed_m_s, sigmas=settings.speed_sigmas)
+        # An evader that is faster than the pursuer makes no game; up to there a wrong declaration is played against.
+        self._track = replace(
+            self._free,
+            jump_m_s=settings.declared_evader_speed_m_s,
+            way_m_s=max(settings.declared_evader_speed_m_s, float(horizontal_speed(settings.speed_set))),
+        )
         self._observer = Observer()
         self._origin = OriginEstimate(profile.projection)
         self._home: Home | None = None
@@ -28,8 +36,14 @@ class Tracking:
         self.local_frame: LocalFrame | None = None
         self.game_frame: GameFrame | None = None
 
-    def observe(self, vehicle: VehicleState, reports: Sequence[EvaderReport]) -> None:
-        """Take in what was heard in one cycle."""
+    def observe(self, vehicle: VehicleState, reports: Sequence[EvaderReport], *, in_flight: bool = True) -> None:
+        """Take in what was heard in one cycle.
+
+        Args:
+            vehicle: As last heard.
+            reports: Of the evader, new ones.
+            in_flight: Whether a jump is bounded by the way that the evader can have gone; on the ground none is.
+        """
         frame = self._origin.observe(vehicle)
         if frame is None:
             return
@@ -42,7 +56,7 @@ class Tracking:
                 altitude = Amsl(home.altitude_amsl_m)
                 self.home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
         for report in reports:
-            self._observer = observe(self._observer, report, frame, self._track)
+            self._observer = observe(self._observer, report, frame, self._track if in_flight else self._free)
 
     @property
     def held_back_ned_m(self) -> Vector:
@@ -53,6 +67,11 @@ class Tracking:
     def counts(self) -> Mapping[ReportOutcome, int]:
         """How many reports of the evader were taken in, and how many dropped, and why."""
         return self._observer.track.counts
+
+    def rival(self, now_s: float) -> str:
+        """Return by what a second source of the evader's reports shows now; empty where none does."""
+        rivals = self._observer.rivals
+        return rivals.why if rivals.there(now_s) else ""
 
     def silence_s(self, now_s: float) -> float:
         """Seconds since a report of the evader arrived that could be used; infinite if none ever did."""

@@ -33,6 +33,11 @@ class Frame(NamedTuple):
     signed: bool
 
     @property
+    def sequence(self) -> int:
+        """Its sender's count of frames, modulo 256."""
+        return self.data[4 if self.data[0] == MAGIC_V2 else 2]
+
+    @property
     def payload(self) -> bytes:
         """As sent: without the zeros at its end in MAVLink 2."""
         start = 10 if self.data[0] == MAGIC_V2 else 6

@@ -147,6 +147,9 @@ def not_engageable(flight: Flight, now_s: float) -> str | None:
     if silence_s > limit_s:
         heard = "was never heard" if silence_s == float("inf") else f"was last heard {silence_s:.1f} s ago"
         return f"the evader {heard}; at most {limit_s:g} s is allowed"
+    rival = flight.tracking.rival(now_s)
+    if rival and flight.settings.hold_on_rival:
+        return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
     return None
 
 
@@ -185,6 +188,7 @@ def status(
             "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
             "position_age_s": vehicle.age_s(LocalPosition, now_s),
             "evader_silence_s": flight.tracking.silence_s(now_s),
+            "evader_second_source": flight.tracking.rival(now_s),
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
             "preflight_refused": list(refusals(rows)),
             "to_do": to_do(flight, now_s, rows),

@@ -2,6 +2,7 @@
 
 import contextlib
 import stat
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -151,6 +152,7 @@ def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSour
         if wire is None:
             wire = open_wire(url, clock=clock.now_s, systems=(evader.system_id,), timeout_s=_WIRE_LIMIT_S)
         spare, asked = share(wire, 2)
+    key = _evader_key(config)
     source = open_source(
         evader.kind,
         url,
@@ -163,12 +165,19 @@ def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSour
             None if evader.id_or_mac is None else bytes.fromhex(evader.id_or_mac),
         ),
         wire=None if evader.kind in ON_ZENOH else spare,
+        signing_key=key,
         timeout_s=_WIRE_LIMIT_S,
     )
     if asked is None or evader.system_id is None or evader.request_rate_hz is None:
         return source
     link = PymavlinkLink(
-        asked, clock.now_s, system_id=evader.system_id, component_id=evader.component_id or 1, own_system_id=OWN_ID
+        asked,
+        clock.now_s,
+        system_id=evader.system_id,
+        component_id=evader.component_id or 1,
+        own_system_id=OWN_ID,
+        signing_key=key,
+        unix_s=time.time_ns() / 1e9,
     )
     return PolledEvader(source, link, clock.now_s, message_id=_MESSAGE_IDS[evader.kind], rate_hz=evader.request_rate_hz)
 
@@ -184,8 +193,16 @@ def _frame(evader: EvaderSection) -> LocalFrame:
     )
 
 
-def signing_key(path: Path) -> SigningKey:
-    """Read a signing key.
+def _evader_key(config: Config) -> SigningKey | None:
+    """Return the key that reports have to be signed with: on the vehicle's link, its own."""
+    evader, vehicle = config.evader, config.vehicle
+    if evader.kind not in ON_ZENOH and evader.url is None and vehicle.signing_key_file is not None:
+        return signing_key(vehicle.signing_key_file)
+    return None if evader.signing_key_file is None else signing_key(evader.signing_key_file, "evader")
+
+
+def signing_key(path: Path, section: str = "vehicle") -> SigningKey:
+    """Read a signing key; `section` of the file names it.
 
     Raises:
         ConfigError: If it cannot be read, others may read it too, or it is not 64 hexadecimal digits.
@@ -194,9 +211,9 @@ def signing_key(path: Path) -> SigningKey:
         mode = path.stat().st_mode
         text = path.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"vehicle.signing_key_file = {str(path)!r}: cannot be read ({error})") from error
+        raise ConfigError(f"{section}.signing_key_file = {str(path)!r}: cannot be read ({error})") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(f"vehicle.signing_key_file = {str(path)!r}: others may read it; chmod 600 it")
+        raise ConfigError(f"{section}.signing_key_file = {str(path)!r}: others may read it; chmod 600 it")
     return SigningKey.from_hex(text)
 
 

@@ -66,6 +66,7 @@ class Specification:
         speed_limits: What no command exceeds.
         flight: How the flight goes around the game.
         evader_timeout_s: Silence after which the evader counts as lost.
+        hold_on_rival: Whether two sources of the evader's reports hand the vehicle to its hold.
         start_game_m: Where the vehicle stands by; None above its take-off.
         target_game_m: TAD: the place that the evader wants to reach.
         target_velocity_m_s: TAD: east and north.
@@ -85,6 +86,7 @@ class Specification:
     speed_limits: Speeds
     flight: FlightSection
     evader_timeout_s: float = _EVADER_TIMEOUT_S
+    hold_on_rival: bool = True
     start_game_m: Vector | None = None
     target_game_m: Vector | None = None
     target_velocity_m_s: tuple[float, float] = (0.0, 0.0)
@@ -120,6 +122,7 @@ class Specification:
             after_capture=AfterCapture(self.flight.after_capture),
             engage_on=EngageOn(self.flight.engage_on),
             battery_minimum=self.flight.battery_minimum,
+            hold_on_rival=self.hold_on_rival,
             longest_chase_s=math.inf if self.flight.longest_chase_s is None else self.flight.longest_chase_s,
             fence_corners_deg=self.limits.fence_polygon_deg,
             limits_s={
@@ -217,6 +220,7 @@ def of_vehicle(config: Config) -> Specification:
         speed_limits=config.speed_limits,
         flight=config.flight,
         evader_timeout_s=config.evader.timeout_s,
+        hold_on_rival=config.evader.second_source == "hold",
         # The game frame has its zero at the target; heights in a game are differences only.
         target_game_m=None if target is None else (0.0, 0.0, 0.0),
         target_velocity_m_s=game.target_velocity_m_s,

@@ -85,6 +85,12 @@ class EvaderSection(Section):
         None, gt=0.0, le=50.0, description="asked of an evader that sends nothing itself"
     )
     timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="silence after which the evader counts as lost")
+    second_source: Literal["hold", "tell"] = Field(
+        "hold", description="what two sources of one evader's reports lead to: the autopilot's hold, or an event only"
+    )
+    signing_key_file: Path | None = Field(
+        None, description="64 hexadecimal digits; without url the vehicle's key holds for its evader too"
+    )
     frame: EvaderFrame | None = Field(None, description="where its metres have their zero")
 
     @field_validator("url")
@@ -106,6 +112,11 @@ class EvaderSection(Section):
             raise ValueError(f'evader.frame: missing; kind = "{self.kind}" reports metres about a place of its own')
         if self.kind in ON_ZENOH and self.request_rate_hz is not None:
             raise ValueError(f'evader.request_rate_hz: not allowed; kind = "{self.kind}" cannot be asked')
+        if self.signing_key_file is not None and (self.kind in ON_ZENOH or self.url is None):
+            raise ValueError(
+                "evader.signing_key_file: not allowed; it is for MAVLink reports with a url of their own "
+                "(on the vehicle's link its key holds, over Zenoh TLS does)"
+            )
         if self.kind == "adsb" and self.icao_address is None:
             raise ValueError('evader.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
         return self

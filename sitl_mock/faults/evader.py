@@ -7,13 +7,26 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, choice, number
+from sitl_mock.faults.effect import (
+    Direction,
+    Effect,
+    Group,
+    Kind,
+    Making,
+    Option,
+    Passed,
+    Scope,
+    choice,
+    integer,
+    number,
+)
 from sitl_mock.faults.links import LINK_KINDS
 from sitl_mock.faults.places import along, in_local_frame, on_earth, vector
-from sitl_mock.mavlink import SPEC_BY_NAME
+from sitl_mock.mavlink import SPEC_BY_NAME, Encoder, Signing
+from sitl_mock.world import Home, LocalFrame
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
 REPORTS: Final = ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ODOMETRY", "FOLLOW_TARGET")
 _SCOPE: Final = Scope(Direction.OUT, REPORTS, open=True)
@@ -84,6 +97,37 @@ def _jump(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
+def _forger(making: Making) -> Effect:
+    """Somebody else reports as this vehicle, from where it stood and ever further away, among its own reports."""
+    vehicle, options = making.vehicle, making.options
+    autopilot, by_m, away_m_s = vehicle.autopilot, vector(making), (options["north_m_s"], options["east_m_s"], 0.0)
+    encoder = Encoder(vehicle.system_id, options["component"], signing=Signing(), link_id=102)
+    link, period_s = next(iter(vehicle.links)), 1.0 / options["rate_hz"]
+    begun_s, next_s = [math.nan], [math.nan]
+    place: list[Home] = []
+
+    def begin(now_s: float) -> None:
+        begun_s[0] = next_s[0] = now_s
+        place[:] = [autopilot.frame.to_geodetic(*autopilot.state.position_m)]
+
+    def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
+        said = []
+        while next_s[0] <= now_s + 1e-9:
+            said.append((link, encoder.pack("GLOBAL_POSITION_INT", *report(next_s[0], now_s))))
+            next_s[0] += period_s
+        return said
+
+    def report(at_s: float, now_s: float) -> tuple[int, ...]:
+        since_s = at_s - begun_s[0]
+        offset = (part + rate * since_s for part, rate in zip(by_m, away_m_s, strict=True))
+        lat, lon, alt = LocalFrame(place[0]).to_geodetic(*offset)
+        boot_ms = autopilot.report.boot_ms - round((now_s - at_s) * 1e3) + round(options["clock_s"] * 1e3)
+        rates = (round(rate * 100.0) for rate in away_m_s)
+        return (boot_ms & 0xFFFFFFFF, round(lat * 1e7), round(lon * 1e7), round(alt * 1e3), 0, *rates, 0)
+
+    return Effect(begin=begin, advance=advance)
+
+
 def _as_evader(kind: str, meaning: str) -> Kind:
     """Return an impairment of links, on an evader's reports only."""
     link = LINK_KINDS[kind]
@@ -118,6 +162,19 @@ EVADER_KINDS: Mapping[str, Kind] = MappingProxyType(
             _stale,
             {"as": Option("repeats or silence", "repeats", choice("repeats", "silence"))},
             _SCOPE,
+        ),
+        "evader_forger": Kind(
+            Group.EVADER,
+            "somebody else reports as this vehicle as well",
+            _forger,
+            {
+                **along(_JUMP),
+                "north_m_s": Option("how fast its place moves away", 0.0, number(-300.0, 300.0)),
+                "east_m_s": Option("likewise", 0.0, number(-300.0, 300.0)),
+                "rate_hz": Option("how often", 500.0, number(0.1, 1e4)),
+                "clock_s": Option("how far its clock is ahead of the vehicle's own", 0.0, number(-1e6, 1e6)),
+                "component": Option("its component id", 1, integer(1, 255)),
+            },
         ),
         "evader_jump": Kind(
             Group.EVADER,

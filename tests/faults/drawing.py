@@ -190,6 +190,13 @@ EVADER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
     "evader_jump": lambda draw: {**draw.vector(0.5, 15.0, down=0.2), "for_s": draw.between(0.2, 6.0)},
     "burst_loss": lambda draw: {"good_s": draw.between(0.2, 2.0), "lost_s": draw.between(0.1, 2.0)},
     "velocity_lie": lambda draw: {**draw.vector(0.3, 4.0), "for_s": draw.between(0.5, 8.0)},
+    "evader_forger": lambda draw: {
+        **draw.vector(0.0, 30.0),
+        "rate_hz": draw.between(20.0, 500.0),
+        "clock_s": draw.one(0.0, 0.0, 100.0),
+        "north_m_s": draw.between(-60.0, 60.0),
+        "east_m_s": draw.between(-60.0, 60.0),
+    },
     "loss": lambda draw: {**_shares(draw, 0.1, 0.9), "for_s": draw.between(1.0, 8.0)},
     "corrupt": lambda draw: {**_shares(draw, 0.05, 0.9), "for_s": draw.between(1.0, 8.0)},
     "bad_fields": _evaders_bad_fields,

@@ -27,6 +27,7 @@ from guidance.links.evaders.carrier import (
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire
 from guidance.links.requests import TimesyncPeer
+from guidance.links.signing import SigningKey
 from guidance.messages import AltitudeSaid, Datum, EvaderReport, GlobalPosition, Timesync
 
 OWN_COMPONENT_ID: Final = 195
@@ -64,14 +65,27 @@ class MavlinkEvader:
         system_id: int,
         component_id: int | None = None,
         clock: Clock | None = None,
+        signing_key: SigningKey | None = None,
+        unix_s: float = 0.0,
     ) -> None:
-        """Take over a wire. `component_id` None hears any component; without a `clock` nothing is ever sent."""
+        """Take over a wire.
+
+        Args:
+            wire: Closed with the source.
+            carrier: Of which message, and how it is read.
+            system_id: The evader's.
+            component_id: None hears any component.
+            clock: Without one nothing is ever sent.
+            signing_key: Only frames are heard that are signed with it, and ours are; None signs and asks for nothing.
+            unix_s: The calendar's time, needed for signing only, s.
+        """
         self._wire = wire
         self._carrier = carrier
         self._system_id = system_id
         self._component_id = component_id
         self._framer = Framer(CRC_EXTRA)
-        self._station = Station(system_id, OWN_COMPONENT_ID)
+        signing = {} if clock is None else {"clock": clock}
+        self._station = Station(system_id, OWN_COMPONENT_ID, signing_key=signing_key, unix_s=unix_s, **signing)
         self._clock = clock
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
@@ -96,10 +110,13 @@ class MavlinkEvader:
     def _is_meant(self, frame: Frame) -> bool:
         if NAMES[frame.message_id] not in (self._carrier.message, "TIMESYNC"):
             return False
-        if frame.system_id == self._system_id and self._component_id in (None, frame.component_id):
-            return True
-        self._counts["foreign"] += 1
-        return False
+        if frame.system_id != self._system_id or self._component_id not in (None, frame.component_id):
+            self._counts["foreign"] += 1
+            return False
+        doubts = self._station.doubts(frame)
+        if doubts is not None:
+            self._counts[doubts] += 1
+        return doubts is None
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
         try:
@@ -108,7 +125,7 @@ class MavlinkEvader:
                 answer, _ = self._timesync.hear(fields, received_s)
                 self._answer = answer or self._answer
                 return []
-            report = self._with_answer(self._carrier.report(fields, received_s))
+            report = self._with_answer(self._carrier.report(fields, received_s))._replace(sequence=frame.sequence)
         except Refused as refused:
             self._counts[f"refused_{refused.reason}"] += 1
             return []

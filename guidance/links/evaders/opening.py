@@ -1,5 +1,6 @@
 """From a configuration's words to a source of evader reports. Importing this imports every wire library."""
 
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final, NamedTuple
@@ -15,6 +16,7 @@ from guidance.links.evaders.ros import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_ke
 from guidance.links.evaders.zenoh import Reader, ZenohEvader, read_json
 from guidance.links.opening import open_wire
 from guidance.links.port import EvaderSource, Wire
+from guidance.links.signing import SigningKey
 
 
 class EvaderIdentity(NamedTuple):
@@ -57,6 +59,7 @@ def open_source(
     frame: LocalFrame,
     identity: EvaderIdentity,
     wire: Wire | None = None,
+    signing_key: SigningKey | None = None,
     timeout_s: float = 5.0,
 ) -> EvaderSource:
     """Open the source of reports called `kind` at `url`.
@@ -68,6 +71,7 @@ def open_source(
         frame: The evader's declared local frame, for the datum and for positions in metres.
         identity: Who the evader is.
         wire: Used in place of `url` for `MAVLINK` kinds, where the vehicle's link shares its wire.
+        signing_key: With which `MAVLINK` reports have to be signed; None asks for no signature.
         timeout_s: Bound of connecting, in real time.
 
     Raises:
@@ -89,4 +93,12 @@ def open_source(
     used = wire
     if used is None:
         used = open_wire(url, clock=clock, systems=(identity.system_id,), timeout_s=timeout_s)
-    return MavlinkEvader(used, carrier, system_id=identity.system_id, component_id=identity.component_id, clock=clock)
+    return MavlinkEvader(
+        used,
+        carrier,
+        system_id=identity.system_id,
+        component_id=identity.component_id,
+        clock=clock,
+        signing_key=signing_key,
+        unix_s=time.time_ns() / 1e9,
+    )

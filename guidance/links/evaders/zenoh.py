@@ -48,23 +48,23 @@ class ZenohEvader:
         except zenoh.ZError as error:
             raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
         self._read = read
-        self._arrivals = Arrivals[bytes](clock)
+        self._arrivals = Arrivals[tuple[bytes, str]](clock)
         self._counts: Counter[str] = Counter()
         self._own = open_session(endpoint, timeout_s=timeout_s) if endpoint is not None else None
         used = session if session is not None else self._own
         assert used is not None
         self._subscriber = used.declare_subscriber(
             expression,
-            lambda sample: self._arrivals.put(sample.payload.to_bytes()),
+            lambda sample: self._arrivals.put((sample.payload.to_bytes(), sender(sample))),
             allowed_origin=zenoh.Locality.REMOTE,
         )
 
     def receive(self) -> Sequence[EvaderReport]:
         """All reports since the last call, in order of arrival."""
         reports = []
-        for received_s, payload in self._arrivals.take():
+        for received_s, (payload, peer) in self._arrivals.take():
             try:
-                reports.append(self._read(payload, received_s))
+                reports.append(self._read(payload, received_s)._replace(peer=peer))
                 self._counts["reports"] += 1
             except Refused as refused:
                 self._counts[f"refused_{refused.reason}"] += 1
@@ -86,7 +86,19 @@ class ZenohEvader:
                 self._own.close()  # type: ignore[no-untyped-call]
 
 
+def sender(sample: "zenoh.Sample") -> str:
+    """Return who published a sample, as far as it tells: the key, and a publisher's identity of Zenoh or of ROS 2."""
+    source, attachment = sample.source_info, sample.attachment
+    if source is not None:
+        return f"{sample.key_expr} {source.source_id}"
+    told = b"" if attachment is None else attachment.to_bytes()
+    return f"{sample.key_expr} {told[-_GID_BYTES:].hex()}" if len(told) == _RMW_BYTES else str(sample.key_expr)
+
+
 ENCODING = "application/json"
+_GID_BYTES, _RMW_BYTES = 16, 33
+"""rmw_zenoh attaches a number, a time, and the publisher's identity with its length before it."""
+
 _DATUMS: dict[str, type[Amsl] | type[Ellipsoid] | type[Relative]] = {
     "amsl": Amsl,
     "ellipsoid": Ellipsoid,

@@ -45,7 +45,21 @@ def test_the_published_schema_is_the_models():
 
 def test_a_report_says_its_units_and_its_datum():
     report = read(as_bytes(), 3.0)
-    assert report == (3.0, 12.5, "evader", 47.4, 8.5, 600.0, (1.0, -2.0, 0.5), 1.5, 0.2, None, (600.0, "amsl"))
+    assert report == (
+        3.0,
+        12.5,
+        "evader",
+        47.4,
+        8.5,
+        600.0,
+        (1.0, -2.0, 0.5),
+        1.5,
+        0.2,
+        None,
+        (600.0, "amsl"),
+        None,
+        None,
+    )
 
 
 @pytest.mark.parametrize(("datum", "amsl_m"), [("amsl", 600.0), ("ellipsoid", 552.7), ("relative", 1090.0)])

@@ -1,0 +1,221 @@
+"""Somebody else reports as the evader, ten times as often: whole flights, by every carrier there is.
+
+The forger begins in the middle of the chase and draws the evader's place away. The vehicle is to be handed to its hold
+soon, and is not to have believed in more than the evader can do.
+"""
+
+import json
+import math
+import struct
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.clock import VirtualClock
+from guidance.config import parse
+from guidance.flight import Event, State
+from guidance.frames import Amsl, LocalFrame, game_from_ned
+from guidance.links import MemoryWire
+from guidance.links.evaders.adsb import AdsbVehicle
+from guidance.links.evaders.mavlink import FollowTarget, MavlinkEvader
+from guidance.links.evaders.opening import ZENOH
+from guidance.session.daemon import Daemon
+from guidance.session.loop import run
+from guidance.session.mission import Mission
+from guidance.session.spec import plan_of
+from guidance.sim.scenario import PURSUER, Scenario
+from guidance.sim.sensor import SensedEvader
+from guidance.sim.stepped import SteppedWorld
+
+DECLARED_M_S, OWN_M_S = 1.5, 4.0
+FORGED_AT_S, FORGED_FOR_S, AWAY_M_S = 2.5, 3.0, 130.0
+SITE = LocalFrame(47.397742, 8.545594, Amsl(488.0), undulation_m=47.0)
+
+
+def chase(*faults):
+    pursuer = {"position_m": (0.0, 0.0, 4.0), "speed_m_s": OWN_M_S, "takeoff_height_m": 3.5, "autopilot": "arducopter"}
+    document = {
+        "title": "forged",
+        "game": "pe",
+        "pursuer": pursuer,
+        "evader": {"position_m": (4.0, 28.0), "speed_m_s": DECLARED_M_S},
+        "standoff": {"height_m": 3.0},
+        "limits": {"floor_m": 2.0},
+        "fault": list(faults),
+    }
+    return parse(Scenario, document, source="forged")
+
+
+class Around:
+    """The mission, ended once the vehicle holds or the forger has had his time; notes how wrong the belief was."""
+
+    def __init__(self, mission, daemon, world):
+        self._mission, self._daemon, self._world = mission, daemon, world
+        self.engaged_s = self.held_s = None
+        self.finished, self.worst_m, self.told = False, 0.0, []
+
+    def before(self, now_s):
+        self._mission.before(now_s)
+
+    def after(self, now_s, late_s=0.0):
+        self._mission.after(now_s, late_s)
+        outputs, tracking = self._daemon.outputs, self._daemon.flight.tracking
+        self.told += [one.event for one in outputs.happenings]
+        if outputs.state is State.ENGAGED and self.engaged_s is None:
+            self.engaged_s = now_s
+        if self.engaged_s is None:
+            return
+        evader, truth = tracking.evader(now_s), self._world.player.position_game_m()
+        believed = tracking.game_frame.position_from_ned(evader.position_ned_m)
+        self.worst_m = max(self.worst_m, math.dist(believed[:2], truth[:2]))
+        if outputs.state is State.HOLDING and self.held_s is None:
+            self.held_s = now_s - self.engaged_s
+        self.finished = self.held_s is not None or now_s - self.engaged_s > FORGED_AT_S + FORGED_FOR_S
+
+
+def flown(scenario, source=None, *, hold=True):
+    """Fly it; `source` makes the source of reports of the mock's own, and of the time since engagement."""
+    clock = VirtualClock()
+    world = SteppedWorld(scenario, clock)
+    if source is not None:
+        world.evader_source = source(world.evader_source, lambda: around.engaged_s, clock)
+    heard = SensedEvader(world.evader_source, scenario.sensor, scenario.seed, clock.now_s)
+    plan = plan_of(scenario=scenario)
+    object.__setattr__(plan.flight, "hold_on_rival", hold)
+    daemon = Daemon(PURSUER, plan, world.link, heard)
+    around = Around(Mission(scenario, daemon, world, heard), daemon, world)
+    try:
+        run(daemon, world, clock, mission=around)
+    finally:
+        world.close()
+    return around
+
+
+def held_as_it_should(flight):
+    # Before two sources are told from each other, a place that runs away may be more than the game allows.
+    assert flight.told[-1] in {Event.RIVAL, Event.NO_GAME}
+    assert FORGED_AT_S < flight.held_s <= FORGED_AT_S + 2.0
+    # What a jump may be, and the way at our own speed until it is noticed.
+    assert flight.worst_m < 6.0 + OWN_M_S * (flight.held_s - FORGED_AT_S + 3.0)
+
+
+@pytest.mark.parametrize(
+    ("clock_s", "away_m_s"),
+    [(0.0, 3.0), (400.0, AWAY_M_S)],
+    ids=["by the evader's clock, slowly", "by a clock of his own"],
+)
+def test_a_forger_with_the_evaders_system_id(clock_s, away_m_s):
+    forger = {"kind": "evader_forger", "vehicle": "evader", "at_s": FORGED_AT_S, "clock_s": clock_s}
+    held_as_it_should(flown(chase({**forger, "north_m_s": away_m_s})))
+
+
+class Relayed:
+    """The evader's reports, told again by another carrier; from `FORGED_AT_S` on ten more beside each."""
+
+    def __init__(self, source, engaged_s, clock, *, rate_hz, tell):
+        self._source, self._engaged_s, self._clock = source, engaged_s, clock
+        self._period_s, self._tell = 1.0 / rate_hz, tell
+        self._due_s = 0.0
+        self._place = None
+
+    def receive(self):
+        reports, now_s = self._source.receive(), self._clock.now_s()
+        if not reports or now_s < self._due_s - 1e-9:
+            return []
+        self._due_s = now_s + self._period_s
+        true = reports[-1]
+        about = LocalFrame(true.latitude_deg, true.longitude_deg, Amsl(true.altitude_amsl_m))
+        told = self._tell((true.latitude_deg, true.longitude_deg, true.altitude_amsl_m), true.velocity_ned_m_s, now_s)
+        since_s = -1.0 if self._engaged_s() is None else now_s - self._engaged_s() - FORGED_AT_S
+        for share in range(10) if since_s >= 0.0 else ():
+            latitude, longitude, _ = about.wgs84_from_ned((AWAY_M_S * (since_s + 1e-3 * share), 0.0, 0.0))
+            told += self._tell(
+                (latitude, longitude, true.altitude_amsl_m), (30.0, 0.0, 0.0), now_s + 1e-4 * (share + 1)
+            )
+        return told
+
+    def counters(self):
+        return self._source.counters()
+
+    def close(self):
+        self._source.close()
+
+
+def over_zenoh(kind):
+    _, read = ZENOH[kind](SITE, "evader")
+
+    def tell(place, velocity, now_s):
+        if kind == "json":
+            latitude, longitude, altitude = place
+            payload = json.dumps(
+                {
+                    "sent_s": now_s,
+                    "latitude_deg": latitude,
+                    "longitude_deg": longitude,
+                    "altitude_m": altitude,
+                    "altitude_datum": "amsl",
+                    "velocity_ned_m_s": velocity,
+                }
+            ).encode()
+        else:
+            east, north, up = game_from_ned(SITE.ned_from_wgs84(place[0], place[1], Amsl(place[2])))
+            head = struct.pack("<iI", int(now_s), int(now_s % 1.0 * 1e9)) + struct.pack("<I", 4) + b"map\0"
+            payload = b"\0\1\0\0" + head + struct.pack("<7d", east, north, up, 0.0, 0.0, 0.0, 1.0)
+        return [read(payload, now_s)]
+
+    return tell
+
+
+def over_mavlink(carrier, message):
+    """Through `MavlinkEvader`, two senders with one system id, each with a count of his own."""
+    ours, theirs = MemoryWire.pair(lambda: 0.0)
+    source = MavlinkEvader(ours, carrier, system_id=9)
+    senders = [mavlink.MAVLink(None, 9, 1), mavlink.MAVLink(None, 9, 1)]
+
+    def tell(place, velocity, now_s):
+        forged = velocity[0] == 30.0
+        sender = senders[forged]
+        theirs.send(message(place, velocity, now_s).pack(sender))
+        sender.seq = (sender.seq + 1) % 256
+        return [one._replace(received_s=now_s) for one in source.receive()]
+
+    return tell
+
+
+def follow_target(place, velocity, now_s):
+    lat, lon = (round(part * 1e7) for part in place[:2])
+    zero = [0.0] * 4
+    return mavlink.MAVLink_follow_target_message(
+        round(now_s * 1e3), 3, lat, lon, place[2], velocity, zero[:3], zero, zero[:3], zero[:3], 0
+    )
+
+
+def adsb_vehicle(place, velocity, now_s):
+    lat, lon = (round(part * 1e7) for part in place[:2])
+    course = round(math.degrees(math.atan2(velocity[1], velocity[0])) % 360.0 * 100)
+    speed = round(math.hypot(*velocity[:2]) * 100)
+    return mavlink.MAVLink_adsb_vehicle_message(
+        0xABCDEF, lat, lon, 0, round(place[2] * 1e3), course, speed, 0, b"", 0, 0, 1 | 2 | 4 | 8 | 128, 0
+    )
+
+
+CARRIERS = {
+    "json": lambda: (20.0, over_zenoh("json")),
+    "ros_pose": lambda: (20.0, over_zenoh("ros_pose")),
+    "follow_target": lambda: (10.0, over_mavlink(FollowTarget(), follow_target)),
+    "adsb": lambda: (4.0, over_mavlink(AdsbVehicle(SITE, 0xABCDEF), adsb_vehicle)),
+}
+
+
+@pytest.mark.parametrize("carrier", CARRIERS)
+def test_a_forger_by_every_other_carrier(carrier):
+    rate_hz, tell = CARRIERS[carrier]()
+    held_as_it_should(flown(chase(), lambda *given: Relayed(*given, rate_hz=rate_hz, tell=tell)))
+
+
+def test_where_it_is_only_to_be_told_it_is_told_and_the_chase_goes_on():
+    forger = {"kind": "evader_forger", "vehicle": "evader", "at_s": FORGED_AT_S, "north": 40.0}
+    flight = flown(chase(forger), hold=False)
+    assert flight.told[-1] is Event.RIVAL
+    assert flight.held_s is None
+    assert flight.worst_m < 6.0
