@@ -1,1 +1,13 @@
-"""Closed-form pursuit guidance for real autopilots (Li, Wang & Xie, arXiv 2202.13522)."""
+"""Closed-form pursuit guidance for real autopilots (Li, Wang & Xie, arXiv 2202.13522).
+
+`from guidance import game` is the mathematics; `guidance.__version__` is the version that is installed.
+"""
+
+from importlib.metadata import version
+
+
+def __getattr__(name: str) -> str:
+    """Return `__version__`, looked up only when it is asked for."""
+    if name == "__version__":
+        return version("pursuit-guidance")
+    raise AttributeError(f"module 'guidance' has no attribute {name!r}")

@@ -9,8 +9,7 @@ from guidance.control.approach import Gaps
 from guidance.control.late_start import Acceleration, late_start
 from guidance.control.setpoint_limiter import Limited
 from guidance.frames import Vector
-from guidance.game import Game, Solution, Winner, solve
-from guidance.game.game import horizontal_speed
+from guidance.game import Game, Solution, Winner, horizontal_speed, solve
 from guidance.messages import Setpoint
 
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)

@@ -17,8 +17,7 @@ from guidance.control.hold import NorthEast, keep_station
 from guidance.control.late_start import Acceleration
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
-from guidance.game import Game, Reason, SpeedSet, StandOff, guaranteed_age_s
-from guidance.game.game import horizontal_speed
+from guidance.game import Game, Reason, SpeedSet, StandOff, guaranteed_age_s, horizontal_speed
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 

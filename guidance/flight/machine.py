@@ -30,7 +30,7 @@ from guidance.flight.table import (
 )
 from guidance.flight.tracking import Tracking
 from guidance.frames import LocalFrame, Vector
-from guidance.game.game import horizontal_speed
+from guidance.game import horizontal_speed
 from guidance.messages import Heartbeat, LocalPosition, Request, Setpoint
 from guidance.monitor import Alarm, MonitorMemory, watch
 from guidance.vehicle import VehicleState, observe

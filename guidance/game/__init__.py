@@ -1,12 +1,41 @@
-"""Pursuit-evasion games of a faster pursuer in space and a slower evader in a plane, in closed form."""
+"""Pursuit-evasion games of a faster pursuer in space and a slower evader in a plane, in closed form.
+
+>>> from guidance import game
+>>> paper = game.Game(game.Ball(2.0), evader_speed_m_s=1.0)
+>>> float(game.solve(paper, [8, 1.42, 9.41], [7.92, 9.6, 0]).value.round(4))  # s until the capture
+10.4247
+
+What is played:
+    Game: one pursuer against one evader, with what a vehicle adds to it: stand-off, wind, old information.
+    Ball, Cylinder: the pursuer's speed set; `SpeedSet` is either, `horizontal_speed` its largest horizontal speed.
+    StandOff: the disc around the evader on which the pursuer shall end.
+    guaranteed_age_s: how old the evader's position may be for the value of PE to be guaranteed.
+
+Its answer:
+    solve: both players' optimal play, for one state or a million, as a `Solution`.
+    Winner, Reason: who wins, and why there is an answer or none, as numbers with names.
+    value_gradient: what a metre of either player is worth, as a `Gradient`.
+    hji_residual: by how much a value function misses the Hamilton-Jacobi-Isaacs equation.
+    apollonius_circle, apollonius_sphere: the points that both reach at the same time, as an `Apollonius`.
+    barrier: the paper's line between both players' wins.
+
+Its play:
+    rollout: two policies played to the end, as a `Rollout`; `End` says how it ended.
+    Exact, Paper: how time advances there, up to the end exactly or as the published tables were made.
+    PURSUER_POLICIES, EVADER_POLICIES: every strategy without a memory, by name; each is a `Policy`.
+
+`guidance.game.team` has several pursuers and several evaders. Arrays are those of NumPy, PyTorch or JAX, positions
+(..., 3) in m; lists of numbers do, too.
+"""
 
 from guidance.game.apollonius import Apollonius, apollonius_circle, apollonius_sphere, barrier
-from guidance.game.game import Ball, Cylinder, Game, Reason, SpeedSet, StandOff, Winner, guaranteed_age_s
+from guidance.game.game import Game, Reason, StandOff, Winner, guaranteed_age_s
 from guidance.game.gradient import Gradient, value_gradient
 from guidance.game.hji import hji_residual
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.rollout import Rollout, rollout
 from guidance.game.solution import Solution, solve
+from guidance.game.speeds import Ball, Cylinder, SpeedSet, horizontal_speed
 from guidance.game.stepping import End, Exact, Paper
 
 __all__ = [
@@ -32,6 +61,7 @@ __all__ = [
     "barrier",
     "guaranteed_age_s",
     "hji_residual",
+    "horizontal_speed",
     "rollout",
     "solve",
     "value_gradient",

@@ -22,7 +22,7 @@ from guidance.game.arrays import (
     unit2,
     vectors,
 )
-from guidance.game.game import is_finite
+from guidance.game.records import is_finite
 
 
 class Apollonius(NamedTuple):

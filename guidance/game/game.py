@@ -7,17 +7,24 @@ so that a game is the same game whichever kind of number it was written with.
 import math
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
-
-import numpy as np
+from typing import Literal
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Plane, Real, as_reals, is_array, less_length, pair_length
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+from guidance.game.arrays import Array, Plane, Real, is_array, less_length, pair_length
+from guidance.game.records import (
+    is_zero,
+    record_hash,
+    require,
+    require_kind,
+    rows_of,
+    same_record,
+    take,
+    take_fields,
+    take_pair,
+)
+from guidance.game.speeds import Ball, Cylinder, SpeedSet, horizontal_speed
 
 STILL = (0.0, 0.0)
 
@@ -56,67 +63,6 @@ class Reason(IntEnum):
     """The numbers are too large for their precision: their squares, or what those become, are infinite."""
 
 
-def same_record(one: "DataclassInstance", other: object) -> bool:
-    """Say whether two records hold the same numbers; an array is compared as a whole, not row by row."""
-    return type(one) is type(other) and record_key(one) == record_key(other)
-
-
-def record_hash(record: "DataclassInstance") -> int:
-    """Return what equal records share."""
-    return hash(record_key(record))
-
-
-def record_key(record: "DataclassInstance") -> tuple[Any, ...]:
-    """Return a record's numbers as something that can be compared and hashed."""
-    return tuple(_key(getattr(record, part.name)) for part in fields(record) if part.init)
-
-
-def _key(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
-    if isinstance(value, tuple):
-        return tuple(map(_key, value))
-    return (value.shape, (np.asarray(value) + 0.0).tobytes()) if is_array(value) else value
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ball:
-    """The paper's speed set, eq. (2): the pursuer flies in any direction at up to `speed_m_s`.
-
-    Raises:
-        ConfigError: the speed is not a positive, finite number.
-    """
-
-    speed_m_s: Real
-    __eq__ = same_record
-    __hash__ = record_hash
-
-    def __post_init__(self) -> None:
-        _take_fields(self)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Cylinder:
-    """A multicopter's speed set: horizontal and vertical speed bounded each by itself, climb and descent apart.
-
-    PX4 calls the bounds MPC_XY_VEL_MAX (12 m/s), MPC_Z_VEL_MAX_UP (3 m/s) and MPC_Z_VEL_MAX_DN (1.5 m/s). The capture
-    radius of a game on this set is measured in the same way: horizontal and vertical distance each by itself.
-
-    Raises:
-        ConfigError: a speed is not a positive, finite number.
-    """
-
-    horizontal_m_s: Real
-    climb_m_s: Real
-    descent_m_s: Real
-    __eq__ = same_record
-    __hash__ = record_hash
-
-    def __post_init__(self) -> None:
-        _take_fields(self)
-
-
-SpeedSet: TypeAlias = Ball | Cylinder
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class StandOff:
     """Where the pursuer shall end: on the disc of `radius_m` around the evader, `height_m` above its plane.
@@ -133,7 +79,7 @@ class StandOff:
     __hash__ = record_hash
 
     def __post_init__(self) -> None:
-        _take_fields(self, zero_allowed=True)
+        take_fields(self, zero_allowed=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,8 +104,9 @@ class Game:
         evader_space: "plane", or "space" for the evader of the paper's remark, which moves in three dimensions.
 
     Raises:
-        ConfigError: a number is not finite or out of range, the pursuer has no speed in hand (δ ≤ 1), the target
-            outruns the evader, or an evader in space meets an extension that is defined in the plane only.
+        ConfigError: a number is not finite or out of range, the pursuer is no speed set or the stand-off no disc, the
+            pursuer has no speed in hand (δ ≤ 1), the target outruns the evader, or an evader in space meets an
+            extension that is defined in the plane only.
     """
 
     pursuer: SpeedSet
@@ -176,11 +123,14 @@ class Game:
     __hash__ = record_hash
 
     def __post_init__(self) -> None:
-        _take(self, "evader_speed_m_s")
-        _take(self, "capture_radius_m", zero_allowed=True)
-        _take(self, "information_age_s", zero_allowed=True)
-        _take_pair(self, "wind_m_s", rows_allowed=True)
-        _take_pair(self, "target_velocity_m_s")
+        speed_sets = "a speed set, Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"
+        require_kind("pursuer", self.pursuer, (Ball, Cylinder), speed_sets)
+        require_kind("standoff", self.standoff, (StandOff,), "a disc, StandOff(radius_m, height_m)")
+        take(self, "evader_speed_m_s")
+        take(self, "capture_radius_m", zero_allowed=True)
+        take(self, "information_age_s", zero_allowed=True)
+        take_pair(self, "wind_m_s", rows_allowed=True)
+        take_pair(self, "target_velocity_m_s")
         object.__setattr__(self, "varies", any(is_array(value) for value in parameters(self).values()))
         self._require_speeds()
         self._require_space()
@@ -241,11 +191,6 @@ class Game:
                 "evader_space = 'space': an evader that flies is defined for the speed set Ball, without stand-off, "
                 "wind or moving target"
             )
-
-
-def horizontal_speed(pursuer: SpeedSet) -> Real:
-    """Return the largest horizontal speed of a speed set, m/s; δ compares this one with the evader's."""
-    return pursuer.speed_m_s if isinstance(pursuer, Ball) else pursuer.horizontal_m_s
 
 
 def speed_in_hand(game: Game) -> Real:
@@ -309,63 +254,7 @@ def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
     """Return the game of some rows: every parameter that is an array, as `rows` takes them from it."""
     if not game.varies:
         return game
-    pursuer = replace(game.pursuer, **_taken(game.pursuer, rows))
-    standoff = replace(game.standoff, **_taken(game.standoff, rows))
+    pursuer = replace(game.pursuer, **rows_of(game.pursuer, rows))
+    standoff = replace(game.standoff, **rows_of(game.standoff, rows))
     wind = tuple(rows(part) if is_array(part) else part for part in game.wind_m_s)
-    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=wind, **_taken(game, rows))
-
-
-def _taken(record: "DataclassInstance", rows: Callable[[Array], Array]) -> dict[str, Real]:
-    values = {part.name: getattr(record, part.name) for part in fields(record) if part.init}
-    return {name: rows(value) for name, value in values.items() if is_array(value)}
-
-
-def _take_fields(record: "DataclassInstance", *, zero_allowed: bool = False) -> None:
-    """Check every number of a record."""
-    for part in fields(record):
-        _take(record, part.name, zero_allowed=zero_allowed)
-
-
-def _take(record: "DataclassInstance", name: str, *, zero_allowed: bool = False) -> None:
-    """Check a number of a record and keep it as a float; an array is judged row by row in `solve`."""
-    value = getattr(record, name)
-    if type(value) is not float:
-        object.__setattr__(record, name, as_reals(value) if is_array(value) else _float(value))
-    if not is_array(value):
-        require(name, value, zero_allowed=zero_allowed)
-
-
-def _take_pair(record: "DataclassInstance", name: str, *, rows_allowed: bool = False) -> None:
-    """Check a velocity in the plane and keep it as two floats, or as rows of them."""
-    pair = getattr(record, name)
-    rows = rows_allowed and isinstance(pair, tuple) and any(is_array(part) for part in pair)
-    allowed = [(rows and is_array(part)) or is_finite(part) for part in pair] if isinstance(pair, tuple) else []
-    if allowed != [True, True]:
-        raise ConfigError(f"{name} = {pair!r}: must be a tuple of two finite numbers (x, y), m/s")
-    object.__setattr__(record, name, tuple(as_reals(part) if is_array(part) else float(part) for part in pair))
-
-
-def _float(value: Real) -> Real:
-    return float(value) if is_finite(value) else value
-
-
-def require(name: str, value: Real, *, zero_allowed: bool = False) -> None:
-    """Refuse a number out of range by its name."""
-    if not is_finite(value) or value < 0 or (value == 0 and not zero_allowed):
-        allowed = "zero or more" if zero_allowed else "more than zero"
-        raise ConfigError(f"{name} = {value!r}: must be a finite number, {allowed}")
-
-
-def is_finite(value: Real) -> bool:
-    """Say whether a value is a finite number."""
-    try:
-        return math.isfinite(value)
-    except (TypeError, OverflowError):
-        return False
-
-
-def is_zero(value: Real) -> bool:
-    """Say whether a parameter is switched off, an array of NumPy in every row."""
-    if type(value) is float:
-        return value == 0.0
-    return not value.any() if isinstance(value, np.ndarray) else not is_array(value) and bool(value == 0)
+    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=wind, **rows_of(game, rows))

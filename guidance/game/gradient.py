@@ -25,9 +25,10 @@ from guidance.game.arrays import (
     unit2,
     vectors,
 )
-from guidance.game.game import Cylinder, Game
+from guidance.game.game import Game
 from guidance.game.reach import State, level_time, take_apart, vertical_speed
 from guidance.game.solution import Solution, leading_shape, quiet, solve
+from guidance.game.speeds import Cylinder
 
 
 class Gradient(NamedTuple):

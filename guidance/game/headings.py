@@ -26,8 +26,10 @@ from guidance.game.arrays import (
     select,
     unit2,
 )
-from guidance.game.game import STILL, Cylinder, Game, horizontal_speed, is_calm, is_zero
+from guidance.game.game import STILL, Game, is_calm
 from guidance.game.reach import State, ball_time, head_wind, least_square_in_hand
+from guidance.game.records import is_zero
+from guidance.game.speeds import Cylinder, horizontal_speed
 
 
 class Hunt(NamedTuple):

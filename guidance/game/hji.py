@@ -16,9 +16,10 @@ from array_api_compat import array_namespace, is_jax_array, is_torch_array
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Library, Plane, component, constant, dot2, norm2, root, select, vectors
-from guidance.game.game import Ball, Game
+from guidance.game.game import Game
 from guidance.game.gradient import Gradient
 from guidance.game.solution import solve
+from guidance.game.speeds import Ball
 
 ValueFunction: TypeAlias = Callable[[Array, Array, Array | None], Array]
 """Value of the positions of P, E and T, (..., 3) each, or of P, E and None; (...)."""

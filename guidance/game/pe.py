@@ -12,17 +12,9 @@ still, or whose velocity is unknown, it goes straight down. The evader keeps its
 """
 
 from guidance.game.arrays import Array, Library, Plane, Space, dot2, norm2, root, select, select2, unit2
-from guidance.game.game import (
-    Ball,
-    Cylinder,
-    Game,
-    Reason,
-    Winner,
-    horizontal_speed,
-    is_calm,
-    speed_in_hand,
-)
+from guidance.game.game import Game, Reason, Winner, is_calm, speed_in_hand
 from guidance.game.reach import Play, State, climb, cover_time, head_wind, steer
+from guidance.game.speeds import Ball, Cylinder, horizontal_speed
 
 
 def pursuit(xp: Library, game: Game, state: State) -> Play:

@@ -1,7 +1,7 @@
-"""The catalogue of strategies, by name, for either player: the paper's optimum, its baselines, and standing still.
+"""The strategies of either player by name: the paper's optimum, its baselines, lead pursuit, and standing still.
 
-A policy is a function of a game and of arrays (..., 3), with no memory. Every baseline moves at full speed, as in
-section V of the paper.
+A policy is a function of a game and of arrays (..., 3), with no memory; those with one, and courses laid out
+beforehand, are in `guidance.strategies`. Every baseline moves at full speed, as in section V of the paper.
 """
 # ruff: noqa: ARG001 - every strategy takes the same arguments, whether or not it looks at them
 
@@ -12,7 +12,7 @@ from typing import Protocol
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, component, norm2, pack, select, unit2, vectors
 from guidance.game.game import Game
-from guidance.game.reach import steer, take_apart
+from guidance.game.reach import catch_time, steer, take_apart
 from guidance.game.solution import leading_shape, quiet, solve
 from guidance.game.tad import guard_time
 
@@ -52,6 +52,25 @@ def pure_pursuit(
     return _fly_straight(game, pursuer, evader, evader, evader_velocity_m_s)
 
 
+def lead_pursuit(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
+) -> Array:
+    """Fly to where the evader is caught if it keeps its velocity (the collision course).
+
+    Without an observed velocity it is pure pursuit.
+    """
+    seen = {} if evader_velocity_m_s is None else {"evader_velocity_m_s": evader_velocity_m_s}
+    xp, given = vectors({"pursuer": pursuer, "evader": evader} | seen)
+    shape, pursuer = leading_shape(game, given), given["pursuer"]
+    with quiet(xp):
+        state = take_apart(xp, game, pursuer, given["evader"], given.get("evader_velocity_m_s", 0.0 * given["evader"]))
+        run, wind = state.hold, game.wind_m_s
+        t = catch_time(xp, game, state.to_evader, (run[0] - wind[0], run[1] - wind[1]), state.z)
+        to = (state.to_evader[0] + run[0] * t, state.to_evader[1] + run[1] * t)
+        gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
+        return pack(xp, shape, pursuer, steer(xp, game, to, gap, t, state.z, state.hold))
+
+
 def pursuer_to_target(
     game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
 ) -> Array:
@@ -82,14 +101,20 @@ def hold(
 
 
 PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
-    {"optimal": optimal_pursuer, "pure_pursuit": pure_pursuit, "task_oriented": pursuer_to_target, "hold": hold}
+    {
+        "optimal": optimal_pursuer,
+        "pure_pursuit": pure_pursuit,
+        "task_oriented": pursuer_to_target,
+        "hold": hold,
+        "lead_pursuit": lead_pursuit,
+    }
 )
-"""Every strategy of the pursuer by name."""
+"""Every strategy of the pursuer without a memory, by name."""
 
 EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
     {"optimal": optimal_evader, "pure_evade": pure_evade, "task_oriented": evader_to_target, "hold": hold}
 )
-"""Every strategy of the evader by name."""
+"""Every strategy of the evader without a memory, by name."""
 
 
 def _needed(target: Array | None) -> Array:

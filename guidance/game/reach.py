@@ -43,7 +43,9 @@ from guidance.game.arrays import (
     select2,
     unit2,
 )
-from guidance.game.game import Ball, Cylinder, Game, horizontal_speed, is_calm, is_zero, speed_in_hand, wind_speed
+from guidance.game.game import Game, is_calm, speed_in_hand, wind_speed
+from guidance.game.records import is_zero
+from guidance.game.speeds import Ball, Cylinder, horizontal_speed
 
 TOUCH_M = 1e-9
 """What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""

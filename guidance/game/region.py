@@ -28,9 +28,10 @@ from guidance.game.arrays import (
     select2,
     unit2,
 )
-from guidance.game.game import STILL, Game, guaranteed_age_s, is_calm, is_zero
+from guidance.game.game import STILL, Game, guaranteed_age_s, is_calm
 from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
 from guidance.game.reach import State
+from guidance.game.records import is_zero
 
 STEPS = 3
 """Newton steps that every row takes ..."""

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, choose, norm3, spread, vectors
-from guidance.game.game import Game, is_zero, require
+from guidance.game.game import Game
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
+from guidance.game.records import is_zero, require
 from guidance.game.solution import leading_shape, quiet, solve
 from guidance.game.stepping import End, Exact, Paper, Sample, Velocities, exact_samples, published_samples
 
@@ -116,5 +117,8 @@ def _policy(name: str, policy: str | Policy, catalogue: Mapping[str, Policy]) ->
     if not isinstance(policy, str):
         return policy
     if policy not in catalogue:
-        raise ConfigError(f"{name} = {policy!r}: must be one of {', '.join(catalogue)}")
+        raise ConfigError(
+            f"{name} = {policy!r}: must be one of {', '.join(catalogue)}, or a function "
+            "`Policy`; strategies with a memory and courses are played by scenarios"
+        )
     return catalogue[policy]

@@ -29,21 +29,12 @@ from guidance.game.arrays import (
     spread,
     vectors,
 )
-from guidance.game.game import (
-    Game,
-    Reason,
-    Winner,
-    for_rows,
-    guaranteed_age_s,
-    horizontal_speed,
-    is_finite,
-    is_zero,
-    parameters,
-    speed_in_hand,
-)
+from guidance.game.game import Game, Reason, Winner, for_rows, guaranteed_age_s, parameters, speed_in_hand
 from guidance.game.pe import pursuit
 from guidance.game.reach import Play, take_apart
+from guidance.game.records import is_finite, is_zero
 from guidance.game.space import play_in_space
+from guidance.game.speeds import horizontal_speed
 from guidance.game.tad import defence
 
 NAN = float("nan")

@@ -29,8 +29,10 @@ from guidance.game.arrays import (
     root,
     select,
 )
-from guidance.game.game import Ball, Game, horizontal_speed, require, wind_speed
+from guidance.game.game import Game, wind_speed
 from guidance.game.reach import TOUCH_M, take_apart, vertical_speed
+from guidance.game.records import require
+from guidance.game.speeds import Ball, horizontal_speed
 
 SHARE = {1: 1.0, 4: 0.5}
 """Share of the least time to the end that a step of an order may take; Runge-Kutta must not look past the end."""

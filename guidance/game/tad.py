@@ -23,10 +23,12 @@ import numpy as np
 
 from guidance.game.apollonius import race
 from guidance.game.arrays import FLOATS, Array, Library, Plane, Space, norm2, positive_part, select, select2, unit2
-from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm, is_zero
+from guidance.game.game import STILL, Game, Reason, Winner, is_calm
 from guidance.game.pe import pursuit
 from guidance.game.reach import Play, State, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
+from guidance.game.records import is_zero
 from guidance.game.region import Edge, closest_point, is_circle
+from guidance.game.speeds import Ball, Cylinder, horizontal_speed
 
 
 class Contest(NamedTuple):

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.frames import Amsl, Vector
-from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
-from guidance.game.game import horizontal_speed
+from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff, horizontal_speed
 from guidance.sim.evader import EvaderSettings
 from guidance.sim.scenario import Player, Scenario
 from guidance.strategies import Course, Strategy, random_turns, recorded, waypoints

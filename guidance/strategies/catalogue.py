@@ -1,17 +1,15 @@
 """Strategies by name, for either player, with what they remember: the same for a flight's cycle and for a batch."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game, Policy, SpeedSet
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game, SpeedSet
 from guidance.game.arrays import Array
 from guidance.strategies.course import Course, bounded
-from guidance.strategies.navigation import lead_pursuit, proportional_navigation
+from guidance.strategies.navigation import proportional_navigation
 
 OPTIMAL: Final = "optimal"
 PROPORTIONAL: Final = "proportional_navigation"
@@ -19,9 +17,7 @@ PROPORTIONAL: Final = "proportional_navigation"
 COURSES: Final = ("waypoints", "random_turns", "recorded")
 """Courses laid out beforehand: they look at the clock and not at the other player."""
 
-_FEEDBACK: Mapping[str, Policy] = MappingProxyType({**PURSUER_POLICIES, "lead_pursuit": lead_pursuit})
-
-PURSUER_STRATEGIES: Final = (*_FEEDBACK, PROPORTIONAL, *COURSES)
+PURSUER_STRATEGIES: Final = (*PURSUER_POLICIES, PROPORTIONAL, *COURSES)
 EVADER_STRATEGIES: Final = (*EVADER_POLICIES, *COURSES)
 
 
@@ -83,7 +79,7 @@ def pursue(
         return proportional_navigation(
             game, pursuer, evader, seen_m_s, memory.velocity_m_s, dt_s=dt_s, gain=strategy.gain
         )
-    return _FEEDBACK[strategy.name](game, pursuer, evader, target, seen_m_s)
+    return PURSUER_POLICIES[strategy.name](game, pursuer, evader, target, seen_m_s)
 
 
 def evade(

@@ -1,34 +1,35 @@
-"""The guidance laws that a pursuit game is compared with: lead pursuit and proportional navigation.
+"""Proportional navigation, the guidance law that a pursuit game is compared with.
 
-Both act in the plane, as a missile's do in its plane of engagement, and leave height to the speed set, which levels out
-on the disc: a Cylinder at its own pace, a Ball in proportion.
+Pure proportional navigation in space (Zarchan, "Tactical and Strategic Missile Guidance", ch. 2 and 20; Shneydor,
+"Missile Guidance and Pursuit", ch. 5): the velocity turns N times as fast as the line of sight to the stand-off disc,
+
+    ω = N r × (v_E − v_P) / ‖r‖²,   v̇_P = ω × v_P.
+
+A Ball turns its whole velocity so. A Cylinder's bounds are apart, so that its law is that of the plane, and its height
+is met at its own pace meanwhile, as early as it can be.
 """
 
-from guidance.game.arrays import Array, Library, Plane, component, dot2, norm2, pack, select2, unit2, vectors
+from guidance.game.arrays import (
+    Array,
+    Library,
+    Plane,
+    Real,
+    Space,
+    component,
+    dot2,
+    pack,
+    positive_part,
+    root,
+    select,
+    select2,
+    unit2,
+    vectors,
+)
 from guidance.game.game import Game
-from guidance.game.reach import State, catch_time, steer, take_apart
+from guidance.game.reach import State, steer, take_apart
 from guidance.game.solution import leading_shape, quiet
+from guidance.game.speeds import Ball
 from guidance.game.tad import guard_time
-
-
-def lead_pursuit(
-    game: Game, pursuer: Array, evader: Array, target: Array | None = None, evader_velocity_m_s: Array | None = None
-) -> Array:
-    """Fly to where the evader is caught if it keeps its velocity (the collision course): (..., 3), m/s.
-
-    A `Policy` as those of `guidance.game`. Without an observed velocity it is pure pursuit.
-    """
-    del target
-    seen = {} if evader_velocity_m_s is None else {"evader_velocity_m_s": evader_velocity_m_s}
-    xp, given = vectors({"pursuer": pursuer, "evader": evader} | seen)
-    shape, pursuer = leading_shape(game, given), given["pursuer"]
-    with quiet(xp):
-        state = take_apart(xp, game, pursuer, given["evader"], given.get("evader_velocity_m_s", 0.0 * given["evader"]))
-        run, wind = state.hold, game.wind_m_s
-        t = catch_time(xp, game, state.to_evader, (run[0] - wind[0], run[1] - wind[1]), state.z)
-        to = (state.to_evader[0] + run[0] * t, state.to_evader[1] + run[1] * t)
-        gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m
-        return pack(xp, shape, pursuer, steer(xp, game, to, gap, t, state.z, state.hold))
 
 
 def proportional_navigation(
@@ -58,25 +59,73 @@ def proportional_navigation(
     shape, pursuer = leading_shape(game, given), given["pursuer"]
     with quiet(xp):
         state = take_apart(xp, game, *given.values())
-        direction = unit2(xp, state.to_evader, state.distance)
-        if previous_m_s is not None:
-            previous = (component(previous_m_s, 0), component(previous_m_s, 1))
-            direction = select2(
-                xp, dot2(previous, direction) > 0.0, _turned(xp, state, previous, dt_s * gain), direction
-            )
-        to = (direction[0] * state.distance, direction[1] * state.distance)
-        gap = state.distance - game.standoff.radius_m - game.capture_radius_m
-        t = guard_time(xp, game, state, (to[0] - state.to_evader[0], to[1] - state.to_evader[1]))
-        return pack(xp, shape, pursuer, steer(xp, game, to, gap, t, state.z, state.hold))
+        previous = (
+            (0.0, 0.0, 0.0) if previous_m_s is None else tuple(component(previous_m_s, index) for index in range(3))
+        )
+        if isinstance(game.pursuer, Ball):
+            flown = _in_space(xp, game, game.pursuer, state, previous, dt_s * gain)
+        else:
+            flown = _in_the_plane(xp, game, state, previous, dt_s * gain)
+        return pack(xp, shape, pursuer, flown)
 
 
-def _turned(xp: Library, state: State, previous: Plane, gained_s: Array | float) -> Plane:
-    """Turn the last heading by the line of sight's rate times `gained_s`, which is exact for small angles."""
-    r, run = state.to_evader, state.hold
-    w = (run[0] - previous[0], run[1] - previous[1])
-    square = dot2(r, r)
-    s = 0.5 * gained_s * (r[0] * w[1] - r[1] * w[0]) / (square + (square == 0.0))
-    scale = 1.0 / (1.0 + s * s)
-    cosine, sine = (1.0 - s * s) * scale, 2.0 * s * scale
-    heading = unit2(xp, previous, norm2(xp, previous))
-    return cosine * heading[0] - sine * heading[1], sine * heading[0] + cosine * heading[1]
+def _in_space(xp: Library, game: Game, pursuer: Ball, state: State, previous: Space, gained_s: Real) -> Space:
+    """Turn a Ball's velocity towards the nearest point of the disc."""
+    e, reach = unit2(xp, state.to_evader, state.distance), positive_part(state.distance - game.standoff.radius_m)
+    sight = (reach * e[0], reach * e[1], -state.z)
+    course = _turned(xp, sight, previous, state.hold, gained_s)
+    headwind = course[0] * game.wind_m_s[0] + course[1] * game.wind_m_s[1]
+    wind = dot2(game.wind_m_s, game.wind_m_s)
+    pace = headwind + root(xp, pursuer.speed_m_s * pursuer.speed_m_s - wind + headwind * headwind)
+    met = _length(xp, sight) <= game.capture_radius_m
+    level = select2(xp, met, state.hold, (pace * course[0], pace * course[1]))
+    return *level, select(xp, met, 0.0, pace * course[2])
+
+
+def _in_the_plane(xp: Library, game: Game, state: State, previous: Space, gained_s: Real) -> Space:
+    """Turn a Cylinder's horizontal velocity towards the evader, and meet its height."""
+    nought = 0.0 * state.z
+    course = _turned(xp, (*state.to_evader, nought), (previous[0], previous[1], nought), state.hold, gained_s)
+    to = (course[0] * state.distance, course[1] * state.distance)
+    gap = state.distance - game.standoff.radius_m - game.capture_radius_m
+    t = guard_time(xp, game, state, (to[0] - state.to_evader[0], to[1] - state.to_evader[1]))
+    return steer(xp, game, to, gap, t, state.z, state.hold)
+
+
+def _turned(xp: Library, sight: Space, previous: Space, run: Plane, gained_s: Real) -> Space:
+    """Return the direction of the last course turned by the line of sight's rate times `gained_s`.
+
+    The turn is Rodrigues' by the tangent of its half angle, which is exact for small angles and keeps the length.
+    """
+    far = _length(xp, sight)
+    ahead = _scaled(1.0 / select(xp, far > 0, far, 1.0), sight)
+    w = (run[0] - previous[0], run[1] - previous[1], -previous[2])
+    square = far * far
+    half = _scaled(0.5 * gained_s / (square + (square == 0)), _cross(sight, w))
+    speed = _length(xp, previous)
+    course = _scaled(1.0 / select(xp, speed > 0, speed, 1.0), previous)
+    once = _cross(half, course)
+    twice = _cross(half, (course[0] + once[0], course[1] + once[1], course[2] + once[2]))
+    share = 2.0 / (1.0 + _dot(half, half))
+    closes = _dot(previous, sight) > 0
+    return (
+        select(xp, closes, course[0] + share * twice[0], ahead[0]),
+        select(xp, closes, course[1] + share * twice[1], ahead[1]),
+        select(xp, closes, course[2] + share * twice[2], ahead[2]),
+    )
+
+
+def _dot(a: Space, b: Space) -> Array:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Space, b: Space) -> Space:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _length(xp: Library, v: Space) -> Array:
+    return root(xp, _dot(v, v))
+
+
+def _scaled(factor: Real, v: Space) -> Space:
+    return factor * v[0], factor * v[1], factor * v[2]

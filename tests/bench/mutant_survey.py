@@ -80,7 +80,8 @@ def survey(patterns: str, kept: Path | None) -> Survey:
     found, libraries = Survey({}, {}), set()
     for path in digests:
         _, costs_s, reached, names = known[path]
-        found.costs_s.update(costs_s)
+        mean_s = sum(costs_s.values()) / max(len(costs_s), 1)  # what a file's tests share falls on any of them
+        found.costs_s.update({name: max(cost_s, mean_s) for name, cost_s in costs_s.items()})
         libraries.update(names)
         for stem, lines in reached.items():
             for line, tests in lines.items():

@@ -66,10 +66,30 @@ def test_what_may_be_zero_says_so(name, build, value):
 
 
 @pytest.mark.parametrize("name", ["wind_m_s", "target_velocity_m_s"])
-@pytest.mark.parametrize("pair", [(NAN, 0.0), (0.0, INF), (1.0,), (0.0, 0.0, 0.0), 0.0, [0.0, 0.0], ("a", "b")])
+@pytest.mark.parametrize("pair", [(NAN, 0.0), (0.0, INF), (1.0,), (0.0, 0.0, 0.0), 0.0, [0.0], ("a", "b"), None])
 def test_a_velocity_in_the_plane_is_two_finite_numbers(name, pair):
-    with pytest.raises(ConfigError, match=rf"{name} = .*tuple of two finite numbers"):
+    with pytest.raises(ConfigError, match=rf"{name} = .*must be two finite numbers"):
         Game(Ball(2.0), 1.0, **{name: pair})
+
+
+def test_a_velocity_in_the_plane_may_be_a_list_or_an_array():
+    games = [Game(Ball(2.0), 1.0, wind_m_s=pair) for pair in ((0.3, -0.4), [0.3, -0.4], np.array([0.3, -0.4]))]
+    assert games[0] == games[1] == games[2]
+    assert games[2].wind_m_s == (0.3, -0.4)
+    rows = Game(Ball(2.0), 1.0, wind_m_s=[np.array([0.1, 0.2]), 0.3])
+    assert rows == Game(Ball(2.0), 1.0, wind_m_s=(np.array([0.1, 0.2]), 0.3))
+
+
+@pytest.mark.parametrize("pursuer", [2.0, "ball", None, (2.0,)])
+def test_a_pursuer_is_one_of_the_speed_sets(pursuer):
+    with pytest.raises(ConfigError, match=r"pursuer = .*Ball\(speed_m_s\) or Cylinder\(horizontal_m_s, climb_m_s"):
+        Game(pursuer, 1.0)
+
+
+@pytest.mark.parametrize("standoff", [(3, 5), 3.0, None])
+def test_a_stand_off_is_a_disc(standoff):
+    with pytest.raises(ConfigError, match=r"standoff = .*: must be a disc, StandOff\(radius_m, height_m\)"):
+        Game(Ball(2.0), 1.0, standoff=standoff)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,8 @@ from guidance.game import (
     solve,
     value_gradient,
 )
-from guidance.strategies.navigation import lead_pursuit, proportional_navigation
+from guidance.game.policies import lead_pursuit
+from guidance.strategies.navigation import proportional_navigation
 
 PAPER = Game(Ball(2.0), 1.0)
 WHOLE = ([3, 4, 10], [0, 0, 0], [30, 1, 0])

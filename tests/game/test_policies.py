@@ -10,7 +10,7 @@ P, E, T = np.array([3.0, 4.0, 12.0]), np.zeros(3), np.array([-6.0, 8.0, 0.0])
 
 
 def test_the_catalogues_name_what_the_paper_compares():
-    assert list(PURSUER_POLICIES) == ["optimal", "pure_pursuit", "task_oriented", "hold"]
+    assert list(PURSUER_POLICIES) == ["optimal", "pure_pursuit", "task_oriented", "hold", "lead_pursuit"]
     assert list(EVADER_POLICIES) == ["optimal", "pure_evade", "task_oriented", "hold"]
 
 

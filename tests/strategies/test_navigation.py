@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Cylinder, Game, StandOff
+from guidance.game import Ball, Cylinder, Game, StandOff, solve
+from guidance.game.policies import lead_pursuit
 from guidance.strategies import OPTIMAL, Course, Strategy, StrategyMemory, evade, pursue
-from guidance.strategies.navigation import lead_pursuit, proportional_navigation
+from guidance.strategies.navigation import proportional_navigation
 
 POINT = Game(Ball(2.0), 1.0)
 COPTER = Game(Cylinder(4.0, 2.0, 1.0), 2.0, standoff=StandOff(3.0, 5.0))
@@ -62,6 +63,60 @@ def test_proportional_navigation_turns_gain_times_as_fast_as_the_line_of_sight()
     for gain in (1.0, 3.0, 5.0):
         v = proportional_navigation(POINT, P, E, run, previous, dt_s=1e-3, gain=gain)
         assert np.arctan2(v[1], v[0]) == pytest.approx(gain * rate * 1e-3, rel=1e-6)
+
+
+def test_in_space_a_ball_turns_its_whole_velocity_by_the_laws_own_equation():
+    rng = np.random.default_rng(4)
+    P, E, run, previous = rng.uniform(-20.0, 20.0, (4, 200, 3))
+    P[:, 2], E[:, 2], run[:, 2] = np.abs(P[:, 2]) + 1.0, 0.0, 0.0
+    run *= 0.9 / np.linalg.norm(run, axis=-1, keepdims=True)
+    previous *= 2.0 / np.linalg.norm(previous, axis=-1, keepdims=True)
+    r = E - P
+    closes = np.sum(r * previous, axis=-1) > 0
+    v = proportional_navigation(POINT, P, E, run, previous, dt_s=1e-6, gain=4.0)
+    rate = 4.0 * np.cross(r, run - previous) / np.sum(r * r, axis=-1, keepdims=True)
+    np.testing.assert_allclose(((v - previous) / 1e-6)[closes], np.cross(rate, previous)[closes], atol=1e-5)
+    np.testing.assert_allclose(v[~closes], 2.0 * (r / np.linalg.norm(r, axis=-1, keepdims=True))[~closes])
+    np.testing.assert_allclose(np.linalg.norm(v, axis=-1), 2.0)
+    assert 50 < np.count_nonzero(closes) < 150
+
+
+def test_from_above_it_keeps_the_velocity_that_has_the_evader():
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 5.0))
+    P, E, run = np.array([0.0, 0.0, 40.0]), np.array([20.0, 7.0, 0.0]), np.array([0.6, 0.8, 0.0])
+    led = lead_pursuit(POINT, P, E, None, run)
+    np.testing.assert_allclose(proportional_navigation(POINT, P, E, run, led, dt_s=0.02, gain=4.0), led, atol=1e-12)
+    begun = proportional_navigation(game, P, E, run, None, dt_s=0.02, gain=4.0)
+    distance = np.hypot(20.0, 7.0)
+    rim = np.array([*(E[:2] * (1.0 - 3.0 / distance)), 5.0])
+    np.testing.assert_allclose(begun, 2.0 * (rim - P) / np.linalg.norm(rim - P))
+
+
+def test_in_wind_its_course_is_over_the_ground_and_its_speed_through_the_air():
+    game = Game(Ball(2.0), 1.0, wind_m_s=(0.3, -0.4), standoff=StandOff(3.0, 5.0))
+    P, E = np.array([-4.0, 9.0, 30.0]), np.array([20.0, 0.0, 0.0])
+    v = proportional_navigation(game, P, E, np.zeros(3), None, dt_s=0.02, gain=3.0)
+    sight = np.array([24.0, -9.0, 0.0])
+    sight *= 1.0 - 3.0 / np.linalg.norm(sight)
+    sight[2] = -25.0
+    np.testing.assert_allclose(np.cross(v, sight), 0.0, atol=1e-12)
+    assert np.linalg.norm(v - [0.3, -0.4, 0.0]) == pytest.approx(2.0)
+
+
+def test_on_the_disc_a_ball_only_follows():
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.1)
+    run = np.array([0.5, -0.2, 0.0])
+    for P in (np.array([2.0, 0.0, 5.0]), np.array([3.05, 0.0, 5.05])):
+        v = proportional_navigation(game, P, np.zeros(3), run, np.array([1.0, 0.0, -1.0]), dt_s=0.02, gain=3.0)
+        np.testing.assert_array_equal(v, run)
+
+
+def test_from_above_it_loses_less_than_pure_pursuit_to_an_evader_that_runs_its_best():
+    P, E = np.array([0.0, 0.0, 40.0]), np.array([30.0, 0.0, 0.0])
+    run = np.array([1.0, 0.0, 0.0])
+    value = float(solve(POINT, P, E).value)
+    pure, navigated = (chased(POINT, law, P, E, run, step_s=0.02)[0] for law in (navigation(1.0), navigation(4.0)))
+    assert 0.0 < navigated - value < 0.25 * (pure - value)
 
 
 def test_on_a_collision_course_it_keeps_its_heading():

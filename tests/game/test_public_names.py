@@ -1,0 +1,28 @@
+import doctest
+from importlib.metadata import version
+
+import pytest
+
+import guidance
+from guidance import game
+from guidance.game import team
+
+
+@pytest.mark.parametrize("package", [game, team])
+def test_every_public_name_is_there_and_said_in_the_packages_own_help(package):
+    for name in package.__all__:
+        public = getattr(package, name)
+        assert public.__doc__ or not callable(public), name
+        assert name in package.__doc__, name
+
+
+def test_the_packages_example_runs():
+    ran = doctest.testmod(game)
+    assert ran.attempted >= 3
+    assert ran.failed == 0
+
+
+def test_the_version_is_that_of_what_is_installed():
+    assert guidance.__version__ == version("pursuit-guidance")
+    with pytest.raises(AttributeError, match="no attribute 'versions'"):
+        guidance.versions  # noqa: B018 - asked for in vain
