@@ -3,13 +3,16 @@
 Colours are off for NO_COLOR, TERM=dumb and pipes; nothing is redrawn where there is no cursor to move.
 """
 
+import contextlib
 import os
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType
+from rich.live import Live
 from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
@@ -93,3 +96,45 @@ def pairs(rows: Iterable[tuple[str, Cell]], *, title: str | None = None, right: 
     for row in rows:
         table.add_row(*row)
     return table
+
+
+class Wait:
+    """What is waited for; `what` may be said anew, and empty says nothing is.
+
+    Args:
+        what: At first.
+        limit_s: For so long at most.
+    """
+
+    def __init__(self, what: str, limit_s: float) -> None:
+        self.what = what
+        self._limit_s = limit_s
+        self._begun_s = time.monotonic()
+
+    def anew(self, what: str, limit_s: float) -> None:
+        """Wait for something else, from now on."""
+        self.what, self._limit_s, self._begun_s = what, limit_s, time.monotonic()
+
+    def __rich__(self) -> Text:
+        """Say for what, since when and until when."""
+        waited_s = time.monotonic() - self._begun_s
+        words = f"waiting for {self.what}: {waited_s:.0f} s of {self._limit_s:.0f} s at most" if self.what else ""
+        return Text(words, no_wrap=True, overflow="ellipsis")
+
+
+@contextlib.contextmanager
+def waiting(there: Console, what: str, limit_s: float) -> Iterator[Wait]:
+    """Show what is waited for, in one line that goes on by itself; where nothing can be redrawn it is said once.
+
+    Args:
+        there: Where; standard error, so that what comes out stays clean.
+        what: Is waited for.
+        limit_s: For so long at most.
+    """
+    wait = Wait(what, limit_s)
+    if not redraws(there):
+        there.print(f"waiting for {what}, {limit_s:.0f} s at most", soft_wrap=True)
+        yield wait
+        return
+    with Live(wait, console=there, refresh_per_second=4, transient=True):
+        yield wait

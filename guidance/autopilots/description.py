@@ -53,6 +53,7 @@ class AutopilotProfile:
         waits_in_guided: Whether it stays in the guided mode once setpoints have stopped, hovering until told otherwise.
         prearm_always_told: SYS_STATUS has the arming checks' verdict in `health` even where `present` lacks the bit.
         streams_hz: Rate to ask of each message id.
+        mode_titles: What a pilot's ground station calls each mode.
     """
 
     name: str
@@ -69,6 +70,11 @@ class AutopilotProfile:
     waits_in_guided: bool
     prearm_always_told: bool
     streams_hz: Mapping[int, float] = field(default_factory=dict)
+    mode_titles: Mapping[Mode, str] = field(default_factory=dict)
+
+    def mode_title(self, mode: Mode) -> str:
+        """Call a mode as a pilot knows it: OFFBOARD on PX4, GUIDED on ArduCopter."""
+        return self.mode_titles.get(mode, "another mode" if mode is Mode.OTHER else mode.upper())
 
     def mode_of(self, custom_mode: int) -> Mode:
         """Name what HEARTBEAT.custom_mode says."""

@@ -193,6 +193,7 @@ PX4: Final = Autopilot(
         Mode.RETURN: _mode(4, 5),
         Mode.LAND: _mode(4, 6),
     },
+    mode_titles={Mode.GUIDED: "OFFBOARD"},
     mode_parameters={
         Mode.GUIDED: (6, 0),
         Mode.HOLD: (4, 3),

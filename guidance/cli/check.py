@@ -1,5 +1,6 @@
 """`guidance check`: preflight alone, and setting what it wants."""
 
+import contextlib
 import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
@@ -56,8 +57,9 @@ def check(
         raise typer.BadParameter("only with --apply", param_hint="--yes" if yes else "--advised")
     if as_json and apply and not yes:
         raise typer.BadParameter("with --apply only where nothing is asked: add --yes", param_hint="--json")
-    with _checkup(name, vehicle, autopilot, link) as checkup:
-        rows = checkup.rows()
+    with contextlib.ExitStack() as closing:
+        checkup = _opened(closing, name, vehicle, autopilot, link)
+        rows = _judged(checkup)
         if apply:
             rows = _apply(checkup, rows, advised=advised, yes=yes, quiet=as_json)
     raise typer.Exit(tell(rows, as_json=as_json))
@@ -91,6 +93,41 @@ def _checkup(
     return checkup_of(name)
 
 
+def _opened(
+    closing: contextlib.ExitStack, name: str | None, vehicle: str | None, autopilot: str | None, link: str
+) -> "Checkup":
+    """Open the vehicle, and say meanwhile who is waited for."""
+    from guidance.screen import console, waiting  # noqa: PLC0415
+
+    opening = _checkup(name, vehicle, autopilot, link)
+    with waiting(console(stderr=True), *_awaited(name, vehicle)):
+        return closing.enter_context(opening)
+
+
+def _awaited(name: str | None, vehicle: str | None) -> tuple[str, float]:
+    from guidance.config import find  # noqa: PLC0415
+    from guidance.session.plan_fence import load_vehicle  # noqa: PLC0415
+    from guidance.session.vehicle import FOUND_WITHIN_S  # noqa: PLC0415
+
+    if vehicle is not None:
+        return f"a HEARTBEAT at {vehicle}", FOUND_WITHIN_S
+    own = load_vehicle(find(name or "", "vehicles")).vehicle
+    return f"a HEARTBEAT of system {own.system_id}, component {own.component_id} at {own.url}", own.connect_timeout_s
+
+
+def _judged(checkup: "Checkup") -> "Sequence[Finding]":
+    """Read and judge, and say meanwhile what is still missing."""
+    from guidance.screen import console, waiting  # noqa: PLC0415
+    from guidance.session.checkup import SURVEY_LIMIT_S  # noqa: PLC0415
+
+    with waiting(console(stderr=True), "parameters, positions and rates", SURVEY_LIMIT_S) as wait:
+
+        def told(lacking: str) -> None:
+            wait.what = lacking or "rates to be counted"
+
+        return checkup.rows(told=told)
+
+
 def _apply(
     checkup: "Checkup", rows: "Sequence[Finding]", *, advised: bool, yes: bool, quiet: bool
 ) -> "Sequence[Finding]":
@@ -109,7 +146,7 @@ def _apply(
         for one in done:
             read = "not read back" if one.read_back is None else f"reads {one.read_back:g}"
             typer.echo(f"{'set ' if one.done else 'NOT SET'} {one.name}: {read}")
-    return checkup.rows()
+    return _judged(checkup)
 
 
 def _print_changes(wanted: "Sequence[ParameterChange]") -> None:

@@ -1,8 +1,9 @@
 """`guidance ctl`: orders for a running daemon."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,21 +17,49 @@ def ctl(
     token_file: Annotated[
         Path | None, typer.Option(help="The daemon's control.token_file; not needed for a daemon of your own.")
     ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="With status: once a second, until Ctrl-C.")] = False,
 ) -> None:
-    """Give a running daemon an order, and print its answer as JSON.
+    """Give a running daemon an order, and say what became of it; `status` shows where the flight stands.
+
+    - `start`: THE VEHICLE IS ARMED, takes off and flies to where it stands by
+    - `engage`: the game is played, from where it stands by or holds
+    - `hold`, `return`, `land`: ends what it does, and hands the vehicle to the autopilot's mode of that name
+    - `abort`: lands it where it is; on the ground, ends what was begun: order reset to begin another
+    - `reset`: after a flight is over, on the ground: ready for another one
 
     The daemon lets in who can read its token file: its own user, unless the file's rights say more.
 
     Ends with 0 if the order was accepted, 4 if it was refused (the answer says why), 3 if nobody answers.
 
-    Examples:
-        guidance ctl status
-
-        guidance ctl engage --name px4
+    - `guidance ctl status --watch`: where the flight stands, as it changes
+    - `guidance ctl engage --name px4`: to one of several daemons
+    - `guidance ctl status --json`: for programs
     """
-    from guidance.session.control_bus import ask, own_name  # noqa: PLC0415 - zenoh takes a moment
+    from guidance.cli.belonging import refuse_others  # noqa: PLC0415 - zenoh takes a moment
+    from guidance.cli.ctl_shown import answer_words, status_table  # noqa: PLC0415
+    from guidance.cli.ctl_shown import watch as show_again  # noqa: PLC0415
+    from guidance.screen import console  # noqa: PLC0415
+    from guidance.session.control_bus import ask, own_name  # noqa: PLC0415
+    from guidance.session.orders import STATUS  # noqa: PLC0415
 
-    answer = ask(order, endpoint=endpoint, name=name, token_file=token_file, by=own_name("ctl"))
-    typer.echo(json.dumps(answer, indent=2))
+    if order != STATUS or as_json:
+        refuse_others(
+            f"{order} --json" if as_json else order, {"--watch": watch}, {"--watch": "with status, for people"}
+        )
+
+    def asked() -> Mapping[str, Any]:
+        return ask(order, endpoint=endpoint, name=name, token_file=token_file, by=own_name("ctl"))
+
+    if watch:
+        show_again(console(), asked)
+        return
+    answer = asked()
+    if as_json:
+        typer.echo(json.dumps(answer, indent=2))
+    elif order == STATUS:
+        console().print(status_table(answer))
+    else:
+        console().print(answer_words(answer))
     if not answer["accepted"]:
         raise typer.Exit(FlightError.exit_code)

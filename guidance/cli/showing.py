@@ -23,35 +23,59 @@ from guidance.session.mocked import OUTCOME, PICTURE, RECORD
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome, outcome_json
 
-REDRAW_S: Final = 0.1
+REDRAWS_HZ: Final = 10.0
+STALLED_S: Final = 1.0
+"""A flight tells fifty times a second where it is: after so long it is said that it does not."""
+
 _PLAIN_S: Final = 3.0
 """How often at most a plain line says what is waited for."""
 
 Show = Callable[[Progress], None]
 
 
+class LiveLine:
+    """One line that says where a flight stands, and since when it has not been told."""
+
+    def __init__(self) -> None:
+        self._last: Progress | None = None
+        self._told_s = 0.0
+
+    def tell(self, progress: Progress) -> None:
+        """Take in how far the flight is."""
+        self._last, self._told_s = progress, time.perf_counter()
+
+    def __rich__(self) -> Text:
+        """Draw it; a loop that stands still is told from one that runs."""
+        if self._last is None:
+            return Text("")
+        silence_s = time.perf_counter() - self._told_s
+        if silence_s > STALLED_S and not self._last.waiting:
+            return Text(f"NO NEWS for {silence_s:.0f} s; last {words(self._last)}", "bold red", no_wrap=True)
+        return Text(words(self._last), no_wrap=True, overflow="crop")
+
+
 @contextlib.contextmanager
 def live_line(console: Console) -> Iterator[Show]:
-    """Show one live line, redrawn ten times a second; where there is no terminal, a plain line at every change."""
+    """Show one live line, redrawn ten times a second; where nothing can be redrawn, a plain line at every change."""
+    line = LiveLine()
     drawn_s = 0.0
     shown = ""
     told = False
-    with Live(console=console, auto_refresh=False, transient=True) as live:
+    redrawn = redraws(console)
+    with Live(line, console=console, auto_refresh=redrawn, refresh_per_second=REDRAWS_HZ, transient=True):
 
         def show(progress: Progress) -> None:
             nonlocal drawn_s, shown, told
+            line.tell(progress)
             if progress.record_stopped is not None and not told:
                 told = True
                 console.print(f"[yellow]{progress.now_s:7.1f} s  {record_words(progress.record_stopped)}[/yellow]")
-            if not redraws(console):
-                news = plain(progress)
-                if news != shown and not (progress.waiting and time.perf_counter() - drawn_s < _PLAIN_S):
-                    shown, drawn_s = news, time.perf_counter()
-                    console.print(f"{progress.now_s:7.1f} s  {shown}", soft_wrap=True, highlight=False)
+            if redrawn:
                 return
-            if time.perf_counter() - drawn_s >= REDRAW_S:
-                drawn_s = time.perf_counter()
-                live.update(Text(words(progress), no_wrap=True, overflow="crop"), refresh=True)
+            news = plain(progress)
+            if news != shown and not (progress.waiting and time.perf_counter() - drawn_s < _PLAIN_S):
+                shown, drawn_s = news, time.perf_counter()
+                console.print(f"{progress.now_s:7.1f} s  {shown}", soft_wrap=True, highlight=False)
 
         yield show
 
@@ -63,9 +87,9 @@ def record_words(stopped: Stopped | None) -> str:
 
 def words(progress: Progress) -> str:
     """Say in one line where a flight stands."""
-    words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<7}"
     if progress.waiting:
         return f"{progress.now_s:6.1f} s  waiting: {progress.waiting}"
+    words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<8}"
     certificate, unit = progress.certificate, progress.unit
     if certificate is None:
         return words

@@ -116,6 +116,12 @@ class Flight:
         mode = self._mode()
         return "unknown" if mode is None else str(mode)
 
+    @property
+    def mode_title(self) -> str:
+        """The same as the autopilot's own pilots call it: OFFBOARD, GUIDED, RTL."""
+        mode = self._mode()
+        return "unknown" if mode is None else self.settings.autopilot.mode_title(mode)
+
     def step(self, inputs: Inputs) -> Outputs:
         """Run one cycle. Whatever goes wrong in it hands the vehicle to the autopilot's hold, and is the last.
 

@@ -102,8 +102,9 @@ class MavsdkLink:
         configuration = Configuration.create_manual(*own, True)
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
-        self._mavsdk.subscribe_raw_bytes_to_be_sent(self._pass_on)
+        # In this order: subscribed before there is a connection, MAVSDK complains of having none.
         result = self._mavsdk.add_any_connection("raw://")
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(self._pass_on)
         if result != ConnectionResult.SUCCESS:
             self.close()
             raise LinkError(f"raw://: MAVSDK {result.name}; is another program of this process using it?")

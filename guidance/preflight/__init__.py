@@ -1,7 +1,15 @@
 """Is the autopilot set up for offboard flight? Parameters, frames and rates against the configuration, as rows."""
 
 from guidance.autopilots import Finding, Verdict, Wants
-from guidance.preflight.judging import ParameterChange, advice, changes, parameter_names, refusals, rows
+from guidance.preflight.judging import (
+    ParameterChange,
+    advice,
+    another_autopilot,
+    changes,
+    parameter_names,
+    refusals,
+    rows,
+)
 from guidance.preflight.survey import Facts, PreflightMemory
 
 __all__ = [
@@ -12,6 +20,7 @@ __all__ = [
     "Verdict",
     "Wants",
     "advice",
+    "another_autopilot",
     "changes",
     "parameter_names",
     "refusals",

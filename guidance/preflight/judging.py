@@ -4,9 +4,9 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from guidance.autopilots import Autopilot, Finding, Verdict, Wants
+from guidance.autopilots import AUTOPILOTS, Autopilot, Finding, Verdict, Wants
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, judge
-from guidance.messages import Home, ParameterSet
+from guidance.messages import Heartbeat, Home, ParameterSet
 from guidance.preflight import fence, place, streams
 from guidance.preflight.survey import Facts
 from guidance.vehicle import local_frame
@@ -32,7 +32,10 @@ def parameter_names(autopilot: Autopilot) -> tuple[str, ...]:
 
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
-    """Judge everything."""
+    """Judge everything; of another autopilot than was configured nothing else is worth a row."""
+    other = another_autopilot(facts, autopilot)
+    if other is not None:
+        return (other,)
     home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection)
     wants, parameters = fence.about_home(wants, home, frame), _judged(facts)
     return (
@@ -49,6 +52,19 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
         *place.rows(facts, autopilot.projection, wants),
         *streams.rows(facts, autopilot),
     )
+
+
+def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
+    """Return the row that refuses an autopilot of another kind than the configured one; None where there is none."""
+    heartbeat = facts.vehicle.last(Heartbeat)
+    if heartbeat is None or heartbeat.autopilot == autopilot.autopilot_id:
+        return None
+    found = next((one.name for one in AUTOPILOTS.values() if one.autopilot_id == heartbeat.autopilot), None)
+    advice = "another system's HEARTBEAT? check vehicle.url, vehicle.system_id and vehicle.component_id"
+    if found is not None:
+        advice = f'set vehicle.autopilot = "{found}", or check vehicle.url and vehicle.system_id'
+    was = f"{found or 'unknown'} (MAV_AUTOPILOT {heartbeat.autopilot})"
+    return Finding("autopilot", was, f"{autopilot.name} ({autopilot.autopilot_id})", Verdict.REFUSE, advice)
 
 
 def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool = False) -> tuple[ParameterChange, ...]:

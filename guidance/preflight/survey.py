@@ -73,6 +73,11 @@ class PreflightMemory:
         """True once every parameter has been read. An autopilot need not have an uploaded fence to tell of."""
         return self._parameters.keys() >= set(self._names)
 
+    @property
+    def read(self) -> tuple[int, int]:
+        """How many parameters have been read, and how many are wanted."""
+        return len(self._parameters), len(set(self._names))
+
     def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
         """What is known now."""
         rates_hz = {kind: _rate_hz(times_s, now_s) for kind, times_s in self._arrivals.items()}

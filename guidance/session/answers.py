@@ -1,16 +1,19 @@
 """What a person is answered: where a flight stands, why an order had no effect, what to do next, what is awaited."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, TRANSITIONS, Event, Flight, Outputs, State
+from guidance.game import Winner
 from guidance.log.codec import plain
-from guidance.messages import Heartbeat, LocalPosition
+from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.preflight import Finding, Verdict, advice, refusals
 from guidance.session.handover import ON_GROUND
 from guidance.session.orders import STATUS, WORDS, Answer
 from guidance.session.vehicle_file import Config
+from guidance.vehicle import VehicleState
 
 _WHY: Final[Mapping[State, str]] = {
     State.ARMING: "it is arming",
@@ -69,7 +72,7 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
         return _not_begun(order, flight, missing(flight, now_s, rows))
     if order is Event.ENGAGE and state is State.HOLDING:
         if flight.leaving_mode:
-            return f"its autopilot is still in {flight.mode_name} mode: order again once it holds"
+            return f"its autopilot is still in {flight.mode_title}: order again once it holds"
         return f"not ready: {missing(flight, now_s, rows)}"
     return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
 
@@ -93,7 +96,7 @@ def _not_taken(order: Event, flight: Flight) -> str:
     if not flight.vehicle.armed or flight.vehicle.on_ground:
         return "on the ground: order start first"
     if order is Event.START:
-        return f"it flies in {flight.mode_name} mode, which guidance does not take it from: order hold, then engage"
+        return f"it flies in {flight.mode_title}, which guidance does not take it from: order hold, then engage"
     return "airborne, and not taken over yet: order start first, then engage"
 
 
@@ -181,6 +184,7 @@ def status(
             "name": name,
             "state": str(flight.state),
             "mode": flight.mode_name,
+            "autopilot_mode": flight.mode_title,
             "armed": vehicle.armed,
             "engage_on": str(flight.settings.engage_on),
             "after_capture": str(flight.settings.after_capture),
@@ -189,6 +193,7 @@ def status(
             "position_age_s": vehicle.age_s(LocalPosition, now_s),
             "evader_silence_s": flight.tracking.silence_s(now_s),
             "evader_second_source": flight.tracking.rival(now_s),
+            **_flown(vehicle),
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
             "preflight_refused": list(refusals(rows)),
             "to_do": to_do(flight, now_s, rows),
@@ -197,7 +202,59 @@ def status(
             "certificate": certificate,
         }
     )
+    if certificate is not None:
+        range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
+        shown["certificate"] = rounded(shown["certificate"]) | {"winner": Winner(certificate.winner).name.lower()}
+        shown |= {"range_m": round(range_m, 2), "value_unit": "m" if flight.settings.cycle.target_game_m else "s"}
     return shown
+
+
+def _flown(vehicle: VehicleState) -> dict[str, Any]:
+    """Where the vehicle is and how it flies: metres about its own origin, north, east and down; height above home."""
+    local, home, status = vehicle.last(LocalPosition), vehicle.last(Home), vehicle.last(SystemStatus)
+    if local is None:
+        return {}
+    height_m = -local.position_ned_m[2] + (0.0 if home is None else home.position_ned_m[2])
+    return {
+        "position_ned_m": [round(part, 2) for part in local.position_ned_m],
+        "velocity_ned_m_s": [round(part, 2) for part in local.velocity_ned_m_s],
+        "height_m": round(height_m, 2) + 0.0,
+        "battery": math.nan if status is None else round(status.battery_remaining, 3),
+    }
+
+
+def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
+    """Say in one line how the flight goes, for the terminal of a daemon.
+
+    Args:
+        flight: As it stands.
+        outputs: Of the last cycle.
+        now_s: The present.
+    """
+    vehicle, certificate = flight.vehicle, outputs.certificate
+    parts = [f"{now_s:.0f} s", str(outputs.state), f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}"]
+    flown = _flown(vehicle)
+    if flown:
+        north, east, _ = flown["velocity_ned_m_s"]
+        parts.append(f"{round(flown['height_m'], 1) + 0.0:.1f} m up, {math.hypot(north, east):.1f} m/s")
+        battery = flown["battery"]
+        parts += [] if math.isnan(battery) else [f"battery {battery:.0%}"]
+        parts.append(f"position {vehicle.age_s(LocalPosition, now_s):.1f} s old")
+    if certificate is not None:
+        unit = "m" if flight.settings.cycle.target_game_m else "s"
+        parts.append(f"rim {certificate.gap_m:.1f} m, value {certificate.value:.1f} {unit}")
+    silence_s = flight.tracking.silence_s(now_s)
+    parts.append("no evader" if math.isinf(silence_s) else f"evader {silence_s:.1f} s ago")
+    return "  ".join(parts)
+
+
+def rounded(value: Any) -> Any:  # noqa: ANN401 - plain values
+    """Return plain values with numbers as they can be read, to a tenth of a millimetre."""
+    if isinstance(value, float):
+        return round(value, 4)
+    if isinstance(value, dict):
+        return {name: rounded(part) for name, part in value.items()}
+    return [rounded(part) for part in value] if isinstance(value, list) else value
 
 
 class StartupResponder:

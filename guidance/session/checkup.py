@@ -18,7 +18,7 @@ from guidance.messages import (
     Parameter,
     ParameterRequest,
 )
-from guidance.preflight import Finding, ParameterChange, Verdict, changes
+from guidance.preflight import Finding, ParameterChange, Verdict, another_autopilot, changes
 from guidance.preflight.judging import single
 from guidance.preflight.survey import COUNTED_S
 from guidance.session.daemon import Daemon
@@ -33,6 +33,13 @@ SET_WITHIN_S: Final = 5.0
 """How long an autopilot may take to tell a parameter that was set; PX4 takes 20 ms."""
 
 _FRESH_S: Final = 2.5
+_HEARD: Final = {
+    Home: "HOME_POSITION",
+    Origin: "GPS_GLOBAL_ORIGIN",
+    GlobalPosition: "GLOBAL_POSITION_INT",
+    LocalPosition: "LOCAL_POSITION_NED",
+}
+"""What is heard before anything is judged, by its name on the wire."""
 
 
 class Applied(NamedTuple):
@@ -55,19 +62,36 @@ class Checkup:
         self._due_s = clock.now_s()
         self._daemon = Daemon(name, plan, link, evader, log=log)
 
-    def rows(self, limit_s: float = SURVEY_LIMIT_S) -> Sequence[Finding]:
-        """Hear everything that is judged, for so long at most, and return the rows, the flight's own checks besides."""
-        daemon, clock = self._daemon, self._clock
+    def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
+        """Hear everything that is judged, and return the rows, the flight's own checks besides.
+
+        Args:
+            limit_s: For so long at most; a vehicle that is not the configured autopilot is refused at once.
+            told: Is told what is still waited for.
+        """
+        daemon, clock, flight = self._daemon, self._clock, self._plan.flight
         begun_s = complete_s = clock.now_s()
         while clock.now_s() - begun_s < limit_s:
             self._step()
-            vehicle = daemon.flight.vehicle
-            everything = all(vehicle.last(kind) for kind in (Home, Origin, GlobalPosition, LocalPosition))
-            if not (everything and daemon.surveyed):
+            other = another_autopilot(daemon.facts(clock.now_s()), flight.autopilot)
+            if other is not None:
+                return (other,)
+            lacking = self._lacking()
+            told(lacking)
+            if lacking:
                 complete_s = clock.now_s()
             elif clock.now_s() - complete_s > COUNTED_S + 1.0:
                 break
         return (*daemon.rows, *self._readiness(clock.now_s()))
+
+    def _lacking(self) -> str:
+        """Say what has not been heard yet; empty once everything was."""
+        vehicle = self._daemon.flight.vehicle
+        words = [name for kind, name in _HEARD.items() if vehicle.last(kind) is None]
+        read, wanted = self._daemon.parameters_read
+        if read < wanted:
+            words.append(f"{wanted - read} of {wanted} parameters")
+        return ", ".join(words)
 
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return what has to be set, by what was read."""

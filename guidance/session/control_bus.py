@@ -255,9 +255,10 @@ def ask(
             # Never an order to all: first find out who is there.
             there = answers(session, control_key("*", STATUS), timeout_s)
             names = sorted(str(answer["name"]) for answer in there)
-            if len(names) != 1:
-                known = ", ".join(names) or "none"
-                raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {known}")
+            if not names:
+                raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
+            if len(names) > 1:
+                raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
             name = names[0]
         answered = answers(session, control_key(name, order), timeout_s, by)
     finally:

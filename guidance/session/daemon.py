@@ -12,7 +12,7 @@ from guidance.log.entries import ORDERED, RELOADED, STOPPED
 from guidance.log.writer import Record, Records
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, Verdict, parameter_names, refusals, rows
-from guidance.session.answers import is_done, missing, not_engageable, refusal, status
+from guidance.session.answers import flight_line, is_done, missing, not_engageable, refusal, status
 from guidance.session.handover import ON_GROUND, ShutdownHandover
 from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger
@@ -47,6 +47,7 @@ class Daemon:
         record: Record | None = None,
         broadcast: Record | None = None,
         record_required: bool = False,
+        live: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.name = name
         self._link = link
@@ -59,6 +60,7 @@ class Daemon:
         self._broadcast = broadcast
         self._record_lost = False
         self._record_required = record_required
+        self._live = live
         self._leaving: ShutdownHandover | None = None
         self._rows: tuple[Finding, ...] = ()
         self._judged_s = self._shown_s = float("-inf")
@@ -89,6 +91,11 @@ class Daemon:
     def surveyed(self) -> bool:
         """True once every parameter that preflight judges was read."""
         return self._survey.complete
+
+    @property
+    def parameters_read(self) -> tuple[int, int]:
+        """How many of the parameters that preflight judges were read, and how many there are."""
+        return self._survey.read
 
     @property
     def heard(self) -> Sequence[Message]:
@@ -314,3 +321,4 @@ class Daemon:
         counters = {"vehicle": self._link.counters(), "evader": self._evader.counters()}
         self.metrics.show(now_s, self.flight, outputs, counters)
         self._notifier.status(f"{outputs.state}, mode {self.flight.mode_name}")
+        self._live(flight_line(self.flight, outputs, now_s))

@@ -3,16 +3,24 @@
 import contextlib
 import json
 import logging
+import os
 import queue
+import shutil
 import sys
+import time
 from logging.handlers import QueueHandler, QueueListener
-from typing import Any, Final, Protocol, TextIO
+from typing import Any, Final, Protocol, TextIO, cast
 
 from guidance.log.codec import plain
 
 LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000
 STOP_LIMIT_S: Final = 2.0
+_STALLED_S: Final = 2.5
+"""The live line is told once a second: after so long it is said that it is not."""
+
+_ANEW: Final = "\r\x1b[K"
+"""To the beginning of the line, and nothing in it."""
 
 
 class _BoundedQueue(QueueHandler):
@@ -28,12 +36,68 @@ class _BoundedQueue(QueueHandler):
             self.dropped += 1
 
 
+class _Terminal(logging.StreamHandler[TextIO]):
+    """Lines on a terminal, and below them one that is drawn again, with its age once it is old."""
+
+    live = ""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__(stream)
+        self._told_s = 0.0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a line above the live one, or take in another live one."""
+        live = getattr(record, "live", None)
+        with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
+            if live is not None:
+                self.live, self._told_s = live, time.monotonic()
+            else:
+                self.stream.write(f"{_ANEW}{self.format(record)}\n")
+            self.draw()
+
+    def draw(self) -> None:
+        """Draw the live line."""
+        if not self.live:
+            return
+        silence_s = time.monotonic() - self._told_s
+        words = f"NO NEWS for {silence_s:.0f} s; last {self.live}" if silence_s > _STALLED_S else self.live
+        width = shutil.get_terminal_size().columns
+        with contextlib.suppress(OSError, ValueError):
+            self.stream.write(f"{_ANEW}{words[: width - 1]}")
+            self.stream.flush()
+
+    def end(self) -> None:
+        """Leave no live line behind."""
+        if self.live:
+            self.live = ""
+            with contextlib.suppress(OSError, ValueError):
+                self.stream.write(_ANEW)
+                self.stream.flush()
+
+
 class _Patient(QueueListener):
     """Ends even where the stream stands still for good: a log must not keep a process from ending."""
 
     def __init__(self, room: "queue.Queue[logging.LogRecord | None]", writing: logging.Handler) -> None:
         super().__init__(room, writing)
         self._room = room
+
+    def dequeue(self, block: bool) -> logging.LogRecord:
+        """Return the next line; while there is none, the live one grows old where people see it."""
+        while True:
+            terminals = [handler for handler in self.handlers if isinstance(handler, _Terminal)]
+            try:
+                record = self._room.get(block, _STALLED_S)
+            except queue.Empty:
+                if not block:
+                    raise
+                for terminal in terminals:
+                    terminal.draw()
+                continue
+            if record is None:  # the end: on this thread, which alone may wait for a terminal
+                for terminal in terminals:
+                    terminal.end()
+            return cast("logging.LogRecord", record)
 
     def enqueue_sentinel(self) -> None:
         """Make room for it, if there is none."""
@@ -102,7 +166,9 @@ class Log:
     """
 
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
-        writing = logging.StreamHandler(stream if stream is not None else sys.stderr)
+        there = stream if stream is not None else sys.stderr
+        self._terminal = _Terminal(there) if form == "console" and _redraws(there) else None
+        writing = self._terminal if self._terminal is not None else logging.StreamHandler(there)
         writing.setFormatter(JsonLines() if form == "json" else ConsoleLines())
         room: queue.Queue[logging.LogRecord | None] = queue.Queue(MOST_WAITING)
         self._handler = _BoundedQueue(room)
@@ -122,10 +188,19 @@ class Log:
         """Log a message with fields."""
         self._logger.log(level, message, extra={"fields": fields})
 
+    def show(self, words: str) -> None:
+        """Say where things stand, below the lines of a terminal; elsewhere nothing is said."""
+        if self._terminal is not None:
+            self._handler.handle(logging.makeLogRecord({"live": words, "levelno": logging.CRITICAL}))
+
     def close(self) -> None:
         """Write what waits, and stop."""
         self._logger.removeHandler(self._handler)
         self._listener.stop()
+
+
+def _redraws(stream: TextIO) -> bool:
+    return stream.isatty() and os.environ.get("TERM", "") not in {"", "dumb", "unknown"}
 
 
 def _fields(record: logging.LogRecord) -> dict[str, Any]:

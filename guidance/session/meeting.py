@@ -114,4 +114,4 @@ def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
 
 def _mode(state: VehicleState, profile: AutopilotProfile) -> str:
     heartbeat = state.last(Heartbeat)
-    return "unknown" if heartbeat is None else str(profile.mode_of(heartbeat.custom_mode))
+    return "unknown" if heartbeat is None else profile.mode_title(profile.mode_of(heartbeat.custom_mode))

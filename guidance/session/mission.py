@@ -174,7 +174,7 @@ class Mission:
             Progress(
                 now_s,
                 outputs.state,
-                flight.mode_name,
+                flight.mode_title,
                 outputs.certificate,
                 self._unit,
                 result.record_stopped,

@@ -69,7 +69,16 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         closing.callback(control.close)
         if config.metrics.port is not None:
             closing.callback(MetricsServer(metrics, config.metrics.port).close)
-        log.say(logging.INFO, "waiting for the vehicle", name=config.name, url=config.vehicle.url)
+        wanted = config.vehicle
+        log.say(
+            logging.INFO,
+            "waiting for a HEARTBEAT",
+            name=config.name,
+            url=wanted.url,
+            system=wanted.system_id,
+            component=wanted.component_id,
+            at_most_s=wanted.connect_timeout_s,
+        )
         world = open_all(config, clock, tapped=config.record.folder is not None)
         closing.callback(world.close)
         metadata = _metadata(config, clock)
@@ -88,6 +97,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
             record=record,
             broadcast=broadcast,
             record_required=config.record.required,
+            live=log.show,
         )
         notifier.ready()
         log.say(

@@ -11,6 +11,7 @@ from guidance.autopilots import autopilot_named
 from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
+from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame, ned_from_game
 from guidance.links.endpoint import parse
 from guidance.links.opening import KINDS, find_autopilot, open_wire
@@ -142,6 +143,8 @@ def fly_url(
         LinkError: If there is no vehicle.
         FlightError: If it is in the air, armed or does not get ready, or preflight refuses.
     """
+    for_whom = f"a HEARTBEAT at {asked.url}, {FOUND_WITHIN_S:g} s at most"
+    show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom))
     with reach(scenario, asked) as (own, world, clock, radio):
         began_s = time.perf_counter()
         home, frame = wait_until_placed(world.link, autopilot_named(own.vehicle.autopilot), clock, show)

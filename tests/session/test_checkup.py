@@ -31,9 +31,9 @@ GUIDANCE = Path(sys.executable).parent / "guidance"
 class World(VirtualClock):
     """A vehicle on the ground with its defaults; whoever waits for this clock moves it."""
 
-    def __init__(self, vehicle_document, autopilot):
+    def __init__(self, vehicle_document, autopilot, flown=None):
         super().__init__()
-        self.vehicle = MockVehicle(autopilot, ready_after_s=1.0)
+        self.vehicle = MockVehicle(flown or autopilot, ready_after_s=1.0)
         self.faulted = Faulted(self.vehicle, "uav1")
         ours, self._end = MemoryWire.pair(self.now_s)
         silence, _ = MemoryWire.pair(self.now_s)
@@ -117,6 +117,27 @@ def test_an_autopilot_that_answers_nothing_is_asked_again_and_then_given_up(worl
     there.checkup.apply(wanted, done.append)
     assert [(one.read_back, one.done) for one in done] == [(None, False)]
     assert there.said.count("PARAM_SET") == 4
+
+
+@pytest.mark.parametrize(("configured", "flown"), [("px4", "arducopter"), ("arducopter", "px4")])
+def test_another_autopilot_than_configured_is_the_first_and_only_row_and_refuses_at_once(
+    vehicle_document, configured, flown
+):
+    world = World(vehicle_document, configured, flown)
+    (row,) = world.checkup.rows()
+    assert world.now_s() < 3.0
+    assert refusals([row]) == ("autopilot",)
+    assert row.value.startswith(f"{flown} (MAV_AUTOPILOT")
+    assert f'set vehicle.autopilot = "{flown}"' in row.advice
+    world.log.close()
+
+
+def test_what_is_waited_for_is_told(world):
+    told = []
+    world("px4").checkup.rows(told=told.append)
+    assert "HOME_POSITION" in told[0]
+    assert "parameters" in told[0]
+    assert told[-1] == ""
 
 
 def test_nothing_is_set_while_the_vehicle_is_armed(world):

@@ -135,7 +135,7 @@ def test_the_status_is_plain_json_with_the_certificate_in_it(base):
     status = base.engaged().run(1.0).order("status")
     assert status["streaming"]
     assert status["certificate"]["value"] > 0.0
-    assert status["certificate"]["winner"] == 1
+    assert status["certificate"]["winner"] == "pursuer"
 
 
 def test_an_unsafe_autopilot_does_not_become_ready_and_says_how_to_mend_it(base):

@@ -154,12 +154,17 @@ class StandingStill:
     def flush(self):
         pass
 
+    def isatty(self):
+        return True
 
-def test_a_terminal_that_stands_still_costs_lines_and_never_the_loop():
+
+def test_a_terminal_that_stands_still_costs_lines_and_never_the_loop(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
     stream = StandingStill()
     log = Log("console", "info", stream)
     for _ in range(log_module.MOST_WAITING + 50):
         log.say(logging.INFO, "on and on")
+        log.show("on and on")
     assert log.dropped >= 49
     stream.go.set()
     log.close()

@@ -109,7 +109,9 @@ folder = "{tmp_path}"
 
 
 def ctl(control, order):
-    done = subprocess.run([GUIDANCE, "ctl", order, "--endpoint", control], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [GUIDANCE, "ctl", order, "--json", "--endpoint", control], capture_output=True, text=True, check=False
+    )
     return done.returncode, json.loads(done.stdout) if done.stdout else done.stderr
 
 

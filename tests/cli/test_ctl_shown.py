@@ -1,0 +1,107 @@
+"""A daemon's status for people: a table that fits, again and again, and the live line below the log."""
+
+import io
+import logging
+
+import pytest
+from rich.console import Console
+
+from guidance.cli.ctl_shown import answer_words, status_table, watch
+from guidance.session import log as logs
+from guidance.session.log import Log
+
+STATUS = {
+    "accepted": True, "order": "status", "name": "px4", "state": "engaged", "mode": "guided",
+    "autopilot_mode": "OFFBOARD", "armed": True, "streaming": True, "heartbeat_age_s": 0.4, "position_age_s": 0.02,
+    "evader_silence_s": 0.12, "position_ned_m": [12.5, -3.25, -19.5], "velocity_ned_m_s": [3.0, 4.0, -1.5],
+    "height_m": 20.0, "battery": 0.87, "range_m": 31.4, "value_unit": "s", "recording": "on",
+    "certificate": {
+        "winner": "pursuer", "value": 9.25, "gap_m": 28.0, "time_needed_s": 9.8, "active_limits": ["descent", "fence"]
+    },
+    "to_do": [{"name": "battery", "found": "12% left", "wanted": "", "verdict": "refuse", "advice": "charge it"}],
+}  # fmt: skip
+
+
+def shown(status, width):
+    console = Console(file=io.StringIO(), width=width)
+    console.print(status_table(status))
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_a_status_says_mode_height_position_battery_range_and_the_game_in_words(width):
+    words = shown(STATUS, width)
+    assert max(map(len, words.splitlines())) <= width
+    said = " ".join(words.split())
+    for part in (
+        "OFFBOARD, armed", "20.0 m above home", "12.5 m north, -3.2 m east", "5.0 m/s level, 1.5 m/s up", "87%",
+        "31.4 m to the evader", "pursuer wins", "9.2 s", "descent, fence", "charge it",
+    ):  # fmt: skip
+        assert part in said, part
+
+
+def test_what_is_not_known_is_said_to_be_so():
+    bare = {"accepted": True, "name": "px4", "state": "connecting", "mode": "unknown", "heartbeat_age_s": None}
+    words = shown(bare, 80)
+    assert "HEARTBEAT never" in words
+    assert "height" not in words
+    waiting = {
+        "name": "px4",
+        "state": "waiting",
+        "waiting_for": "a HEARTBEAT",
+        "waited_s": 3.2,
+        "connect_timeout_s": 60,
+    }
+    assert "for a HEARTBEAT, 3 s so far, 60 s at most" in shown(waiting, 80)
+
+
+def test_an_order_is_answered_in_a_line():
+    assert "engage accepted" in answer_words({"accepted": True, "order": "engage", "name": "px4"}).plain
+    refused = {"accepted": False, "order": "engage", "name": "px4", "state": "ready", "reason": "on the ground"}
+    assert answer_words(refused).plain == "px4: engage refused, ready: on the ground"
+
+
+def test_a_status_is_watched_below_each_other_where_nothing_can_be_redrawn():
+    console, slept = Console(file=io.StringIO(), width=80), []
+    watch(console, lambda: STATUS, slept.append, times=3)
+    assert console.file.getvalue().count("31.4 m to the evader") == 3
+    assert slept == [1.0] * 3
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_the_live_line_stays_below_the_lines_of_a_terminal_and_says_when_it_is_old(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    now_s = [0.0]
+    monkeypatch.setattr(logs.time, "monotonic", lambda: now_s[0])
+    terminal = Terminal()
+    lines = logs._Terminal(terminal)
+    lines.setFormatter(logging.Formatter("%(message)s"))
+    lines.emit(logging.makeLogRecord({"live": "engaged  20.0 m up"}))
+    lines.emit(logging.makeLogRecord({"msg": "order"}))
+    assert terminal.getvalue().split(logs._ANEW) == ["", "engaged  20.0 m up", "order\n", "engaged  20.0 m up"]
+    now_s[0] = 9.0
+    lines.draw()
+    assert terminal.getvalue().endswith("NO NEWS for 9 s; last engaged  20.0 m up")
+
+
+def test_no_live_line_stays_behind(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    terminal = Terminal()
+    log = Log("console", "info", terminal)
+    log.show("engaged")
+    log.close()
+    assert terminal.getvalue() == f"{logs._ANEW}engaged{logs._ANEW}"
+
+
+@pytest.mark.parametrize(("form", "term"), [("json", "xterm"), ("console", "dumb")])
+def test_no_live_line_where_nobody_could_redraw_it(form, term, monkeypatch):
+    monkeypatch.setenv("TERM", term)
+    terminal = Terminal()
+    log = Log(form, "info", terminal)
+    log.show("engaged")
+    log.close()
+    assert terminal.getvalue() == ""
