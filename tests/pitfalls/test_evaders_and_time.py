@@ -27,7 +27,7 @@ def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():
 
 
 def test_20_the_estimate_observes_a_velocity_that_the_reports_do_not_give(sortie, monkeypatch):
-    flight = sortie("px4").standing_by()
+    flight = sortie.standing_by("px4")
     real = flight.world.evader_source.receive
     unknown = (math.nan,) * 3
     monkeypatch.setattr(
@@ -42,7 +42,7 @@ def test_20_the_estimate_observes_a_velocity_that_the_reports_do_not_give(sortie
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.3, 1.0])
 def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch):
-    flight = sortie("px4").engaged()
+    flight = sortie.engaged("px4")
     waiting = deque()
     real = flight.world.evader_source.receive
 
@@ -67,7 +67,7 @@ def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch
 
 @pytest.mark.parametrize("skew_s", [-4000.0, 12.5, 3e6])
 def test_22_a_senders_clock_that_is_wrong_or_drifts_changes_nothing(sortie, skew_s, monkeypatch):
-    flight = sortie("px4").engaged()
+    flight = sortie.engaged("px4")
     real = flight.world.evader_source.receive
     monkeypatch.setattr(
         flight.world.evader_source,

@@ -9,6 +9,7 @@ from guidance.flight import Event, State
 from guidance.messages import GlobalPosition, LocalPosition
 from guidance.session.spec import plan_of
 from sitl_mock.world import Home
+from tests.harness.sortie import SHORT
 
 VELOCITY_ONLY = {3527, 2503, 3079, 2055}
 EVERY_AXIS_OF_POSITION = 0b111
@@ -24,9 +25,8 @@ def with_evader_at(scenario, x, y):
     [("north", (0.0, 30.0)), ("east", (30.0, 0.0)), ("south", (0.0, -30.0)), ("west", (-30.0, 0.0))],
 )
 def test_10_the_velocity_points_at_the_evader_whatever_the_heading(sortie, autopilot, bearing, offset):
-    base = sortie(autopilot).scenario
-    x, y, _ = base.pursuer.position_m
-    flight = sortie(autopilot, scenario=with_evader_at(base, x + offset[0], y + offset[1])).engaged().run(3.0)
+    x, y, _ = SHORT.pursuer.position_m
+    flight = sortie.engaged(autopilot, scenario=with_evader_at(SHORT, x + offset[0], y + offset[1])).run(3.0)
     north, east, _ = flight.setpoints[-1].velocity
     along = {"north": north, "east": east, "south": -north, "west": -east}[bearing]
     across = {"north": east, "east": north, "south": east, "west": north}[bearing]
@@ -36,9 +36,8 @@ def test_10_the_velocity_points_at_the_evader_whatever_the_heading(sortie, autop
 
 
 def test_11_an_estimator_origin_that_is_not_home_changes_nothing(sortie, monkeypatch):
-    plain = sortie("px4")
     moved = sortie("px4")
-    site = plain.scenario.site
+    site = SHORT.site
     elsewhere = Home(site.latitude_deg + 0.0027, site.longitude_deg - 0.004, site.altitude_amsl_m - 600.0)
     rebuild(moved, monkeypatch, origin=elsewhere)
     moved.engaged()
@@ -69,9 +68,8 @@ def rebuild(flight, monkeypatch, **options):
 
 @pytest.mark.parametrize("ground_amsl_m", [50.0, 200.0, -20.0])
 def test_13_heights_are_above_the_evaders_plane_wherever_sea_level_is(sortie, autopilot, ground_amsl_m):
-    base = sortie(autopilot).scenario
-    site = base.site.model_copy(update={"altitude_amsl_m": ground_amsl_m})
-    flight = sortie(autopilot, scenario=base.model_copy(update={"site": site})).engaged()
+    site = SHORT.site.model_copy(update={"altitude_amsl_m": ground_amsl_m})
+    flight = sortie.engaged(autopilot, scenario=SHORT.model_copy(update={"site": site}))
     heard = flight.flight.vehicle.last(GlobalPosition)
     assert heard.altitude_amsl_m == pytest.approx(ground_amsl_m + 12.0, abs=2.0)
     flight.until(State.ON_STATION, 30.0)
@@ -95,8 +93,7 @@ def test_14_the_heading_at_engagement_is_held(sortie, autopilot, yaw_deg, monkey
 
 
 def test_15_a_hover_of_five_minutes_keeps_its_height(sortie, autopilot):
-    flight = sortie(autopilot).engaged()
-    flight.until(State.ON_STATION, 30.0).run(5.0)
+    flight = sortie.on_station(autopilot).run(5.0)
     start_m = flight.flight.vehicle.last(LocalPosition).position_ned_m[2]
     worst_m = 0.0
     for _ in range(300):
@@ -107,7 +104,7 @@ def test_15_a_hover_of_five_minutes_keeps_its_height(sortie, autopilot):
 
 
 def test_16_masks_never_mix_a_position_into_velocities_by_accident(sortie, autopilot):
-    flight = sortie(autopilot).engaged().run(5.0)
+    flight = sortie.engaged(autopilot).run(5.0)
     masks = {sent.message.type_mask for sent in flight.setpoints}
     assert masks <= VELOCITY_ONLY
     for sent in flight.setpoints:
@@ -118,7 +115,7 @@ def test_16_masks_never_mix_a_position_into_velocities_by_accident(sortie, autop
 
 @pytest.mark.parametrize("far_m", [1e3, 1e5])
 def test_17_no_evader_however_far_yields_a_setpoint_beyond_the_envelope(sortie, autopilot, far_m, monkeypatch):
-    flight = sortie(autopilot).engaged()
+    flight = sortie.engaged(autopilot)
     source = flight.world.evader_source
     real = source.receive
 
@@ -136,8 +133,7 @@ def test_17_no_evader_however_far_yields_a_setpoint_beyond_the_envelope(sortie, 
 
 
 def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
-    base = sortie(autopilot).scenario
-    flight = sortie(autopilot, scenario=with_evader_at(base, 8.0, 200.0)).standing_by()
+    flight = sortie.standing_by(autopilot, scenario=with_evader_at(SHORT, 8.0, 200.0))
     flight.cycle(Event.ENGAGE)
     flight.until(State.ENGAGED).run(4.0)
     envelope = flight.flight.settings.cycle.envelope
@@ -151,8 +147,7 @@ def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
 
 
 def test_25_an_evader_beyond_the_fence_is_pursued_only_to_the_fence(sortie, autopilot):
-    base = sortie(autopilot).scenario
-    far = with_evader_at(base, 8.0, 60.0)
+    far = with_evader_at(SHORT, 8.0, 60.0)
     far = far.model_copy(update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})})
     settings = plan_of(scenario=far).flight
     envelope = dataclasses.replace(settings.cycle.envelope, fence_radius_m=30.0)

@@ -25,11 +25,10 @@ def close_by(flight, limit):
 @pytest.mark.parametrize("limit", [Event.FENCE, Event.FLOOR, Event.CEILING])
 @pytest.mark.parametrize("state", [State.ON_STATION, State.PAUSED])
 def test_a_vehicle_that_hovers_beyond_a_limit_is_told_of_and_handed_to_its_hold(sortie, autopilot, limit, state):
-    flight = sortie(autopilot).engaged()
     if state is State.ON_STATION:
-        flight.until(state, 40.0)
+        flight = sortie.on_station(autopilot)
     else:
-        flight.run(2.0)
+        flight = sortie.engaged(autopilot).run(2.0)
         flight.world.evader_source.receive, silent = (lambda: ()), flight.now_s
         flight.until(state, 3.0)
         assert flight.now_s - silent < 3.0

@@ -19,7 +19,7 @@ def take_over(flight, mode):
 
 
 def test_03_when_the_loop_hangs_the_stream_stops_and_the_autopilot_acts(sortie, autopilot):
-    flight = sortie(autopilot).engaged().run(4.0)
+    flight = sortie.engaged(autopilot).run(4.0)
     assert math.hypot(*flight.mock.truth.velocity_ned_m_s[:2]) > 1.5
     flight.frozen = True
     count = len(flight.setpoints)
@@ -34,7 +34,7 @@ def test_03_when_the_loop_hangs_the_stream_stops_and_the_autopilot_acts(sortie, 
 
 
 def test_03_a_loop_that_comes_back_after_a_failsafe_stays_silent(sortie):
-    flight = sortie("px4").engaged().run(2.0)
+    flight = sortie.engaged("px4").run(2.0)
     flight.frozen = True
     flight.run(4.0)
     flight.frozen = False
@@ -48,7 +48,7 @@ def test_03_a_loop_that_comes_back_after_a_failsafe_stays_silent(sortie):
 
 @pytest.mark.parametrize(("autopilot", "mode"), CASES)
 def test_08_a_pilots_mode_change_is_final(sortie, autopilot, mode):
-    flight = sortie(autopilot).engaged().run(1.0)
+    flight = sortie.engaged(autopilot).run(1.0)
     take_over(flight, mode)
     flight.until(State.YIELDED, 2.5)
     sent = len(flight.sent)
@@ -60,7 +60,7 @@ def test_08_a_pilots_mode_change_is_final(sortie, autopilot, mode):
 
 @pytest.mark.parametrize("order", [Event.ENGAGE, Event.START, Event.HOLD, Event.LAND, Event.RETURN])
 def test_08_not_even_an_order_takes_the_vehicle_back_from_a_pilot(sortie, order):
-    flight = sortie("px4").engaged()
+    flight = sortie.engaged("px4")
     take_over(flight, "POSCTL")
     flight.until(State.YIELDED, 2.5)
     flight.cycle(order)
@@ -70,7 +70,7 @@ def test_08_not_even_an_order_takes_the_vehicle_back_from_a_pilot(sortie, order)
 
 
 def test_08_a_pilot_who_returns_to_offboard_is_not_joined(sortie):
-    flight = sortie("px4").engaged()
+    flight = sortie.engaged("px4")
     take_over(flight, "POSCTL")
     flight.until(State.YIELDED, 2.5)
     count = len(flight.setpoints)
@@ -97,7 +97,7 @@ def test_08_a_pilot_is_seen_in_every_phase_in_the_air(sortie, autopilot):
 
 @pytest.mark.parametrize("jump_m", [(7.0, 0.0, 0.0), (0.0, -7.0, 0.0), (0.0, 0.0, 3.0)])
 def test_12_an_estimators_jump_is_held_and_not_chased(sortie, jump_m):
-    flight = sortie("px4").engaged().run(3.0)
+    flight = sortie.engaged("px4").run(3.0)
     flight.mock.inject("ekf_jump_m", jump_m)
     start_s = flight.now_s
     flight.run(0.3)
@@ -115,7 +115,7 @@ def test_12_an_estimators_jump_is_held_and_not_chased(sortie, jump_m):
 
 
 def test_21_a_lost_evader_is_hovered_for_then_handed_to_the_autopilots_hold(sortie, autopilot):
-    flight = sortie(autopilot).engaged().run(2.0)
+    flight = sortie.engaged(autopilot).run(2.0)
     flight.rover.inject("silent", True)
     flight.until(State.PAUSED, 3.0)
     assert Event.EVADER_LOST in flight.events
@@ -126,7 +126,7 @@ def test_21_a_lost_evader_is_hovered_for_then_handed_to_the_autopilots_hold(sort
 
 
 def test_21_an_evader_that_is_found_again_in_time_is_played_on(sortie):
-    flight = sortie("px4").engaged().run(2.0)
+    flight = sortie.engaged("px4").run(2.0)
     flight.rover.inject("silent", True)
     flight.until(State.PAUSED, 3.0)
     flight.rover.inject("silent", False)
@@ -134,7 +134,7 @@ def test_21_an_evader_that_is_found_again_in_time_is_played_on(sortie):
 
 
 def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie):
-    flight = sortie("px4").engaged().run(1.0)
+    flight = sortie.engaged("px4").run(1.0)
     # The evader's own frames go on, but under another system id: a stranger at the evader's place.
     source = flight.world._mocks["evader"]
     real_step = flight.rover.step
@@ -153,7 +153,7 @@ def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie
 
 @pytest.mark.parametrize("condition", ["telemetry_frozen", "silent"])
 def test_23_without_fresh_telemetry_nothing_is_commanded(sortie, autopilot, condition):
-    flight = sortie(autopilot).engaged().run(2.0)
+    flight = sortie.engaged(autopilot).run(2.0)
     flight.mock.inject(condition, True)
     lost_s = flight.now_s
     flight.until(State.YIELDED, 4.0)
@@ -165,7 +165,7 @@ def test_23_without_fresh_telemetry_nothing_is_commanded(sortie, autopilot, cond
 
 
 def test_23_only_the_latest_of_what_queued_up_is_used(sortie):
-    flight = sortie("px4").engaged().run(1.0)
+    flight = sortie.engaged("px4").run(1.0)
     flight.frozen = True
     flight.run(0.2)
     flight.frozen = False
@@ -175,13 +175,13 @@ def test_23_only_the_latest_of_what_queued_up_is_used(sortie):
 
 
 def test_a_reboot_in_flight_ends_it_for_us(sortie):
-    flight = sortie("px4").engaged().run(1.0)
+    flight = sortie.engaged("px4").run(1.0)
     flight.mock.inject("reboot", True)
     flight.until(State.YIELDED, 5.0)
 
 
 def test_a_low_battery_returns(sortie):
-    flight = sortie("px4").engaged().run(1.0)
+    flight = sortie.engaged("px4").run(1.0)
     flight.mock.inject("battery", 0.15)
     flight.until(State.RETURNING, 3.0)
     flight.until_mock("RTL")

@@ -21,7 +21,7 @@ def test_01_setpoints_stream_before_the_mode_is_asked_for_at_any_speed_of_the_si
 ):
     # The core knows only the injected clock: 30 cycles of 20 ms are the same whether they take 0.6 s or 0.02 s. What a
     # fast simulation changes is how coarsely its time moves, so the mock is stepped in coarser strides at 30x.
-    flight = sortie(autopilot).standing_by()
+    flight = sortie.standing_by(autopilot)
     if times_real == 30:
         stride, real_step = 3, flight.mock.step
         calls = iter(range(10**9))
@@ -48,7 +48,7 @@ def test_01_setpoints_stream_before_the_mode_is_asked_for_at_any_speed_of_the_si
 
 
 def test_02_offboard_without_a_stream_is_refused_and_with_a_fresh_one_granted(sortie):
-    flight = sortie("px4").standing_by()
+    flight = sortie.standing_by("px4")
     flight.world.link.request(AUTOPILOTS["px4"].set_mode(Mode.GUIDED))
     flight.run(2.0)
     assert flight.mock.mode != "OFFBOARD"
@@ -58,7 +58,7 @@ def test_02_offboard_without_a_stream_is_refused_and_with_a_fresh_one_granted(so
 
 
 def test_02_a_refusal_ends_in_the_autopilots_hold_with_a_typed_reason(sortie):
-    flight = sortie("px4").standing_by()
+    flight = sortie.standing_by("px4")
     flight.mock.inject("offboard_refused", True)
     flight.cycle(Event.ENGAGE)
     flight.until(State.HOLDING, 15.0)
@@ -72,7 +72,7 @@ def test_02_a_refusal_ends_in_the_autopilots_hold_with_a_typed_reason(sortie):
 
 @pytest.mark.parametrize("loss_s", [0.5, 1.0, 2.5])
 def test_04_the_autopilots_own_freshness_limit_decides_and_we_stay_far_within_it(sortie, loss_s):
-    flight = sortie("px4").engaged()
+    flight = sortie.engaged("px4")
     flight.mock.autopilot.parameters.set("COM_OF_LOSS_T", loss_s)
     flight.run(3.0)
     assert flight.mock.mode == "OFFBOARD"
@@ -87,7 +87,7 @@ def test_04_the_autopilots_own_freshness_limit_decides_and_we_stay_far_within_it
 
 
 def test_07_an_accepted_command_is_not_a_mode(sortie):
-    flight = sortie("px4").standing_by()
+    flight = sortie.standing_by("px4")
     flight.mock.inject("offboard_refused", True)
     flight.cycle(Event.ENGAGE)
     flight.run(5.0)
@@ -97,7 +97,7 @@ def test_07_an_accepted_command_is_not_a_mode(sortie):
 
 
 def test_07_the_game_begins_only_with_a_heartbeat_that_shows_the_mode(sortie, autopilot):
-    flight = sortie(autopilot).standing_by()
+    flight = sortie.standing_by(autopilot)
     flight.cycle(Event.ENGAGE)
     entered_s = flight.now_s
     flight.until(State.ENGAGED, 10.0)
@@ -116,7 +116,7 @@ def test_18_nothing_engages_on_the_ground(sortie, autopilot, order):
 
 
 def test_18_the_climb_is_the_autopilots_own_and_no_setpoint_goes_out_during_it(sortie, autopilot):
-    flight = sortie(autopilot).standing_by()
+    flight = sortie.standing_by(autopilot)
     assert flight.setpoints == []
     names = [sent.message.command for sent in flight.sent if sent.name == "COMMAND_LONG"]
     assert 22 in names

@@ -70,7 +70,7 @@ def test_09_a_pilots_switch_to_offboard_begins_the_game_where_that_is_configured
 
 
 def test_09_otherwise_a_pilots_switch_begins_nothing(sortie):
-    flight = sortie("px4").standing_by().run(2.0)
+    flight = sortie.standing_by("px4").run(2.0)
     assert flight.setpoints == []
     flight.mock.inject("rc", True)
     flight.run(0.2)
@@ -88,7 +88,7 @@ def test_24_arducopters_three_seconds_on_an_old_velocity_are_refused(timeout_s, 
 
 
 def test_24_the_timeout_that_was_set_is_what_the_autopilot_acts_on(sortie):
-    flight = sortie("arducopter").engaged().run(3.0)
+    flight = sortie.engaged("arducopter").run(3.0)
     flight.mock.autopilot.parameters.set("GUID_TIMEOUT", 1.0)
     flight.frozen = True
     flight.run(3.0)
@@ -97,7 +97,7 @@ def test_24_the_timeout_that_was_set_is_what_the_autopilot_acts_on(sortie):
 
 
 def test_29_a_second_source_of_setpoints_is_noticed_and_left_alone_with_the_autopilots_hold(sortie):
-    flight = sortie("px4").engaged().run(2.0)
+    flight = sortie.engaged("px4").run(2.0)
     stranger = mavlink.MAVLink(None, 255, 190)
     real_step = flight.mock.step
 
@@ -113,7 +113,7 @@ def test_29_a_second_source_of_setpoints_is_noticed_and_left_alone_with_the_auto
 
 
 def test_29_our_own_setpoints_are_never_taken_for_a_strangers(sortie, autopilot):
-    flight = sortie(autopilot).engaged()
+    flight = sortie.engaged(autopilot)
     flight.until(State.ON_STATION, 40.0).run(5.0)
     assert Event.FOREIGN not in flight.events
 

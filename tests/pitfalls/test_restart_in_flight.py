@@ -18,11 +18,11 @@ ENDED_BY = [
 ]
 
 
-def restarted(flight, dead_s):
-    """Kill the guidance of an engaged flight, and begin another one some time later."""
+def restarted(flight):
+    """Kill the guidance of an engaged flight, and begin another one four seconds later."""
     flight.engaged().run(1.0)
     flight.frozen = True
-    flight.run(dead_s)
+    flight.run(4.0)
     flight.frozen = False
     flight.flight = Flight(flight.flight.settings)
     flight.linked = LinkedFlight(flight.flight, flight.world.link, flight.world.evader_source, None)
@@ -33,7 +33,7 @@ def restarted(flight, dead_s):
 @pytest.mark.parametrize(("order", "state"), ENDED_BY)
 @pytest.mark.parametrize("found_in", [State.CHECKING, State.READY])
 def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, order, state, found_in):
-    flight = restarted(sortie(autopilot), 4.0).until(found_in, 10.0)
+    flight = sortie.after(restarted, autopilot).until(found_in, 10.0)
     assert flight.mock.armed
     flight.cycle(order)
     assert flight.state is state
@@ -46,19 +46,19 @@ def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, au
 
 
 def test_after_a_restart_the_vehicle_is_ready_within_two_seconds_of_being_heard(sortie, autopilot):
-    flight = restarted(sortie(autopilot), 4.0).until(State.CHECKING, 5.0)
+    flight = sortie.after(restarted, autopilot).until(State.CHECKING, 5.0)
     flight.until(State.READY, 2.0)
 
 
 def test_after_a_restart_nothing_is_taken_without_a_persons_word(sortie, autopilot):
-    flight = restarted(sortie(autopilot), 4.0).run(20.0)
+    flight = sortie.after(restarted, autopilot).run(20.0)
     assert flight.state is State.READY
     assert not flight.setpoints
     assert 176 not in [sent.message.command for sent in flight.sent if sent.name == "COMMAND_LONG"]
 
 
 def test_engaging_again_takes_a_hold_and_an_order(sortie, autopilot):
-    flight = restarted(sortie(autopilot), 4.0).until(State.READY, 10.0)
+    flight = sortie.after(restarted, autopilot).until(State.READY, 10.0)
     flight.cycle(Event.ENGAGE)
     assert flight.state is State.READY
     flight.cycle(Event.HOLD)
@@ -68,7 +68,7 @@ def test_engaging_again_takes_a_hold_and_an_order(sortie, autopilot):
 
 
 def test_a_vehicle_that_returns_is_engaged_once_it_is_seen_to_hold(sortie):
-    flight = restarted(sortie("px4"), 4.0).until(State.READY, 10.0)
+    flight = sortie.after(restarted, "px4").until(State.READY, 10.0)
     flight.cycle(Event.HOLD)
     flight.cycle(Event.ENGAGE)
     assert flight.flight.mode_name == str(Mode.RETURN)
@@ -78,7 +78,7 @@ def test_a_vehicle_that_returns_is_engaged_once_it_is_seen_to_hold(sortie):
 
 
 def test_a_start_order_does_not_take_a_vehicle_out_of_a_mode_that_is_not_ours(sortie):
-    flight = restarted(sortie("px4"), 4.0).until(State.READY, 10.0)
+    flight = sortie.after(restarted, "px4").until(State.READY, 10.0)
     assert flight.mock.mode == "RTL"
     flight.cycle(Event.START)
     assert flight.state is State.READY
@@ -86,7 +86,7 @@ def test_a_start_order_does_not_take_a_vehicle_out_of_a_mode_that_is_not_ours(so
 
 @pytest.mark.parametrize(("order", "state"), ENDED_BY)
 def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(sortie, autopilot, order, state):
-    flight = restarted(sortie(autopilot), 4.0).until(State.READY, 10.0)
+    flight = sortie.after(restarted, autopilot).until(State.READY, 10.0)
     flight.mock.inject("rc", True)
     flight.run(0.5)
     sticks = {"px4": "POSCTL", "arducopter": "LOITER"}[autopilot]

@@ -33,7 +33,7 @@ def joined_by(flight, rate_hz, phase_s, velocity=(-3.0, -3.0, 0.0)):
 @pytest.mark.parametrize("rate_hz", [2.0, 3.3, 5.0, 10.0, 20.0, 50.0])
 @pytest.mark.parametrize("phase_s", [0.003, 0.015])
 def test_a_second_source_is_noticed_within_two_seconds(sortie, autopilot, rate_hz, phase_s):
-    flight = sortie(autopilot).engaged().run(2.5)
+    flight = sortie.engaged(autopilot).run(2.5)
     begun_s = joined_by(flight, rate_hz, phase_s)
     flight.until(State.HOLDING, 2.0)
     assert flight.events[-1] is Event.FOREIGN
@@ -42,7 +42,7 @@ def test_a_second_source_is_noticed_within_two_seconds(sortie, autopilot, rate_h
 
 
 def test_a_second_source_that_sends_what_we_send_is_none(sortie, autopilot):
-    flight = sortie(autopilot).engaged().run(2.5)
+    flight = sortie.engaged(autopilot).run(2.5)
     joined_by(flight, 10.0, 0.01, velocity=flight.setpoints[-1].velocity)
     flight.run(2.0)
     assert Event.FOREIGN not in flight.events

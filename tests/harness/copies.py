@@ -1,0 +1,53 @@
+"""A world in virtual time, copied: what is flown once goes on from any number of copies, each bit for bit the first."""
+
+import copy
+import copyreg
+import threading
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from contextlib import contextmanager
+from struct import Struct
+from typing import Any, TypeVar
+
+World = TypeVar("World")
+
+
+@contextmanager
+def _copyable() -> Iterator[None]:
+    """A copied world has locks of its own, and the same compiled formats."""
+    table = copyreg.dispatch_table
+    before = dict(table)
+    table[type(threading.Lock())] = lambda _lock: (threading.Lock, ())
+    table[Struct] = lambda _format: "the same"
+    try:
+        yield
+    finally:
+        table.clear()
+        table.update(before)
+
+
+def copied(world: World, same: Iterable[object] = ()) -> World:
+    """Return a copy that shares nothing with its original but what is `same`: what nobody changes, and is much."""
+    with _copyable():
+        return copy.deepcopy(world, {id(one): one for one in same})
+
+
+class Flown:
+    """Worlds flown to some state, kept by how they were begun and how far they were flown."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Hashable, Any] = {}
+
+    def __call__(
+        self, key: Hashable, fly: Callable[[], World], same: Callable[[World], Iterable[object]] = lambda _world: ()
+    ) -> World:
+        """Return a copy of the world of this key.
+
+        Args:
+            key: Of what is flown, and how far.
+            fly: Flies it, where it has not been flown yet.
+            same: What of it nobody changes: its history.
+        """
+        if key not in self._kept:
+            self._kept[key] = fly()
+        world: World = self._kept[key]
+        return copied(world, same(world))

@@ -1,0 +1,44 @@
+"""What the other tests rely on: a copy of a world flies on as the world itself does, and neither disturbs the other."""
+
+import threading
+
+import pytest
+
+from tests.harness.copies import Flown, copied
+from tests.harness.sortie import Sortie
+
+
+def wire(sortie):
+    return [(sent.now_s, bytes(sent.message.get_msgbuf())) for sent in sortie.sent]
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_a_copied_sortie_flies_on_as_the_one_it_was_copied_from(autopilot):
+    first = Sortie(autopilot).standing_by()
+    before = first.now_s
+    copy, untouched = copied(first, first.history()), copied(first, first.history())
+    copy.mock.inject("wind_m_s", (3.0, 0.0, 0.0))
+    copy.run(2.0)
+    assert (first.now_s, first.mock.truth) == (before, untouched.mock.truth)
+    first.run(2.0)
+    untouched.run(2.0)
+    assert wire(untouched) == wire(first)
+    assert untouched.mock.truth == first.mock.truth != copy.mock.truth
+    for one in (first, copy, untouched):
+        one.close()
+
+
+def test_each_kind_is_flown_once_and_what_is_handed_out_is_never_the_same():
+    flown, made = Flown(), []
+
+    def fly():
+        made.append({"lock": threading.Lock(), "states": [1]})
+        return made[-1]
+
+    one, other = flown("a", fly), flown("a", fly)
+    one["states"].append(2)
+    with one["lock"]:
+        assert not other["lock"].locked()
+    assert (len(made), other["states"]) == (1, [1])
+    flown("b", fly)
+    assert len(made) == 2
