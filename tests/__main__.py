@@ -1,56 +1,101 @@
-"""`python -m tests`: everything that must hold before a change lands. Stops at the first step that fails.
+"""Everything that must hold before a change lands: all steps in order, or those named. Ends at the first that fails."""
 
-`python -m tests coverage` measures what the quick tests reach, by line and branch, in three times the time.
-`python -m tests acceptance --px4 URL --arducopter URL` flies on SITLs that run (docs/acceptance.md);
-without a URL, as here, each kind of flight is flown on a mock over UDP.
-`python -m tests install` installs the wheel into an empty environment of every Python that it finds, and flies there.
-`python -m tests faults --flights 1000 --seed 7` flies more of the flights in which things go wrong (docs/faults.md).
-"""
-
+import argparse
+import os
+import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
+PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
+QUICK = "not slow and not flight"
 
-PYTEST = [sys.executable, "-m", "pytest", "-q", "--dist", "loadfile", "--durations", "12"]
+
+@dataclass(frozen=True)
+class Step:
+    """One step.
+
+    Attributes:
+        what: It shows, for `--help`.
+        command: It runs.
+        marked: Only test files with tests of this mark are read: to collect all costs each worker some seconds.
+        environment: More of it.
+        arguments: It takes, said to it alone.
+        gives_way: To whatever runs beside it: it works without a pause, and they are held to real time.
+    """
+
+    what: str
+    command: Sequence[str | Path]
+    marked: str = ""
+    environment: tuple[tuple[str, str], ...] = ()
+    arguments: str = ""
+    gives_way: bool = False
+
 
 STEPS = {
-    "format": [BIN / "ruff", "format", "--check", "."],
-    "lint": [BIN / "ruff", "check", "."],
-    "types": [BIN / "mypy"],
-    "layers": [BIN / "lint-imports"],
-    "tests": [*PYTEST, "-n", "2", "-m", "not slow"],
-    # Real clients in real time wait more than they work.
-    "real time": [*PYTEST, "-n", "3", "--dist", "load", "-m", "slow"],
-    "acceptance": [sys.executable, "-m", "tests.acceptance"],
+    "format": Step("ruff's format", (BIN / "ruff", "format", "--check", ".")),
+    "lint": Step("ruff's rules", (BIN / "ruff", "check", ".")),
+    "types": Step("mypy, strict", (BIN / "mypy",)),
+    "layers": Step("imports point down only", (BIN / "lint-imports",)),
+    "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
+    "flights": Step(
+        "whole flights in virtual time",
+        (*PYTEST, "-n", "2", "--dist", "load", "-m", "flight and not slow"),
+        marked="flight",
+        gives_way=True,
+    ),
+    # Real clients wait more than they work.
+    "real time": Step("other people's clients", (*PYTEST, "-n", "3", "--dist", "load", "-m", "slow"), marked="slow"),
+    "acceptance": Step(
+        "what is promised, on a mock over UDP, or on SITLs that run (docs/acceptance.md)",
+        (sys.executable, "-m", "tests.acceptance"),
+        arguments="--px4 URL --arducopter URL",
+    ),
 }
-
-TOGETHER = (("format",), ("lint",), ("types", "layers"), ("tests",), ("real time", "acceptance"))
-"""Which steps run at the same time: those that wait more than they work, and those of one processor."""
+TOGETHER = (("format", "lint"), ("types", "layers"), ("tests",), ("flights", "real time", "acceptance"))
+"""Which steps run at the same time."""
 
 ASKED_FOR = {
-    "install": [sys.executable, "-m", "tests.install"],
-    "coverage": [*PYTEST, "-n", "2", "-m", "not slow", "--cov", "--cov-report=term"],
-    "faults": [sys.executable, "-m", "tests.faults"],
+    "examples": Step(
+        "the quick tests with every example of every property (a quarter otherwise)",
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK),
+        environment=(("HYPOTHESIS_PROFILE", "all"),),
+    ),
+    "install": Step(
+        "the wheel in an empty environment of every Python that is found, and a flight there",
+        (sys.executable, "-m", "tests.install"),
+    ),
+    "faults": Step(
+        "more of the flights in which things go wrong (docs/faults.md)",
+        (sys.executable, "-m", "tests.faults"),
+        arguments="--flights 1000 --seed 7",
+    ),
+    "coverage": Step(
+        "what the tests in virtual time reach, by line and branch, in three times the time",
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "not slow", "--cov", "--cov-report=term"),
+    ),
 }
 """Steps that run by name only."""
 
 
-def main() -> int:
-    if sys.argv[1:2] in (["acceptance"], ["faults"]):
-        return subprocess.run([*(STEPS | ASKED_FOR)[sys.argv[1]], *sys.argv[2:]], cwd=ROOT, check=False).returncode
-    chosen = sys.argv[1:] or list(STEPS)
+def main(arguments: Sequence[str]) -> int:
+    """Run the steps named, or all."""
     steps = STEPS | ASKED_FOR
-    unknown = set(chosen) - set(steps)
-    if unknown:
-        print(f"unknown step {', '.join(sorted(unknown))}: allowed are {', '.join(steps)}", file=sys.stderr)
+    if arguments and steps.get(arguments[0], STEPS["tests"]).arguments:
+        command = [*steps[arguments[0]].command, *arguments[1:]]
+        return subprocess.run(command, cwd=ROOT, check=False).returncode
+    chosen = _parser().parse_args(arguments).steps or list(STEPS)
+    if unknown := [name for name in chosen if name not in steps]:
+        print(f"unknown step {', '.join(unknown)}: allowed are {', '.join(steps)}", file=sys.stderr)
         return 2
-    groups = [group for group in (tuple(name for name in named if name in chosen) for named in TOGETHER) if group]
-    for group in (*groups, *((name,) for name in chosen if name in ASKED_FOR)):
+    groups = [tuple(name for name in named if name in chosen) for named in TOGETHER]
+    for group in (*filter(None, groups), *((name,) for name in chosen if name in ASKED_FOR)):
         with ThreadPoolExecutor(len(group)) as executor:
             codes = list(executor.map(_run, group, [len(group) > 1] * len(group)))
         if any(codes):
@@ -58,16 +103,39 @@ def main() -> int:
     return 0
 
 
+def _parser() -> argparse.ArgumentParser:
+    listed, more = (
+        "\n".join(f"  {name:12}{step.what}" for name, step in steps.items()) for steps in (STEPS, ASKED_FOR)
+    )
+    told = "\n".join(
+        f"  python -m tests {name} {step.arguments}" for name, step in (STEPS | ASKED_FOR).items() if step.arguments
+    )
+    parser = argparse.ArgumentParser(
+        prog="python -m tests",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=f"steps:\n{listed}\n\nby name only:\n{more}\n\nwith arguments of their own, for example:\n{told}",
+    )
+    parser.add_argument("steps", nargs="*", metavar="step", help="all in order if none is named")
+    return parser
+
+
 def _run(name: str, beside_another: bool) -> int:
     """Run one step; what it prints comes at its end where another one runs beside it."""
-    command = [str(part) for part in (STEPS | ASKED_FOR)[name]]
+    step = (STEPS | ASKED_FOR)[name]
+    command = [str(part) for part in step.command]
     shown = " ".join(command[1:] if command[0] == sys.executable else command)
     print(f"── {name}: {shown}", flush=True)
+    if step.marked:
+        command += _files_with(step.marked)
+    if beside_another and step.gives_way and shutil.which("nice"):
+        command = ["nice", "-n", "19", *command]
     started = time.perf_counter()
     done = subprocess.run(
         command,
         cwd=ROOT,
         check=False,
+        env={**os.environ, **dict(step.environment)},
         stdout=subprocess.PIPE if beside_another else None,
         stderr=subprocess.STDOUT if beside_another else None,
     )
@@ -77,5 +145,10 @@ def _run(name: str, beside_another: bool) -> int:
     return done.returncode
 
 
+def _files_with(mark: str) -> list[str]:
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    return [str(file.relative_to(ROOT)) for file in files if f"mark.{mark}" in file.read_text(encoding="utf-8")]
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

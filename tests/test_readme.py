@@ -64,4 +64,4 @@ def test_a_commit_is_held_to_the_steps_that_ci_begins_with():
     hooks = dict(re.findall(r"id: (\w+)\n +name: \w+\n +entry: (.+)", text))
     for name, entry in hooks.items():
         program, *_ = entry.split()
-        assert STEPS[name][0] == BIN / program
+        assert STEPS[name].command[0] == BIN / program

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import replace
+from functools import partial
 from itertools import takewhile
 from typing import TYPE_CHECKING, Final
 
@@ -32,7 +33,7 @@ from sitl_mock.protocols import (
 from sitl_mock.protocols.files import FileTree
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from sitl_mock.protocols import ParameterStore, PlanStore
     from sitl_mock.vehicle_state import VehicleState
@@ -50,9 +51,9 @@ _NAMES: Final = {PlanKind.MISSION: "mission.dat", PlanKind.FENCE: "fence.dat", P
 
 def files_of(parameters: ParameterStore, plans: PlanStore) -> FileTree:
     """Return the files of one vehicle."""
-    hidden = {"@PARAM/param.pck": lambda: packed_parameters(parameters)}
+    hidden: dict[str, Callable[[], bytes]] = {"@PARAM/param.pck": partial(packed_parameters, parameters)}
     for kind, name in _NAMES.items():
-        hidden[f"@MISSION/{name}"] = lambda kind=kind: packed_plan(plans, kind)  # type: ignore[misc]
+        hidden[f"@MISSION/{name}"] = partial(packed_plan, plans, kind)
     return FileTree({}, frozenset({"/logs", "/terrain"}), hidden)
 
 

@@ -50,6 +50,7 @@ class MissionProtocol:
     ) -> None:
         self._plans = plans
         self._rules = rules
+        self._set_current = set_current
         self._home = home
         self._guide = guide
         self._upload = upload = MissionUpload(plans, rules)
@@ -58,12 +59,12 @@ class MissionProtocol:
             "MISSION_WRITE_PARTIAL_LIST": upload.start_partial,
             "MISSION_ITEM_INT": self._take,
             "MISSION_ITEM": self._take,
-            "MISSION_ACK": lambda _, message: self._cancel(message),
-            "MISSION_REQUEST_LIST": lambda _, message: self._count(message),
-            "MISSION_REQUEST_INT": lambda _, message: self._item(message),
-            "MISSION_REQUEST": lambda _, message: self._item(message),
+            "MISSION_ACK": self._cancel,
+            "MISSION_REQUEST_LIST": self._count,
+            "MISSION_REQUEST_INT": self._item,
+            "MISSION_REQUEST": self._item,
             "MISSION_CLEAR_ALL": self._clear,
-            "MISSION_SET_CURRENT": lambda now_s, message: set_current(now_s, message.seq),
+            "MISSION_SET_CURRENT": self._jump,
         }
 
     @property
@@ -87,17 +88,20 @@ class MissionProtocol:
         result = MissionResult.ACCEPTED if obeyed else MissionResult.ERROR
         return [acknowledge(source_of(message), result, PlanKind.MISSION)]
 
-    def _cancel(self, message: Message) -> list[Reply]:
+    def _jump(self, now_s: float, message: Message) -> list[Reply]:
+        return self._set_current(now_s, message.seq)
+
+    def _cancel(self, _now_s: float, message: Message) -> list[Reply]:
         self._upload.cancel(message)
         return []
 
-    def _count(self, message: Message) -> list[Reply]:
+    def _count(self, _now_s: float, message: Message) -> list[Reply]:
         partner, kind = source_of(message), message.mission_type
         if kind not in KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         return [("MISSION_COUNT", *partner, len(self._plans.plans[PlanKind(kind)].items), kind)]
 
-    def _item(self, message: Message) -> list[Reply]:
+    def _item(self, _now_s: float, message: Message) -> list[Reply]:
         partner, kind, seq = source_of(message), message.mission_type, message.seq
         if kind not in KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]

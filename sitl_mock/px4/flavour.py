@@ -6,6 +6,7 @@ import json
 import lzma
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.dynamics import PX4_GROUND_WANDER, PX4_TRAVEL, PX4_WANDER, Px4Gains, Vehicle, px4_quadrotor
@@ -42,7 +43,7 @@ _TYPES = {6: "Int32", 9: "Float"}
 def files_of(parameters: ParameterStore, _plans: PlanStore) -> FileTree:
     """Return the files of one vehicle."""
     return FileTree(
-        {"/etc/extras/parameters.json.xz": lambda: _parameter_metadata(parameters)},
+        {"/etc/extras/parameters.json.xz": partial(_parameter_metadata, parameters)},
         frozenset({"/etc", "/etc/init.d", "/log", "/tmp", "/eeprom"}),
     )
 

@@ -19,6 +19,7 @@ from guidance.game import (
     value_gradient,
 )
 from guidance.game import solution as solving
+from tests.harness.examples import drawn
 
 
 def same(a, b):
@@ -34,7 +35,7 @@ def assert_rows_equal_singles(answer, singles):
             assert np.asarray(row).tobytes() == np.asarray(one, dtype=field.dtype).tobytes(), name
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=drawn(4), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 40))
 def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
     for game in games.values():
@@ -51,7 +52,7 @@ def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
             assert_rows_equal_singles(head, singles)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=drawn(10), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), precision=st.sampled_from([np.float32, np.float64]))
 def test_the_layout_in_memory_does_not_matter(games, oracle, seed, precision):
     for name in ("paper", "ball_standoff", "cylinder_everything"):

@@ -6,8 +6,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from guidance.game import Ball, Cylinder, Game, StandOff, solve
+from tests.harness.examples import drawn
 
-some = settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+some = settings(max_examples=drawn(6), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -27,7 +28,7 @@ def test_the_tad_value_is_the_closest_capture_over_all_headings_where_the_pursue
             assert solution.value == pytest.approx(oracle.extremum(tad_game, P, E, T), rel=1e-8, abs=1e-7)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds)
 def test_the_evader_wins_exactly_where_it_reaches_its_target_out_of_the_pursuers_reach(game, oracle, seed):
     states = oracle.states(seed, 40, game)
@@ -36,7 +37,7 @@ def test_the_evader_wins_exactly_where_it_reaches_its_target_out_of_the_pursuers
         assert winner == -np.sign(oracle.shortfall(game, P, T, arrival))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds)
 def test_the_value_where_the_evader_wins_is_what_the_pursuer_is_short_of_at_its_arrival(games, oracle, seed):
     for name in ("paper", "capture_radius", "age", "ball_standoff", "wind", "ball_everything", "space"):
@@ -49,7 +50,7 @@ def test_the_value_where_the_evader_wins_is_what_the_pursuer_is_short_of_at_its_
                 assert value == pytest.approx(oracle.shortfall(game, P, T, arrival), rel=1e-9, abs=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds)
 def test_the_margin_is_the_evaders_arrival_less_the_pursuers_soonest_guard(game, oracle, seed):
     states = oracle.states(seed, 10, game)
@@ -85,7 +86,7 @@ def any_game(draw):
     )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=drawn(40), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(game=any_game(), seed=seeds)
 def test_any_combination_of_parameters_keeps_to_the_definition(oracle, game, seed):
     for P, E, T in zip(*oracle.states(seed, 1, game), strict=True):

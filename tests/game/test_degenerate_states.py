@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES
+from tests.harness.examples import drawn
 
 BALL, CYLINDER = Game(Ball(2.0), 1.0), Game(Cylinder(2.0, 0.7, 0.5), 1.0)
 HELD = Game(Cylinder(2.0, 0.7, 0.5), 1.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.25)
@@ -277,7 +278,7 @@ grid = st.sampled_from([-3.0, -1.0, 0.0, 0.0, 0.5, 1.0, 2.0, 3.0])
 place = st.tuples(grid, grid, grid).map(np.array)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=drawn(20), deadline=None)
 @given(P=place, E=place, T=place, seen=place)
 def test_no_state_is_without_a_finite_answer(games, P, E, T, seen):
     """Places on a coarse grid, so that all kinds of coincidence happen."""

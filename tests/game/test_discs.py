@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.game.team.discs import Discs, crossings, excess, farthest, project, rim
+from tests.harness.examples import drawn
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -73,7 +74,7 @@ def searched(ratio, w, cost):
     return costs.min()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(seed=seeds, count=st.integers(1, 6))
 def test_no_reachable_point_is_closer_to_the_target(seed, count):
     discs, ratio, w, target = random_discs(seed, count)
@@ -87,7 +88,7 @@ def test_no_reachable_point_is_closer_to_the_target(seed, count):
     np.testing.assert_allclose(np.hypot(*(found.point - target)), found.distance, rtol=1e-12, atol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(seed=seeds, count=st.integers(1, 6))
 def test_no_reachable_point_is_farther_from_the_evader(seed, count):
     discs, ratio, w, _ = random_discs(seed, count)
@@ -98,7 +99,7 @@ def test_no_reachable_point_is_farther_from_the_evader(seed, count):
     assert (excess(discs, found.point) <= 1e-9 * (1.0 + np.linalg.norm(w, axis=-1) ** 2)).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(seed=seeds, count=st.integers(2, 6))
 def test_those_that_bind_are_enough(seed, count):
     discs, _, _, target = random_discs(seed, count)
@@ -116,7 +117,7 @@ def test_a_corner_far_from_the_evader_names_both_discs(seed):
     assert set(met.tolist()) == {int(found.first), int(found.second)}
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(seed=seeds, count=st.integers(2, 6))
 def test_the_order_of_the_discs_changes_no_bit(seed, count):
     discs, _, _, target = random_discs(seed, count)
@@ -128,7 +129,7 @@ def test_the_order_of_the_discs_changes_no_bit(seed, count):
             assert {order[again.first], order[again.second]} == {int(found.first), int(found.second)}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds)
 def test_where_two_rims_cross_both_are_met(seed):
     discs, _, _, _ = random_discs(seed, 2)

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
+from tests.harness.examples import drawn
 
 DIGITS = 60
-some = settings(max_examples=60, deadline=None)
+some = settings(max_examples=drawn(60), deadline=None)
 places = st.tuples(*[st.floats(-50.0, 50.0)] * 2)
 heights = st.floats(0.0, 50.0)
 spare = st.sampled_from([1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1.0, 20.0])
@@ -96,7 +97,7 @@ def capture_time(P, E, u, v, wind):
     return high
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(P=places, z=st.floats(0.1, 50.0), E=places, over=st.sampled_from([1e-9, 1e-6, 1e-3, 0.5]))
 def test_pe_keeps_its_digits_however_little_the_wind_leaves(P, z, E, over):
     wind = (0.3, -0.4)

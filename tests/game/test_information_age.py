@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, guaranteed_age_s, solve
+from tests.harness.examples import drawn
 
 STEP_S = 0.02
 DISC = StandOff(3.0, 2.0)
@@ -108,7 +109,7 @@ def test_beyond_the_guarantee_an_evader_reaches_the_target_that_the_value_keeps_
 
 
 @pytest.mark.parametrize("speeds", [Ball(2.0), Cylinder(2.0, 1.0, 1.0)])
-@settings(max_examples=1, deadline=None)
+@settings(max_examples=drawn(1), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_at_the_guaranteed_age_no_evader_beats_the_value(speeds, seed):
     rng = np.random.default_rng(seed)

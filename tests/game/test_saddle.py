@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Exact, rollout, solve
+from tests.harness.examples import drawn
 
 PLAYED = (
     "paper",
@@ -16,7 +17,7 @@ PLAYED = (
     pytest.param("cylinder_standoff", marks=pytest.mark.slow),
 )
 STEPPING = Exact(step_s=0.2)
-few = settings(max_examples=1, deadline=None)
+few = settings(max_examples=drawn(1), deadline=None)
 seeds = st.integers(0, 2**32 - 1)
 
 

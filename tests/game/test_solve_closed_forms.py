@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.game import Ball, Cylinder, Game, StandOff, apollonius_circle, apollonius_sphere, barrier, solve
+from tests.harness.examples import drawn
 
 DELTA = 2.0
 PAPER = Game(Ball(DELTA), 1.0)
@@ -217,7 +218,7 @@ def test_wind_along_the_line_of_flight_only_changes_the_pursuers_start(wind, pub
     assert round(float(time.value), 2) == published
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(P=places, z=heights, E=places, zE=st.floats(-20.0, 20.0), T=places, zT=st.floats(-20.0, 20.0))
 def test_an_evader_in_space_plays_on_the_sphere(P, z, E, zE, T, zT):
     P, E, T = np.array([*P, z]), np.array([*E, zE]), np.array([*T, zT])

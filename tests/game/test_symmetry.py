@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.game import Ball, Cylinder, Game, StandOff, solve
+from tests.harness.examples import drawn
 
-some = settings(max_examples=6, deadline=None)
+some = settings(max_examples=drawn(6), deadline=None)
 seeds = st.integers(0, 2**32 - 1)
 
 

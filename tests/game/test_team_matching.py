@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, Reason, StandOff, Winner, solve
 from guidance.game.team import match_teams, solve_team
+from tests.harness.examples import drawn
 
 PAPER = Game(Ball(2.0), 1.0)
 T = np.zeros(3)
@@ -41,7 +42,7 @@ def all_matchings(n, m):
             yield first
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds, n=counts, m=st.integers(1, 3))
 def test_no_matching_guarantees_more_captures_or_as_many_with_a_larger_sum(seed, n, m):
     P, E = states(seed, n, m)
@@ -62,7 +63,7 @@ def test_no_matching_guarantees_more_captures_or_as_many_with_a_larger_sum(seed,
     np.testing.assert_array_equal(found.winner, np.where(guarded, Winner.PURSUER, Winner.EVADER))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds, n=st.integers(2, 5), m=st.integers(1, 3))
 def test_no_other_second_pursuers_add_more(seed, n, m):
     P, E = states(seed, n, m)
@@ -87,7 +88,7 @@ def test_no_other_second_pursuers_add_more(seed, n, m):
     assert set(found.second[found.second >= 0].tolist()) <= set(spare)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 @given(seed=seeds, n=st.integers(1, 4), m=counts)
 def test_everybody_plays_the_game_of_its_team(seed, n, m):
     P, E = states(seed, n, m)
@@ -127,7 +128,7 @@ def test_one_against_one_is_the_game_of_one_to_the_bit():
         assert same(found.total[won], one.value[won])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 @given(seed=seeds, n=counts, m=counts)
 def test_pe_assigns_as_many_as_can_be_with_the_least_sum_of_times(seed, n, m):
     P, E = states(seed, n, m)
@@ -157,7 +158,7 @@ def test_pe_assigns_as_many_as_can_be_with_the_least_sum_of_times(seed, n, m):
             assert j == among[np.argmin(time[i, among])]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 @given(seed=seeds, n=counts, m=counts, tad=st.booleans())
 def test_the_order_of_the_players_changes_nothing(seed, n, m, tad):
     P, E = states(seed, n, m)
@@ -179,7 +180,7 @@ def test_the_order_of_the_players_changes_nothing(seed, n, m, tad):
     assert e[moved.evader_of].tolist() == found.evader_of[p].tolist()
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=drawn(10), deadline=None)
 @given(seed=seeds, n=counts, m=counts, tad=st.booleans())
 def test_a_batch_is_its_singles(seed, n, m, tad):
     P, E = states(seed, n, m, 6)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from guidance.errors import ConfigError
 from guidance.game import Ball, End, Game, StandOff, solve
 from guidance.game.team import match_teams, rollout, rollout_teams, solve_team
+from tests.harness.examples import drawn
 
 PAPER = Game(Ball(2.0), 1.0)
 T = np.zeros(3)
@@ -36,7 +37,7 @@ def weaving(seed, every_s=0.4):
     return policy
 
 
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=drawn(2), deadline=None)
 @given(seed=seeds, n=st.integers(1, 4), m=st.integers(1, 3))
 @pytest.mark.parametrize("evaders", ["optimal", "task_oriented", "pure_evade", "hold", "weaving"])
 def test_captures_done_and_guaranteed_never_fall_in_play(evaders, seed, n, m):
@@ -54,7 +55,7 @@ def test_captures_done_and_guaranteed_never_fall_in_play(evaders, seed, n, m):
     assert (played.distance_m >= least - 0.05).all()
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=drawn(3), deadline=None)
 @given(seed=seeds, n=st.integers(1, 3))
 def test_optimal_teams_take_the_value(seed, n):
     P, E = states(seed, n, 1, 10)
@@ -69,7 +70,7 @@ def test_optimal_teams_take_the_value(seed, n):
         np.testing.assert_allclose(played.time_s[:, 0], value.meeting_time_s, atol=1e-6)
 
 
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=drawn(2), deadline=None)
 @given(seed=seeds)
 def test_pe_ends_between_its_bounds(seed):
     P, E = states(seed, 3, 2, 6)

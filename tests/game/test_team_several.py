@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 from guidance.game.team import solve_team
+from tests.harness.examples import drawn
 
 PAPER = Game(Ball(2.0), 1.0)
 HIGH = Game(Ball(3.0), 1.5, standoff=StandOff(0.0, 4.0))
@@ -59,7 +60,7 @@ def searched(oracle, game, P, E, cost):
     return costs.min()
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=drawn(12), deadline=None)
 @given(seed=seeds, n=counts, game=st.sampled_from([PAPER, HIGH, None]))
 def test_the_value_is_that_of_its_definition(oracle, seed, n, game):
     game = unequal(seed, n) if game is None else game
@@ -75,7 +76,7 @@ def test_the_value_is_that_of_its_definition(oracle, seed, n, game):
     assert np.linalg.norm(answer.meeting_point_m - T) == pytest.approx(answer.value, rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=drawn(12), deadline=None)
 @given(seed=seeds, n=counts, game=st.sampled_from([PAPER, HIGH, None]))
 def test_the_lower_bound_of_pe_is_the_longest_run_that_no_pursuer_ends(oracle, seed, n, game):
     game = unequal(seed, n) if game is None else game
@@ -90,7 +91,7 @@ def test_the_lower_bound_of_pe_is_the_longest_run_that_no_pursuer_ends(oracle, s
     np.testing.assert_allclose(answer.evader_velocity_m_s * answer.lower_bound + E, answer.meeting_point_m, atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds, kind=st.sampled_from([np.float64, np.float32]), tad=st.booleans())
 def test_a_team_of_one_has_the_answer_of_solve_to_the_bit(seed, kind, tad):
     for game in (PAPER, HIGH):
@@ -108,7 +109,7 @@ def test_a_team_of_one_has_the_answer_of_solve_to_the_bit(seed, kind, tad):
         assert same(team.lower_bound, one.value)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=drawn(15), deadline=None)
 @given(seed=seeds, n=counts, tad=st.booleans())
 def test_a_batch_is_its_singles(seed, n, tad):
     P, E, T = states(seed, n, 12)
@@ -135,7 +136,7 @@ def test_leading_axes_broadcast():
     assert solve_team(speeds, P[0], E[0], T[0]).value[1] == solve_team(PAPER, P[0], E[0], T[0]).value
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds, n=st.integers(2, 6), tad=st.booleans(), alike=st.booleans())
 def test_the_order_of_the_pursuers_changes_nothing(seed, n, tad, alike):
     P, E, T = states(seed, n)
@@ -150,7 +151,7 @@ def test_the_order_of_the_pursuers_changes_nothing(seed, n, tad, alike):
     assert same(answer.binds[order], again.binds)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds, n=counts, tad=st.booleans())
 def test_a_hundredth_of_the_size_is_a_hundredth_of_the_value(seed, n, tad):
     P, E, T = states(seed, n)
@@ -169,7 +170,7 @@ def stepped(answer, P, E, dt, *, flown=None, run=None):
     )
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=drawn(10), deadline=None)
 @given(seed=seeds, n=counts)
 def test_l_never_falls_whatever_fifty_evaders_do_and_never_rises_whatever_fifty_teams_do(seed, n):
     P, E, T = states(seed, n, 60)
@@ -191,7 +192,7 @@ def test_l_never_falls_whatever_fifty_evaders_do_and_never_rises_whatever_fifty_
     np.testing.assert_allclose(both.value, answer.value, atol=1e-9)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=drawn(10), deadline=None)
 @given(seed=seeds, n=st.integers(2, 5))
 def test_the_bounds_of_pe_hold_against_fifty_opponents(seed, n):
     P, E, _ = states(seed, n, 40)
@@ -208,7 +209,7 @@ def test_the_bounds_of_pe_hold_against_fifty_opponents(seed, n):
     assert ((later.lower_bound + dt[:, 0, 0] - answer.lower_bound) / dt[:, 0, 0] > -1e-3).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds, n=st.integers(2, 5))
 def test_a_pair_wins_only_if_one_of_it_wins_alone_and_one_more_never_hurts(seed, n):
     P, E, T = states(seed, n)
@@ -226,7 +227,7 @@ def test_a_pair_wins_only_if_one_of_it_wins_alone_and_one_more_never_hurts(seed,
     assert pe.lower_bound <= fewer.lower_bound * (1 + 1e-15)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds, n=st.integers(3, 5))
 def test_pursuers_that_do_not_bind_are_free(seed, n):
     P, E, T = states(seed, n)

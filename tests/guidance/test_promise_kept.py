@@ -11,6 +11,9 @@ from chase import Disturbance, altered, chase, hover_chase
 
 from guidance.monitor import Violation
 
+pytestmark = pytest.mark.flight
+
+
 AUTOPILOTS = ("px4", "arducopter")
 SPEEDS_M_S = ((6.0, 3.0), (8.0, 4.0))
 GUARDED_M = (40.0, 110.0)

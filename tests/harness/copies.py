@@ -2,10 +2,12 @@
 
 import copy
 import copyreg
+import gc
 import threading
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from struct import Struct
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 World = TypeVar("World")
@@ -29,6 +31,27 @@ def copied(world: World, same: Iterable[object] = ()) -> World:
     """Return a copy that shares nothing with its original but what is `same`: what nobody changes, and is much."""
     with _copyable():
         return copy.deepcopy(world, {id(one): one for one in same})
+
+
+def shared_by_functions(world: object) -> set[str]:
+    """Name the functions that would go on with the original's parts in a copy: a closure is not copied."""
+    memo: dict[int, Any] = {}
+    with _copyable():
+        copy.deepcopy(world, memo)
+    found, seen, ahead = set(), set(), [world]
+    while ahead:
+        one = ahead.pop()
+        if id(one) in seen or isinstance(one, type | ModuleType):
+            continue
+        seen.add(id(one))
+        if isinstance(one, FunctionType):
+            held = [cell.cell_contents for cell in one.__closure__ or ()]
+            if any(memo.get(id(each), each) is not each for each in held):
+                found.add(f"{one.__module__}.{one.__qualname__}")
+            ahead += held
+        else:
+            ahead += gc.get_referents(one)
+    return found
 
 
 class Flown:

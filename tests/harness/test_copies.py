@@ -4,7 +4,8 @@ import threading
 
 import pytest
 
-from tests.harness.copies import Flown, copied
+from sitl_mock import MockVehicle
+from tests.harness.copies import Flown, copied, shared_by_functions
 from tests.harness.sortie import Sortie
 
 
@@ -26,6 +27,20 @@ def test_a_copied_sortie_flies_on_as_the_one_it_was_copied_from(autopilot):
     assert untouched.mock.truth == first.mock.truth != copy.mock.truth
     for one in (first, copy, untouched):
         one.close()
+
+
+@pytest.mark.parametrize("flavour", ["px4", "arducopter", "rover"])
+def test_no_function_of_a_vehicle_holds_on_to_the_one_it_was_made_in(flavour):
+    assert shared_by_functions(MockVehicle(flavour)) == set()
+
+
+def test_nor_does_one_of_a_whole_sortie():
+    sortie = Sortie("px4").engaged()
+    assert shared_by_functions(sortie) == set()
+    assert shared_by_functions([[], lambda: sortie, sortie]) == {
+        f"{__name__}.{test_nor_does_one_of_a_whole_sortie.__name__}.<locals>.<lambda>"
+    }
+    sortie.close()
 
 
 def test_each_kind_is_flown_once_and_what_is_handed_out_is_never_the_same():

@@ -17,6 +17,8 @@ from guidance.links.evaders.mavlink import FollowTarget
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat
 
+pytestmark = pytest.mark.flight
+
 
 def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():
     message = mavlink.MAVLink_follow_target_message(

@@ -11,6 +11,9 @@ from guidance.session.spec import plan_of
 from sitl_mock.world import Home
 from tests.harness.sortie import SHORT
 
+pytestmark = pytest.mark.flight
+
+
 VELOCITY_ONLY = {3527, 2503, 3079, 2055}
 EVERY_AXIS_OF_POSITION = 0b111
 EVERY_AXIS_OF_VELOCITY = 0b111000

@@ -7,6 +7,8 @@ import pytest
 from guidance.flight import Event, State
 from guidance.messages import LocalPosition
 
+pytestmark = pytest.mark.flight
+
 
 def close_by(flight, limit):
     """Draw one limit of the flight: the fence at a metre about the vehicle, the heights a little beyond it."""

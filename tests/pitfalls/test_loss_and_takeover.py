@@ -7,6 +7,9 @@ import pytest
 from guidance.flight import Event, State
 from guidance.messages import LocalPosition
 
+pytestmark = pytest.mark.flight
+
+
 PILOT_MODES = {"px4": ["POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"], "arducopter": ["LOITER", "ALT_HOLD", "RTL", "LAND"]}
 CASES = [(autopilot, mode) for autopilot, modes in PILOT_MODES.items() for mode in modes]
 

@@ -7,6 +7,9 @@ import pytest
 from guidance.autopilots import AUTOPILOTS, MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, Mode
 from guidance.flight import Event, State
 
+pytestmark = pytest.mark.flight
+
+
 GUIDED = {"px4": "OFFBOARD", "arducopter": "GUIDED"}
 
 

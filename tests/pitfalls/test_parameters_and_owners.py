@@ -10,6 +10,9 @@ from guidance.flight import EngageOn, Event, State
 from guidance.preflight import Facts, Verdict, Wants, refusals, rows
 from sitl_mock import MockVehicle
 
+pytestmark = pytest.mark.flight
+
+
 WANTS = Wants(
     speed_m_s=6.0,
     limit_speed_m_s=9.0,

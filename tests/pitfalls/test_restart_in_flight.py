@@ -6,6 +6,9 @@ from guidance.autopilots import Mode
 from guidance.flight import Event, Flight, State
 from guidance.session.linked_flight import LinkedFlight
 
+pytestmark = pytest.mark.flight
+
+
 MODES = {
     "px4": {State.HOLDING: "HOLD", State.RETURNING: "RTL", State.LANDING: "LAND"},
     "arducopter": {State.HOLDING: "BRAKE", State.RETURNING: "RTL", State.LANDING: "LAND"},

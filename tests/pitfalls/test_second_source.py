@@ -5,6 +5,9 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.flight import Event, State
 
+pytestmark = pytest.mark.flight
+
+
 CYCLE_S = 0.02
 
 

@@ -25,6 +25,9 @@ from guidance.sim.stepped import SteppedWorld
 from guidance.viz.picture import draw
 from guidance.viz.shapes import isochron
 
+pytestmark = pytest.mark.flight
+
+
 SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
 
 

@@ -13,13 +13,13 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-SHORT = Path(__file__).parents[1] / "data" / "short_chase.toml"
+NEAR = Path(__file__).parents[1] / "data" / "near_chase.toml"
 GUIDANCE = Path(sys.executable).parent / "guidance"
 
 
 def start(folder, *arguments):
     return subprocess.Popen(
-        [GUIDANCE, "fly", SHORT, "--out", folder, *arguments],
+        [GUIDANCE, "fly", NEAR, "--out", folder, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -20,6 +20,7 @@ from guidance.session.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
 from guidance.sim.sensor import Noise, SensedEvader, begin, listen
 from guidance.sim.stepped import SteppedWorld
+from tests.harness.examples import drawn
 
 HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))
 PERIOD_S = 0.1
@@ -107,7 +108,7 @@ def test_nothing_arrives_in_an_outage_after_engagement():
     assert len(came) == 200 - 20 - 15
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=drawn(6), deadline=None)
 @given(st.integers(0, 2**31), st.sampled_from([0.1, 0.3, 0.6]))
 def test_the_share_of_lost_reports_is_the_dropout(seed, dropout):
     came, evader = heard(Sensor(dropout=dropout), seconds=100.0, seed=seed)

@@ -62,6 +62,7 @@ def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
     assert [verdict for verdict in verdicts if not verdict.held] == []
 
 
+@pytest.mark.flight
 @pytest.mark.parametrize("name", FLOWN)
 def test_what_a_scenario_expects_holds_in_flight(name):
     scenario, clock = load_scenario(name)[1], VirtualClock()

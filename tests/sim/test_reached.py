@@ -43,6 +43,7 @@ from sitl_mock.faults import Faulted
 GUIDANCE = Path(sys.executable).parent / "guidance"
 SHORT_FILE = Path(__file__).parents[1] / "data" / "short_chase.toml"
 SHORT = load(Scenario, SHORT_FILE)
+NEAR_FILE = SHORT_FILE.with_name("near_chase.toml")
 FIELD = Home(46.5, 7.25, 830.0)
 FENCED = {
     "px4": {"GF_MAX_HOR_DIST": 400.0, "GF_MAX_VER_DIST": 200.0, "RTL_RETURN_ALT": 15.0, "RTL_DESCEND_ALT": 8.0},
@@ -50,6 +51,14 @@ FENCED = {
         "GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_RADIUS": 400.0, "FENCE_ALT_MAX": 200.0,
     },
 }  # fmt: skip
+SOON_DOWN = {
+    "px4": {
+        "MPC_TKO_RAMP_T": 0.5, "COM_SPOOLUP_TIME": 0.2, "RTL_RETURN_ALT": 5.0, "RTL_DESCEND_ALT": 5.0,
+        "MPC_LAND_SPEED": 1.5, "MPC_LAND_CRWL": 1.5, "COM_DISARM_LAND": 0.3,
+    },
+    "arducopter": {"RTL_ALT": 300.0, "RTL_LOIT_TIME": 0.0, "LAND_SPEED": 150.0},
+}  # fmt: skip
+"""Parameters that bring a vehicle home in less time."""
 PX4_FOUND = Found(1, 1, 12, 2, armed=False)
 ASKING = {"COMMAND_LONG": {511, 512}}
 
@@ -408,11 +417,12 @@ def test_arguments_that_cannot_be_meant_are_refused(tmp_path, arguments, words):
 @pytest.mark.slow
 @pytest.mark.parametrize(("autopilot", "link"), [("px4", "mavsdk"), ("arducopter", "pymavlink")])
 def test_guidance_fly_flies_a_vehicle_that_was_started_elsewhere(tmp_path, autopilot, link):
-    vehicle = {"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0, "parameters": FENCED[autopilot]}
+    parameters = FENCED[autopilot] | SOON_DOWN[autopilot]
+    vehicle = {"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0, "parameters": parameters}
     with running([vehicle], over=["udp"]) as fleet:
         out = tmp_path / "out"
         done = subprocess.run(
-            [GUIDANCE, "fly", SHORT_FILE, "--vehicle", fleet["uav1"].udp, "--link", link, "--out", out],
+            [GUIDANCE, "fly", NEAR_FILE, "--vehicle", fleet["uav1"].udp, "--link", link, "--out", out],
             capture_output=True, text=True, timeout=150, check=False, env={**os.environ, "COLUMNS": "200"},
         )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
@@ -429,7 +439,7 @@ def test_ctrl_c_lands_the_vehicle_and_says_so(tmp_path):
     vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 1.0, "parameters": FENCED["px4"]}
     with running([vehicle], over=["udp"]) as fleet:
         process = subprocess.Popen(
-            [GUIDANCE, "fly", SHORT_FILE, "--vehicle", fleet["uav1"].udp, "--out", tmp_path / "out"],
+            [GUIDANCE, "fly", NEAR_FILE, "--vehicle", fleet["uav1"].udp, "--out", tmp_path / "out"],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         assert any("climbing" in line for line in process.stdout)

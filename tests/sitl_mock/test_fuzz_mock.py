@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import all as dialect
 from sitl_mock.mavlink import MAX_FRAME, SPEC_BY_ID, Decoder, Encoder, Signing
 from sitl_mock.mavlink.newer import NEWER
 from sitl_mock.vehicle import MockVehicle
+from tests.harness.examples import drawn
 
 KEY = bytes(range(32))
 FLAVOURS = ("px4", "arducopter", "rover")
@@ -121,7 +122,7 @@ def test_whatever_the_vehicle_answers_to_hostile_frames_can_be_read_by_pymavlink
             assert parser.decode(bytearray(frame)).get_srcSystem() == 1
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=drawn(300), deadline=None)
 @given(st.lists(st.binary(max_size=400), max_size=20), st.booleans())
 def test_any_bytes_at_all_are_taken_without_an_exception_and_the_buffer_stays_small(chunks, whole):
     decoder = Decoder()
@@ -131,7 +132,7 @@ def test_any_bytes_at_all_are_taken_without_an_exception_and_the_buffer_stays_sm
         assert not (whole and decoder.pending)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=drawn(300), deadline=None)
 @given(st.sampled_from(sorted(SPEC_BY_ID)), st.binary(min_size=255, max_size=255))
 def test_any_payload_of_any_message_decodes_as_pymavlink_decodes_it(message_id, noise):
     spec = SPEC_BY_ID[message_id]

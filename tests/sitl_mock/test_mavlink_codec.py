@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock.mavlink import MAX_FRAME, SPEC_BY_ID, SPEC_BY_NAME, Decoder, EncodeError, Encoder, spec_of, values_of
+from tests.harness.examples import drawn
 
 INTEGERS = {
     "uint8_t": (0, 2**8 - 1),
@@ -53,7 +54,7 @@ def witness(system=7, component=9, sequence=0):
     return mav
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=drawn(600), deadline=None)
 @given(any_message(), st.integers(0, 255), st.integers(0, 255), st.integers(0, 255))
 def test_every_message_packs_to_the_bytes_of_pymavlink(message, sequence, system, component):
     cls, values = message
@@ -62,7 +63,7 @@ def test_every_message_packs_to_the_bytes_of_pymavlink(message, sequence, system
     assert encoder.pack(cls.msgname, *values) == cls(*values).pack(witness(system, component, sequence))
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=drawn(600), deadline=None)
 @given(any_message(), st.integers(0, 255))
 def test_every_message_of_pymavlink_decodes_to_the_same_object(message, sequence):
     cls, values = message
@@ -78,7 +79,7 @@ def test_every_message_of_pymavlink_decodes_to_the_same_object(message, sequence
     assert (decoder.counts.frames, decoder.pending) == (1, 0)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=drawn(200), deadline=None)
 @given(any_message())
 def test_a_decoded_message_encodes_to_the_same_frame(message):
     cls, values = message
@@ -104,7 +105,7 @@ def test_zero_values_of_every_message_make_one_byte_of_payload_both_here_and_the
     assert message.get_msgId() == message_id
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=drawn(100), deadline=None)
 @given(st.lists(any_message(), min_size=1, max_size=8), st.randoms(use_true_random=False))
 def test_a_stream_cut_anywhere_gives_every_message_once_and_in_order(messages, rng):
     encoder = Encoder(1, 1)

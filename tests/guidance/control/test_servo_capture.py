@@ -10,6 +10,9 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "bench"))  # the benchmark fl
 
 from chase import altered, chase, hover_chase
 
+pytestmark = pytest.mark.flight
+
+
 WANTED = {"px4": 1.06, "arducopter": 1.07}
 
 

@@ -12,6 +12,7 @@ from guidance.control import Limiter, LimitMemory, Situation, limit, start
 from guidance.control.setpoint_limiter import NOTED
 from guidance.control.stopping import approach_speed
 from guidance.messages import Setpoint
+from tests.harness.examples import drawn
 
 
 @settings(deadline=None)
@@ -64,7 +65,7 @@ def test_jerk_limits_the_rise_of_acceleration():
     assert accelerations == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(st.floats(-10, 10), st.floats(-10, 10), st.floats(1.0, 50.0), st.sampled_from([0, 1]))
 def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk, axis):
     def along(speed):

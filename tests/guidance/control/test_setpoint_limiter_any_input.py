@@ -20,6 +20,7 @@ from guidance.control import (
 )
 from guidance.control.setpoint_limiter import NOTED
 from guidance.messages import Setpoint
+from tests.harness.examples import drawn
 
 TOLERANCE = 1e-6
 # A polygon with an inward corner, a circle that cuts its far corners, and a stand-off.
@@ -203,7 +204,7 @@ def assert_inside_space(limited, situation, envelope):
         assert down_m >= min(envelope.home_ned_m[2] - envelope.ceiling_m, situation.position_ned_m[2]) - TOLERANCE
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=drawn(200), deadline=None)
 @given(wild_setpoints, wild_situations, wild_memories, wild)
 def test_no_numbers_at_all_leave_the_speeds_or_yield_a_nan(command, situation, memory, dt):
     limited = limit(command, situation, ENVELOPE, memory, dt)
@@ -211,7 +212,7 @@ def test_no_numbers_at_all_leave_the_speeds_or_yield_a_nan(command, situation, m
     assert_inside(limit(command, situation, ENVELOPE, limited.memory, dt), ENVELOPE)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=drawn(300), deadline=None)
 @given(wild_setpoints | setpoints, situations, wild_memories | memories, wild | steps)
 def test_no_command_leads_out_of_the_envelope_from_any_place(command, situation, memory, dt):
     limited = limit(command, situation, ENVELOPE, memory, dt)
@@ -219,7 +220,7 @@ def test_no_command_leads_out_of_the_envelope_from_any_place(command, situation,
     assert_inside_space(limited, situation, ENVELOPE)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=drawn(200), deadline=None)
 @given(setpoints, near_situations, memories, steps)
 def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(command, situation, memory, dt):
     situation = situation._replace(evader_velocity_ned_m_s=None)

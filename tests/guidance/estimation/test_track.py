@@ -11,6 +11,7 @@ from scipy import stats
 from track_scenes import SETTINGS, measured, straight, tracked
 
 from guidance.estimation import TAKEN, Measurement, ReportOutcome, Track, predict, update
+from tests.harness.examples import drawn
 
 
 @pytest.mark.parametrize(
@@ -61,7 +62,7 @@ def test_a_first_report_that_is_no_good_starts_nothing(report, outcome):
     assert (track.outcome, track.estimate) == (outcome, None)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 @given(st.integers(0, 1000), st.permutations(range(6)))
 def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, order):
     reports = straight(30, seed=seed)
@@ -74,7 +75,7 @@ def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, orde
     assert one.age_s == pytest.approx(other.age_s)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 29))
 def test_a_report_heard_twice_counts_once(seed, index):
     reports = straight(30, seed=seed)
@@ -88,7 +89,7 @@ def test_a_report_heard_twice_counts_once(seed, index):
     assert predict(again, 3.5, SETTINGS).covariance == pytest.approx(predict(once, 3.5, SETTINGS).covariance)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 @given(st.integers(0, 1000), st.floats(-math.pi, math.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
 def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -110,7 +111,7 @@ def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
         assert getattr(there, name) == pytest.approx(getattr(here, name), abs=1e-6)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 @given(st.floats(0.0, 1e6))
 def test_the_estimate_knows_no_beginning_of_time(start_s):
     reports = straight(20, seed=9)
@@ -134,7 +135,7 @@ near = st.builds(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=drawn(150), deadline=None)
 @given(st.lists(wild | near | st.sampled_from(straight(40, seed=3)), max_size=25))
 def test_no_reports_at_all_break_a_track(reports):
     track = tracked(reports)

@@ -17,6 +17,7 @@ from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, GlobalPosition, Heartbeat, Home, LocalPosition, Odometry, Origin
 from guidance.vehicle import VehicleState, observe
+from tests.harness.examples import drawn
 
 ZERO = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=PX4.projection)
 NORTH_M = 60.0
@@ -142,7 +143,7 @@ BY_CYCLE_M_S = 5.0 * CYCLE_S * 1.5
 """What acceleration allows in a cycle, horizontally and vertically together, and a little."""
 
 
-@settings(max_examples=10)
+@settings(max_examples=drawn(10))
 @given(by_m=SHIFTS, order=st.sampled_from(["together", "told first", "told later", "never told"]))
 def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_are(by_m, order):
     flown = engaged()
@@ -171,7 +172,7 @@ def moved_zero_of(by_m):
     return replace(ZERO, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
 
 
-@settings(max_examples=10)
+@settings(max_examples=drawn(10))
 @given(by_m=SHIFTS)
 def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(by_m):
     flown = engaged()
@@ -200,7 +201,7 @@ def test_a_zero_that_is_told_elsewhere_without_the_vehicle_being_there_is_not_be
 
 
 @given(wanders=st.lists(st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.floats(-2.0, 2.0)), min_size=1, max_size=6))
-@settings(max_examples=20)
+@settings(max_examples=drawn(20))
 def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
     still, restless = engaged(), engaged()
     for wander in wanders:

@@ -23,6 +23,7 @@ from guidance.links.evaders import (
 )
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Attitude, GlobalPosition, Home, LocalPosition, Origin
+from tests.harness.examples import drawn
 
 FRAME = LocalFrame(47.0, 8.0, Amsl(488.0), undulation_m=47.0)
 CARRIERS = [FollowTarget, GlobalPositionInt, lambda: OdometryCarrier(FRAME), lambda: OpenDroneIdLocation(FRAME)]
@@ -44,7 +45,7 @@ def places(message) -> list[float]:
     return [message.yaw_rad] if isinstance(message, Attitude) else []
 
 
-@settings(max_examples=300)
+@settings(max_examples=drawn(300))
 @given(st.lists(st.tuples(st.sampled_from(sorted(HEARD)), st.binary(min_size=1, max_size=255)), max_size=8))
 def test_any_payload_in_a_right_frame_is_a_message_or_is_counted(said):
     ours, theirs = MemoryWire.pair(lambda: 3.0)
@@ -59,7 +60,7 @@ def test_any_payload_in_a_right_frame_is_a_message_or_is_counted(said):
     assert counters["garbage_bytes"] == 0
 
 
-@settings(max_examples=200)
+@settings(max_examples=drawn(200))
 @given(st.lists(st.binary(max_size=80), max_size=10))
 def test_any_bytes_leave_the_link_as_it_was(pieces):
     ours, theirs = MemoryWire.pair(lambda: 3.0)
@@ -73,7 +74,7 @@ def test_any_bytes_leave_the_link_as_it_was(pieces):
 
 @pytest.mark.parametrize("carrier", CARRIERS)
 def test_any_payload_of_an_evader_is_a_report_of_a_place_or_is_refused(carrier):
-    @settings(max_examples=200)
+    @settings(max_examples=drawn(200))
     @given(st.lists(st.binary(min_size=1, max_size=255), min_size=1, max_size=4))
     def whatever(payloads):
         ours, theirs = MemoryWire.pair(lambda: 3.0)

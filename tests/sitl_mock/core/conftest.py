@@ -6,6 +6,8 @@ import pytest
 
 from sitl_mock import MockVehicle
 from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.mavlink.dialect import spec_of
+from tests.harness.copies import Flown
 
 STEP_S = 0.02
 UNUSED = {"px4": math.nan, "arducopter": 0.0, "rover": 0.0}
@@ -25,14 +27,32 @@ class Flight:
         self.steps = 0
         self.encoder = Encoder(*source)
         self.decoder = Decoder()
-        self.heard = []
         self.frames = []
+        self._times = []
+        self._messages = []
         self._hear(self.vehicle.step(0.0))
 
     def _hear(self, frames):
         self.frames += frames
-        for frame in frames:
-            self.heard += [(self.now_s, message) for message in self.decoder.feed(frame, whole=True)]
+        self._times += [self.now_s] * len(frames)
+        self._messages += [None] * len(frames)
+
+    def _message(self, index):
+        """Most of what a vehicle says nobody asks for: a frame is read when somebody does."""
+        if self._messages[index] is None:
+            (self._messages[index],) = self.decoder.feed(self.frames[index], whole=True)
+        return self._messages[index]
+
+    def _of(self, name):
+        """Where the messages of a name stand, the latest first."""
+        number = spec_of(name).id_bytes
+        frames = self.frames
+        return (index for index in reversed(range(len(frames))) if frames[index][7:10] == number)
+
+    @property
+    def heard(self):
+        """Every message, with the time it came at."""
+        return [(self._times[index], self._message(index)) for index in range(len(self.frames))]
 
     def send(self, *message):
         """Send one message now."""
@@ -59,27 +79,33 @@ class Flight:
 
     def command(self, number, *params, wait_s=0.1, target=(1, 1)):
         """Send a COMMAND_LONG; the results of all its ACKs."""
-        before = len(self.heard)
+        before = len(self.frames)
         fill = [UNUSED[self.flavour]] * (7 - len(params))
         self.send("COMMAND_LONG", *target, number, 0, *params, *fill)
         self.run(wait_s)
-        return [m.result for _, m in self.heard[before:] if m.get_type() == "COMMAND_ACK" and m.command == number]
+        return self._results(before, number)
 
     def command_int(self, number, frame, *params, x=0, y=0, z=0.0):
         """Send a COMMAND_INT; the results of all its ACKs."""
-        before = len(self.heard)
+        before = len(self.frames)
         fill = [UNUSED[self.flavour]] * (4 - len(params))
         self.send("COMMAND_INT", 1, 1, frame, number, 0, 0, *params, *fill, x, y, z)
         self.run(0.1)
-        return [m.result for _, m in self.heard[before:] if m.get_type() == "COMMAND_ACK" and m.command == number]
+        return self._results(before, number)
+
+    def _results(self, before, number):
+        """What ACKs of a command said, since so many frames."""
+        acks = [self._message(index) for index in self._of("COMMAND_ACK") if index >= before]
+        return [ack.result for ack in reversed(acks) if ack.command == number]
 
     def last(self, name):
         """The last message of a name."""
-        return next((m for _, m in reversed(self.heard) if m.get_type() == name), None)
+        return next((self._message(index) for index in self._of(name)), None)
 
     def all(self, name, since_s=0.0):
         """All messages of a name since a time, with the time they came at."""
-        return [(t, m) for t, m in self.heard if m.get_type() == name and t >= since_s]
+        came = [(self._times[index], self._message(index)) for index in self._of(name) if self._times[index] >= since_s]
+        return came[::-1]
 
     def texts(self):
         """All STATUSTEXTs, chunks put together."""
@@ -137,10 +163,27 @@ def velocity(north, east, down, *, mask=2503, frame=1, target=(1, 1), yaw=0.0):
     return ("SET_POSITION_TARGET_LOCAL_NED", 0, *target, frame, mask, 0, 0, 0, north, east, down, 0, 0, 0, yaw, 0)
 
 
+class Fly:
+    """``fly("px4", ...)`` switches a vehicle on; ``fly.airborne("px4", height=10.0, ...)`` has one in the air.
+
+    How a vehicle comes into the air is flown once; those who ask for it fly on in copies.
+    """
+
+    def __init__(self):
+        self._flown = Flown()
+
+    def __call__(self, flavour, **settings):
+        return Flight(flavour, **settings)
+
+    def airborne(self, flavour, height=20.0, **settings):
+        key = (flavour, height, repr(sorted(settings.items())))
+        return self._flown(key, lambda: Flight(flavour, **settings).airborne(height))
+
+
 @pytest.fixture(scope="session")
 def fly():
-    """``fly("px4", ...)`` switches a vehicle on."""
-    return Flight
+    """See `Fly`."""
+    return Fly()
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from sitl_mock.conditions import CONDITIONS
 from sitl_mock.flavours import NAMES, flavour_named
 from sitl_mock.mavlink import Decoder
+from tests.harness.examples import drawn
 
 NUMBER = st.one_of(st.sampled_from([0.0, 1.0, 2.0, 6.0, -1.0, math.nan, math.inf, 21196.0, 1e9]), st.floats(-200, 200))
 COMMANDS = st.tuples(
@@ -64,7 +65,7 @@ def act(flight, modes, event):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=drawn(12), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(events=EVENTS, airborne=st.booleans())
 def test_it_never_fails_stays_above_ground_and_in_its_table(fly, name, events, airborne):
     flight = fly(name, noise=True, dt_s=0.05)

@@ -63,7 +63,7 @@ def test_take_off_needs_armed_and_guided_and_a_relative_frame(fly):
 
 @pytest.mark.parametrize("texts", [None, False])
 def test_stream_loss_holds_then_brakes_and_stays_guided_without_a_word(fly, ned_velocity, texts):
-    flight = fly("arducopter", texts=texts).airborne()
+    flight = fly.airborne("arducopter", texts=texts)
     stream = ned_velocity(5.0, 0.0, 0.0)
     flight.run(8.0, stream)
     said = len(flight.texts())
@@ -82,14 +82,14 @@ def test_stream_loss_holds_then_brakes_and_stays_guided_without_a_word(fly, ned_
 
 
 def test_guid_timeout_is_a_parameter(fly, ned_velocity):
-    flight = fly("arducopter", parameters={"GUID_TIMEOUT": 0.5}).airborne()
+    flight = fly.airborne("arducopter", parameters={"GUID_TIMEOUT": 0.5})
     flight.run(6.0, ned_velocity(3.0, 0.0, 0.0))
     flight.run(3.0)
     assert abs(flight.velocity[0]) < 0.5
 
 
 def test_nan_brakes_at_once(fly, ned_velocity):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.run(8.0, ned_velocity(5.0, 0.0, 0.0))
     flight.run(2.9, ned_velocity(math.nan, 0.0, 0.0))
     assert abs(flight.velocity[0]) < 0.5
@@ -97,14 +97,14 @@ def test_nan_brakes_at_once(fly, ned_velocity):
 
 @pytest.mark.parametrize("setpoint", [{"frame": 12}, {"target": (7, 1)}], ids=["frame 12", "another vehicle"])
 def test_what_is_for_others_is_ignored(fly, ned_velocity, setpoint):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.run(3.0, ned_velocity(3.0, 0.0, 0.0, **setpoint))
     assert math.hypot(*flight.velocity) < 0.2
 
 
 @pytest.mark.parametrize(("frame", "north", "east"), [(1, 3.0, 0.0), (7, 3.0, 0.0), (8, 0.0, 3.0), (9, 0.0, 3.0)])
 def test_frames_1_7_8_and_9_are_taken_and_body_frames_turn(fly, ned_velocity, frame, north, east):
-    flight = fly("arducopter", yaw_deg=90.0).airborne()
+    flight = fly.airborne("arducopter", yaw_deg=90.0)
     stream = ned_velocity(
         3.0, 0.0, 0.0, frame=frame, yaw=0.0 if frame in {8, 9} else math.pi / 2
     )  # a body's is relative
@@ -115,7 +115,7 @@ def test_frames_1_7_8_and_9_are_taken_and_body_frames_turn(fly, ned_velocity, fr
 
 @pytest.mark.parametrize("mask", [0x0FFF, 2503 | 0b100000], ids=["nothing", "one axis ignored"])
 def test_a_mask_that_makes_no_sense_stops(fly, ned_velocity, mask):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.run(6.0, ned_velocity(4.0, 0.0, 0.0))
     flight.run(3.0, ned_velocity(4.0, 0.0, 0.0, mask=mask))
     assert abs(flight.velocity[0]) < 0.6
@@ -123,20 +123,20 @@ def test_a_mask_that_makes_no_sense_stops(fly, ned_velocity, mask):
 
 def test_speeds_beyond_the_limits_are_flown(fly, ned_velocity):
     """WPNAV_SPEED does not hold in GUIDED: the client has to clamp."""
-    flight = fly("arducopter", parameters={"WPNAV_SPEED": 500.0}).airborne()
+    flight = fly.airborne("arducopter", parameters={"WPNAV_SPEED": 500.0})
     flight.run(20.0, ned_velocity(9.0, 0.0, 0.0))
     assert flight.velocity[0] > 8.0
 
 
 def test_a_position_is_flown_to_and_outlives_the_timeout(fly):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.send(*position(-15.0))
     flight.run(25.0)
     assert flight.position == pytest.approx((10.0, 5.0, -15.0), abs=0.5)
 
 
 def test_setpoints_count_in_guided_only(fly, ned_velocity):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.command(176, 1, 17)
     flight.run(4.0, ned_velocity(4.0, 0.0, 0.0))
     assert flight.mode == "BRAKE"
@@ -144,7 +144,7 @@ def test_setpoints_count_in_guided_only(fly, ned_velocity):
 
 
 def test_brake_stops_within_three_seconds(fly, ned_velocity):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.run(8.0, ned_velocity(5.0, 0.0, 0.0))
     assert flight.command(176, 1, 17) == [0]
     flight.run(2.9)
@@ -152,14 +152,14 @@ def test_brake_stops_within_three_seconds(fly, ned_velocity):
 
 
 def test_loiter_without_a_radio_sinks_at_2_4_m_s(fly):
-    flight = fly("arducopter").airborne(40.0)
+    flight = fly.airborne("arducopter", height=40.0)
     assert flight.command(176, 1, 5) == [0]
     flight.run(6.0)
     assert flight.velocity[2] == pytest.approx(2.4, abs=0.2)
 
 
 def test_return_climbs_to_rtl_alt_comes_home_and_disarms(fly):
-    flight = fly("arducopter").airborne(5.0)
+    flight = fly.airborne("arducopter", height=5.0)
     flight.send(*position(-5.0))
     flight.run(15.0)
     assert flight.command(20) == [0]
@@ -173,7 +173,7 @@ def test_return_climbs_to_rtl_alt_comes_home_and_disarms(fly):
 
 
 def test_landing_is_slow_below_ten_metres_and_disarms(fly):
-    flight = fly("arducopter").airborne(15.0)
+    flight = fly.airborne("arducopter", height=15.0)
     assert flight.command(21) == [0]
     flight.until(lambda: flight.height < 6.0, 30.0)
     assert flight.velocity[2] == pytest.approx(0.5, abs=0.1)
@@ -203,13 +203,13 @@ def test_arming_can_be_forced_past_the_checks(fly, magic):
 
 
 def test_disarming_in_the_air_fails_unless_forced(fly):
-    flight = fly("arducopter").airborne(5.0)
+    flight = fly.airborne("arducopter", height=5.0)
     assert flight.command(400, 0.0) == [4]
     assert flight.command(400, 0.0, 21196.0) == [0]
 
 
 def test_a_lost_radio_returns_for_good(fly):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.vehicle.inject("rc", True)
     flight.run(0.5)
     flight.vehicle.inject("rc", False)
@@ -230,14 +230,14 @@ def test_a_lost_ground_station_does_what_fs_gcs_enable_says(fly, action, mode):
 
 
 def test_a_lost_estimate_lands(fly):
-    flight = fly("arducopter").airborne()
+    flight = fly.airborne("arducopter")
     flight.vehicle.inject("estimator_invalid", True)
     flight.run(0.5)
     assert flight.mode == "LAND"
 
 
 def test_a_fence_returns(fly, ned_velocity):
-    flight = fly("arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_RADIUS": 30.0}).airborne(10.0)
+    flight = fly.airborne("arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_RADIUS": 30.0}, height=10.0)
     flight.until(lambda: flight.position[0] > 31.0, 30.0, ned_velocity(5.0, 0.0, 0.0))
     flight.run(0.2)
     assert flight.mode == "RTL"

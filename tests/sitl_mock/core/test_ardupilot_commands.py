@@ -11,7 +11,7 @@ def place(flight, north, east):
 
 
 def test_reposition_is_flown_in_guided_and_its_speed_is_not_looked_at(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     assert flight.command_int(192, 6, 2.0, 0.0, 0.0, 0.0, **place(flight, 15.0, -5.0), z=12.0) == [0]
     fastest = 0.0
     for _ in range(250):
@@ -22,7 +22,7 @@ def test_reposition_is_flown_in_guided_and_its_speed_is_not_looked_at(fly):
 
 
 def test_reposition_changes_to_guided_only_when_asked_to(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.command(176, 1, 17)
     assert flight.command_int(192, 6, -1.0, 0.0, 0.0, 0.0, **place(flight, 5.0, 0.0), z=10.0) == [2]
     assert flight.command_int(192, 6, -1.0, 1.0, 0.0, 0.0, **place(flight, 5.0, 0.0), z=10.0) == [0]
@@ -41,7 +41,7 @@ def test_home_can_be_set_here_or_anywhere_on_earth(fly, flavour):
 
 
 def test_termination_stops_the_motors(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     assert flight.command(185, 0.0) == [4]
     assert flight.vehicle.armed
     assert flight.command(185, 1.0) == [0]
@@ -66,7 +66,7 @@ def test_what_cannot_be_done_fails_or_is_unsupported(fly, number, params, result
 
 
 def test_set_mode_message_and_the_pilots_switch_are_obeyed(fly):
-    flight = fly("arducopter").airborne(5.0)
+    flight = fly.airborne("arducopter", height=5.0)
     flight.send("SET_MODE", 1, 1, 17)
     assert flight.mode == "BRAKE"
     flight.vehicle.inject("pilot_mode", "LOITER")
@@ -75,7 +75,7 @@ def test_set_mode_message_and_the_pilots_switch_are_obeyed(fly):
 
 
 def test_a_refused_mode_leaves_the_old_one(fly):
-    flight = fly("arducopter").airborne(5.0)
+    flight = fly.airborne("arducopter", height=5.0)
     flight.vehicle.inject("offboard_refused", True)
     flight.command(176, 1, 17)
     assert flight.guided() == [4]
@@ -83,7 +83,7 @@ def test_a_refused_mode_leaves_the_old_one(fly):
 
 
 def test_a_global_setpoint_is_flown_to(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     where = place(flight, -12.0, 4.0)
     flight.send("SET_POSITION_TARGET_GLOBAL_INT", 0, 1, 1, 6, 0x0DF8, where["x"], where["y"], 14.0, *[0] * 8)
     flight.run(25.0)
@@ -92,7 +92,7 @@ def test_a_global_setpoint_is_flown_to(fly):
 
 @pytest.mark.parametrize("frame", [7, 9])
 def test_an_offset_counts_from_here(fly, frame):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.send("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, frame, 0x0DF8, 6.0, 0.0, -2.0, *[0] * 8)
     flight.run(15.0)
     assert flight.position == pytest.approx((6.0, 0.0, -12.0), abs=0.5)
@@ -146,7 +146,7 @@ def test_a_rover_stays_in_loiter_and_a_lost_radio_sends_it_home(fly, ned_velocit
     ("charge", "low", "critical", "mode"), [(0.12, 1, 2, "LAND"), (0.05, 0, 2, "RTL"), (0.05, 1, 2, "LAND")]
 )
 def test_battery_failsafes_do_what_their_parameters_say(fly, charge, low, critical, mode):
-    flight = fly("arducopter", parameters={"BATT_FS_LOW_ACT": low, "BATT_FS_CRT_ACT": critical}).airborne(5.0)
+    flight = fly.airborne("arducopter", parameters={"BATT_FS_LOW_ACT": low, "BATT_FS_CRT_ACT": critical}, height=5.0)
     flight.vehicle.inject("battery", charge)
     flight.run(0.5)
     assert flight.mode == mode

@@ -64,7 +64,7 @@ def test_mission_start_without_a_mission_is_denied(fly):
 
 
 def test_a_mission_that_ends_in_the_air_holds_there(fly):
-    flight = fly("px4").airborne(8.0)
+    flight = fly.airborne("px4", height=8.0)
     assert upload(flight, square(flight, 2)) == ACCEPTED
     flight.command(300, 0.0)
     flight.until(lambda: flight.mode == "HOLD", 60.0)
@@ -74,7 +74,7 @@ def test_a_mission_that_ends_in_the_air_holds_there(fly):
 
 
 def test_an_interrupted_mission_goes_on_where_it_was(fly):
-    flight = fly("px4").airborne(8.0)
+    flight = fly.airborne("px4", height=8.0)
     upload(flight, square(flight, 4))
     flight.command(300, 0.0)
     flight.until(lambda: 0 in reached(flight), 40.0)
@@ -86,7 +86,7 @@ def test_an_interrupted_mission_goes_on_where_it_was(fly):
 
 
 def test_set_current_jumps(fly):
-    flight = fly("px4").airborne(8.0)
+    flight = fly.airborne("px4", height=8.0)
     upload(flight, square(flight, 4))
     flight.send("MISSION_SET_CURRENT", 1, 1, 2)
     flight.command(176, 1, 4, 4)
@@ -95,7 +95,7 @@ def test_set_current_jumps(fly):
 
 
 def test_a_wait_is_kept_and_a_speed_change_is_obeyed(fly):
-    flight = fly("px4").airborne(8.0)
+    flight = fly.airborne("px4", height=8.0)
     items = [
         (2, 178, 0, 1, 1.0, 2.0, -1.0, 0.0, 0, 0, 0.0),
         item(flight, 16, 15.0, 0.0, 8.0, 4.0, 1.0),
@@ -115,7 +115,7 @@ def test_a_wait_is_kept_and_a_speed_change_is_obeyed(fly):
 
 
 def test_an_uploaded_circle_is_a_fence(fly, ned_velocity):
-    flight = fly("px4", parameters={"GF_ACTION": 3}).airborne(8.0)
+    flight = fly.airborne("px4", parameters={"GF_ACTION": 3}, height=8.0)
     lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(0.0, 0.0, 0.0)
     circle = (0, 5003, 0, 1, 25.0, 0.0, 0.0, 0.0, round(lat * 1e7), round(lon * 1e7), 0.0)
     assert upload(flight, [circle], FENCE) == ACCEPTED
@@ -126,7 +126,7 @@ def test_an_uploaded_circle_is_a_fence(fly, ned_velocity):
 
 
 def test_an_uploaded_polygon_is_a_fence(fly, ned_velocity):
-    flight = fly("px4", parameters={"GF_ACTION": 2}).airborne(8.0)
+    flight = fly.airborne("px4", parameters={"GF_ACTION": 2}, height=8.0)
     corners = [(-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0)]
     items = []
     for corner in corners:

@@ -83,7 +83,7 @@ def test_disarmed_px4_takes_every_mode_as_its_intention(fly, mode):
 
 @pytest.mark.parametrize("mode", ["MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "MISSION", "OFFBOARD"])
 def test_armed_px4_refuses_what_cannot_run_with_a_text(fly, mode):
-    flight = fly("px4", texts=True).airborne(5.0)
+    flight = fly.airborne("px4", texts=True, height=5.0)
     number = BY_NAME[mode].number
     assert flight.command(176, 1, number >> 16 & 0xFF, number >> 24) == [0, 1]
     assert flight.mode == "HOLD"
@@ -92,7 +92,7 @@ def test_armed_px4_refuses_what_cannot_run_with_a_text(fly, mode):
 
 @pytest.mark.parametrize("mode", COPTER_MODES.by_name())
 def test_armed_arducopter_takes_every_mode_that_needs_no_mission(fly, mode):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     refused = mode in {"AUTO", "THROW"}
     expected = 4 if refused else 0
     assert flight.command(176, 1, COPTER_MODES.by_name()[mode].number) == [expected]

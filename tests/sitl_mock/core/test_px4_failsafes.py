@@ -10,12 +10,12 @@ PARAMETERS = {"NAV_RCL_ACT": 2, "NAV_DLL_ACT": 0, "GF_ACTION": 2, "COM_LOW_BAT_A
 
 
 def test_a_radio_that_never_was_cannot_be_lost(fly):
-    flight = fly("px4").airborne().run(10.0)
+    flight = fly.airborne("px4").run(10.0)
     assert flight.mode == "HOLD"
 
 
 def test_a_lost_radio_holds_five_seconds_then_returns(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("rc", True)
     flight.run(1.0)
     flight.command(176, 1, 3)
@@ -29,7 +29,7 @@ def test_a_lost_radio_holds_five_seconds_then_returns(fly):
 
 
 def test_a_radio_that_comes_back_does_not_end_the_return_but_a_mode_change_does(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("rc", True)
     flight.run(1.0)
     flight.vehicle.inject("rc", False)
@@ -59,14 +59,14 @@ def test_ground_station_loss_does_what_nav_dll_act_says(fly, action, mode):
 @pytest.mark.parametrize(("action", "mode"), [(1, "HOLD"), (2, "HOLD"), (3, "RTL"), (5, "LAND")])
 def test_fence_acts_at_once_in_offboard(fly, ned_velocity, action, mode):
     stream = ned_velocity(5.0, 0.0, 0.0)
-    flight = fly("px4", parameters={"GF_ACTION": action, "GF_MAX_HOR_DIST": 20.0}).airborne().offboard(stream)
+    flight = fly.airborne("px4", parameters={"GF_ACTION": action, "GF_MAX_HOR_DIST": 20.0}).offboard(stream)
     flight.until(lambda: flight.position[0] > 20.3, 20.0, stream)
     flight.run(0.1, stream)
     assert flight.mode == (mode if action > 1 else "OFFBOARD")
 
 
 def test_fence_action_ends_when_back_inside(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("fence_breach", True)
     flight.run(0.2)
     assert flight.vehicle.autopilot.commander.in_failsafe
@@ -77,14 +77,14 @@ def test_fence_action_ends_when_back_inside(fly):
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
 def test_critical_battery_does_what_com_low_bat_act_says(fly, action, mode):
-    flight = fly("px4", parameters={"COM_LOW_BAT_ACT": action}).airborne()
+    flight = fly.airborne("px4", parameters={"COM_LOW_BAT_ACT": action})
     flight.vehicle.inject("battery", 0.06)
     flight.run(6.0)
     assert flight.mode == mode
 
 
 def test_emergency_battery_lands(fly):
-    flight = fly("px4", parameters={"COM_LOW_BAT_ACT": 3}).airborne()
+    flight = fly.airborne("px4", parameters={"COM_LOW_BAT_ACT": 3})
     flight.vehicle.inject("battery", 0.04)
     flight.run(6.0)
     assert flight.mode == "LAND"
@@ -98,14 +98,14 @@ def test_a_low_battery_refuses_arming(fly):
 
 
 def test_flying_drains_the_battery(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     before = flight.vehicle.autopilot.state.battery.remaining
     flight.run(30.0)
     assert flight.vehicle.autopilot.state.battery.remaining < before < 1.0
 
 
 def test_gps_loss_shows_at_once_and_takes_the_position_after_five_seconds(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("gps_lost", True)
     flight.run(0.5)
     assert flight.last("GPS_RAW_INT").fix_type == 0
@@ -121,7 +121,7 @@ def test_gps_loss_shows_at_once_and_takes_the_position_after_five_seconds(fly):
 
 
 def test_an_estimator_jump_moves_the_report_at_once_and_the_truth_after(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     truth = flight.position
     before = flight.last("LOCAL_POSITION_NED").x
     counter = flight.last("ODOMETRY").reset_counter
@@ -133,7 +133,7 @@ def test_an_estimator_jump_moves_the_report_at_once_and_the_truth_after(fly):
 
 
 def test_a_heading_jump_turns_the_report(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     before = flight.last("ATTITUDE").yaw
     flight.vehicle.inject("ekf_yaw_jump_deg", 40.0)
     flight.run(0.1)
@@ -141,7 +141,7 @@ def test_a_heading_jump_turns_the_report(fly):
 
 
 def test_stick_movement_takes_over_from_auto_modes(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("rc", True)
     flight.command(20)
     flight.run(1.0)
@@ -153,7 +153,7 @@ def test_stick_movement_takes_over_from_auto_modes(fly):
 
 
 def test_manual_control_is_a_radio(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.run(1.0, ("MANUAL_CONTROL", 1, 0, 0, 500, 0, 0, 0, 0, *[0] * 8), every_s=0.1)
     assert flight.command(176, 1, 3) == [0, 0]
     assert flight.mode == "POSCTL"
@@ -164,7 +164,7 @@ def test_manual_control_is_a_radio(fly):
 @pytest.mark.parametrize(("exception", "mode"), [(0, "RTL"), (2, "RTL"), (4, "OFFBOARD")])
 def test_a_lost_radio_is_borne_where_com_rcl_except_says_so(fly, ned_velocity, exception, mode):
     stream = ned_velocity(1.0, 0.0, 0.0)
-    flight = fly("px4", parameters={"COM_RCL_EXCEPT": exception}).airborne()
+    flight = fly.airborne("px4", parameters={"COM_RCL_EXCEPT": exception})
     flight.vehicle.inject("rc", True)
     flight.offboard(stream)
     flight.vehicle.inject("rc", False)
@@ -173,7 +173,7 @@ def test_a_lost_radio_is_borne_where_com_rcl_except_says_so(fly, ned_velocity, e
 
 
 def test_a_lost_onboard_computer_is_a_warning_only(fly):
-    flight = fly("px4", texts=True).airborne()
+    flight = fly.airborne("px4", texts=True)
     flight.send("HEARTBEAT", 18, 8, 0, 0, 4, 3)
     flight.run(7.0)
     assert flight.mode == "HOLD"

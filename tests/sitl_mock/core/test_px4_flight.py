@@ -92,7 +92,7 @@ def test_nothing_moves_during_the_spool_up(fly):
 
 
 def test_disarming_in_the_air_is_refused_and_forced_disarming_falls(fly):
-    flight = fly("px4", texts=True).airborne(10.0)
+    flight = fly.airborne("px4", texts=True, height=10.0)
     assert flight.command(400, 0.0) == [1]
     assert "Disarming denied! Not landed" in flight.texts()
     assert flight.command(400, 0.0, 21196.0) == [0]
@@ -103,7 +103,7 @@ def test_disarming_in_the_air_is_refused_and_forced_disarming_falls(fly):
 
 def test_mavsdk_arm_force_is_a_kill(fly):
     """MAVSDK's arm_force sends param1 0 and param2 21196."""
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     assert flight.command(400, 0.0, 21196.0) == [0]
     assert not flight.vehicle.armed
 
@@ -114,7 +114,7 @@ def test_force_does_not_arm_past_the_checks(fly):
 
 
 def test_landing_slows_down_near_the_ground_and_disarms(fly):
-    flight = fly("px4").airborne(20.0)
+    flight = fly.airborne("px4", height=20.0)
     assert flight.command(21) == [0]
     flight.until(lambda: flight.height < 15.0, 20.0)
     assert flight.velocity[2] == pytest.approx(1.5, abs=0.1)
@@ -130,7 +130,7 @@ def test_landing_slows_down_near_the_ground_and_disarms(fly):
 
 
 def test_return_climbs_crosses_descends_and_lands_at_home(fly):
-    flight = fly("px4", parameters={"RTL_RETURN_ALT": 25.0, "RTL_DESCEND_ALT": 10.0}).airborne(5.0)
+    flight = fly.airborne("px4", parameters={"RTL_RETURN_ALT": 25.0, "RTL_DESCEND_ALT": 10.0}, height=5.0)
     lat, lon, alt = flight.vehicle.autopilot.frame.to_geodetic(60.0, 0.0, -5.0)
     assert flight.command_int(192, 0, -1.0, 1.0, 0.0, math.nan, x=round(lat * 1e7), y=round(lon * 1e7), z=alt) == [0]
     flight.until(lambda: flight.position[0] > 59.0, 40.0)
@@ -145,7 +145,7 @@ def test_return_climbs_crosses_descends_and_lands_at_home(fly):
 
 
 def test_reposition_needs_the_flag_to_change_to_hold(fly, ned_velocity):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     stream = ned_velocity(0.0, 0.0, 0.0)
     flight.offboard(stream)
     lat, lon, alt = flight.vehicle.autopilot.frame.to_geodetic(10.0, 5.0, -12.0)
@@ -158,7 +158,7 @@ def test_reposition_needs_the_flag_to_change_to_hold(fly, ned_velocity):
 
 def test_hold_stops_and_stays(fly, ned_velocity):
     stream = ned_velocity(5.0, 0.0, 0.0)
-    flight = fly("px4").airborne().offboard(stream).run(8.0, stream)
+    flight = fly.airborne("px4").offboard(stream).run(8.0, stream)
     assert flight.command(176, 1, 4, 3) == [0, 0]
     flight.run(8.0)
     stopped = flight.position
@@ -177,7 +177,7 @@ def test_heartbeat_rate_cannot_be_changed(fly):
 
 
 def test_termination_is_final(fly):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     assert flight.command(185, 1.0) == [0]
     flight.run(4.0)
     assert flight.mode == "TERMINATION"
@@ -200,7 +200,7 @@ def test_reboot_is_refused_while_armed_and_starts_the_clock_anew(fly):
 
 
 def test_set_mode_message_is_obeyed(fly):
-    flight = fly("px4").airborne(5.0)
+    flight = fly.airborne("px4", height=5.0)
     flight.send("SET_MODE", 1, 1, 0x06040000)
     flight.run(0.1)
     assert flight.mode == "LAND"

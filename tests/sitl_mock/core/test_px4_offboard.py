@@ -14,7 +14,7 @@ def heartbeat_modes(flight, since_s):
 
 
 def test_without_a_stream_the_first_ack_lies_and_the_mode_stays(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     assert flight.command(176, 1, 6) == [0, 1]
     flight.run(1.5)
     assert flight.mode == "HOLD"
@@ -30,7 +30,7 @@ def test_disarmed_the_mode_is_accepted_without_a_stream_but_arming_is_not(fly):
 
 @pytest.mark.parametrize("phase_s", [0.0, 0.02, 0.04, 0.06, 0.08])
 def test_offboard_is_really_accepted_within_0_12_s_of_the_first_setpoint(fly, ned_velocity, phase_s):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.run(phase_s)
     first_s = flight.now_s
     accepted_s = None
@@ -47,7 +47,7 @@ def test_offboard_is_really_accepted_within_0_12_s_of_the_first_setpoint(fly, ne
 def test_stream_loss_leads_to_return_after_one_second_and_the_heartbeat_says_so_a_second_later(
     fly, ned_velocity, phase_s
 ):
-    flight = fly("px4").airborne().offboard(ned_velocity(2.0, 0.0, 0.0))
+    flight = fly.airborne("px4").offboard(ned_velocity(2.0, 0.0, 0.0))
     flight.run(8.0 + phase_s, ned_velocity(2.0, 0.0, 0.0))
     last_s = flight.now_s
     held = flight.velocity[0]
@@ -63,7 +63,7 @@ def test_stream_loss_leads_to_return_after_one_second_and_the_heartbeat_says_so_
 
 @pytest.mark.parametrize("action", [0, 5])
 def test_px4_goes_back_to_offboard_by_itself_when_setpoints_return(fly, ned_velocity, action):
-    flight = fly("px4", parameters={"COM_OBL_RC_ACT": action}).airborne().offboard(ned_velocity(2.0, 0.0, 0.0))
+    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(ned_velocity(2.0, 0.0, 0.0))
     flight.run(3.0)
     assert flight.mode == {0: "RTL", 5: "HOLD"}[action]
     back_s = flight.until(lambda: flight.mode == "OFFBOARD", 1.0, ned_velocity(2.0, 0.0, 0.0))
@@ -71,7 +71,7 @@ def test_px4_goes_back_to_offboard_by_itself_when_setpoints_return(fly, ned_velo
 
 
 def test_the_intent_survives_return_landing_and_disarming(fly, ned_velocity):
-    flight = fly("px4").airborne(10.0).offboard(ned_velocity(1.0, 0.0, 0.0))
+    flight = fly.airborne("px4", height=10.0).offboard(ned_velocity(1.0, 0.0, 0.0))
     flight.until(lambda: not flight.vehicle.armed, 200.0)
     assert flight.last("HEARTBEAT").custom_mode in {OFFBOARD, RTL}
     flight.run(1.1)
@@ -80,20 +80,20 @@ def test_the_intent_survives_return_landing_and_disarming(fly, ned_velocity):
 
 @pytest.mark.parametrize(("action", "mode"), [(3, "RTL"), (4, "LAND"), (5, "HOLD"), (6, "TERMINATION")])
 def test_loss_action_is_what_com_obl_rc_act_says(fly, ned_velocity, action, mode):
-    flight = fly("px4", parameters={"COM_OBL_RC_ACT": action}).airborne().offboard(ned_velocity(1.0, 0.0, 0.0))
+    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(ned_velocity(1.0, 0.0, 0.0))
     flight.run(1.5)
     assert flight.mode == mode
 
 
 def test_loss_action_disarm_lets_it_fall(fly, ned_velocity):
-    flight = fly("px4", parameters={"COM_OBL_RC_ACT": 7}).airborne().offboard(ned_velocity(1.0, 0.0, 0.0))
+    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": 7}).offboard(ned_velocity(1.0, 0.0, 0.0))
     flight.run(1.5)
     assert not flight.vehicle.armed
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "POSCTL"), (1, "ALTCTL"), (2, "STABILIZED")])
 def test_with_a_radio_the_loss_action_falls_back_to_the_pilot(fly, ned_velocity, action, mode):
-    flight = fly("px4", parameters={"COM_OBL_RC_ACT": action}).airborne()
+    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action})
     flight.vehicle.inject("rc", True)
     flight.offboard(ned_velocity(1.0, 0.0, 0.0)).run(1.5)
     assert flight.mode == mode
@@ -101,7 +101,7 @@ def test_with_a_radio_the_loss_action_falls_back_to_the_pilot(fly, ned_velocity,
 
 def test_one_hertz_holds_offboard_and_0_8_hertz_flips(fly, ned_velocity):
     stream = ned_velocity(1.0, 0.0, 0.0)
-    flight = fly("px4").airborne().offboard(stream)
+    flight = fly.airborne("px4").offboard(stream)
     modes = set()
     for _ in range(10):
         flight.run(0.98, None)
@@ -121,7 +121,7 @@ def test_one_hertz_holds_offboard_and_0_8_hertz_flips(fly, ned_velocity):
 
 
 def test_companion_heartbeats_do_not_matter_while_setpoints_go_on(fly, ned_velocity):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.run(2.0, ("HEARTBEAT", 18, 8, 0, 0, 4, 3), every_s=1.0)
     flight.offboard(ned_velocity(0.5, 0.0, 0.0)).run(15.0, ned_velocity(0.5, 0.0, 0.0))
     assert flight.mode == "OFFBOARD"
@@ -141,21 +141,21 @@ def test_companion_heartbeats_do_not_matter_while_setpoints_go_on(fly, ned_veloc
 def test_what_is_no_setpoint_keeps_nothing_alive(fly, ned_velocity, setpoint):
     good = ned_velocity(1.0, 0.0, 0.0)
     bad = ned_velocity(setpoint.pop("north"), setpoint.pop("east"), setpoint.pop("down"), **setpoint)
-    flight = fly("px4").airborne().offboard(good)
+    flight = fly.airborne("px4").offboard(good)
     flight.run(1.5, bad)
     assert flight.mode == "RTL"
 
 
 def test_target_0_0_is_taken(fly, ned_velocity):
     stream = ned_velocity(2.0, 0.0, 0.0, target=(0, 0))
-    flight = fly("px4").airborne().offboard(stream).run(6.0, stream)
+    flight = fly.airborne("px4").offboard(stream).run(6.0, stream)
     assert flight.mode == "OFFBOARD"
     assert flight.velocity[0] > 1.5
 
 
 def test_body_frame_is_turned_by_the_heading(fly, ned_velocity):
     stream = ned_velocity(3.0, 0.0, 0.0, frame=8, yaw=math.pi / 2)
-    flight = fly("px4", yaw_deg=90.0).airborne().offboard(stream).run(8.0, stream)
+    flight = fly.airborne("px4", yaw_deg=90.0).offboard(stream).run(8.0, stream)
     assert flight.velocity[1] > 2.2
     assert abs(flight.velocity[0]) < 0.3
 
@@ -166,7 +166,7 @@ def test_body_frame_is_turned_by_the_heading(fly, ned_velocity):
     ids=["no vertical axis", "half of a pair"],
 )
 def test_an_incomplete_setpoint_keeps_offboard_and_does_not_move_silently(fly, ned_velocity, mask, velocity):
-    flight = fly("px4", texts=True).airborne()
+    flight = fly.airborne("px4", texts=True)
     stream = ned_velocity(*velocity, mask=mask)
     flight.offboard(stream)
     before, said = flight.position, len(flight.texts())
@@ -177,7 +177,7 @@ def test_an_incomplete_setpoint_keeps_offboard_and_does_not_move_silently(fly, n
 
 
 def test_velocity_with_height_holds_the_height(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     stream = ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 3555, 0, 0, -20.0, 5.0, 0.0, 0.0, 0, 0, 0, 0, 0)
     flight.offboard(stream).run(3.0, stream)
     start = flight.position
@@ -197,7 +197,7 @@ def test_taking_off_by_velocity_works(fly, ned_velocity):
 
 
 def test_a_setpoint_outside_offboard_is_proof_of_life_and_nothing_else(fly, ned_velocity):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     before = flight.position
     flight.run(5.0, ned_velocity(5.0, 0.0, 0.0))
     assert flight.mode == "HOLD"
@@ -205,7 +205,7 @@ def test_a_setpoint_outside_offboard_is_proof_of_life_and_nothing_else(fly, ned_
 
 
 def test_a_global_setpoint_is_flown_to(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     frame = flight.vehicle.autopilot.frame
     lat, lon, _ = frame.to_geodetic(30.0, -20.0, 0.0)
     stream = (
@@ -217,7 +217,7 @@ def test_a_global_setpoint_is_flown_to(fly):
 
 
 def test_an_attitude_target_leans_and_climbs(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     lean = math.radians(10.0)
     level = ("SET_ATTITUDE_TARGET", 0, 1, 1, 7, (math.cos(-lean / 2), 0.0, math.sin(-lean / 2), 0.0), 0, 0, 0, 0.52)
     flight.offboard(level).run(2.0, level)
@@ -226,7 +226,7 @@ def test_an_attitude_target_leans_and_climbs(fly):
 
 
 def test_a_pilot_in_posctl_is_not_fought_by_the_stream(fly, ned_velocity):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("rc", True)
     stream = ned_velocity(2.0, 0.0, 0.0)
     flight.offboard(stream).run(2.0, stream)
@@ -239,7 +239,7 @@ def test_a_pilot_in_posctl_is_not_fought_by_the_stream(fly, ned_velocity):
 def test_sticks_do_not_leave_offboard_unless_com_rc_override_says_so(fly, ned_velocity):
     stream = ned_velocity(1.0, 0.0, 0.0)
     for override, mode in ((1, "OFFBOARD"), (3, "POSCTL")):
-        flight = fly("px4", parameters={"COM_RC_OVERRIDE": override}).airborne()
+        flight = fly.airborne("px4", parameters={"COM_RC_OVERRIDE": override})
         flight.vehicle.inject("rc", True)
         flight.offboard(stream).run(1.0, stream)
         flight.vehicle.inject("sticks", (0.0, 0.8, 0.0, 0.0))
@@ -248,7 +248,7 @@ def test_sticks_do_not_leave_offboard_unless_com_rc_override_says_so(fly, ned_ve
 
 
 def test_offboard_may_be_refused_by_condition(fly, ned_velocity):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("offboard_refused", True)
     flight.run(0.5, ned_velocity(1.0, 0.0, 0.0))
     assert flight.guided() == [0, 1]
@@ -256,7 +256,7 @@ def test_offboard_may_be_refused_by_condition(fly, ned_velocity):
 
 def test_lost_position_estimate_counts_as_a_lost_stream(fly, ned_velocity):
     stream = ned_velocity(1.0, 0.0, 0.0)
-    flight = fly("px4").airborne().offboard(stream)
+    flight = fly.airborne("px4").offboard(stream)
     flight.vehicle.inject("gps_lost", True)
     flight.run(6.0, stream)
     assert flight.mode == "DESCEND"

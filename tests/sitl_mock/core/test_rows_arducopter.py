@@ -79,7 +79,7 @@ def test_row_4_item_0_is_home_in_an_empty_mission_too(fly, asked):
 
 @pytest.mark.parametrize("current", [2, 3])
 def test_row_5_a_mission_item_with_current_2_is_flown_to_and_with_3_taken_without_effect(fly, current):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(20.0, 5.0, 0.0)
     flight.send("MISSION_ITEM", 1, 1, 0, 3, 16, current, 0, 0, 0, 0, 0, lat, lon, 12.0, 0)
     assert flight.last("MISSION_ACK").type == 0
@@ -95,19 +95,19 @@ def test_row_5_outside_of_guided_it_is_an_error(fly):
 
 
 def test_row_6_a_velocity_with_the_force_bit_beside_it_is_flown(fly, ned_velocity):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.run(5.0, ned_velocity(2.0, 0.0, 0.0, mask=0xFC7))
     assert flight.position[0] == pytest.approx(8.2, abs=0.8)
 
 
 def test_row_6_a_force_is_ignored(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.run(3.0, accelerate(1.0, mask=0xE3F))
     assert math.hypot(*flight.velocity) < 0.1
 
 
 def test_row_9_the_nose_turns_as_condition_yaw_says(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     assert flight.command(115, 90.0, 20.0, 1.0, 0.0) == [0]
     flight.run(1.9)
     assert heading(flight) == pytest.approx(40.0, abs=8.0)
@@ -120,7 +120,7 @@ def test_row_9_the_nose_turns_as_condition_yaw_says(fly):
 
 
 def test_row_9_the_long_way_round_is_turned_when_the_direction_says_so(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.command(115, 60.0, 60.0, -1.0, 0.0)
     flight.run(2.0)
     assert heading(flight) < -60.0
@@ -129,7 +129,7 @@ def test_row_9_the_long_way_round_is_turned_when_the_direction_says_so(fly):
 
 
 def test_row_9_a_guided_flight_pauses_and_goes_on(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.send(*goto(-40.0, 0.0, -10.0))
     flight.run(3.5)
     paused_at = flight.position[0]
@@ -158,7 +158,7 @@ def test_row_9_the_ground_accepts_the_modes_that_the_real_one_accepts(fly, mode)
 
 
 def test_row_9_circle_goes_round_a_point_ahead_with_the_nose_to_it(fly):
-    flight = fly("arducopter", yaw_deg=180.0).airborne(20.0)
+    flight = fly.airborne("arducopter", yaw_deg=180.0, height=20.0)
     middle = override(1500, 1500, 1500, 1500)
     flight.send(*middle)
     flight.run(0.1)
@@ -180,7 +180,7 @@ def test_row_9_circle_goes_round_a_point_ahead_with_the_nose_to_it(fly):
 
 
 def test_row_9_the_mode_switch_on_channel_5_chooses_the_mode_of_its_position(fly):
-    flight = fly("arducopter").airborne(20.0)
+    flight = fly.airborne("arducopter", height=20.0)
     for pulse, mode in ((1300, "LAND"), (1700, "LOITER"), (1100, "CIRCLE")):
         flight.send(*override(1500, 1500, 1500, 1500, pulse))
         flight.run(0.5)
@@ -188,7 +188,7 @@ def test_row_9_the_mode_switch_on_channel_5_chooses_the_mode_of_its_position(fly
 
 
 def test_row_9_a_switch_that_does_not_move_does_not_fight_a_client(fly):
-    flight = fly("arducopter").airborne(20.0)
+    flight = fly.airborne("arducopter", height=20.0)
     flight.send(*override(1500, 1500, 1500, 1500, 1700))
     flight.run(0.5)
     flight.guided()
@@ -198,7 +198,7 @@ def test_row_9_a_switch_that_does_not_move_does_not_fight_a_client(fly):
 
 
 def test_row_9_loiter_climbs_beyond_the_dead_band_of_the_throttle_and_sinks_when_the_override_ends(fly):
-    flight = fly("arducopter").airborne(30.0)
+    flight = fly.airborne("arducopter", height=30.0)
     flight.command(176, 1, 5)
     for _ in range(5):
         flight.send(*override(1500, 1500, 1700, 1500))
@@ -210,14 +210,14 @@ def test_row_9_loiter_climbs_beyond_the_dead_band_of_the_throttle_and_sinks_when
 
 
 def test_row_9_a_throttle_below_the_failsafes_value_is_a_lost_radio(fly):
-    flight = fly("arducopter").airborne(20.0)
+    flight = fly.airborne("arducopter", height=20.0)
     flight.send(*override(1500, 1500, 900, 1500))
     flight.run(0.5)
     assert flight.mode == "RTL"
 
 
 def test_row_11_a_changed_speed_is_flown_until_the_kind_of_flight_changes(fly, ned_velocity):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.send(*goto(60.0, 0.0, -10.0))
     flight.run(1.0)
     assert flight.command(178, 1.0, 1.0) == [0]
@@ -233,7 +233,7 @@ def test_row_11_a_changed_speed_is_flown_until_the_kind_of_flight_changes(fly, n
 
 
 def test_row_11_the_climb_has_a_speed_of_its_own(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.send(*goto(0.0, 0.0, -20.0))
     assert flight.command(178, 2.0, 1.0) == [0]
     flight.run(5.0)
@@ -241,7 +241,7 @@ def test_row_11_the_climb_has_a_speed_of_its_own(fly):
 
 
 def test_row_12_an_acceleration_is_kept_while_it_is_sent_and_ends_with_the_timeout(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.run(2.0, accelerate(1.0))
     assert flight.velocity[0] == pytest.approx(1.9, abs=0.25)
     flight.run(2.5)
@@ -252,7 +252,7 @@ def test_row_12_an_acceleration_is_kept_while_it_is_sent_and_ends_with_the_timeo
 
 @pytest.mark.parametrize("noise", [False, True])
 def test_row_13_a_take_off_to_10_m_hovers_above_9_9(fly, noise):
-    flight = fly("arducopter", noise=noise).airborne(10.0)
+    flight = fly.airborne("arducopter", noise=noise, height=10.0)
     flight.run(6.0)
     assert 9.9 < flight.height < 10.1
 
@@ -311,7 +311,7 @@ def test_row_26_every_command_is_answered_as_the_real_one_answers_it(fly):
 
 
 def test_attitude_targets_lean_and_the_thrust_is_a_climb_about_one_half(fly):
-    flight = fly("arducopter").airborne(10.0)
+    flight = fly.airborne("arducopter", height=10.0)
     flight.run(3.0, attitude(-20.0, 0.5))
     assert flight.velocity[0] == pytest.approx(6.26, abs=0.8)
     assert flight.height == pytest.approx(10.0, abs=0.2)
@@ -350,6 +350,6 @@ def test_row_14_calibrations_are_answered_with_the_real_ones_texts(fly, params, 
 
 
 def test_row_14_nothing_is_calibrated_while_armed(fly):
-    flight = fly("arducopter").airborne(5.0)
+    flight = fly.airborne("arducopter", height=5.0)
     assert flight.command(42424) == [4]
     assert "Disarm to allow compass calibration" in flight.texts()

@@ -44,7 +44,7 @@ def sticks(pitch=0, roll=0, throttle=500, yaw=0):
 
 @pytest.mark.parametrize("phase_s", [0.0, 0.02, 0.04, 0.06, 0.08])
 def test_row_01_a_setpoint_and_the_mode_request_at_once_are_enough(fly, ned_velocity, phase_s):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     flight.run(phase_s)
     flight.send(*ned_velocity(1.0, 0.0, 0.0))
     assert flight.guided() == [0, 0]
@@ -137,14 +137,14 @@ def test_row_03_a_mission_without_a_takeoff_climbs_first_and_is_flown(fly):
 
 def test_row_06_bit_9_beside_a_velocity_is_flown(fly, ned_velocity):
     stream = ned_velocity(1.0, 0.0, 0.0, mask=0xFC7)
-    flight = fly("px4").airborne(10.0).offboard(stream).run(8.0, stream)
+    flight = fly.airborne("px4", height=10.0).offboard(stream).run(8.0, stream)
     assert flight.mode == "OFFBOARD"
     assert flight.velocity[0] == pytest.approx(0.9, abs=0.12), "measured 0.83"
 
 
 def hovering(fly, seed, **settings):
     """A PX4 with its usual noise, 20 m up."""
-    return fly("px4", noise=True, seed=seed, **settings).airborne(20.0)
+    return fly.airborne("px4", noise=True, seed=seed, **settings, height=20.0)
 
 
 @pytest.mark.parametrize("seed", [1, 3])
@@ -208,7 +208,7 @@ def test_row_07_home_is_set_at_arming_and_at_leaving_the_ground_and_a_given_home
 
 
 def test_row_07_without_noise_home_rests(fly):
-    flight = fly("px4", noise=False).airborne(20.0).run(20.0)
+    flight = fly.airborne("px4", noise=False, height=20.0).run(20.0)
     assert len({m.altitude for _, m in flight.all("HOME_POSITION", 10.0)}) == 1
 
 
@@ -221,7 +221,7 @@ def test_row_07_the_receiver_scatters_as_the_recorded_one_does(fly):
 
 
 def test_row_10_an_orbit_is_flown_round_its_centre_facing_it(fly):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     assert flight.command_int(34, 0, 10.0, 2.0, 0.0, NAN, **degrees(flight, 0.0, 0.0), z=amsl(flight, 10.0)) == [0]
     flight.until(lambda: math.hypot(*flight.position[:2]) > 8.5, 15.0)
     flight.run(6.0)
@@ -241,7 +241,7 @@ def test_row_10_an_orbit_is_flown_round_its_centre_facing_it(fly):
 
 
 def test_row_10_an_orbit_with_a_negative_radius_turns_the_other_way(fly):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     assert flight.command(34, -5.0, 2.0, 0.0) == [0]
     flight.run(20.0)
     n, e = flight.position[:2]
@@ -250,7 +250,7 @@ def test_row_10_an_orbit_with_a_negative_radius_turns_the_other_way(fly):
 
 
 def test_row_10_follow_me_stays_behind_a_target_at_its_height(fly):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     assert flight.command(176, 1, 4, 8) == [0, 0]
     begun_s = flight.now_s
     for second in range(40):
@@ -278,7 +278,7 @@ def test_row_10_these_modes_are_accepted_on_the_ground(fly, mode):
 
 
 def test_row_11_a_change_of_speed_is_obeyed_and_kept_by_the_next_goto(fly):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     assert flight.command(178, 1.0, 2.0, -1.0) == [0]
     assert flight.command_int(192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 80.0, 0.0), z=amsl(flight, 10.0)) == [0]
     flight.run(10.0)
@@ -360,7 +360,7 @@ def test_row_08_a_missed_event_is_sent_again_and_one_that_is_gone_is_named(fly):
 
 
 def test_row_16_a_landing_from_12_4_m_takes_as_long_as_the_real_one(fly):
-    flight = fly("px4").airborne(12.4)
+    flight = fly.airborne("px4", height=12.4)
     assert flight.command(21) == [0]
     begun_s = flight.now_s
     flight.until(lambda: flight.height < 1.0, 20.0)
@@ -408,7 +408,7 @@ def test_row_19_on_the_ground_everything_that_is_measured_varies(fly):
 
 
 def test_row_20_position_target_is_the_moving_trajectory(fly):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     flight.command_int(192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 40.0, 0.0), z=amsl(flight, 10.0))
     begun_s = flight.now_s
     flight.run(6.0)
@@ -425,14 +425,16 @@ def test_row_20_on_the_ground_it_is_an_acceleration_downwards_and_in_offboard_th
     idle = flight.last("POSITION_TARGET_LOCAL_NED")
     assert (idle.type_mask, idle.afz) == (63, 100.0)
     assert flight.last("POSITION_TARGET_GLOBAL_INT") is None
-    flight = fly("px4").airborne(10.0).offboard(ned_velocity(2.0, 0.0, 0.0)).run(3.0, ned_velocity(2.0, 0.0, 0.0))
+    flight = (
+        fly.airborne("px4", height=10.0).offboard(ned_velocity(2.0, 0.0, 0.0)).run(3.0, ned_velocity(2.0, 0.0, 0.0))
+    )
     target = flight.last("POSITION_TARGET_LOCAL_NED")
     assert (target.type_mask, target.vx) == (7, 2.0)
     assert math.isfinite(target.afx)
 
 
 def test_row_21_odometry_is_in_the_local_frame_with_variances(fly):
-    flight = fly("px4", yaw_deg=90.0).airborne(10.0)
+    flight = fly.airborne("px4", yaw_deg=90.0, height=10.0)
     flight.command(192, -1.0, 1.0, 0.0, NAN, 47.3980, 8.5460, amsl(flight, 10.0))
     flight.run(4.0)
     odometry, local = flight.last("ODOMETRY"), flight.last("LOCAL_POSITION_NED")
@@ -448,7 +450,7 @@ def test_row_22_the_prearm_bit_is_never_present_and_healthy_while_landing(fly):
     prearm = 0x10000000
     flight = fly("px4").run(1.0)
     assert flight.last("SYS_STATUS").onboard_control_sensors_health == 0x1320C83F, "as recorded"
-    flight = fly("px4").airborne(5.0)
+    flight = fly.airborne("px4", height=5.0)
     flight.command(21)
     flight.until(lambda: not flight.vehicle.armed, 30.0)
     for _, status in flight.all("SYS_STATUS", 1.0):
@@ -476,7 +478,7 @@ def test_row_25_the_values_that_differed(fly):
 
 
 def test_row_27_nothing_that_px4_streams_is_missing(fly, ned_velocity):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     begun_s = flight.now_s
     flight.run(10.0)
     counts = Counter(m.get_type() for t, m in flight.heard if t > begun_s)

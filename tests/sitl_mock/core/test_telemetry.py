@@ -66,7 +66,7 @@ def test_an_unknown_message_is_refused(fly):
 
 
 def test_attitude_says_the_same_as_angles_and_as_a_quaternion(fly, ned_velocity):
-    flight = fly("px4", yaw_deg=70.0).airborne()
+    flight = fly.airborne("px4", yaw_deg=70.0)
     flight.offboard(ned_velocity(4.0, 0.0, 0.0)).run(1.0, ned_velocity(4.0, 0.0, 0.0))
     turn, angles = ask(flight, "ATTITUDE_QUATERNION"), flight.last("ATTITUDE")
     w, x, y, z = turn.q1, turn.q2, turn.q3, turn.q4
@@ -77,7 +77,7 @@ def test_attitude_says_the_same_as_angles_and_as_a_quaternion(fly, ned_velocity)
 
 def test_odometry_turns_the_velocity_into_the_body(fly, ned_velocity):
     stream = ned_velocity(0.0, 3.0, 0.0, yaw=math.pi / 2)
-    flight = fly("arducopter", yaw_deg=90.0).airborne().offboard(stream).run(8.0, stream)
+    flight = fly.airborne("arducopter", yaw_deg=90.0).offboard(stream).run(8.0, stream)
     odometry = ask(flight, "ODOMETRY")
     assert odometry.vx == pytest.approx(flight.velocity[1], abs=0.3), "east is forward"
     assert abs(odometry.vy) < 0.2
@@ -85,7 +85,7 @@ def test_odometry_turns_the_velocity_into_the_body(fly, ned_velocity):
 
 
 def test_heights_agree(fly):
-    flight = fly("px4").airborne(12.0)
+    flight = fly.airborne("px4", height=12.0)
     altitude, hud, place = ask(flight, "ALTITUDE"), ask(flight, "VFR_HUD"), ask(flight, "GLOBAL_POSITION_INT")
     assert altitude.altitude_relative == pytest.approx(flight.height, abs=0.1)
     assert altitude.altitude_amsl == pytest.approx(488.0 + flight.height, abs=0.1)
@@ -94,14 +94,14 @@ def test_heights_agree(fly):
 
 
 def test_the_target_reported_is_the_setpoint_in_force(fly, ned_velocity):
-    flight = fly("px4").airborne().offboard(ned_velocity(1.5, -0.5, 0.25)).run(1.0, ned_velocity(1.5, -0.5, 0.25))
+    flight = fly.airborne("px4").offboard(ned_velocity(1.5, -0.5, 0.25)).run(1.0, ned_velocity(1.5, -0.5, 0.25))
     target = ask(flight, "POSITION_TARGET_LOCAL_NED")
     assert (target.vx, target.vy, target.vz) == pytest.approx((1.5, -0.5, 0.25))
     assert math.isnan(target.x)
 
 
 def test_receiver_and_estimate_part_by_the_estimators_error(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("ekf_jump_m", (10.0, 0.0, 0.0))
     flight.run(0.02)
     receiver, estimate = ask(flight, "GPS_RAW_INT"), ask(flight, "GLOBAL_POSITION_INT")
@@ -149,7 +149,7 @@ def test_wind_is_reported_from_where_it_comes(fly):
 
 
 def test_wind_and_gusts_push(fly):
-    flight = fly("arducopter", seed=3).airborne(10.0)
+    flight = fly.airborne("arducopter", seed=3, height=10.0)
     flight.vehicle.inject("wind_m_s", (8.0, 0.0, 0.0))
     flight.vehicle.inject("gust_m_s", 2.0)
     flight.run(5.0)

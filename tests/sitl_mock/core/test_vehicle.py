@@ -14,6 +14,7 @@ from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.protocols import PX4_GCS_HZ, PX4_ONBOARD_HZ
 from sitl_mock.world import LocalFrame
+from tests.harness.examples import drawn
 
 
 def flown_bytes(flight, ned_velocity):
@@ -161,7 +162,7 @@ def test_a_silent_vehicle_sends_nothing_and_still_obeys(fly):
 
 
 def test_a_reboot_in_the_air_starts_the_clock_anew_and_lets_it_fall(fly):
-    flight = fly("px4").airborne(10.0)
+    flight = fly.airborne("px4", height=10.0)
     flight.vehicle.inject("reboot")
     flight.run(3.0)
     assert flight.last("ATTITUDE").time_boot_ms <= 3000
@@ -180,7 +181,7 @@ def test_time_since_boot_may_jump_and_wraps_at_32_bits(fly):
 
 
 def test_wind_pushes_a_drifting_vehicle_and_a_gust_is_fought(fly):
-    flight = fly("px4").airborne()
+    flight = fly.airborne("px4")
     flight.vehicle.inject("push_m_s", (4.0, 0.0, 0.0))
     flight.run(0.1)
     assert flight.velocity[0] > 2.0
@@ -216,7 +217,7 @@ def test_a_wrong_setting_is_named_with_what_is_allowed(wrong, named):
         MockVehicle(**wrong)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=drawn(60), deadline=None)
 @given(
     st.floats(-80, 80), st.floats(-179, 179), st.floats(0, 3000),
     st.floats(-5000, 5000), st.floats(-5000, 5000), st.floats(-500, 500),

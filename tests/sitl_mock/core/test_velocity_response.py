@@ -8,6 +8,9 @@ from itertools import dropwhile
 
 import pytest
 
+pytestmark = pytest.mark.flight
+
+
 STEPS = [
     # flavour, command (north, down), t10, t63, reached
     ("px4", (2.0, 0.0), 0.34, 1.11, 1.84),
@@ -25,7 +28,7 @@ STEPS = [
 
 @pytest.mark.parametrize(("flavour", "command", "t10_s", "t63_s", "reached"), STEPS)
 def test_a_step_rises_and_settles_as_measured(fly, ned_velocity, flavour, command, t10_s, t63_s, reached):
-    flight = fly(flavour).airborne(40.0)
+    flight = fly.airborne(flavour, height=40.0)
     still = ned_velocity(0.0, 0.0, 0.0)
     flight.command(511, 32.0, 20_000.0)
     flight.offboard(still).run(5.0, still)
@@ -46,8 +49,8 @@ def test_a_step_rises_and_settles_as_measured(fly, ned_velocity, flavour, comman
 
 def test_px4_clips_at_its_limits_and_arducopter_does_not(fly, ned_velocity):
     fast = ned_velocity(40.0, 0.0, 0.0)
-    px4 = fly("px4").airborne(40.0).offboard(fast).run(25.0, fast)
-    copter = fly("arducopter").airborne(40.0).offboard(fast).run(25.0, fast)
+    px4 = fly.airborne("px4", height=40.0).offboard(fast).run(25.0, fast)
+    copter = fly.airborne("arducopter", height=40.0).offboard(fast).run(25.0, fast)
     assert 8.0 < px4.velocity[0] < 12.2
     assert copter.velocity[0] > 10.0
 
@@ -58,7 +61,7 @@ def test_feed_forward_of_acceleration_shortens_px4s_lag(fly):
 
     reached = []
     for acceleration in (0.0, 2.0):
-        flight = fly("px4").airborne(20.0).offboard(stream(0.0))
+        flight = fly.airborne("px4", height=20.0).offboard(stream(0.0))
         flight.run(1.0, stream(acceleration))
         reached.append(flight.velocity[0])
     assert reached[1] > reached[0] + 0.3
@@ -68,7 +71,7 @@ def test_px4_wanders_in_height_by_its_own_estimate_when_only_velocities_are_held
     """Measured: -20 to -13.5 m in 75 s. Seeds differ; over a few of them the spread is metres, not centimetres."""
     drifts = []
     for seed in range(4):
-        flight = fly("px4", noise=True, seed=seed, dt_s=0.1).airborne(20.0)
+        flight = fly.airborne("px4", noise=True, seed=seed, dt_s=0.1, height=20.0)
         still = ned_velocity(0.0, 0.0, 0.0)
         flight.offboard(still)
         begun = flight.height
@@ -78,7 +81,7 @@ def test_px4_wanders_in_height_by_its_own_estimate_when_only_velocities_are_held
 
 
 def test_arducopter_holds_its_height_within_a_few_decimetres(fly, ned_velocity):
-    flight = fly("arducopter", noise=True).airborne(20.0)
+    flight = fly.airborne("arducopter", noise=True, height=20.0)
     begun = flight.height
     flight.run(40.0, ned_velocity(5.0, 0.0, 0.0))
     assert abs(flight.height - begun) < 0.5

@@ -10,6 +10,7 @@ from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, PX4_TRAVEL, Kind, Setpoint
 from sitl_mock.dynamics.multicopter import Pending, take
 from sitl_mock.dynamics.shaping import Reference, advance, root_law, shape_one, shape_pair, travel
 from sitl_mock.dynamics.values import ZERO
+from tests.harness.examples import drawn
 
 NAN = math.nan
 DT_S = 0.02
@@ -56,7 +57,7 @@ def test_a_vertical_reference_ends_on_the_speed_and_acceleration_of_its_target(w
 
 
 @pytest.mark.parametrize("limits", [PX4_TRAVEL, ARDUCOPTER_TRAVEL], ids=["px4", "arducopter"])
-@settings(max_examples=25)
+@settings(max_examples=drawn(25))
 @example(to=(0.0, 3.0, 0.0))
 @given(to=st.tuples(st.floats(-200.0, 200.0), st.floats(-200.0, 200.0), st.floats(-60.0, 60.0)))
 def test_travel_ends_at_the_place_and_hardly_overruns_it(limits, to):

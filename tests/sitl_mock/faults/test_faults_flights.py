@@ -7,6 +7,8 @@ import pytest
 
 from sitl_mock.faults import KINDS
 
+pytestmark = pytest.mark.flight
+
 
 def modes_after(flight, seconds, *stream):
     """The modes flown during the next seconds, each once, in order."""

@@ -15,6 +15,9 @@ import pytest
 from sitl_mock.compare import fly_recording
 from tests.sitl_mock.flights.recorded import flown, recording
 
+pytestmark = pytest.mark.flight
+
+
 HEARTBEAT_S = 1.2
 """Modes are known by HEARTBEAT, which both send once a second."""
 

@@ -1,0 +1,16 @@
+"""How many examples hypothesis draws for a property: a share of what the test names, and all in a search.
+
+`python -m tests examples` draws all of them, the same in every run; `HYPOTHESIS_PROFILE=search` draws new ones.
+"""
+
+import math
+import os
+
+LEAST = 5
+SHARE = {"same": 0.25}
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "same")
+
+
+def drawn(count: int) -> int:
+    """Return how many of `count` examples are drawn by this profile."""
+    return max(min(count, LEAST), math.ceil(count * SHARE.get(PROFILE, 1.0)))
