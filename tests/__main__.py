@@ -61,6 +61,9 @@ STEPS = {
 TOGETHER = (("format", "lint"), ("types", "layers"), ("tests",), ("flights", "real time", "acceptance"))
 """Which steps run at the same time."""
 
+_ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""Hundreds of processes import the same modules: they are compiled once."""
+
 ASKED_FOR = {
     "examples": Step(
         "the quick tests with every example of every property (a quarter otherwise)",
@@ -135,7 +138,7 @@ def _run(name: str, beside_another: bool) -> int:
         command,
         cwd=ROOT,
         check=False,
-        env={**os.environ, **dict(step.environment)},
+        env={**_ENVIRONMENT, **dict(step.environment)},
         stdout=subprocess.PIPE if beside_another else None,
         stderr=subprocess.STDOUT if beside_another else None,
     )
