@@ -12,6 +12,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "viz": ("rerun",),
     "panel": ("aiohttp",),
     "cluster": ("distributed",),
+    "keys": ("cryptography",),
 }
 """The packages that each extra is missed by."""
 

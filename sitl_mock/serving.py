@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import FrameType
 
 from sitl_mock import console
@@ -36,6 +37,7 @@ class Wires:
     Attributes:
         zenoh: Endpoint to listen on; port 0 takes a free one.
         zenoh_connect: Endpoint to connect to instead.
+        zenoh_keys: Who we are to the router there (`transports.zenoh_keys`).
         udp: First port of the onboard links. As in the simulations of each, PX4 number i sends to udp + i and listens
             on udp + 40 + i, ArduPilot number i sends to udp + 10 i and listens on any port; who sends is answered.
         gcs: Port of a ground station, to which every vehicle sends from 18570 + i.
@@ -43,6 +45,7 @@ class Wires:
 
     zenoh: str | None = None
     zenoh_connect: str | None = None
+    zenoh_keys: Path | None = None
     udp: int | None = None
     gcs: int | None = None
 
@@ -80,6 +83,8 @@ def serve(
         ConfigError: There is nothing to serve over, or the fleet or the faults are wrong.
         TransportError: An endpoint cannot be opened.
     """
+    if wires.zenoh_keys is not None and wires.zenoh_connect is None:
+        raise ConfigError(f"--zenoh-keys {wires.zenoh_keys}: for the router of --zenoh-connect, which is not given")
     if wires == Wires():
         raise ConfigError("nothing to fly over: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
     with contextlib.ExitStack() as stack:
@@ -131,15 +136,17 @@ def _opened(
         endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("gcs", ports, time.monotonic))))
     if wires.zenoh is not None or wires.zenoh_connect is not None:
         from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP alone shall not load Zenoh
+        from sitl_mock.transports.zenoh_keys import read_keys  # noqa: PLC0415 - as above
         from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP alone shall not load Zenoh
             ZenohEndpoint,
             with_port,
         )
 
         connect = wires.zenoh_connect is not None
+        keys = {} if wires.zenoh_keys is None else read_keys(wires.zenoh_keys)
         endpoint = wires.zenoh_connect or with_port(wires.zenoh or "")
         mode = "client" if connect else "router"
-        opened = ZenohEndpoint(names, endpoint, mode=mode, connect=connect)
+        opened = ZenohEndpoint(names, endpoint, mode=mode, connect=connect, keys=keys)
         endpoints.append(stack.enter_context(contextlib.closing(opened)))
         opened.declare(lambda session: queryable.declare(session, vehicles))
     return endpoints

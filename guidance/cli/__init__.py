@@ -26,6 +26,7 @@ from guidance.cli.solve import solve
 from guidance.cli.streams import open_outlets
 from guidance.cli.sweep import sweep
 from guidance.cli.view import view
+from guidance.cli.zenoh import zenoh
 from guidance.errors import GuidanceError, OutputError
 
 FAULT = 70
@@ -54,6 +55,7 @@ app.command()(run)
 app.command()(check)
 app.command()(ctl)
 app.command()(panel)
+app.add_typer(zenoh, name="zenoh")
 
 
 def _version(asked: bool) -> None:

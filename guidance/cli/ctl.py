@@ -17,6 +17,9 @@ def ctl(
     token_file: Annotated[
         Path | None, typer.Option(help="The daemon's control.token_file; not needed for a daemon of your own.")
     ] = None,
+    zenoh: Annotated[
+        Path | None, typer.Option(help="With a router's endpoint (tls/…): our file of `guidance zenoh keys`.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
     watch: Annotated[bool, typer.Option("--watch", help="With status: once a second, until Ctrl-C.")] = False,
 ) -> None:
@@ -28,17 +31,20 @@ def ctl(
     - `abort`: lands it where it is; on the ground, ends what was begun: order reset to begin another
     - `reset`: after a flight is over, on the ground: ready for another one
 
-    The daemon lets in who can read its token file: its own user, unless the file's rights say more.
+    The daemon lets in who can read its token file: its own user, unless the file's rights say more. From another
+    computer orders go by a router, which judges certificates (`docs/zenoh.md`).
 
     Ends with 0 if the order was accepted, 4 if it was refused (the answer says why), 3 if nobody answers.
 
     - `guidance ctl status --watch`: where the flight stands, as it changes
     - `guidance ctl engage --name px4`: to one of several daemons
     - `guidance ctl status --json`: for programs
+    - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
     from guidance.cli.belonging import refuse_others  # noqa: PLC0415 - zenoh takes a moment
     from guidance.cli.ctl_shown import answer_words, status_table  # noqa: PLC0415
     from guidance.cli.ctl_shown import watch as show_again  # noqa: PLC0415
+    from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
     from guidance.session.control_bus import ask, own_name  # noqa: PLC0415
     from guidance.session.orders import STATUS  # noqa: PLC0415
@@ -48,8 +54,10 @@ def ctl(
             f"{order} --json" if as_json else order, {"--watch": watch}, {"--watch": "with status, for people"}
         )
 
+    credentials, by = read_credentials(zenoh), own_name("ctl")
+
     def asked() -> Mapping[str, Any]:
-        return ask(order, endpoint=endpoint, name=name, token_file=token_file, by=own_name("ctl"))
+        return ask(order, endpoint=endpoint, name=name, token_file=token_file, credentials=credentials, by=by)
 
     if watch:
         show_again(console(), asked)

@@ -24,6 +24,10 @@ def view(
     endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = "tcp/127.0.0.1:7448",
     name: Annotated[str | None, typer.Option(help="With --live: the vehicle; not needed if there is one.")] = None,
     token_file: Annotated[Path | None, typer.Option(help="With --live: the daemon's control.token_file.")] = None,
+    zenoh: Annotated[
+        Path | None,
+        typer.Option(help="With --live and a router's endpoint (tls/…): our file of `guidance zenoh keys`."),
+    ] = None,
     port: Annotated[int, typer.Option(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
     web_port: Annotated[int, typer.Option(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
     with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
@@ -51,16 +55,17 @@ def view(
     if with_parent:
         threading.Thread(target=_end_with_parent, args=(ended,), daemon=True).start()
     require_rerun()
-    source = RecordFile(file, follow=follow) if file is not None else _live(endpoint, name, token_file)
+    source = RecordFile(file, follow=follow) if file is not None else _live(endpoint, name, token_file, zenoh)
     count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
 
 
-def _live(endpoint: str, name: str | None, token_file: Path | None) -> "LiveFlight":
+def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> "LiveFlight":
+    from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
     from guidance.log.live import LiveFlight  # noqa: PLC0415 - Zenoh takes a second
     from guidance.session.control_bus import join_session  # noqa: PLC0415
 
-    return LiveFlight(join_session(endpoint, token_file), name)
+    return LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
 
 
 def _end_with_parent(ended: threading.Event) -> None:

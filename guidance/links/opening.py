@@ -18,6 +18,7 @@ from guidance.links.wires.serial import SerialWire
 from guidance.links.wires.tcp import TcpWire
 from guidance.links.wires.udp import UdpWire
 from guidance.links.wires.zenoh import ZenohWire
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 
 KINDS: Final = ("mavsdk", "pymavlink")
 _LOOK_EVERY_S: Final = 0.02
@@ -36,6 +37,7 @@ def open_wire(
     *,
     clock: Clock,
     systems: Collection[int] | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
     timeout_s: float = 5.0,
     on_arrival: Wake | None = None,
 ) -> Wire:
@@ -45,6 +47,7 @@ def open_wire(
         url: `udpin://`, `udpout://`, `tcpout://`, `serial://` or `zenoh://`.
         clock: Stamps what arrives.
         systems: The MAVLink system ids that are waited for, where anybody could call (`udpin`); None takes any.
+        credentials: For a Zenoh router.
         timeout_s: Bounds the connecting (TCP, Zenoh), in real time.
         on_arrival: Called on the wire's thread whenever something arrived; it may only wake the reader.
 
@@ -54,9 +57,13 @@ def open_wire(
     """
     endpoint = parse(url)
     if endpoint.scheme == "zenoh":
-        router = f"tcp/{endpoint.host}:{endpoint.port}"
         return ZenohWire(
-            clock, namespace=endpoint.namespace, endpoint=router, timeout_s=timeout_s, on_arrival=on_arrival
+            clock,
+            namespace=endpoint.namespace,
+            endpoint=credentials.endpoint(endpoint.host, endpoint.port),
+            credentials=credentials,
+            timeout_s=timeout_s,
+            on_arrival=on_arrival,
         )
     if endpoint.scheme == "serial":
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port, on_arrival=on_arrival)

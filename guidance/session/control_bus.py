@@ -16,6 +16,7 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links.wires.zenoh import open_session
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.session import control_token
 from guidance.session.control_token import ControlToken
 from guidance.session.orders import STATUS, WORDS, Mailbox
@@ -66,17 +67,21 @@ def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Ses
         ) from error
 
 
-def join_session(endpoint: str, token_file: Path | None = None) -> "zenoh.Session":
-    """Join the control bus of a daemon, with its token where it has one.
+def join_session(
+    endpoint: str, token_file: Path | None = None, credentials: Credentials = NO_CREDENTIALS
+) -> "zenoh.Session":
+    """Join the control bus of a daemon, with its token where it has one, or by a router that knows our certificate.
 
     Raises:
         ConfigError: If the token may not be read by us.
         LinkError: If nobody listens at the endpoint, or the token is not the daemon's.
     """
+    if credentials.tls is not None:
+        return open_session(endpoint, credentials=credentials)
     path = control_token.default_path(endpoint) if token_file is None else token_file
     token = control_token.read(path)
     try:
-        return open_session(endpoint, authentication=None if token is None else token.for_client())
+        return open_session(endpoint, credentials=Credentials(auth=None if token is None else token.for_client()))
     except LinkError as error:
         used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
         raise LinkError(
@@ -125,6 +130,7 @@ class ControlBus:
         endpoint: The Zenoh endpoint, on loopback.
         host: Listen there; otherwise connect to a router that is there.
         token_file: Where the token lies that lets others in; by default where `guidance ctl` looks for it.
+        credentials: For a router that judges certificates.
 
     Raises:
         ConfigError: If the token cannot be written.
@@ -132,7 +138,14 @@ class ControlBus:
     """
 
     def __init__(
-        self, name: str, mailbox: Mailbox, *, endpoint: str, host: bool, token_file: Path | None = None
+        self,
+        name: str,
+        mailbox: Mailbox,
+        *,
+        endpoint: str,
+        host: bool,
+        token_file: Path | None = None,
+        credentials: Credentials = NO_CREDENTIALS,
     ) -> None:
         self._name = name
         self._mailbox = mailbox
@@ -140,7 +153,7 @@ class ControlBus:
         self._asked = threading.Event()
         self._stop = False
         self._issued: ControlToken | None = None
-        self._session = self._host(endpoint, token_file) if host else join_session(endpoint, token_file)
+        self._session = self._host(endpoint, token_file) if host else join_session(endpoint, token_file, credentials)
         self._closed = False
         try:
             self._token = OwnerToken(self._session, f"guidance/{name}")
@@ -231,6 +244,7 @@ def ask(
     name: str | None,
     timeout_s: float = TIMEOUT_S,
     token_file: Path | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
     by: str = "",
 ) -> Mapping[str, Any]:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
@@ -241,6 +255,7 @@ def ask(
         name: The daemon's; None takes the only one there is.
         timeout_s: How long an answer is waited for.
         token_file: The secret that lets us in, where it is not the default one.
+        credentials: For a router that judges certificates, in place of a token.
         by: Who gives it, for the log and the record.
 
     Raises:
@@ -249,7 +264,7 @@ def ask(
     """
     if order not in WORDS:
         raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
-    session = join_session(endpoint, token_file)
+    session = join_session(endpoint, token_file, credentials)
     try:
         if name is None:
             # Never an order to all: first find out who is there.

@@ -20,6 +20,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signing import SigningKey
 from guidance.links.wires.shared import Passed, TappedWire, share
 from guidance.links.wires.zenoh import open_session
+from guidance.links.wires.zenoh_access import Credentials, credentials_of
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import OwnerToken
 from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
@@ -86,35 +87,37 @@ def open_all(
         LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
     """
     with contextlib.ExitStack() as closing:
-        _claim(config, closing)
+        credentials = credentials_of(config.zenoh)
+        _claim(config, credentials, closing)
         taps: list[TappedWire] = []
         if wire is None:
-            wire = _open_wire(config, clock)
+            wire = _open_wire(config, clock, credentials)
         closing.callback(wire.close)
         link, spare = _open_link(config, clock, wire, taps if tapped else None)
         closing.callback(link.close)
-        evader = _open_source(config, clock, spare if evader_wire is None else evader_wire)
+        evader = _open_source(config, clock, credentials, spare if evader_wire is None else evader_wire)
         closing.callback(evader.close)
         return VehicleWorld(link, evader, taps, closing.pop_all())
 
 
-def _claim(config: Config, closing: contextlib.ExitStack) -> None:
+def _claim(config: Config, credentials: Credentials, closing: contextlib.ExitStack) -> None:
     """Claim the vehicle on its own bus, where it has one: there every daemon that could fly it can be seen."""
     endpoint = parse(config.vehicle.url)
     if endpoint.scheme != "zenoh":
         return
-    session = open_session(f"tcp/{endpoint.host}:{endpoint.port}", timeout_s=_WIRE_LIMIT_S)
+    router = credentials.endpoint(endpoint.host, endpoint.port)
+    session = open_session(router, timeout_s=_WIRE_LIMIT_S, credentials=credentials)
     closing.callback(session.close)
     token = OwnerToken(session, f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance")
     closing.callback(token.close)
 
 
-def _open_wire(config: Config, clock: Clock) -> Wire:
+def _open_wire(config: Config, clock: Clock, credentials: Credentials) -> Wire:
     vehicle, evader = config.vehicle, config.evader
     systems = {vehicle.system_id}
     if evader.url is None and evader.system_id is not None:
         systems.add(evader.system_id)
-    return open_wire(vehicle.url, clock=clock.now_s, systems=systems, timeout_s=_WIRE_LIMIT_S)
+    return open_wire(vehicle.url, clock=clock.now_s, systems=systems, credentials=credentials, timeout_s=_WIRE_LIMIT_S)
 
 
 def _open_link(
@@ -143,14 +146,15 @@ def _open_link(
     return link, spare
 
 
-def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSource:
+def _open_source(config: Config, clock: Clock, credentials: Credentials, spare: Wire | None) -> EvaderSource:
     evader = config.evader
     url = evader.url if evader.url is not None else config.vehicle.url
     asked = None
     if evader.request_rate_hz is not None and evader.system_id is not None:
         wire = spare
         if wire is None:
-            wire = open_wire(url, clock=clock.now_s, systems=(evader.system_id,), timeout_s=_WIRE_LIMIT_S)
+            systems = (evader.system_id,)
+            wire = open_wire(url, clock=clock.now_s, systems=systems, credentials=credentials, timeout_s=_WIRE_LIMIT_S)
         spare, asked = share(wire, 2)
     key = _evader_key(config)
     source = open_source(
@@ -166,6 +170,7 @@ def _open_source(config: Config, clock: Clock, spare: Wire | None) -> EvaderSour
         ),
         wire=None if evader.kind in ON_ZENOH else spare,
         signing_key=key,
+        credentials=credentials,
         timeout_s=_WIRE_LIMIT_S,
     )
     if asked is None or evader.system_id is None or evader.request_rate_hz is None:

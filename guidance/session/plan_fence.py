@@ -16,12 +16,13 @@ _KEY: Final = "limits.fence_plan_file"
 
 
 def load_vehicle(path: Path) -> Config:
-    """Read a vehicle file, and the plan that it names; a relative name counts from the vehicle file's folder.
+    """Read a vehicle file, and the plan that it names; relative names of both count from the vehicle file's folder.
 
     Raises:
         ConfigError: If either cannot be read or is wrong.
     """
     config = load(Config, path)
+    config = config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})
     named = config.limits.fence_plan_file
     if named is None:
         return config

@@ -11,6 +11,7 @@ from typing import Final
 from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, credentials_of
 from guidance.log.background import BackgroundRecorder
 from guidance.log.broadcast import Broadcast
 from guidance.log.null import NullRecorder
@@ -32,7 +33,7 @@ from guidance.session.vehicle_file import Config
 
 SURVEY_LIMIT_S: Final = 20.0
 
-_FIXED: Final = ("name", "vehicle", "evader", "control", "log", "metrics", "record")
+_FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record")
 """Sections that are opened at the start: a change of these needs a restart."""
 
 
@@ -65,6 +66,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
             endpoint=config.control.endpoint,
             host=config.control.host,
             token_file=config.control.token_file,
+            credentials=credentials_of(config.zenoh) if config.control.by_tls else NO_CREDENTIALS,
         )
         closing.callback(control.close)
         if config.metrics.port is not None:

@@ -12,6 +12,7 @@ from guidance.control import Polygon, SpeedLimits, Speeds
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.endpoint import taken_apart
+from guidance.links.wires.zenoh_access import ZenohSection
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
@@ -38,6 +39,7 @@ _IN_METRES = ("odometry", "ros_pose", "ros_odometry")
 ON_ZENOH = ("json", "ros_pose", "ros_odometry")
 MOST_FENCE_M = 20_000.0
 _LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+")
+_BY_TLS = re.compile(r"tls/[^\s/]+:\d+")
 
 
 class Vehicle(Section):
@@ -274,9 +276,9 @@ class Preflight(Section):
 
 
 class Control(Section):
-    """Where orders come from: Zenoh queryables on loopback."""
+    """Where orders come from: Zenoh queryables on loopback, or on a router that knows who may order by certificates."""
 
-    endpoint: str = Field("tcp/127.0.0.1:7448", description="Zenoh endpoint, on loopback only")
+    endpoint: str = Field("tcp/127.0.0.1:7448", description="Zenoh endpoint, on loopback; or a router's by TLS: docs/zenoh.md")
     host: bool = Field(True, description="listen there; false connects to a Zenoh router that is there already")
     token_file: Path | None = Field(
         None, description="the secret that lets `guidance ctl` in; by default in the runtime folder, for its owner only"
@@ -285,9 +287,29 @@ class Control(Section):
     @field_validator("endpoint")
     @classmethod
     def _check_loopback(cls, endpoint: str) -> str:
-        if _LOOPBACK.fullmatch(endpoint) is None:
-            raise ValueError("must be on loopback, as tcp/127.0.0.1:7448: who reaches it commands the vehicle")
+        if _LOOPBACK.fullmatch(endpoint) is None and _BY_TLS.fullmatch(endpoint) is None:
+            raise ValueError(
+                "must be on loopback, as tcp/127.0.0.1:7448, or a router by TLS, as tls/192.168.1.10:7447: who "
+                "reaches it commands the vehicle"
+            )
         return endpoint
+
+    @property
+    def by_tls(self) -> bool:
+        """Whether orders come by a router that judges certificates."""
+        return _BY_TLS.fullmatch(self.endpoint) is not None
+
+    @model_validator(mode="after")
+    def _check_host(self) -> Self:
+        if self.by_tls and self.host:
+            raise ValueError(
+                f"control.endpoint = {self.endpoint!r}: a router of its own; control.host = false goes with it"
+            )
+        if self.by_tls and self.token_file is not None:
+            raise ValueError(
+                f"control.token_file = {str(self.token_file)!r}: not by TLS, where certificates say who we are"
+            )
+        return self
 
 
 class LogSection(Section):
@@ -323,6 +345,7 @@ class Config(Section):
     flight: FlightSection = FlightSection()
     preflight: Preflight = Preflight()
     control: Control = Control()
+    zenoh: ZenohSection = ZenohSection()
     log: LogSection = LogSection()
     metrics: MetricsSection = MetricsSection()
     record: RecordSection = RecordSection()
@@ -335,6 +358,11 @@ class Config(Section):
     @model_validator(mode="after")
     def _check_together(self) -> Self:
         _ = self.speed_limits
+        if self.control.by_tls and self.zenoh.tls_certificate_file is None:
+            raise ValueError(
+                f"control.endpoint = {self.control.endpoint!r}: needs zenoh.tls_certificate_file; without mutual TLS "
+                "anybody could command the vehicle"
+            )
         low, high = self.limits.floor_m, self.limits.ceiling_m
         for key, height_m in (
             ("flight.takeoff_height_m", self.flight.takeoff_height_m),

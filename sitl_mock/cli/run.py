@@ -25,6 +25,9 @@ def run(
         str | None, typer.Option(help="Zenoh endpoint to listen on: tcp/127.0.0.1:7447; port 0 takes a free one.")
     ] = None,
     zenoh_connect: Annotated[str | None, typer.Option(help="Zenoh router to connect to instead of listening.")] = None,
+    zenoh_keys: Annotated[
+        Path | None, typer.Option(help="With --zenoh-connect: who we are, a file of `guidance zenoh keys`.")
+    ] = None,
     udp: Annotated[
         int | None,
         typer.Option(
@@ -63,6 +66,8 @@ def run(
 
     `sitl-mock run --fleet fleet.toml --zenoh tcp/127.0.0.1:0 --json --parent-pipe`
 
+    `sitl-mock run --vehicles px4:uav1 --zenoh-connect tls/192.168.1.10:7447 --zenoh-keys keys/uav1.toml`
+
     It prints what MAVSDK, pymavlink and MAVProxy connect with. On a terminal a table then shows what each vehicle does;
     elsewhere a line says what changes.
 
@@ -77,7 +82,7 @@ def run(
     settings = {key: value for key, value in given.items() if value is not None}
     config = _configured(vehicles or [], flavour, fleet, settings, seed, param or [])
     script = FaultScript() if faults is None else read_script(faults)
-    serve(config, Wires(zenoh, zenoh_connect, udp, gcs), script, as_json=as_json, parent_pipe=parent_pipe)
+    serve(config, Wires(zenoh, zenoh_connect, zenoh_keys, udp, gcs), script, as_json=as_json, parent_pipe=parent_pipe)
 
 
 def _configured(

@@ -7,7 +7,8 @@ no shared memory. A client opens its own session with `namespace: "<vehicle>"` a
 import json
 import socket
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Final
 
 import zenoh
@@ -25,8 +26,10 @@ _TRANSMISSION: Final = {
 }
 
 
-def configuration(mode: str, endpoint: str, *, connect: bool) -> zenoh.Config:
-    """A closed session: listens on one endpoint, or connects to it."""
+def configuration(
+    mode: str, endpoint: str, *, connect: bool, keys: Mapping[str, Any] = MappingProxyType({})
+) -> zenoh.Config:
+    """A closed session: listens on one endpoint, or connects to it, as who the keys say (`zenoh_keys.read_keys`)."""
     listens, connects = ([], [endpoint]) if connect else ([endpoint], [])
     return zenoh.Config.from_json5(
         json.dumps(
@@ -35,7 +38,11 @@ def configuration(mode: str, endpoint: str, *, connect: bool) -> zenoh.Config:
                 "listen": {"endpoints": listens},
                 "connect": {"endpoints": connects, "timeout_ms": 3000, "exit_on_failure": True},
                 "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {"shared_memory": {"enabled": False}, "link": {"tx": _TRANSMISSION}},
+                "transport": {
+                    "shared_memory": {"enabled": False},
+                    **keys,
+                    "link": {"tx": _TRANSMISSION, **keys.get("link", {})},
+                },
             }
         )
     )
@@ -50,13 +57,21 @@ class ZenohEndpoint:
         mode: router, peer or client.
         connect: Connect to the endpoint instead of listening on it.
         link: Name of the vehicles' link that is carried.
+        keys: Who we are to a router, as `zenoh_keys.read_keys` has it.
 
     Raises:
         TransportError: The endpoint cannot be opened.
     """
 
     def __init__(
-        self, vehicles: Sequence[str], endpoint: str, *, mode: str = "router", connect: bool = False, link: str = _LINK
+        self,
+        vehicles: Sequence[str],
+        endpoint: str,
+        *,
+        mode: str = "router",
+        connect: bool = False,
+        link: str = _LINK,
+        keys: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         self.dropped = 0
         self._link = link
@@ -66,7 +81,7 @@ class ZenohEndpoint:
         self._wake_from.setblocking(False)
         self._wake_to.setblocking(False)
         self._vehicles = tuple(vehicles)
-        self._mode, self._connect = mode, connect
+        self._mode, self._connect, self._keys = mode, connect, keys
         self._declarations: list[Callable[[zenoh.Session], None]] = []
         self._publishers: dict[str, Any] = {}
         self._subscribers: list[Any] = []
@@ -93,7 +108,9 @@ class ZenohEndpoint:
             TransportError: The endpoint cannot be opened.
         """
         try:
-            self._session = zenoh.open(configuration(self._mode, self._endpoint, connect=self._connect))
+            self._session = zenoh.open(
+                configuration(self._mode, self._endpoint, connect=self._connect, keys=self._keys)
+            )
         except zenoh.ZError as error:
             raise TransportError(_reason(self._endpoint, str(error), connect=self._connect)) from None
         raw = zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")
@@ -191,7 +208,10 @@ def _reason(endpoint: str, text: str, *, connect: bool) -> str:
     if "Address already in use" in text:
         return f"zenoh endpoint {endpoint} is in use: end the program that listens there, or choose another port"
     if connect:
-        return f"zenoh endpoint {endpoint} cannot be reached: start a router there, or listen instead of connecting"
+        return (
+            f"zenoh endpoint {endpoint} cannot be reached: start a router there, or listen instead of connecting; a "
+            "router by tls/ wants --zenoh-keys"
+        )
     short = text.split(" at ", maxsplit=1)[0]
     return f"zenoh endpoint {endpoint} cannot be opened: {short}; give one such as tcp/127.0.0.1:7447"
 

@@ -17,6 +17,7 @@ from guidance.links.evaders.zenoh import Reader, ZenohEvader, read_json
 from guidance.links.opening import open_wire
 from guidance.links.port import EvaderSource, Wire
 from guidance.links.signing import SigningKey
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 
 
 class EvaderIdentity(NamedTuple):
@@ -60,6 +61,7 @@ def open_source(
     identity: EvaderIdentity,
     wire: Wire | None = None,
     signing_key: SigningKey | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
     timeout_s: float = 5.0,
 ) -> EvaderSource:
     """Open the source of reports called `kind` at `url`.
@@ -72,6 +74,7 @@ def open_source(
         identity: Who the evader is.
         wire: Used in place of `url` for `MAVLINK` kinds, where the vehicle's link shares its wire.
         signing_key: With which `MAVLINK` reports have to be signed; None asks for no signature.
+        credentials: For a Zenoh router.
         timeout_s: Bound of connecting, in real time.
 
     Raises:
@@ -83,8 +86,8 @@ def open_source(
         if endpoint.scheme != "zenoh" or not endpoint.namespace:
             raise ConfigError(f"evader.url = {url!r}: {kind} needs zenoh://host:port/key")
         key, read = ZENOH[kind](frame, endpoint.namespace)
-        router = f"tcp/{endpoint.host}:{endpoint.port}"
-        return ZenohEvader(clock, key, read, endpoint=router, timeout_s=timeout_s)
+        router = credentials.endpoint(endpoint.host, endpoint.port)
+        return ZenohEvader(clock, key, read, endpoint=router, credentials=credentials, timeout_s=timeout_s)
     if kind not in MAVLINK:
         raise ConfigError(f"evader.kind = {kind!r}: allowed are {', '.join((*MAVLINK, *ZENOH))}")
     if identity.system_id is None:
@@ -92,7 +95,8 @@ def open_source(
     carrier = MAVLINK[kind](frame, identity)
     used = wire
     if used is None:
-        used = open_wire(url, clock=clock, systems=(identity.system_id,), timeout_s=timeout_s)
+        systems = (identity.system_id,)
+        used = open_wire(url, clock=clock, systems=systems, credentials=credentials, timeout_s=timeout_s)
     return MavlinkEvader(
         used,
         carrier,

@@ -17,6 +17,7 @@ from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative
 from guidance.links.arrivals import Arrivals, Clock
 from guidance.links.evaders.carrier import UNKNOWN_VELOCITY, Refused
 from guidance.links.wires.zenoh import open_session
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
 
 Reader = Callable[[bytes, float], EvaderReport]
@@ -33,6 +34,7 @@ class ZenohEvader:
         *,
         endpoint: str | None = None,
         session: "zenoh.Session | None" = None,
+        credentials: Credentials = NO_CREDENTIALS,
         timeout_s: float = 3.0,
     ) -> None:
         """Subscribe.
@@ -50,7 +52,7 @@ class ZenohEvader:
         self._read = read
         self._arrivals = Arrivals[tuple[bytes, str]](clock)
         self._counts: Counter[str] = Counter()
-        self._own = open_session(endpoint, timeout_s=timeout_s) if endpoint is not None else None
+        self._own = None if endpoint is None else open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
         used = session if session is not None else self._own
         assert used is not None
         self._subscriber = used.declare_subscriber(

@@ -8,15 +8,21 @@ import contextlib
 import json
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import zenoh
 
 from guidance.errors import LinkError
 from guidance.links.arrivals import Arrivals, Clock, Wake
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 
 TO_VEHICLE: Final = "mavlink_raw/in"
 FROM_VEHICLE: Final = "mavlink_raw/out"
+
+_REFUSED: Final = (
+    "is the router running, is its certificate for this host and of zenoh.tls_ca_file, and does it know our "
+    "certificate's authority and our user? RUST_LOG=warn on the router says whom it refused"
+)
 
 
 def encoding() -> "zenoh.Encoding":
@@ -36,6 +42,7 @@ class ZenohWire:
         namespace: str = "",
         endpoint: str | None = None,
         session: "zenoh.Session | None" = None,
+        credentials: Credentials = NO_CREDENTIALS,
         timeout_s: float = 3.0,
         on_arrival: Wake | None = None,
     ) -> None:
@@ -51,7 +58,7 @@ class ZenohWire:
         self._lock = threading.Lock()
         self._closed = False
         self._sent = self._unsent = 0
-        self._own = open_session(endpoint, timeout_s=timeout_s) if endpoint is not None else None
+        self._own = None if endpoint is None else open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
         used = session if session is not None else self._own
         assert used is not None
         prefix = f"{namespace}/" if namespace else ""
@@ -101,12 +108,10 @@ class ZenohWire:
                 self._own.close()  # type: ignore[no-untyped-call]
 
 
-def closed_config(
-    endpoint: str, *, timeout_s: float = 3.0, authentication: Mapping[str, Any] | None = None
-) -> zenoh.Config:
+def closed_config(endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS) -> zenoh.Config:
     """A client that connects to one endpoint (`tcp/127.0.0.1:7447`), and neither listens nor looks around.
 
-    `authentication` is Zenoh's `transport.auth`; without it only an endpoint that asks nobody lets us in.
+    Without `credentials` only an endpoint that asks nobody lets us in.
     """
     return zenoh.Config.from_json5(
         json.dumps(
@@ -118,8 +123,11 @@ def closed_config(
                 # More room for bursts at real-time priority, and no longer wait: the loop never waits for a peer.
                 "transport": {
                     "shared_memory": {"enabled": False},
-                    **({} if authentication is None else {"auth": authentication}),
-                    "link": {"tx": {"queue": {"size": {"real_time": 16}}}},
+                    **({} if credentials.auth is None else {"auth": credentials.auth}),
+                    "link": {
+                        "tx": {"queue": {"size": {"real_time": 16}}},
+                        **({} if credentials.tls is None else {"tls": credentials.tls}),
+                    },
                 },
             }
         )
@@ -127,7 +135,7 @@ def closed_config(
 
 
 def open_session(
-    endpoint: str, *, timeout_s: float = 3.0, authentication: Mapping[str, Any] | None = None
+    endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS
 ) -> "zenoh.Session":
     """Open a session, or say within `timeout_s` that nobody is there.
 
@@ -135,9 +143,10 @@ def open_session(
         LinkError: If nobody listens at the endpoint, or it refuses us.
     """
     try:
-        return zenoh.open(closed_config(endpoint, timeout_s=timeout_s, authentication=authentication))
+        return zenoh.open(closed_config(endpoint, timeout_s=timeout_s, credentials=credentials))
     except zenoh.ZError as error:
         reason = str(error).split(" at /")[0].strip()
         raise LinkError(
-            f"zenoh {endpoint}: no session within {timeout_s:g} s ({reason}); is the vehicle (or the mock) running?"
+            f"zenoh {endpoint}: no session within {timeout_s:g} s ({reason}); "
+            + ("is the vehicle (or the mock) running?" if credentials == NO_CREDENTIALS else _REFUSED)
         ) from error

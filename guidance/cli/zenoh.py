@@ -1,0 +1,71 @@
+"""`guidance zenoh`: certificates and a router for Zenoh between machines."""
+
+import datetime
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from guidance.cli.groups import Group
+
+zenoh = typer.Typer(cls=Group, help="Certificates and a router for Zenoh between machines.")
+
+
+@zenoh.command()
+def keys(
+    names: Annotated[list[str], typer.Argument(help="Who speaks: uav1, uav1-guidance, evader1, operator.")],
+    out: Annotated[Path, typer.Option(help="Folder of the certificates.")] = Path("keys"),
+    host: Annotated[list[str] | None, typer.Option(help="A name or address that the router is called by.")] = None,
+    days: Annotated[int, typer.Option(help="How long they are valid.", min=1, max=3650)] = 365,
+) -> None:
+    """Make a test authority, a router's certificate and one for each name, for mutual TLS.
+
+    Called again, it adds names to the same authority. NAME.toml has what a party needs: `--zenoh keys/NAME.toml` of
+    `guidance ctl`, `guidance view` and `sitl-mock run`, and the section `[zenoh]` of a vehicle file. The keys are
+    readable by you alone; ca.key signs whatever you like, and belongs on none of the machines that fly.
+
+    Examples:
+        guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10
+    """
+    from guidance.extras import require  # noqa: PLC0415 - only where it is used
+
+    require("guidance zenoh keys", "keys")
+    from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
+    from guidance.output import writing  # noqa: PLC0415
+
+    begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
+    validity = Validity(begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=days))
+    with writing(out):
+        written = make_keys(out, names, ["localhost", "127.0.0.1", *(host or ())], validity)
+    for path in written:
+        typer.echo(path)
+
+
+@zenoh.command()
+def router(
+    config: Annotated[str, typer.Argument(help="zenohd's configuration.")] = "zenoh/router.json5",
+    keys: Annotated[Path | None, typer.Option(help="Folder of `guidance zenoh keys`.")] = None,
+    listen: Annotated[str | None, typer.Option(help="Endpoint in place of the file's: tls/0.0.0.0:7447.")] = None,
+) -> None:
+    """Run a Zenoh router until Ctrl-C, where zenohd is not installed.
+
+    The configuration that comes along (`config/zenoh/router.json5`) lets in who has a certificate of ours, and
+    lets each say and hear only what is its own. zenohd reads the same file.
+
+    Examples:
+        guidance zenoh router --keys keys --listen tls/0.0.0.0:7447
+    """
+    from guidance.config import config_folder  # noqa: PLC0415
+    from guidance.links.router import open_router  # noqa: PLC0415 - zenoh takes a moment
+
+    path = Path(config)
+    path = path if path.is_file() else config_folder() / path
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    with open_router(path, keys, listen):
+        typer.echo(f"routing by {path}{'' if listen is None else f' at {listen}'}; Ctrl-C ends it")
+        ended.wait()

@@ -1,0 +1,163 @@
+"""Certificates for a Zenoh network of our own: one authority, a router, and a certificate for everybody who may speak.
+
+Elliptic-curve keys (P-256). A party's certificate lets it call and not be called: nobody can pose as the router by it.
+Needs the extra `keys`.
+"""
+
+import datetime
+import ipaddress
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from guidance.errors import ConfigError
+from guidance.files import private_file, private_folder
+from guidance.links.wires.zenoh_access import AUTHORITY, ROUTER
+
+_CURVE: Final = ec.SECP256R1()
+
+
+class Pair(NamedTuple):
+    """A private key and its certificate."""
+
+    key: ec.EllipticCurvePrivateKey
+    certificate: x509.Certificate
+
+
+class Validity(NamedTuple):
+    """From when to when."""
+
+    begin: datetime.datetime
+    end: datetime.datetime
+
+
+def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validity: Validity) -> list[Path]:
+    """Make what is missing in a folder: the authority, the router's certificate, and one for each party.
+
+    Args:
+        folder: Where PEM files go, and NAME.toml for each party, with the keys of `[zenoh]`.
+        parties: Common names, as the router's access control calls them.
+        hosts: Names and addresses that the router is called by.
+        validity: Of every certificate.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        ConfigError: If a party has a certificate there already, or the folder has an authority without its key.
+        OSError: If something cannot be written.
+    """
+    for name in parties:
+        if name in {AUTHORITY, ROUTER} or (folder / f"{name}.pem").exists():
+            raise ConfigError(f"{folder / name}.pem: is there already; give another name, or remove it")
+    private_folder(folder)
+    written: list[Path] = []
+    if (folder / f"{AUTHORITY}.pem").exists():
+        authority = _read(folder)
+    else:
+        authority = _authority(validity)
+        written += _write(folder, AUTHORITY, authority)
+    if not (folder / f"{ROUTER}.pem").exists():
+        written += _write(folder, ROUTER, _signed(authority, ROUTER, hosts, ExtendedKeyUsageOID.SERVER_AUTH, validity))
+    for name in parties:
+        written += _write(folder, name, _signed(authority, name, (), ExtendedKeyUsageOID.CLIENT_AUTH, validity))
+        written.append(_identity(folder, name))
+    return written
+
+
+def _authority(validity: Validity) -> Pair:
+    key = ec.generate_private_key(_CURVE)
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "pursuit guidance test authority")])
+    uses = x509.KeyUsage(
+        digital_signature=False,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=True,
+        crl_sign=True,
+        encipher_only=False,
+        decipher_only=False,
+    )
+    built = (
+        _builder(name, name, key, validity)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(uses, critical=True)
+    )
+    return Pair(key, built.sign(key, hashes.SHA256()))
+
+
+def _signed(
+    authority: Pair, common_name: str, hosts: Sequence[str], use: x509.ObjectIdentifier, validity: Validity
+) -> Pair:
+    key = ec.generate_private_key(_CURVE)
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+    called = [_general(host) for host in hosts or (common_name,)]
+    built = (
+        _builder(name, authority.certificate.subject, key, validity)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(x509.SubjectAlternativeName(called), critical=False)
+        .add_extension(x509.ExtendedKeyUsage([use]), critical=False)
+    )
+    return Pair(key, built.sign(authority.key, hashes.SHA256()))
+
+
+def _builder(
+    name: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, validity: Validity
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(validity.begin)
+        .not_valid_after(validity.end)
+    )
+
+
+def _general(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)
+
+
+def _write(folder: Path, name: str, pair: Pair) -> list[Path]:
+    certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
+    plain = serialization.NoEncryption()
+    private_file(key).write_bytes(
+        pair.key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, plain)
+    )
+    certificate.write_bytes(pair.certificate.public_bytes(serialization.Encoding.PEM))
+    return [certificate, key]
+
+
+def _identity(folder: Path, name: str) -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(
+        f'tls_ca_file = "{AUTHORITY}.pem"\ntls_certificate_file = "{name}.pem"\ntls_key_file = "{name}.key"\n',
+        encoding="utf-8",
+    )
+    return path
+
+
+def _read(folder: Path) -> Pair:
+    path = folder / f"{AUTHORITY}.key"
+    try:
+        key = serialization.load_pem_private_key(path.read_bytes(), None)
+        certificate = x509.load_pem_x509_certificate((folder / f"{AUTHORITY}.pem").read_bytes())
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot be read ({error.strerror}); without the authority's key none is signed"
+        ) from error
+    except (ValueError, TypeError) as error:
+        raise ConfigError(f"{path} and its .pem: are no key and certificate in PEM ({error})") from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey) or certificate.public_key() != key.public_key():
+        raise ConfigError(f"{path}: is not the key of {AUTHORITY}.pem")
+    return Pair(key, certificate)
