@@ -34,7 +34,7 @@ def keys(
 
     require("guidance zenoh keys", "keys")
     from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
-    from guidance.output import writing  # noqa: PLC0415
+    from guidance.files import writing  # noqa: PLC0415
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
     validity = Validity(begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=days))

@@ -278,7 +278,9 @@ class Preflight(Section):
 class Control(Section):
     """Where orders come from: Zenoh queryables on loopback, or on a router that knows who may order by certificates."""
 
-    endpoint: str = Field("tcp/127.0.0.1:7448", description="Zenoh endpoint, on loopback; or a router's by TLS: docs/zenoh.md")
+    endpoint: str = Field(
+        "tcp/127.0.0.1:7448", description="Zenoh endpoint, on loopback; or a router's by TLS: docs/zenoh.md"
+    )
     host: bool = Field(True, description="listen there; false connects to a Zenoh router that is there already")
     token_file: Path | None = Field(
         None, description="the secret that lets `guidance ctl` in; by default in the runtime folder, for its owner only"

@@ -27,7 +27,7 @@ class ZenohSection(Section):
     tls_ca_file: Path | None = Field(None, description="PEM; TLS, with routers whose certificate this authority signed")
     tls_certificate_file: Path | None = Field(None, description="PEM; mutual TLS: its common name is who we are")
     tls_key_file: Path | None = Field(None, description="PEM, of the certificate; readable by nobody else")
-    user: str | None = Field(None, pattern=r"^[^\s:]{1,64}$")
+    user: str | None = Field(None, pattern=r"^[^\s:]{1,64}$", description="who we are, to a router that asks for it")
     password_file: Path | None = Field(None, description="one line; readable by nobody else")
 
     @model_validator(mode="after")
