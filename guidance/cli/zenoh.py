@@ -33,8 +33,8 @@ def keys(
     from guidance.extras import require  # noqa: PLC0415 - only where it is used
 
     require("guidance zenoh keys", "keys")
-    from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
     from guidance.files import writing  # noqa: PLC0415
+    from guidance.links.keys import Validity, make_keys  # noqa: PLC0415 - cryptography takes a moment
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
     validity = Validity(begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=days))

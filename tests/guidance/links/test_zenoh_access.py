@@ -4,6 +4,7 @@ The router is a Python session in mode router with `config/zenoh/router.json5`; 
 """
 
 import datetime
+import socket
 import stat
 
 import pytest
@@ -62,7 +63,7 @@ def strangers(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def port(keys):
-    port = free_port()
+    port = free_port(socket.SOCK_STREAM)
     with open_router(ROUTER, keys, f"tls/127.0.0.1:{port}"):
         yield port
 
@@ -175,7 +176,7 @@ def test_who_has_no_certificate_of_ours_is_not_let_in(keys, strangers, port, kin
 def test_a_party_cannot_pose_as_the_router(keys, tmp_path):
     for name, file in (("ca.pem", "ca.pem"), ("router.pem", "viewer.pem"), ("router.key", "viewer.key")):
         (tmp_path / name).write_bytes((keys / file).read_bytes())
-    port = free_port()
+    port = free_port(socket.SOCK_STREAM)
     with (
         open_router(ROUTER, tmp_path, f"tls/127.0.0.1:{port}"),
         pytest.raises(LinkError, match="certificate for this host"),
@@ -256,7 +257,7 @@ def test_a_user_is_who_the_password_says(keys, tmp_path):
         auth = {"usrpwd": {"user": name, "password": password}}
         return Credentials(auth=auth, tls={"root_ca_certificate": str(keys / "ca.pem")})
 
-    endpoint = f"tls/127.0.0.1:{free_port()}"
+    endpoint = f"tls/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     with open_router(by_password(keys, tmp_path), keys, endpoint):
         for credentials in (user("uav1-guidance", "wrong"), user("root", "right"), user("evader1", "right")):
             with pytest.raises(LinkError, match="our user"):

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import socket
 import tomllib
 from pathlib import Path
 
@@ -79,7 +80,7 @@ def test_so_is_its_file_with_a_password(keys):
 
 def test_the_evader_of_the_page_is_heard(keys, monkeypatch):
     monkeypatch.chdir(keys.parent)
-    endpoint = f"127.0.0.1:{free_port()}"
+    endpoint = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     frame = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
     heard = []
     with (
