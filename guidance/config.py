@@ -1,6 +1,7 @@
 """Configuration files: TOML in, checked models out. A wrong key, unit or range stops the start and says so."""
 
 import difflib
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from guidance.errors import ConfigError
+from guidance.toml_text import Location, as_toml, line_of
 
 RENAMED: Final[Mapping[str, str]] = {
     "envelope": "limits",
@@ -41,17 +43,44 @@ def load(model: type[Model], path: Path) -> Model:
         ConfigError: If the file cannot be read, is no TOML, or a key is unknown, missing or out of range. The message
             has one line a fault, each with the key, the value and what is allowed.
     """
+    text = read_text(path)
+    return parse(model, read_toml(text, path), source=str(path), text=text)
+
+
+def read_text(path: Path) -> str:
+    """Read a configuration file's text.
+
+    Raises:
+        ConfigError: If it cannot be read, or is no text.
+    """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
-    return parse(model, document, source=str(path))
 
 
-def parse(model: type[Model], document: dict[str, Any], *, source: str) -> Model:
+def read_toml(text: str, path: Path) -> dict[str, Any]:
+    """Read the text of a configuration file.
+
+    Raises:
+        ConfigError: If it is no TOML; the message says on which line.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+
+
+def parse(model: type[Model], document: dict[str, Any], *, source: str, text: str = "") -> Model:
     """Check a document that has been read already.
+
+    Args:
+        model: What it should be.
+        document: Plain values.
+        source: Named in the message.
+        text: The document as it was written, for the lines in the message.
 
     Raises:
         ConfigError: As `load`.
@@ -59,8 +88,13 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str) -> Model
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        faults = "\n".join(f"  {explain(model, dict(fault))}" for fault in error.errors())
+        faults = "\n".join(f"  {_line(text, fault['loc'])}{explain(model, dict(fault))}" for fault in error.errors())
         raise ConfigError(f"{source}:\n{faults}") from error
+
+
+def _line(text: str, location: Location) -> str:
+    line = line_of(text, location) if text else None
+    return "" if line is None else f"line {line}: "
 
 
 def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
@@ -75,11 +109,24 @@ def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":
+        if isinstance(fault["loc"][-1], int):
+            array, least = ".".join(location[:-1]), fault["loc"][-1] + 1
+            return f"{array} = {as_toml(fault['input'])}: must have {least} values or more"
         return f"{key}: missing; it has no default"
     message = str(fault["msg"]).removeprefix("Value error, ")
     if not key:
         return message
-    return f"{key} = {fault['input']!r}: {message[0].lower()}{message[1:]}"
+    return f"{key} = {as_toml(fault['input'])}: {_plain_words(message)}"
+
+
+def _plain_words(message: str) -> str:
+    """Put pydantic's words as ours: what a value must be."""
+    message = message[0].lower() + message[1:]
+    size = re.fullmatch(r"(?:tuple|list) should have at (most|least) (\d+) items? after validation, not \d+", message)
+    if size is not None:
+        return f"must have {size[2]} values at {size[1]}"
+    message = re.sub(r", unable to parse string as an? \w+$", "", message)
+    return re.sub(r"^input should be ", "must be ", message)
 
 
 def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:
@@ -88,7 +135,7 @@ def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:
     for part in location:
         field = section.model_fields.get(part) if section else None
         section = _model_in(field.annotation) if field else section
-    return set(section.model_fields) if section else set()
+    return {field.alias or name for name, field in section.model_fields.items()} if section else set()
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - a type annotation can be any object

@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +11,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from pydantic import TypeAdapter
 
-from guidance.config import find, parse
+from guidance.config import find, parse, read_text, read_toml
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.sim.scenario import Scenario
@@ -43,10 +42,10 @@ def load_any(name: str) -> tuple[Path, Scenario | TeamScenario]:
         ConfigError: If there is none, or a key is wrong.
     """
     path = find(name, FOLDER)
-    document = load_document(path)
+    text, document = read_text(path), load_document(path)
     if has_teams(document):
-        return path, parse(TeamScenario, document, source=str(path))
-    return path, parse(Scenario, document, source=str(path))
+        return path, parse(TeamScenario, document, source=str(path), text=text)
+    return path, parse(Scenario, document, source=str(path), text=text)
 
 
 def has_teams(document: Mapping[str, Any]) -> bool:
@@ -60,12 +59,7 @@ def load_document(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: If a file cannot be read or is none of its kind.
     """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+    document = read_toml(read_text(path), path)
     for player in PLAYERS:
         section = document.get(player)
         if isinstance(section, dict) and isinstance(section.get("track"), str):

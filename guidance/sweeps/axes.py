@@ -13,6 +13,7 @@ import pyarrow as pa
 from guidance.errors import ConfigError
 from guidance.sweeps.distributions import DISTRIBUTIONS, Annulus, Distribution, distribution_of
 from guidance.sweeps.keys import Key, key_of
+from guidance.toml_text import as_toml
 
 _RANGE = {"from", "to", "count"}
 
@@ -99,16 +100,26 @@ def random_axis(text: str, spec: Any) -> Axis:  # noqa: ANN401
     key = key_of(text)
     distribution = distribution_of(text, spec if isinstance(spec, Mapping) else {str(spec): None})
     if isinstance(distribution, Annulus) and not str(key.path[-1]).endswith("position_m"):
-        raise ConfigError(f"random.{text}: disc and annulus are places, for a position_m as a whole")
+        raise ConfigError(
+            f"random.{text} = {as_toml(spec)}: a disc or an annulus is a place: for pursuer.position_m or "
+            "evader.position_m as a whole; give each number of another key its own distribution"
+        )
     return Axis(key, distribution=distribution)
 
 
-def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Bring `pursuer.speed_m_s = …`, which TOML takes for tables in tables, back to whole keys."""
+def flat(table: Mapping[str, Any], prefix: str = "", *, tables: bool = False) -> dict[str, Any]:
+    """Bring `pursuer.speed_m_s = …`, which TOML takes for tables in tables, back to whole keys.
+
+    Args:
+        table: Of a sweep file.
+        prefix: The tables around it.
+        tables: Whether the values are tables, as distributions are; one with a value in it is a value then.
+    """
     found: dict[str, Any] = {}
     for name, value in table.items():
-        if isinstance(value, Mapping) and not set(value) & {*_RANGE, *DISTRIBUTIONS} and value:
-            found |= flat(value, f"{prefix}{name}.")
+        inner = isinstance(value, Mapping) and not set(value) & {*_RANGE, *DISTRIBUTIONS} and bool(value)
+        if inner and not (tables and any(not isinstance(part, Mapping) for part in value.values())):
+            found |= flat(value, f"{prefix}{name}.", tables=tables)
         else:
             found[prefix + name] = value
     return found
@@ -119,7 +130,7 @@ def _spaced(text: str, spec: Mapping[str, Any]) -> tuple[float, ...]:
     count = spec.get("count")
     if set(spec) != _RANGE or not math.isfinite(begin - end) or not isinstance(count, int) or count < 2 or begin == end:
         raise ConfigError(
-            f"grid.{text} = {dict(spec)!r}: must be {{ from = …, to = …, count = … }}: two different numbers, and how "
+            f"grid.{text} = {as_toml(spec)}: must be {{ from = …, to = …, count = … }}: two different numbers, and how "
             "many values, 2 at least, are spread evenly from one to the other"
         )
     return tuple(np.linspace(begin, end, count).tolist())

@@ -14,6 +14,7 @@ from scipy import stats
 
 from guidance.errors import ConfigError
 from guidance.strategies import uniform
+from guidance.toml_text import as_toml
 
 Seeds = NDArray[np.int64]
 
@@ -109,14 +110,14 @@ def distribution_of(name: str, table: Mapping[str, Any]) -> Distribution:
     """
     kinds = [kind for kind in table if kind in _KINDS]
     if len(kinds) != 1 or set(table) - {kinds[0], "about_m"}:
-        raise ConfigError(f"random.{name} = {dict(table)!r}: must be one of {_ALLOWED}")
+        raise ConfigError(f"random.{name} = {as_toml(table)}: must be one of {_ALLOWED}")
     kind = kinds[0]
     if "about_m" in table and kind not in {"disc", "annulus"}:
         raise ConfigError(f"random.{name}.about_m: only with disc or annulus")
     try:
         return _KINDS[kind](table)
     except (TypeError, ValueError) as error:
-        raise ConfigError(f"random.{name} = {dict(table)!r}: must be {_FORMS[kind]}") from error
+        raise ConfigError(f"random.{name} = {as_toml(table)}: must be {_FORMS[kind]}") from error
 
 
 def _pair(value: Any) -> tuple[float, float]:  # noqa: ANN401 - from a file

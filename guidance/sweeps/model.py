@@ -77,7 +77,7 @@ class Sweep(Section):
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The grid's axes, then those drawn at random."""
-        grid, random = flat(self.grid), flat(self.random)
+        grid, random = flat(self.grid), flat(self.random, tables=True)
         return (
             *(grid_axis(key, spec) for key, spec in grid.items()),
             *(random_axis(key, spec) for key, spec in random.items()),

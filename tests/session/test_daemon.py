@@ -267,7 +267,7 @@ def test_a_configuration_that_became_wrong_leaves_the_old_one_in_force(base):
     base = base().until(State.READY)
 
     def wrong():
-        raise ConfigError("game.speed_m_s = 0.0: input should be greater than 0")
+        raise ConfigError("game.speed_m_s = 0.0: must be greater than 0")
 
     base.daemon.exchange(wrong, base.now_s)
     assert base.state is State.READY

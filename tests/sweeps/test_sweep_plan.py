@@ -140,11 +140,11 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
     [
         ('[grid]\n"pursuer.sped_m_s" = [3.0]\n', "pursuer.sped_m_s: unknown key; did you mean 'speed_m_s'?"),
         ('[grid]\n"pursuer.speed_km_h" = [3.0]\n', "pursuer.speed_km_h: unknown key"),
-        ('[grid]\n"pursuer.speed_m_s" = [3.0, 31.0]\n', "pursuer.speed_m_s = 31.0: input should be less than"),
-        ('[random]\n"evader.speed_m_s" = { uniform = [-1.0, 2.0] }\n', "evader.speed_m_s = -1.0: input should be gr"),
+        ('[grid]\n"pursuer.speed_m_s" = [3.0, 31.0]\n', "pursuer.speed_m_s = 31.0: must be less than"),
+        ('[random]\n"evader.speed_m_s" = { uniform = [-1.0, 2.0] }\n', "evader.speed_m_s = -1.0: must be gr"),
         ('[random]\n"evader.speed_m_s" = { uniform = [2.0, 1.0] }\n', "{ uniform = [low, high] } with low < high"),
         ('[random]\n"evader.speed_m_s" = { gamma = [2.0, 1.0] }\n', "must be one of { uniform"),
-        ('[random]\n"evader.speed_m_s" = { disc = 10 }\n', "for a position_m as a whole"),
+        ('[random]\n"evader.speed_m_s" = { disc = 10 }\n', "evader.position_m as a whole"),
         ('[random]\n"evader.speed_m_s" = { log_uniform = [0.0, 2.0] }\n', "0 < low < high"),
         ('[grid]\n"evader.position_m[2]" = [3.0]\n', "the scenario has no element 2 there"),
         ('[grid]\n"evader.speed_m_s" = { from = 1.0, to = 2.0 }\n', "must be { from = …, to = …, count = … }"),
@@ -161,7 +161,7 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
         ("seeds = [-1]\n", "greater than or equal to 0"),
         ('rows = 7\n[grid]\n"evader.speed_m_s" = [1.0, 2.0]\n', "must be a multiple of 2"),
         ("sedes = 3\n", "sedes: unknown key; did you mean 'seeds'?"),
-        ('as = "live"\n', "as = 'live': input should be 'maths' or 'fast'"),
+        ('as = "live"\n', "as = 'live': must be 'maths' or 'fast'"),
         (
             '[grid]\n"evader.position_m[0]" = [1.0, 2.0]\n[random]\n"evader.position_m" = { disc = 5 }\n',
             "evader.position_m[0]: swept twice",
