@@ -15,7 +15,7 @@ def order(graph):
     )
 
 
-@pytest.mark.parametrize("package", ["sitl_mock"])
+@pytest.mark.parametrize("package", ["guidance", "sitl_mock"])
 def test_no_module_imports_itself_by_way_of_others(package):
     graph = grimp.build_graph(package, cache_dir=None)
     assert set(order(graph)) == graph.modules

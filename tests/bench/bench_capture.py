@@ -12,14 +12,9 @@ the mock's drag, lag and estimator errors are 30 % more and less, and at last th
 
 import argparse
 import statistics
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from chase import Chased, altered, chase, hover_chase
 from rich.console import Console
 from rich.table import Table
 
@@ -27,6 +22,7 @@ from guidance.autopilots import AUTOPILOTS
 from guidance.flight import FlightSettings
 from guidance.messages import Setpoint
 from guidance.strategies import Strategy
+from tests.bench.chase import Chased, altered, chase, hover_chase
 
 Change = Callable[[FlightSettings], FlightSettings]
 

@@ -31,42 +31,46 @@ REPORT = os.dup(1)
 LIMIT_S = 150
 LISTED = Path(__file__).with_name("flight_mutants.toml")
 FLIGHTS = (
-    "test_loss_and_takeover",
-    "test_offboard_entry",
-    "test_parameters_and_owners",
-    "test_evaders_and_time",
-    "test_daemon",
-    "test_frames_and_limits",
+    "pitfalls/test_loss_and_takeover",
+    "pitfalls/test_offboard_entry",
+    "pitfalls/test_parameters_and_owners",
+    "pitfalls/test_evaders_and_time",
+    "session/test_daemon",
+    "pitfalls/test_frames_and_limits",
 )
-CLOSED_LOOP = ("test_setpoint_limiter_any_input", "test_setpoint_limiter_in_flight")
+CLOSED_LOOP = ("control/test_setpoint_limiter_any_input", "control/test_setpoint_limiter_in_flight")
 FLIGHT = {
-    "test_flight_events": "flight/detection flight/readiness flight/settings",
-    "test_flight_echo": "flight/echo",
-    "test_flight_playing": "flight/machine",
-    "test_flight_machine": "flight/requests",
-    "test_flight_fence": "flight/local_frame",
-    "test_flight_table": "flight/table",
-    "test_flight_tracking": "flight/tracking",
+    "flight/test_events": "flight/detection flight/readiness flight/settings",
+    "flight/test_echo": "flight/echo",
+    "flight/test_playing": "flight/machine",
+    "flight/test_machine": "flight/requests",
+    "flight/test_fence": "flight/local_frame",
+    "flight/test_table": "flight/table",
+    "flight/test_tracking": "flight/tracking",
 }
 CONTROL = {
-    "test_feasible_velocity": "control/fence control/feasible_velocity",
-    "test_hold": "control/hold",
-    "test_envelope": "control/envelope control/polygon",
-    "test_setpoint_limiter": "control/setpoint_limiter control/shaping control/situation control/stopping",
-    "test_velocity_constraints": "control/velocity_constraints",
-    "test_approach": "control/approach",
-    "test_catch_up": "control/catch_up control/late_start",
-    "test_servo": "control/servo",
-    "test_follow": "control/follow",
-    "test_drift": "control/follow",
-    "test_fence": "control/fence",
+    "control/test_feasible_velocity": "control/fence control/feasible_velocity",
+    "control/test_hold": "control/hold",
+    "control/test_envelope": "control/envelope control/polygon",
+    "control/test_setpoint_limiter": "control/setpoint_limiter control/shaping control/situation control/stopping",
+    "control/test_velocity_constraints": "control/velocity_constraints",
+    "control/test_approach": "control/approach",
+    "control/test_catch_up": "control/catch_up control/late_start",
+    "control/test_servo": "control/servo",
+    "control/test_follow": "control/follow",
+    "control/test_drift": "control/follow",
+    "control/test_fence": "control/fence",
 }
 NEAREST = {**FLIGHT, **CONTROL}
 PACKAGES = {"flight": tuple(FLIGHT), "control": tuple(CONTROL)}
 FIRST = {stem: tests for tests, stems in NEAREST.items() for stem in stems.split()}
 WHOLE = {"test_each_event_leads_where_it_should_and_from_nowhere_else", "test_the_modes_of_our_own_doing_by_state"}
-FOLDERS = ("guidance/control", "guidance/flight", "pitfalls", "service")
+FOLDERS = ("control", "flight", "pitfalls", "session")
 Planted = Callable[[], None]
+
+
+def _named(path: Path) -> str:
+    return f"{path.parent.name}/{path.stem}"
 
 
 def drawn_from(package: str, stem: str) -> Iterator[tuple[str, Planted]]:
@@ -258,12 +262,12 @@ class Forks:
     def survives(self, session, package: str, stem: str, planted: Planted) -> bool:
         """Run the tests against a mutant in a child; a child that hangs or dies has been noticed."""
         files, mine = PACKAGES[package], self.killers.setdefault((package, stem), Counter())
-        items = [item for item in session.items if item.path.stem in files]
+        items = [item for item in session.items if _named(item.path) in files]
         first = FIRST.get(f"{package}/{stem}", "")
         items.sort(
             key=lambda item: (
                 -mine[item.nodeid],
-                item.path.stem != first,
+                _named(item.path) != first,
                 item.originalname not in WHOLE,
                 self.took_s.get(item.nodeid, 0.0),
             )
@@ -347,7 +351,7 @@ def main() -> None:
     os.environ["HYPOTHESIS_PROFILE"] = "mutants"  # which the tests load again
     names = {name for package, *_ in drawn for name in PACKAGES[package]}
     files = sorted(
-        str(path) for folder in FOLDERS for path in (ROOT / "tests" / folder).glob("*.py") if path.stem in names
+        str(path) for folder in FOLDERS for path in (ROOT / "tests" / folder).glob("*.py") if _named(path) in names
     )
     options = ["-qq", "-p", "no:cacheprovider", "-p", "no:terminalreporter", "--assert=plain", f"--rootdir={ROOT}"]
     kept = given.resume.open("a") if given.resume else None

@@ -15,10 +15,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from chase import CYCLE_S, ORDERS, Runner, hover_chase
-
 import guidance
 from guidance.clock import VirtualClock
 from guidance.flight import Flight, State
@@ -27,6 +23,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.linked_flight import LinkedFlight
 from guidance.session.spec import plan_of
 from sitl_mock.vehicle import MockVehicle
+from tests.bench.chase import CYCLE_S, ORDERS, Runner, hover_chase
 
 ROOT = str(Path(guidance.__file__).parent)
 ENGAGED_S = 4.0

@@ -1,7 +1,5 @@
 """A client for protocol pieces: pymavlink packs what it sends and parses what comes back; the clock moves by hand."""
 
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -9,8 +7,6 @@ from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.protocols import LatePiece
-
-sys.path.insert(0, str(Path(__file__).parent))  # importlib mode gives test files no other way to share a module
 
 
 class Wire:

@@ -5,7 +5,6 @@ the same, byte for byte, so nothing that was dropped can have left a trace.
 """
 
 import pytest
-from hostile import TARGETS, WRONG_KEY, HostileTraffic
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
@@ -14,6 +13,7 @@ from sitl_mock.mavlink import MAX_FRAME, SPEC_BY_ID, Decoder, Encoder, Signing
 from sitl_mock.mavlink.newer import NEWER
 from sitl_mock.vehicle import MockVehicle
 from tests.harness.examples import drawn
+from tests.sitl_mock.hostile import TARGETS, WRONG_KEY, HostileTraffic
 
 KEY = bytes(range(32))
 FLAVOURS = ("px4", "arducopter", "rover")

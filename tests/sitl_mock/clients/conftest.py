@@ -2,9 +2,7 @@
 
 import contextlib
 import json
-import sys
 import time
-from pathlib import Path
 
 import pytest
 import zenoh
@@ -16,8 +14,6 @@ from mavsdk.plugins.telemetry import Telemetry
 
 from sitl_mock.child import running
 from sitl_mock.transports.zenoh_session import configuration
-
-sys.path.insert(0, str(Path(__file__).parents[3]))  # importlib mode gives test files no other way to share a module
 
 SWIFT = {
     "px4": {

@@ -1,0 +1,242 @@
+"""Limits on the command itself, each against its closed form, and the names under which each one reports."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.control import Limiter, LimitMemory, Situation, limit, start
+from guidance.control.setpoint_limiter import NOTED
+from guidance.control.stopping import approach_speed
+from guidance.messages import Setpoint
+from tests.control.scenes import DT_S, HOVER, OPEN, settled
+from tests.harness.examples import drawn
+
+
+@settings(deadline=None)
+@given(st.floats(0.0, 1e4), st.floats(0.1, 100.0), st.floats(0.0, 3.0))
+def test_the_approach_speed_uses_up_the_distance_exactly(distance, deceleration, lag):
+    speed = approach_speed(distance, deceleration, lag)
+    assert speed * lag + speed**2 / (2.0 * deceleration) == pytest.approx(distance, rel=1e-6, abs=1e-6)
+
+
+def test_a_command_within_the_envelope_passes_untouched():
+    limited = settled((3.0, -4.0, 1.0), acceleration_ned_m_s2=None, yaw_rad=None)
+    assert limited.setpoint == Setpoint((3.0, -4.0, 1.0))
+    assert limited.active == ()
+
+
+@pytest.mark.parametrize(("change", "named"), [(0.9, ()), (1.1, (Limiter.SPEED,))])
+def test_a_limiter_is_named_for_a_change_that_a_vehicle_could_tell(change, named):
+    wanted = (10.0 + change * NOTED, 0.0, 0.0)
+    limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory((10.0, 0.0, 0.0)), DT_S)
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((10.0, 0.0, 0.0))
+    assert limited.active == named
+
+
+def test_a_ground_velocity_is_scaled_and_keeps_its_direction():
+    limited = limit(Setpoint((300.0, -400.0, 1.0)), HOVER, OPEN, LimitMemory((6.0, -8.0, 1.0)), DT_S)
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((6.0, -8.0, 1.0))
+    assert limited.active == (Limiter.SPEED,)
+
+
+@pytest.mark.parametrize(("down", "allowed"), [(50.0, 2.0), (-50.0, -4.0)])
+def test_climb_and_descent_have_their_own_limits_and_cost_no_ground_speed(down, allowed):
+    limited = limit(Setpoint((6.0, 8.0, down)), HOVER, OPEN, LimitMemory((6.0, 8.0, allowed)), DT_S)
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((6.0, 8.0, allowed))
+    assert limited.active == (Limiter.VERTICAL_SPEED,)
+
+
+def test_acceleration_is_limited_on_the_ground_as_a_vector_and_vertically_on_its_own():
+    limited = limit(Setpoint((3.0, 4.0, -2.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), DT_S)
+    assert limited.setpoint.velocity_ned_m_s == pytest.approx((3.0 * DT_S, 4.0 * DT_S, -3.0 * DT_S))
+    assert limited.memory.acceleration_ned_m_s2 == pytest.approx((3.0, 4.0, -3.0))
+    assert limited.active == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
+
+
+def test_jerk_limits_the_rise_of_acceleration():
+    soft = replace(OPEN, jerk_m_s3=10.0)
+    memory, accelerations = LimitMemory((0.0, 0.0, 0.0)), []
+    for _ in range(5):
+        memory = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, soft, memory, DT_S).memory
+        accelerations.append(memory.acceleration_ned_m_s2[0])
+    assert accelerations == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+@settings(max_examples=drawn(30), deadline=None)
+@given(st.floats(-10, 10), st.floats(-10, 10), st.floats(1.0, 50.0), st.sampled_from([0, 1]))
+def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk, axis):
+    def along(speed):
+        return (0.0, speed, 0.0) if axis else (speed, 0.0, 0.0)
+
+    soft, memory = replace(OPEN, jerk_m_s3=jerk), LimitMemory(along(before))
+    low, high = min(before, wanted) - 1e-9, max(before, wanted) + 1e-9
+    for _ in range(500):
+        memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
+        assert low <= memory.velocity_ned_m_s[axis] <= high
+    for _ in range(1500):
+        memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
+    assert memory.velocity_ned_m_s == pytest.approx(along(wanted), abs=1e-6)
+    assert memory.acceleration_ned_m_s2[axis] == pytest.approx(0.0, abs=1e-3)
+
+
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        Setpoint((NAN, 0.0, 0.0)),
+        Setpoint((0.0, math.inf, 0.0)),
+        Setpoint((0.0, 0.0, -1e9)),
+        Setpoint((1.0, 0.0, 0.0), (NAN, 0.0, 0.0)),
+        Setpoint((1.0, 0.0, 0.0), down_m=math.inf),
+        Setpoint((1.0, 0.0, 0.0), yaw_rad=NAN),
+    ],
+)
+def test_a_command_that_is_no_number_becomes_a_smooth_stop(command):
+    limited = limit(command, HOVER, OPEN, LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.3), DT_S)
+    assert limited.active == (Limiter.COMMAND, Limiter.ACCELERATION)
+    assert limited.setpoint == Setpoint((pytest.approx(4.0 - 5.0 * DT_S), 0.0, 0.0), yaw_rad=pytest.approx(0.3))
+
+
+@pytest.mark.parametrize(
+    "situation",
+    [
+        HOVER._replace(position_ned_m=(0.0, NAN, 0.0)),
+        HOVER._replace(velocity_ned_m_s=(0.0, 0.0, math.inf)),
+        HOVER._replace(yaw_rad=NAN),
+        HOVER._replace(evader_position_ned_m=(NAN, 0.0, 0.0)),
+    ],
+)
+def test_a_place_that_is_not_known_stops_the_vehicle_at_once(situation):
+    limited = limit(
+        Setpoint((4.0, 0.0, 0.0), yaw_rad=1.0), situation, OPEN, LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.2), DT_S
+    )
+    assert limited == (Setpoint((0.0, 0.0, 0.0)), (Limiter.SITUATION,), LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.2))
+
+
+@pytest.mark.parametrize(("dt_s", "counted"), [(5.0, 0.1), (math.inf, 0.1), (-1.0, 0.0), (NAN, 0.0)])
+def test_a_late_or_impossible_step_is_not_made_up_for(dt_s, counted):
+    limited = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), dt_s)
+    assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(5.0 * counted)
+    assert limited.active == (Limiter.CLOCK, Limiter.ACCELERATION)
+
+
+@pytest.mark.parametrize(
+    "memory",
+    [None, LimitMemory((NAN, 0.0, 0.0)), LimitMemory((1.0, 0.0, 0.0), yaw_rad=math.inf), LimitMemory((0.0, 0.0, 1e9))],
+)
+def test_without_a_usable_memory_the_vehicle_s_own_motion_is_the_start(memory):
+    moving = Situation((0.0, 0.0, 0.0), (3.0, 4.0, -1.0), 0.7)
+    limited = limit(Setpoint((3.0, 4.0, -1.0), yaw_rad=0.7), moving, OPEN, memory, DT_S)
+    assert limited.setpoint == Setpoint((3.0, 4.0, -1.0), yaw_rad=pytest.approx(0.7))
+    assert limited.active == ()
+
+
+def test_a_start_from_nothing_known_is_at_rest_and_says_nothing_of_the_heading():
+    still = (0.0, 0.0, 0.0)
+    unknown = Situation((0.0, 0.0, -20.0), (math.nan, 0.0, 0.0), 1.0)
+    assert start(unknown, OPEN) == LimitMemory(still, still, still, 0.0)
+    assert Situation(still, still) == Situation(still, still, 0.0, None, None)
+    moving = Situation((0.0, 0.0, -20.0), (1.0, 2.0, 0.5), 1.0)
+    assert start(moving, OPEN) == LimitMemory((1.0, 2.0, 0.5), still, still, 1.0)
+
+
+def test_a_start_in_a_gale_is_within_the_envelope():
+    assert start(Situation((0.0, 0.0, 0.0), (30.0, 40.0, 9.0), 0.7), OPEN) == LimitMemory((6.0, 8.0, 2.0), yaw_rad=0.7)
+    assert start(Situation((0.0, 0.0, 0.0), (NAN, 0.0, 0.0), 0.7), OPEN) == LimitMemory((0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("before", "wanted", "after"),
+    [
+        (0.0, 2.0, 0.01),
+        (0.0, -2.0, -0.01),
+        (3.1, -3.1, 3.11),
+        (-3.1, 3.1, -3.11),
+        (0.0, 0.004, 0.004),
+        (0.2, 0.2 + math.tau, 0.2),
+    ],
+)
+def test_yaw_turns_the_short_way_at_the_turn_rate(before, wanted, after):
+    limited = limit(
+        Setpoint((0.0, 0.0, 0.0), yaw_rad=wanted), HOVER, OPEN, LimitMemory((0.0,) * 3, yaw_rad=before), DT_S
+    )
+    assert limited.setpoint.yaw_rad == limited.memory.yaw_rad == pytest.approx(after)
+    assert (Limiter.YAW in limited.active) == (abs(math.remainder(after - wanted, math.tau)) > 1e-6)
+
+
+def test_while_no_yaw_is_asked_for_the_memory_follows_the_nose():
+    limited = settled((1.0, 0.0, 0.0), HOVER._replace(yaw_rad=2.0))
+    assert limited.setpoint.yaw_rad is None
+    assert limited.memory.yaw_rad == 2.0
+
+
+def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
+    limited = settled((1.0, 0.0, 0.0), acceleration_ned_m_s2=(3.0, 0.0, -1.0))
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((3.0, 0.0, -1.0))
+    assert limited.active == ()
+    limited = settled((1.0, 0.0, 0.0), acceleration_ned_m_s2=(30.0, 40.0, -9.0))
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((3.0, 4.0, -3.0))
+    assert limited.active == (Limiter.FEED_FORWARD,)
+
+
+def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
+    soft = replace(OPEN, jerk_m_s3=10.0)
+    memory = LimitMemory((1.0, 0.0, 0.0), feed_forward_ned_m_s2=(0.5, 0.0, 0.0))
+    limited = limit(Setpoint((1.0, 0.0, 0.0), (3.0, 0.0, 2.0)), HOVER, soft, memory, DT_S)
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.7, 0.0, 0.2))
+    assert limited.memory.feed_forward_ned_m_s2 == limited.setpoint.acceleration_ned_m_s2
+    assert settled((1.0, 0.0, 0.0)).memory.feed_forward_ned_m_s2 == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "limits", "wanted", "allowed"),
+    [
+        ((8.0, 0.0, 0.0), {"fence_radius_m": 6.0}, (3.0, 2.0, 1.0), (0.0, 2.0, 1.0)),
+        ((8.0, 0.0, 0.0), {"fence_radius_m": 6.0}, (-3.0, 2.0, 1.0), (-3.0, 2.0, 1.0)),
+        ((0.0, 0.0, 2.0), {"floor_m": -1.0}, (3.0, 2.0, 1.0), (3.0, 2.0, 0.0)),
+        ((10.0, 0.0, 0.0), {}, (3.0, 2.0, 1.0), (0.0, 2.0, 1.0)),
+        ((10.0, 0.0, 0.0), {}, (-3.0, 2.0, 1.0), (-3.0, 2.0, 1.0)),
+        ((0.0, 0.0, 2.0), {}, (3.0, 2.0, 1.0), (3.0, 2.0, 0.0)),
+        ((0.0, 0.0, -4.0), {}, (3.0, 2.0, -1.0), (3.0, 2.0, 0.0)),
+        ((0.0, 0.0, -4.0), {}, (3.0, 2.0, 1.0), (3.0, 2.0, 1.0)),
+        ((0.0, 0.0, -3.0), {}, (3.0, 2.0, -1.0), (3.0, 2.0, -1.0)),  # faster than the descent, slower than the climb
+        ((6.0, 8.0, 0.0), {}, (3.0, 4.0, 1.0), (0.0, 0.0, 1.0)),
+        ((0.0, -10.0, 0.0), {}, (1.0, -3.0, 1.0), (1.0, 0.0, 1.0)),
+    ],
+)
+def test_a_feed_forward_does_not_lean_on_a_limit_that_acts(velocity, limits, wanted, allowed):
+    at = HOVER._replace(position_ned_m=(0.001, 0.0, 0.0)) if "fence_radius_m" in limits else HOVER
+    flown = tuple(1.05 * part for part in velocity)  # a little faster than any limit of speed
+    at = at._replace(velocity_ned_m_s=(0.0, 0.0, 0.0) if limits else flown)
+    limited = settled(velocity, at, replace(OPEN, **limits), acceleration_ned_m_s2=wanted)
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(allowed, abs=1e-9)
+
+
+@pytest.mark.parametrize("along", [(0.6, 0.8, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_at_a_speed_limit_drag_is_made_up_for_until_the_vehicle_is_past_it(along):
+    ground, limit_m_s = along[2] == 0.0, {0.0: 10.0, 1.0: 2.0, -1.0: 4.0}[along[2]]
+    most_m_s2, asked_m_s2 = (5.0, 4.0) if ground else (3.0, 2.0)
+    given = []
+    for share in (0.0, 0.9, 1.0, 1.01, 1.025, 1.04, 1.05, 1.5):
+        at = HOVER._replace(velocity_ned_m_s=tuple(share * limit_m_s * part for part in along))
+        wanted = tuple(asked_m_s2 * part for part in along)
+        limited = settled(tuple(limit_m_s * part for part in along), at, acceleration_ned_m_s2=wanted)
+        given.append(sum(a * b for a, b in zip(limited.setpoint.acceleration_ned_m_s2, along, strict=True)))
+    faded = [min(asked_m_s2, most_m_s2 * (1.0 - (share - 1.0) / 0.05)) for share in (1.01, 1.025, 1.04)]
+    assert given == pytest.approx([asked_m_s2] * 3 + faded + [0.0, 0.0], abs=1e-9)
+
+
+def test_nothing_winds_up_behind_a_wall():
+    fenced, memory = replace(OPEN, fence_radius_m=6.0, jerk_m_s3=20.0), None
+    at_fence = Situation((6.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for _ in range(200):
+        memory = limit(Setpoint((8.0, 0.0, 0.0)), at_fence, fenced, memory, DT_S).memory
+    assert memory.velocity_ned_m_s == (0.0, 0.0, 0.0)
+    assert memory.acceleration_ned_m_s2 == (0.0, 0.0, 0.0)
+    released = limit(Setpoint((-8.0, 0.0, 0.0)), at_fence, fenced, memory, DT_S)
+    assert released.setpoint.velocity_ned_m_s[0] == pytest.approx(-20.0 * DT_S**2)

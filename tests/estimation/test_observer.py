@@ -1,0 +1,129 @@
+"""Estimate: what is told of the evader at a time, what is not known of it, and settings that are none."""
+
+import math
+import random
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from guidance.errors import ConfigError
+from guidance.estimation import ReportOutcome, Track, predict, update
+from tests.estimation.scenes import SETTINGS, measured, straight, tracked
+
+
+def test_nothing_is_known_before_the_first_report():
+    assert predict(Track(), 5.0, SETTINGS) is None
+    assert Track().estimate is None
+
+
+def test_a_straight_course_is_followed_and_predicted_through_the_delay():
+    track = tracked(straight(50, delay_s=0.5))
+    evader = predict(track, 4.9 + 0.5, SETTINGS)
+    assert evader.position_ned_m == pytest.approx((10.0 + 5.4 * 3.0, 20.0 - 5.4, -1.0 + 5.4 * 0.2), abs=0.02)
+    assert evader.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.01)
+    assert evader.age_s == pytest.approx(0.5)
+    assert evader.silence_s == pytest.approx(0.0, abs=1e-9)
+    assert track.counts == {ReportOutcome.STARTED: 1, ReportOutcome.ACCEPTED: 49}
+
+
+def test_age_is_since_it_was_true_and_silence_since_it_arrived():
+    evader = predict(tracked([measured(10.0, (0.0, 0.0, 0.0), received_s=10.7)]), 12.0, SETTINGS)
+    assert (evader.age_s, evader.silence_s) == pytest.approx((2.0, 1.3))
+    assert predict(tracked([measured(10.0, (1.0, 2.0, 3.0))]), 9.0, SETTINGS).age_s == 0.0
+
+
+def test_what_is_older_is_less_sure():
+    track = tracked(straight(50))
+    spreads = [predict(track, 4.9 + age, SETTINGS) for age in (0.0, 0.5, 1.0, 3.0)]
+    for before, after in pairwise(spreads):
+        assert after.position_sd_m > before.position_sd_m
+        assert after.velocity_sd_m_s > before.velocity_sd_m_s
+        assert after.speed_bound_m_s >= before.speed_bound_m_s - 0.02
+
+
+def test_an_unknown_velocity_is_not_a_velocity_of_zero():
+    first = predict(tracked(straight(1, known=False)), 0.0, SETTINGS)
+    assert not first.velocity_known
+    assert first.speed_bound_m_s >= SETTINGS.sigmas * SETTINGS.prior_speed_sd_m_s
+    observed = predict(tracked(straight(50, known=False)), 4.9, SETTINGS)
+    assert observed.velocity_known
+    assert observed.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.05)
+    told_zero = predict(tracked([measured(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))]), 0.0, SETTINGS)
+    assert told_zero.velocity_known
+    assert told_zero.speed_bound_m_s == 3.0
+
+
+def test_the_speed_bound_is_the_larger_of_declared_and_estimate_plus_k_sigma():
+    track = tracked(straight(50, seed=1))
+    evader = predict(track, 5.0, SETTINGS)
+    north, east, _ = evader.velocity_ned_m_s
+    along = np.array([north, east]) / math.hypot(north, east)
+    sigma = math.sqrt(along @ evader.covariance[2:, 2:] @ along)
+    assert evader.speed_bound_m_s == pytest.approx(math.hypot(north, east) + 2.0 * sigma)
+    assert predict(track, 5.0, replace(SETTINGS, declared_speed_m_s=9.0)).speed_bound_m_s == 9.0
+    assert predict(track, 5.0, replace(SETTINGS, sigmas=5.0)).speed_bound_m_s == pytest.approx(
+        math.hypot(north, east) + 5.0 * sigma
+    )
+
+
+def test_spreads_are_those_of_the_worst_direction():
+    evader = predict(tracked(straight(30, seed=2)), 3.3, SETTINGS)
+    assert evader.position_sd_m == pytest.approx(math.sqrt(np.linalg.eigvalsh(evader.covariance[:2, :2]).max()))
+    assert evader.velocity_sd_m_s == pytest.approx(math.sqrt(np.linalg.eigvalsh(evader.covariance[2:, 2:]).max()))
+
+
+@pytest.mark.parametrize(("rate_hz", "known", "least_gain"), [(1.0, True, 2.0), (50.0, True, 4.0), (5.0, False, 2.0)])
+def test_a_circling_evader_half_a_second_late_is_predicted_far_better_than_its_last_report(rate_hz, known, least_gain):
+    rng, track, ours, last = random.Random(4), Track(), [], []
+    for step in range(round(60 * rate_hz)):
+        time_s = step / rate_hz
+        angle = 0.3 * time_s
+        velocity = (-3.0 * math.sin(angle), 3.0 * math.cos(angle), 0.0)
+        position = tuple(10.0 * part + rng.gauss(0.0, 0.3) for part in (math.cos(angle), math.sin(angle), 0.0))
+        said = tuple(v + rng.gauss(0.0, 0.1) for v in velocity) if known else None
+        report = measured(time_s, position, said, received_s=time_s + 0.5, position_sd_m=0.3, velocity_sd_m_s=0.1)
+        track = update(track, report, SETTINGS)
+        if time_s > 20.0:
+            now = 0.3 * (time_s + 0.5)
+            truth = (10.0 * math.cos(now), 10.0 * math.sin(now))
+            evader = predict(track, time_s + 0.5, SETTINGS)
+            ours.append(math.dist(evader.position_ned_m[:2], truth))
+            last.append(math.dist(position[:2], truth))
+    assert math.sqrt(np.mean(np.square(last))) > least_gain * math.sqrt(np.mean(np.square(ours)))
+
+
+def test_a_turn_is_told_from_a_straight_course_and_its_rate_is_seen():
+    rng, tracks = random.Random(5), {}
+    for turn_rate in (0.5, 0.0):
+        tracks[turn_rate] = Track()
+        for step in range(80):
+            time_s, angle = 0.25 * step, turn_rate * 0.25 * step
+            velocity = (4.0 * math.cos(angle), 4.0 * math.sin(angle), 0.0)
+            radius = 4.0 / turn_rate if turn_rate else 0.0
+            place = (
+                (radius * math.sin(angle), -radius * math.cos(angle), 0.0) if turn_rate else (4.0 * time_s, 0.0, 0.0)
+            )
+            noisy = [tuple(part + rng.gauss(0.0, 0.05) for part in vector) for vector in (place, velocity)]
+            tracks[turn_rate] = update(
+                tracks[turn_rate], measured(time_s, *noisy, position_sd_m=0.05, velocity_sd_m_s=0.05), SETTINGS
+            )
+    turning, steady = (predict(tracks[rate], 19.75, SETTINGS) for rate in (0.5, 0.0))
+    assert turning.turning > 0.9
+    assert turning.turn_rate_rad_s == pytest.approx(0.5, abs=0.15)
+    assert steady.turning < 0.3
+
+
+@pytest.mark.parametrize("name", ["declared_speed_m_s", "turn_time_s", "stale_s", "position_sd_m"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_a_setting_that_is_no_positive_number_is_refused_by_name(name, value):
+    with pytest.raises(ConfigError, match=rf"^{name} = {value}: allowed is"):
+        replace(SETTINGS, **{name: value})
+
+
+@pytest.mark.parametrize("name", ["latency_s", "future_s", "sigmas", "history_s"])
+def test_a_setting_that_may_be_nothing_may_be_zero_but_not_less(name):
+    assert getattr(replace(SETTINGS, **{name: 0.0}), name) == 0.0
+    with pytest.raises(ConfigError, match=name):
+        replace(SETTINGS, **{name: -0.1})

@@ -1,0 +1,91 @@
+"""A flight fed by hand: its vehicle says what the test has it say, cycle by cycle."""
+
+import math
+
+from guidance.autopilots import Mode
+from guidance.flight import Event, Flight, Inputs, State
+from guidance.messages import Attitude, EvaderReport, LandedState
+from tests.flight.scenes import (
+    HOME_DOWN_M,
+    SETTINGS,
+    heartbeat,
+    home,
+    local,
+    status,
+)
+
+CYCLE_S = 0.02
+START_S = 50.0
+
+
+class Flown:
+    """A flight and its vehicle's word for it: every cycle a position, every second (or at once) a HEARTBEAT."""
+
+    def __init__(self, settings=SETTINGS):
+        self.flight = Flight(settings)
+        self.autopilot = settings.autopilot
+        self.now_s = START_S
+        self.mode, self.armed, self.landed = Mode.HOLD, False, 1
+        self.position = [0.0, 0.0, HOME_DOWN_M]
+        self.velocity = [0.0, 0.0, 0.0]
+        self.yaw_rad = 0.7
+        self.evader = None
+        self.outputs = None
+        self.beat_s = -math.inf
+
+    @property
+    def state(self):
+        return self.flight.state
+
+    def cycle(self, *orders, beat=False, dt_s=CYCLE_S, more=(), reports=(), refusals=(), silent=False):
+        self.now_s += dt_s
+        said = [] if silent else [local(self.now_s, tuple(self.position), tuple(self.velocity))]
+        if beat or (not silent and self.now_s - self.beat_s >= 1.0 - 1e-9):
+            self.beat_s = self.now_s
+            said += [
+                heartbeat(self.now_s, self.mode, armed=self.armed, autopilot=self.autopilot),
+                Attitude(self.now_s, self.now_s, self.yaw_rad),
+                LandedState(self.now_s, self.landed),
+                status(self.now_s),
+                home(self.now_s),
+            ]
+        heard = [*([] if self.evader is None else [self.report()]), *reports]
+        self.outputs = self.flight.step(Inputs(self.now_s, [*said, *more], heard, orders, refusals))
+        return self.outputs
+
+    def report(self):
+        north_m, east_m = self.evader
+        latitude_deg = 47.397742 + math.degrees(north_m / 6371000.0)
+        longitude_deg = 8.545594 + math.degrees(east_m / (6371000.0 * math.cos(math.radians(47.397742))))
+        return EvaderReport(
+            self.now_s, self.now_s, "test", latitude_deg, longitude_deg, 492.0, (0.0, 0.0, 0.0), 0.1, 0.1
+        )
+
+    def cycles(self, seconds, **given):
+        return [self.cycle(**given) for _ in range(round(seconds / CYCLE_S))]
+
+    def standing_by(self, height_m=10.0):
+        self.cycle()
+        self.cycle()
+        assert self.state is State.READY
+        self.armed, self.landed, self.position[2] = True, 2, HOME_DOWN_M - height_m
+        self.cycle(beat=True)
+        self.cycle(Event.START)
+        assert self.state is State.STANDING_BY
+        return self
+
+    def engaged(self, evader=(60.0, 0.0), height_m=10.0):
+        self.evader = evader
+        self.standing_by(height_m)
+        self.cycle(Event.ENGAGE)
+        self.mode = Mode.GUIDED
+        self.cycle(beat=True)
+        assert self.state is State.ENGAGED
+        return self
+
+
+def commands(outputs):
+    return [request.command for one in outputs for request in one.requests]
+
+
+SET_MODE, ARM, TAKEOFF, REPOSITION, INTERVAL, MESSAGE = 176, 400, 22, 192, 511, 512

@@ -1,0 +1,422 @@
+"""What an event is read from: each question alone, on both sides of its edge, and the order in which they are asked."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.control import StandOffLimit
+from guidance.flight import TRANSITIONS, AfterCapture, EngageOn, Event, State
+from guidance.flight.detection import events, fit
+from guidance.flight.readiness import checks
+from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES
+from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition
+from guidance.vehicle import VehicleState, observe
+from tests.flight.scenes import (
+    BOTH,
+    ENVELOPE,
+    HOME_DOWN_M,
+    NOW_S,
+    PREARM,
+    QUIET,
+    SETTINGS,
+    context,
+    heartbeat,
+    home,
+    local,
+    status,
+    well,
+)
+
+FLYING = sorted({state for state, event in TRANSITIONS if event is Event.REBOOTED})
+INVITING = replace(SETTINGS, engage_on=EngageOn.PILOT_MODE)
+GUIDED = well(heartbeat(mode=Mode.GUIDED))
+
+
+def happens(event, state, **changes):
+    return event in set(events(context(state, **changes)))
+
+
+def test_in_quiet_flight_nothing_happens():
+    for state in (State.ENGAGED, State.PAUSED, State.ON_STATION):
+        assert list(events(context(state, vehicle=GUIDED, settings=replace(SETTINGS, settle_s=60.0)))) == []
+    assert list(events(context(State.STANDING_BY))) == []
+
+
+def test_only_what_the_table_answers_is_asked():
+    wild = {"dt_s": 99.0, "vehicle": VehicleState(), "evader_silence_s": math.inf, "foreign": True}
+    for state in State:
+        assert {(state, event) for event in events(context(state, **wild))} <= set(TRANSITIONS)
+
+
+@pytest.mark.parametrize(("age_s", "heard"), [(0.0, True), (3.0, True), (3.01, False)])
+def test_a_heartbeat_counts_for_three_seconds(age_s, heard):
+    vehicle = well(heartbeat(NOW_S - age_s))
+    assert happens(Event.HEARD, State.CONNECTING, vehicle=vehicle) is heard
+    for state in (State.CHECKING, State.READY, *FLYING):
+        assert happens(Event.TELEMETRY_LOST, state, vehicle=vehicle) is not heard
+
+
+@pytest.mark.parametrize(("age_s", "lost"), [(1.0, False), (1.01, True)])
+def test_positions_that_stop_end_a_flight_and_not_a_check(age_s, lost):
+    vehicle = observe(VehicleState(), [heartbeat(), local(NOW_S - age_s)])
+    for state in FLYING:
+        assert happens(Event.TELEMETRY_LOST, state, vehicle=vehicle) is lost
+    for state in (State.CHECKING, State.READY):
+        assert not happens(Event.TELEMETRY_LOST, state, vehicle=vehicle)
+
+
+def test_positions_never_heard_do_not_end_a_handover_and_end_everything_else():
+    vehicle = observe(VehicleState(), [heartbeat()])
+    for state in FLYING:
+        assert happens(Event.TELEMETRY_LOST, state, vehicle=vehicle) is (state not in HANDING_OVER)
+
+
+@pytest.mark.parametrize("mode", [*PX4.custom_modes, Mode.OTHER])
+def test_the_mode_that_an_order_leaves_is_no_takeover_but_a_pilots_that_stays_is(mode):
+    vehicle = well(heartbeat(mode=mode))
+    early = {"vehicle": vehicle, "mode_left": mode, "since_s": NOW_S - 5.0}
+    late = {"vehicle": vehicle, "mode_left": mode, "since_s": NOW_S - 5.1}
+    for state in HANDING_OVER:
+        assert not happens(Event.PILOT, state, **early)
+        assert happens(Event.PILOT, state, **late) is (mode is Mode.OTHER)
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize("state", sorted(OUR_MODES))
+def test_a_mode_that_is_not_our_doing_is_another_hand(state, autopilot):
+    for mode in [*autopilot.custom_modes, Mode.OTHER]:
+        seen = happens(
+            Event.PILOT,
+            state,
+            vehicle=well(heartbeat(mode=mode, autopilot=autopilot)),
+            settings=replace(SETTINGS, autopilot=autopilot),
+        )
+        assert seen is (mode not in OUR_MODES[state])
+
+
+def test_no_heartbeat_is_no_hand_and_whoever_flies_where_a_pilot_is_to_engage_is_none_either():
+    assert not happens(Event.PILOT, State.ENGAGED, vehicle=VehicleState())
+    sticks = well(heartbeat(mode=Mode.OTHER))
+    assert happens(Event.PILOT, State.STANDING_BY, vehicle=sticks)
+    assert not happens(Event.PILOT, State.STANDING_BY, vehicle=sticks, settings=INVITING)
+    assert happens(Event.PILOT, State.ENGAGED, vehicle=sticks, settings=INVITING)
+
+
+@pytest.mark.parametrize(
+    ("mode", "other_mode_seen", "settings", "invited"),
+    [
+        (Mode.GUIDED, True, INVITING, True),
+        (Mode.GUIDED, False, INVITING, False),
+        (Mode.HOLD, True, INVITING, False),
+        (Mode.GUIDED, True, SETTINGS, False),
+    ],
+)
+def test_a_pilot_engages_by_a_change_to_the_guided_mode_where_that_is_configured(
+    mode, other_mode_seen, settings, invited
+):
+    vehicle = well(heartbeat(mode=mode))
+    given = {"vehicle": vehicle, "other_mode_seen": other_mode_seen, "settings": settings}
+    assert happens(Event.INVITED, State.STANDING_BY, **given) is invited
+
+
+def test_a_reboot_and_a_reset_are_counts_that_changed():
+    shaken = replace(well(), resets=3, reboots=2)
+    assert happens(Event.REBOOTED, State.ENGAGED, vehicle=shaken, reboots_seen=1)
+    assert not happens(Event.REBOOTED, State.ENGAGED, vehicle=shaken, reboots_seen=2)
+    assert happens(Event.ESTIMATOR_RESET, State.ENGAGED, vehicle=shaken, resets_seen=4)
+    assert not happens(Event.ESTIMATOR_RESET, State.ENGAGED, vehicle=shaken, resets_seen=3)
+
+
+@pytest.mark.parametrize(("armed", "at_s", "seen"), [(False, NOW_S, True), (True, NOW_S, False), (False, 99.9, False)])
+def test_disarmed_is_said_by_a_heartbeat_after_the_state_was_entered(armed, at_s, seen):
+    vehicle = well(heartbeat(at_s, armed=armed))
+    assert happens(Event.DISARMED, State.LANDING, vehicle=vehicle, since_s=99.9) is seen
+
+
+@pytest.mark.parametrize(("at_s", "seen"), [(99.9, False), (99.91, True)])
+def test_the_guided_mode_is_said_by_a_heartbeat_after_the_state_was_entered(at_s, seen):
+    vehicle = observe(VehicleState(), [heartbeat(at_s, Mode.GUIDED), local()])
+    assert happens(Event.GUIDED, State.ENTERING, vehicle=vehicle, since_s=99.9) is seen
+    held = observe(VehicleState(), [heartbeat(at_s, Mode.HOLD), local()])
+    assert not happens(Event.GUIDED, State.ENTERING, vehicle=held, since_s=99.9)
+    assert not happens(Event.GUIDED, State.ENTERING, vehicle=VehicleState())
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "dt_s", "late", "stopped"),
+    [
+        (PX4, 0.25, False, False),
+        (PX4, 0.26, True, False),
+        (PX4, 0.99, True, False),
+        (PX4, 1.0, True, True),
+        (ARDUCOPTER, 2.99, True, False),
+        (ARDUCOPTER, 3.0, True, True),
+    ],
+)
+def test_a_late_loop_pauses_and_one_that_stopped_for_as_long_as_the_autopilot_waits_yields(
+    autopilot, dt_s, late, stopped
+):
+    settings = replace(SETTINGS, autopilot=autopilot)
+    assert happens(Event.LOOP_LATE, State.ENGAGED, dt_s=dt_s, settings=settings) is late
+    assert happens(Event.LOOP_STOPPED, State.ENGAGED, dt_s=dt_s, settings=settings) is stopped
+
+
+@pytest.mark.parametrize(
+    ("event", "state", "name"),
+    [
+        (Event.NO_GAME, State.ENGAGED, "no_game"),
+        (Event.ESCAPED, State.ENGAGED, "evader_arrived"),
+        (Event.CAPTURED, State.ENGAGED, "captured"),
+        (Event.STRAYED, State.ON_STATION, "strayed"),
+    ],
+)
+def test_what_the_certificate_says_is_read_from_its_own_line(event, state, name):
+    says = QUIET._replace(**{name: True})
+    everything_else = QUIET._replace(
+        **dict.fromkeys(("no_game", "evader_arrived", "captured", "strayed"), True)
+    )._replace(**{name: False})
+    assert happens(event, state, certificate=says, vehicle=GUIDED)
+    assert not happens(event, state, certificate=everything_else, vehicle=GUIDED)
+    assert not happens(event, state, certificate=None, vehicle=GUIDED)
+
+
+HIGH_M, STAND_OFF = HOME_DOWN_M - 10.0, StandOffLimit(radius_m=4.0, height_m=6.0)
+ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STAND_OFF)
+
+
+@pytest.mark.parametrize("state", sorted(SETPOINT_STATES))
+@pytest.mark.parametrize(
+    ("event", "place", "broken"),
+    [
+        (Event.FENCE, (304.9, 0.0, HIGH_M), False),
+        (Event.FENCE, (305.1, 0.0, HIGH_M), True),
+        (Event.FLOOR, (0.0, 0.0, HOME_DOWN_M - 2.6), False),
+        (Event.FLOOR, (0.0, 0.0, HOME_DOWN_M - 2.4), True),
+        (Event.CEILING, (0.0, 0.0, HOME_DOWN_M - 60.4), False),
+        (Event.CEILING, (0.0, 0.0, HOME_DOWN_M - 60.6), True),
+        (Event.STAND_OFF, (100.0, 3.6, HIGH_M), False),
+        (Event.STAND_OFF, (100.0, 3.4, HIGH_M), True),
+        (Event.STAND_OFF, (100.0, 0.0, HOME_DOWN_M - 5.6), False),
+        (Event.STAND_OFF, (100.0, 0.0, HOME_DOWN_M - 5.4), True),
+    ],
+)
+def test_a_limit_of_space_is_watched_in_every_commanding_state_with_and_without_a_game(state, event, place, broken):
+    evader = (100.0, 0.0, HIGH_M if event is not Event.STAND_OFF or place[2] == HIGH_M else HOME_DOWN_M)
+    given = {"vehicle": GUIDED, "envelope": ABOUT_HOME, "position_ned_m": place, "evader_ned_m": evader}
+    for certificate in (QUIET, None):
+        assert happens(event, state, certificate=certificate, **given) is broken
+    assert not happens(event, state, **(given | {"position_ned_m": None}))
+    assert not happens(event, State.HOLDING, **given)
+
+
+def test_without_a_stand_off_or_an_evader_there_is_none_to_break():
+    given = {"vehicle": GUIDED, "position_ned_m": (100.0, 0.0, HIGH_M)}
+    without = replace(ABOUT_HOME, stand_off=None)
+    assert not happens(Event.STAND_OFF, State.ENGAGED, envelope=without, evader_ned_m=(100.0, 0.0, HIGH_M), **given)
+    assert not happens(Event.STAND_OFF, State.ENGAGED, envelope=ABOUT_HOME, evader_ned_m=None, **given)
+
+
+@pytest.mark.parametrize(("battery", "low"), [(0.25, False), (0.24, True), (math.nan, False), (0.9, False)])
+def test_a_battery_is_low_below_its_minimum_and_not_where_it_is_unknown(battery, low):
+    assert happens(Event.BATTERY_LOW, State.ENGAGED, vehicle=well(status(battery=battery))) is low
+    assert not happens(Event.BATTERY_LOW, State.ENGAGED, vehicle=observe(VehicleState(), [heartbeat(), local()]))
+
+
+@pytest.mark.parametrize(("silence_s", "lost"), [(1.5, False), (1.51, True), (math.inf, True)])
+def test_an_evader_is_lost_after_its_timeout(silence_s, lost):
+    assert happens(Event.EVADER_LOST, State.ENGAGED, evader_silence_s=silence_s) is lost
+
+
+def test_done_is_a_matter_of_configuration():
+    for after in AfterCapture:
+        settings = replace(SETTINGS, after_capture=after)
+        assert happens(Event.DONE, State.ON_STATION, settings=settings) is (after is AfterCapture.RETURN)
+
+
+@pytest.mark.parametrize("mode", [*PX4.custom_modes, Mode.OTHER])
+@pytest.mark.parametrize("armed", [False, True])
+def test_armed_counts_in_a_mode_of_ours_only(armed, mode):
+    vehicle = well(heartbeat(mode=mode, armed=armed))
+    ours = mode in {Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}
+    assert happens(Event.ARMED, State.ARMING, vehicle=vehicle) is (armed and ours)
+
+
+@pytest.mark.parametrize(("height_m", "mode", "there"), [
+    (9.29, Mode.HOLD, False), (9.31, Mode.HOLD, True), (9.31, Mode.TAKEOFF, False), (12.0, Mode.GUIDED, True),
+])  # fmt: skip
+def test_the_take_off_height_is_above_home_and_reached_once_the_autopilot_is_done(height_m, mode, there):
+    vehicle = well(heartbeat(mode=mode), local(position=(0.0, 0.0, HOME_DOWN_M - height_m)))
+    assert happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=vehicle) is there
+    high = observe(VehicleState(), [heartbeat(), local(position=(0.0, 0.0, -50.0))])
+    assert happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high)
+    assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high, home_ned_m=None)
+    assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=observe(VehicleState(), [heartbeat(), home()]))
+
+
+@pytest.mark.parametrize(
+    ("off_m", "speed_m_s", "there"), [(0.99, 0.0, True), (1.0, 0.0, False), (0.0, 0.39, True), (0.0, 0.4, False)]
+)
+def test_the_start_is_reached_at_rest_within_a_metre(off_m, speed_m_s, there):
+    start = (30.0, -20.0, -15.0)
+    vehicle = well(local(position=(30.0, -20.0 + off_m, -15.0), velocity=(0.0, 0.0, speed_m_s)))
+    assert happens(Event.AT_START, State.POSITIONING, vehicle=vehicle, start_ned_m=start) is there
+    assert happens(Event.AT_START, State.POSITIONING, vehicle=vehicle, start_ned_m=None)
+    deaf = observe(VehicleState(), [heartbeat()])
+    assert not happens(Event.AT_START, State.POSITIONING, vehicle=deaf, start_ned_m=start)
+
+
+@pytest.mark.parametrize(
+    ("changes", "clear"),
+    [
+        ({}, True),
+        ({"since_s": NOW_S - 0.99}, False),
+        ({"evader_silence_s": 1.6}, False),
+        ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 1.0)}, True),
+        ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 0.99)}, False),
+        ({"vehicle": observe(VehicleState(), [heartbeat(mode=Mode.GUIDED), local(NOW_S - 1.2)])}, False),
+    ],
+)
+def test_a_pause_ends_once_everything_was_well_for_a_while(changes, clear):
+    assert happens(Event.CLEAR, State.PAUSED, **({"since_s": NOW_S - 1.0, "vehicle": GUIDED} | changes)) is clear
+
+
+@pytest.mark.parametrize(
+    ("state", "limit_s"),
+    [
+        (State.CONNECTING, 30.0),
+        (State.CHECKING, 90.0),
+        (State.ARMING, 15.0),
+        (State.CLIMBING, 90.0),
+        (State.POSITIONING, 180.0),
+        (State.ENTERING, 10.0),
+        (State.PAUSED, 10.0),
+    ],
+)
+def test_a_phase_has_its_own_longest_time(state, limit_s):
+    assert not happens(Event.TIMED_OUT, state, since_s=NOW_S - limit_s)
+    assert happens(Event.TIMED_OUT, state, since_s=NOW_S - limit_s - 0.01)
+    patient = replace(SETTINGS, limits_s={})
+    assert not happens(Event.TIMED_OUT, state, since_s=-1e9, settings=patient)
+
+
+def test_of_all_that_happens_at_once_the_gravest_comes_first():
+    flags = dict.fromkeys(("no_game", "evader_arrived", "captured", "strayed"), True)
+    worst = {
+        "vehicle": replace(
+            observe(VehicleState(), [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)]),
+            resets=1,
+            reboots=1,
+        ),
+        "dt_s": 2.0,
+        "since_s": NOW_S - 60.0,
+        "evader_silence_s": 9.0,
+        "foreign": True,
+        "position_ned_m": (1e3, 0.0, HOME_DOWN_M),
+        "evader_ned_m": (1e3, 0.0, HOME_DOWN_M),
+        "envelope": ABOUT_HOME,
+        "certificate": QUIET._replace(**flags),
+        "settings": replace(SETTINGS, after_capture=AfterCapture.RETURN),
+    }
+    gravest = [
+        Event.PILOT,
+        Event.REBOOTED,
+        Event.TELEMETRY_LOST,
+        Event.DISARMED,
+        Event.LOOP_STOPPED,
+        Event.FOREIGN,
+        Event.FENCE,
+        Event.FLOOR,
+        Event.STAND_OFF,
+        Event.BATTERY_LOW,
+    ]
+    engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.EVADER_LOST, Event.NO_GAME]
+    assert list(events(context(State.ENGAGED, **worst))) == [*gravest, *engaged, Event.ESCAPED, Event.CAPTURED]
+    assert list(events(context(State.ON_STATION, **worst))) == [*gravest, *engaged, Event.DONE, Event.STRAYED]
+    assert list(events(context(State.PAUSED, **worst))) == [*gravest, Event.TIMED_OUT]
+    back = {"vehicle": GUIDED, "since_s": NOW_S - 60.0}
+    assert list(events(context(State.PAUSED, **back))) == [Event.CLEAR, Event.TIMED_OUT]
+    assert list(events(context(State.ENTERING, **back))) == [Event.GUIDED, Event.TIMED_OUT]
+    assert list(events(context(State.ARMING, since_s=0.0))) == [Event.ARMED, Event.TIMED_OUT]
+
+
+def test_what_is_done_in_time_has_not_taken_too_long():
+    late = {"since_s": NOW_S - 1e3, "evader_silence_s": 0.0}
+    assert list(events(context(State.CONNECTING, **late))) == [Event.HEARD, Event.TIMED_OUT]
+    assert list(events(context(State.CHECKING, **late))) == [Event.FIT, Event.TIMED_OUT]
+    assert list(events(context(State.CLIMBING, **late))) == [Event.AT_HEIGHT, Event.TIMED_OUT]
+    assert list(events(context(State.POSITIONING, **late))) == [Event.AT_START, Event.TIMED_OUT]
+
+
+def test_fit_is_every_check_and_no_refusal():
+    assert fit(context(State.CHECKING))
+    assert list(events(context(State.READY))) == []
+    for unfit in ({"refusals": ("COM_OF_LOSS_T",)}, {"vehicle": well(status(healthy=0))}):
+        assert not fit(context(State.CHECKING, **unfit))
+        assert list(events(context(State.CHECKING, **unfit))) == []
+        assert list(events(context(State.READY, **unfit))) == [Event.UNFIT]
+
+
+def row(name, vehicle, autopilot=PX4):
+    (one,) = [check for check in checks(vehicle, autopilot, NOW_S, battery_minimum=0.25) if check.name == name]
+    return one.passed, one.found
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "expected"),
+    [
+        ("autopilot", [], (True, "MAV_AUTOPILOT 12, want 12")),
+        ("autopilot", [heartbeat(autopilot=ARDUCOPTER)], (False, "MAV_AUTOPILOT 3, want 12")),
+        ("Heartbeat", [heartbeat(NOW_S - 3.0)], (True, "3.0 s old")),
+        ("Heartbeat", [heartbeat(NOW_S - 3.1)], (False, "3.1 s old")),
+        ("Attitude", [Attitude(NOW_S - 1.0, 0.0, 0.0)], (True, "1.0 s old")),
+        ("Attitude", [Attitude(NOW_S - 1.1, 0.0, 0.0)], (False, "1.1 s old")),
+        ("LandedState", [LandedState(NOW_S - 2.0, 1)], (True, "2.0 s old")),
+        ("LandedState", [LandedState(NOW_S - 2.1, 1)], (False, "2.1 s old")),
+        ("Home", [heartbeat(armed=False), home(NOW_S - 1e4)], (True, "10000.0 s old")),
+        ("prearm", [], (True, "healthy")),
+        ("prearm", [status(healthy=PREARM - 1)], (False, "the autopilot's own checks fail")),
+        ("prearm", [status(present=0, healthy=PREARM)], (True, "healthy")),
+        ("prearm", [status(present=0, healthy=0)], (False, "the autopilot's own checks fail")),
+        ("battery", [status(battery=0.25)], (True, "25% left")),
+        ("battery", [status(battery=0.24)], (False, "24% left")),
+        ("battery", [status(battery=math.nan)], (True, "unknown")),
+    ],
+)
+def test_a_check_says_what_it_found(name, changes, expected):
+    assert row(name, well(*changes)) == expected
+
+
+def test_px4_never_says_that_its_arming_checks_are_present_and_is_believed_of_them_all_the_same():
+    silent = well(status(present=0, healthy=0))
+    assert not row("prearm", silent, PX4)[0]
+    assert row("prearm", silent, ARDUCOPTER)[0]
+    assert not row("prearm", well(status(healthy=0)), ARDUCOPTER)[0]
+
+
+@pytest.mark.parametrize(("age_s", "passed"), [(1.0, True), (1.1, False)])
+def test_a_position_that_is_a_second_old_is_too_old_to_start_with(age_s, passed):
+    assert row("LocalPosition", observe(VehicleState(), [local(NOW_S - age_s)])) == (passed, f"{age_s:.1f} s old")
+
+
+def test_what_was_never_heard_passes_no_check():
+    rows = checks(VehicleState(), PX4, NOW_S, battery_minimum=0.0)
+    kinds = [kind.__name__ for kind in (Heartbeat, LocalPosition, Attitude, LandedState, Home)]
+    assert [check.name for check in rows] == ["autopilot", *kinds, "prearm", "battery"]
+    assert {(check.passed, check.found) for check in rows} == {(False, "not heard")}
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "armed", "passed"),
+    [
+        (PX4, Mode.GUIDED, False, True),
+        (PX4, Mode.GUIDED, True, False),
+        (PX4, Mode.HOLD, False, False),
+        (ARDUCOPTER, Mode.GUIDED, False, False),
+    ],
+)
+def test_checks_that_miss_our_setpoints_keep_nobody_on_the_ground(autopilot, mode, armed, passed):
+    """A real PX4 stays in OFFBOARD after a landing, and its checks fail until it is asked for another mode."""
+    vehicle = well(heartbeat(mode=mode, armed=armed, autopilot=autopilot), status(healthy=0))
+    assert row("prearm", vehicle, autopilot)[0] is passed

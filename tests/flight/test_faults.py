@@ -1,0 +1,182 @@
+"""Nothing that comes over a wire ends a flight, and an error of our own ends it in the autopilot's hold."""
+
+import math
+from typing import get_args, get_type_hints
+
+import pytest
+
+from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.flight import FINAL, Event, State
+from guidance.flight.requests import REPEAT_S
+from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
+from guidance.plausible import is_plausible
+from tests.flight.flown import SET_MODE, Flown, commands
+from tests.flight.scenes import BOTH, ENVELOPE, settings_of
+
+BAD = (math.nan, math.inf, -math.inf, 1e38, -1e38)
+PLAIN = {float: 0.5, int: 3, bool: True, str: "word"}
+
+
+def sane(kind, at_s):
+    """A message of a kind, with numbers that anything might have."""
+    values = {}
+    for name, hint in get_type_hints(kind).items():
+        values[name] = at_s if name in {"received_s", "time_boot_s", "sent_s"} else PLAIN.get(hint)
+        if values[name] is None and hint not in PLAIN:
+            values[name] = (0.5, 0.5, 0.5) if "tuple" in str(hint) else None
+    return kind(**values)
+
+
+def spoilt(message):
+    """The message once for every number in it and every bad value; arrival times are our own."""
+    for name, hint in get_type_hints(type(message)).items():
+        if name == "received_s":
+            continue
+        value = getattr(message, name)
+        if isinstance(value, float) and hint is float:
+            yield from (message._replace(**{name: bad}) for bad in BAD)
+        elif isinstance(value, int) and not isinstance(value, bool):
+            yield from (message._replace(**{name: bad}) for bad in (-(2**63), 2**63 - 1, -1))
+        elif isinstance(value, tuple):
+            for axis in range(3):
+                yield from (message._replace(**{name: (*value[:axis], bad, *value[axis + 1 :])}) for bad in BAD)
+
+
+@pytest.mark.parametrize("kind", sorted([*get_args(Message), EvaderReport], key=lambda kind: kind.__name__))
+def test_every_number_of_every_message_may_be_nonsense_in_every_part_of_a_flight(kind):
+    for brought in (lambda one: one.standing_by(), lambda one: one.engaged()):
+        flown = brought(Flown())
+        outputs = []
+        for bad in spoilt(sane(kind, flown.now_s)):
+            said = [bad._replace(received_s=flown.now_s)]
+            outputs.append(flown.cycle(reports=said) if kind is EvaderReport else flown.cycle(more=said))
+            outputs += flown.cycles(0.04)
+        assert flown.flight.fault is None
+        assert_within_limits(outputs)
+
+
+def assert_within_limits(outputs):
+    for one in outputs:
+        if one.setpoint is None:
+            continue
+        said = (
+            *one.setpoint.velocity_ned_m_s,
+            *(one.setpoint.acceleration_ned_m_s2 or ()),
+            one.setpoint.yaw_rad or 0.0,
+        )
+        assert all(map(math.isfinite, said))
+        north, east, down = one.setpoint.velocity_ned_m_s
+        assert math.hypot(north, east) <= ENVELOPE.speed_m_s + 1e-9
+        assert -ENVELOPE.climb_m_s - 1e-9 <= down <= ENVELOPE.descent_m_s + 1e-9
+
+
+def test_what_cannot_be_meant_is_told_from_what_is_only_not_known():
+    assert is_plausible(Home(0.0, 47.0, 8.0, 488.0, (math.nan,) * 3))
+    assert not is_plausible(Home(0.0, 47.0, 8.0, 488.0, (0.0, math.nan, 0.0)))
+    assert not is_plausible(Home(0.0, 47.0, 8.0, 488.0, (0.0, 1e38, 0.0)))
+    assert not is_plausible(Attitude(0.0, 0.0, 57.3))
+
+
+def test_nonsense_leaves_what_was_known_as_it_was():
+    flown = Flown().engaged()
+    before = flown.flight._cycle.envelope, flown.flight.tracking.local_frame
+    for number in BAD:
+        flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, (number, 0.0, 0.0))])
+        flown.cycle(more=[LocalPosition(flown.now_s, flown.now_s + 0.001, (0.0, number, 0.0), (0.0, 0.0, 0.0))])
+    assert (flown.flight._cycle.envelope, flown.flight.tracking.local_frame) == before
+    assert flown.state is State.ENGAGED
+
+
+def break_at(flown, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("the speed is nil")
+
+    monkeypatch.setattr(flown.flight.tracking, "evader", broken)
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(autopilot, monkeypatch):
+    flown = Flown(settings_of(autopilot)).engaged()
+    break_at(flown, monkeypatch)
+    failed = flown.cycle()
+    assert (failed.state, failed.setpoint) == (State.YIELDED, None)
+    assert failed.requests == (autopilot.set_mode(Mode.HOLD),)
+    assert [(h.event, h.before, h.after) for h in failed.happenings] == [(Event.FAULT, State.ENGAGED, State.YIELDED)]
+    assert failed.fault.startswith("ZeroDivisionError: the speed is nil (broken, line ")
+    assert flown.flight.fault == failed.fault
+    outputs = flown.cycles(REPEAT_S + 1.5)
+    assert commands(outputs) == [SET_MODE]  # again, for a HEARTBEAT shows that it has not been heard
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    flown.mode = Mode.GUIDED  # a pilot's doing
+    outputs += flown.cycles(5.0)
+    assert {one.setpoint for one in outputs} == {None}
+    assert commands(outputs) == [SET_MODE]
+    ordered = flown.cycle(Event.ENGAGE, Event.HOLD)
+    assert [(h.event, h.after) for h in ordered.happenings] == [
+        (Event.ENGAGE, State.YIELDED),
+        (Event.HOLD, State.YIELDED),
+    ]
+
+
+def test_a_pilot_who_has_the_vehicle_keeps_it_whatever_goes_wrong(monkeypatch):
+    flown = Flown().engaged()
+    break_at(flown, monkeypatch)
+    flown.mode = Mode.OTHER
+    assert commands([flown.cycle(beat=True)]) == []
+    assert commands(flown.cycles(5.0)) == []
+
+
+def test_on_the_ground_nothing_is_asked_of_the_vehicle(monkeypatch):
+    flown = Flown()
+    flown.cycles(0.1)
+    monkeypatch.setattr(flown.flight.tracking, "observe", lambda *_: 1 / 0)
+    failed = flown.cycle()
+    assert (failed.state, failed.setpoint, failed.requests) == (State.FAILED, None, ())
+    assert flown.state in FINAL
+
+
+LOST = {"loop stopped": {"dt_s": 3.1, "beat": True}, "telemetry lost": {"dt_s": 3.1, "silent": True}}
+
+
+def yielded(autopilot, how):
+    flown = Flown(settings_of(autopilot)).engaged()
+    flown.cycles(1.0)
+    outputs = flown.cycle(**LOST[how])
+    assert outputs.state is State.YIELDED
+    return flown, outputs
+
+
+@pytest.mark.parametrize("how", sorted(LOST))
+def test_an_arducopter_that_waits_in_guided_after_a_loss_is_handed_to_its_hold_once_it_is_heard_to_wait(how):
+    flown, lost = yielded(ARDUCOPTER, how)
+    assert commands([lost]) == []  # what was heard meanwhile is from before
+    (asked,) = [flown.cycle(beat=True)]
+    assert asked.requests == (ARDUCOPTER.set_mode(Mode.HOLD),)
+    assert commands([*flown.cycles(0.5), flown.cycle(beat=True)]) == []
+    flown.cycles(REPEAT_S)
+    flown.mode = Mode.GUIDED
+    assert SET_MODE in commands([flown.cycle(beat=True), *flown.cycles(REPEAT_S), flown.cycle(beat=True)])
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    flown.mode = Mode.GUIDED  # somebody else's now
+    later = flown.cycles(5.0)
+    assert commands(later) == []
+    assert {one.setpoint for one in [lost, asked, *later]} == {None}
+    assert flown.state is State.YIELDED
+
+
+@pytest.mark.parametrize("how", sorted(LOST))
+@pytest.mark.parametrize(("autopilot", "mode"), [(ARDUCOPTER, Mode.OTHER), (ARDUCOPTER, Mode.LAND), (PX4, Mode.GUIDED)])
+def test_after_a_loss_nothing_is_asked_of_a_pilots_vehicle_nor_of_one_that_helps_itself(how, autopilot, mode):
+    flown, _ = yielded(autopilot, how)
+    flown.mode = mode
+    assert commands([flown.cycle(beat=True), *flown.cycles(5.0)]) == []
+
+
+def test_after_a_pilots_takeover_an_arducopter_is_left_alone_in_whatever_mode():
+    flown = Flown(settings_of(ARDUCOPTER)).engaged()
+    flown.mode = Mode.OTHER
+    assert flown.cycle(beat=True).state is State.YIELDED
+    flown.mode = Mode.GUIDED
+    assert commands(flown.cycles(5.0)) == []

@@ -1,0 +1,269 @@
+"""The frame of a flight: home stays where the vehicle armed, and what really moves takes the evader's track along."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.autopilots import PX4
+from guidance.flight import Event, Flight, Inputs, State
+from guidance.flight.tracking import Tracking
+from guidance.frames import Amsl, LocalFrame
+from guidance.messages import EvaderReport, GlobalPosition, Heartbeat, Home, LocalPosition, Odometry, Origin
+from guidance.vehicle import VehicleState, observe
+from tests.flight.flown import CYCLE_S, Flown
+from tests.flight.recorded import messages
+from tests.flight.scenes import BOTH, HOME_DOWN_M, SETTINGS, local
+from tests.harness.examples import drawn
+
+ZERO = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=PX4.projection)
+NORTH_M = 60.0
+
+
+def homes(said):
+    return [message for message in said if isinstance(message, Home)]
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(autopilot):
+    vehicle, kept, armed_with = VehicleState(), set(), None
+    said = list(messages(autopilot.name, autopilot.autopilot_id))
+    for message in said:
+        before = vehicle
+        vehicle = observe(vehicle, [message])
+        if vehicle.armed:
+            armed_with = armed_with or before.last(Home)
+            kept.add(vehicle.last(Home))
+    assert kept == {armed_with}
+    assert vehicle.resets == (autopilot is PX4)  # its ODOMETRY counts one, in the climb; no position jumps
+    assert vehicle.jumped_ned_m == (0.0, 0.0, 0.0)
+
+
+def test_the_real_px4s_home_wandered_meanwhile():
+    heights_m = [home.altitude_amsl_m for home in homes(messages("px4", 12))]
+    assert len(set(heights_m)) > 15
+    assert max(heights_m) - min(heights_m) > 1.5
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopilot):
+    flight = Flight(replace(SETTINGS, autopilot=autopilot))
+    origin = next(one for one in messages(autopilot.name, autopilot.autopilot_id) if isinstance(one, Origin))
+    frame = LocalFrame(
+        origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=autopilot.projection
+    )
+    due_s, floors, silences, places = 0.0, set(), [], []
+    for message in messages(autopilot.name, autopilot.autopilot_id):
+        reports = []
+        while due_s <= message.received_s:  # an evader at 2 m/s, reported ten times a second
+            place = (NORTH_M + 2.0 * due_s, 0.0, -0.2)
+            latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(place)
+            velocity = (2.0, 0.0, 0.0)
+            reports.append(
+                EvaderReport(due_s, due_s, "test", latitude_deg, longitude_deg, altitude.metres, velocity, 0.1, 0.1)
+            )
+            due_s += 0.1
+        flight.step(Inputs(message.received_s, [message], reports))
+        if not flight.vehicle.armed:
+            continue
+        floors.add(flight._cycle.envelope.home_ned_m)
+        silences.append(flight.tracking.silence_s(message.received_s))
+        places.append(flight.tracking.evader(message.received_s).position_ned_m[0] - 2.0 * message.received_s)
+    assert len(floors) == 1
+    assert max(silences) < 0.3
+    assert places == pytest.approx([NORTH_M] * len(places), abs=0.05)
+    counts = flight.tracking.counts
+    assert (counts["started"], counts.get("jumped", 0), counts.get("reacquired", 0)) == (1, 0, 0)
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_real_autopilots_local_and_global_positions_agree_by_its_own_map(autopilot):
+    vehicle, apart_m = VehicleState(), []
+    for message in messages(autopilot.name, autopilot.autopilot_id):
+        vehicle = observe(vehicle, [message])
+        origin = vehicle.last(Origin)
+        if not isinstance(message, GlobalPosition) or origin is None:
+            continue
+        frame = LocalFrame(
+            origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=autopilot.projection
+        )
+        reckoned = frame.ned_from_wgs84(message.latitude_deg, message.longitude_deg, Amsl(message.altitude_amsl_m))
+        apart_m.append(math.dist(reckoned, _at(vehicle, message.time_boot_s)))
+    assert len(apart_m) > 80
+    assert max(apart_m) < 0.12  # 0.25 % of the way, for the wrong map, would be 0.3 m and more
+
+
+def _at(vehicle, boot_s):
+    local = vehicle.last(LocalPosition)
+    step_s = boot_s - local.time_boot_s
+    return [at + step_s * rate for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)]
+
+
+def global_of(flown, frame=ZERO):
+    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(tuple(flown.position))
+    return GlobalPosition(flown.now_s, flown.now_s, latitude_deg, longitude_deg, altitude.metres, 0.0, (0.0, 0.0, 0.0))
+
+
+def told(frame, at_s):
+    return Origin(at_s, frame.latitude_deg, frame.longitude_deg, frame.altitude.metres)
+
+
+def relative(flown):
+    """From the vehicle to its evader, metres."""
+    evader = flown.flight.tracking.evader(flown.now_s)
+    return tuple(there - here for there, here in zip(evader.position_ned_m, flown.position, strict=True))
+
+
+def engaged():
+    flown = Flown()
+    flown.cycle(more=[told(ZERO, flown.now_s)])
+    flown.engaged(evader=(NORTH_M, 0.0))
+    flown.cycles(0.5)
+    return flown
+
+
+def moved_zero(flown, by_m):
+    """The same vehicle in a frame in which every coordinate is higher by this."""
+    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(tuple(-part for part in by_m))
+    flown.position = [at + by for at, by in zip(flown.position, by_m, strict=True)]
+    return replace(ZERO, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
+
+
+def steps_m_s(outputs):
+    """The largest change of the commanded velocity from one cycle to the next."""
+    said = [one.setpoint.velocity_ned_m_s for one in outputs]
+    return max(math.dist(one, other) for one, other in pairwise(said))
+
+
+SHIFTS = st.tuples(*[st.floats(-300.0, 300.0)] * 2, st.floats(-40.0, 40.0)).filter(lambda by: math.hypot(*by) > 2.0)
+BY_CYCLE_M_S = 5.0 * CYCLE_S * 1.5
+"""What acceleration allows in a cycle, horizontally and vertically together, and a little."""
+
+
+@settings(max_examples=drawn(10))
+@given(by_m=SHIFTS, order=st.sampled_from(["together", "told first", "told later", "never told"]))
+def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_are(by_m, order):
+    flown = engaged()
+    before = [flown.outputs]
+    was, floor_m = relative(flown), flown.flight._cycle.envelope.home_ned_m[2] - flown.position[2]
+    if order == "told first":
+        before.append(flown.cycle(more=[told(moved_zero_of(by_m), flown.now_s), global_of(flown)]))
+        before += [flown.cycle(more=[global_of(flown)]) for _ in range(3)]
+    zero = moved_zero(flown, by_m)
+    announced = [told(zero, flown.now_s)] if order == "together" else []
+    before.append(flown.cycle(more=[*announced, global_of(flown, zero)]))
+    before += [flown.cycle(more=[global_of(flown, zero)]) for _ in range(5)]
+    if order == "told later":
+        before.append(flown.cycle(more=[told(zero, flown.now_s)]))
+    before += [flown.cycle(more=[global_of(flown, zero)]) for _ in range(70)]
+    assert flown.state is State.ENGAGED
+    assert relative(flown) == pytest.approx(was, abs=0.06)
+    assert flown.flight._cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(floor_m, abs=0.01)
+    assert steps_m_s(before) < BY_CYCLE_M_S
+    assert flown.flight.tracking.counts["started"] == 1
+    assert not {"jumped", "reacquired", "outlier"} & set(flown.flight.tracking.counts)
+
+
+def moved_zero_of(by_m):
+    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(tuple(-part for part in by_m))
+    return replace(ZERO, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
+
+
+@settings(max_examples=drawn(10))
+@given(by_m=SHIFTS)
+def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(by_m):
+    flown = engaged()
+    place = flown.flight.tracking.evader(flown.now_s).position_ned_m
+    envelope, outputs = flown.flight._cycle.envelope, [flown.outputs]
+    flown.position = [at + by for at, by in zip(flown.position, by_m, strict=True)]
+    outputs.append(flown.cycle(more=[Odometry(flown.now_s, 8), global_of(flown)]))
+    assert flown.state is State.PAUSED
+    outputs += [flown.cycle(more=[global_of(flown)]) for _ in range(40)]
+    assert all(math.hypot(*one.setpoint.velocity_ned_m_s) < 6.7 for one in outputs)
+    assert flown.flight.tracking.evader(flown.now_s).position_ned_m == pytest.approx(place, abs=1e-6)
+    assert flown.flight._cycle.envelope == envelope
+    assert flown.flight.tracking.counts["started"] == 1
+
+
+def test_a_zero_that_is_told_elsewhere_without_the_vehicle_being_there_is_not_believed():
+    flown = engaged()
+    was, home_ned_m = relative(flown), flown.flight._cycle.envelope.home_ned_m
+    wrong = moved_zero_of((50.0, -80.0, 3.0))
+    flown.cycle(more=[told(wrong, flown.now_s), global_of(flown)])
+    for _ in range(100):
+        flown.cycle(more=[global_of(flown)])
+    assert relative(flown) == pytest.approx(was, abs=1e-6)
+    assert flown.flight._cycle.envelope.home_ned_m == home_ned_m
+    assert flown.state is State.ENGAGED
+
+
+@given(wanders=st.lists(st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.floats(-2.0, 2.0)), min_size=1, max_size=6))
+@settings(max_examples=drawn(20))
+def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
+    still, restless = engaged(), engaged()
+    for wander in wanders:
+        place = (wander[0], wander[1], HOME_DOWN_M + wander[2])
+        latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(place)
+        for n in range(20):
+            more = [Home(restless.now_s, latitude_deg, longitude_deg, altitude.metres, place)] if n == 0 else []
+            assert restless.cycle(more=more) == still.cycle()
+    assert restless.flight.tracking.counts == still.flight.tracking.counts
+
+
+def armed(at_s, *, is_armed):
+    return Heartbeat(at_s, 0, is_armed, 4, 12)
+
+
+def home_at(at_s, north_m):
+    return Home(at_s, 47.397742, 8.545594, 488.0, (north_m, 0.0, 0.0))
+
+
+def local_here():
+    return local(1.0, (0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("said", "north_m"),
+    [
+        ([local_here(), armed(1, is_armed=False), home_at(1, 0.1), home_at(2, 0.3)], 0.3),  # on the ground it follows
+        ([local_here(), armed(1, is_armed=False), home_at(1, 0.1), armed(2, is_armed=True), home_at(3, 0.5)], 0.1),
+        # The home of another place gives way to the one that arming sets, and to that one only.
+        (
+            [
+                local_here(),
+                armed(1, is_armed=False),
+                home_at(1, 90.0),
+                armed(2, is_armed=True),
+                home_at(3, 0.5),
+                home_at(4, 0.7),
+            ],
+            0.5,
+        ),
+        # Joined in flight: the first.
+        ([armed(1, is_armed=True), home_at(2, 70.0), home_at(3, 71.0)], 70.0),
+        ([home_at(0, 70.0), armed(1, is_armed=True), home_at(3, 71.0)], 70.0),
+        # And after landing it follows again.
+        ([armed(1, is_armed=True), home_at(2, 70.0), armed(3, is_armed=False), home_at(4, 71.0)], 71.0),
+    ],
+)
+def test_which_home_is_a_flights(said, north_m):
+    assert observe(VehicleState(), said).last(Home).position_ned_m[0] == north_m
+
+
+def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
+    """Its one counted reset came in the climb: engaged there, it pauses and goes on."""
+    flown = engaged()
+    outputs = [flown.cycle(more=[Odometry(flown.now_s, 11)]), flown.cycle(more=[Odometry(flown.now_s, 12)])]
+    outputs += flown.cycles(1.5)
+    assert [h.event for one in outputs for h in one.happenings] == [Event.ESTIMATOR_RESET, Event.CLEAR]
+
+
+def test_without_a_global_position_what_is_told_is_believed():
+    tracking = Tracking(SETTINGS.cycle, PX4)
+    tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(ZERO, 0.0)]), [])
+    other = moved_zero_of((50.0, 0.0, 0.0))
+    tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(other, 1.0)]), [])
+    assert tracking.local_frame == other

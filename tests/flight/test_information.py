@@ -1,0 +1,104 @@
+"""A cycle on old information, and one about a target that moves: what is played, and what the certificate says."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from guidance.config import parse
+from guidance.control import Situation
+from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
+from guidance.errors import ConfigError
+from guidance.frames import GameFrame
+from guidance.game import Game, Reason, StandOff, solve
+from guidance.monitor import MonitorMemory, Violation, watch
+from guidance.session.vehicle_file import GameSection
+from guidance.strategies import StrategyMemory
+from tests.flight.scenes import CYCLE
+
+PURSUER_NED, EVADER_NED = (-30.0, 5.0, -20.0), (10.0, -4.0, 0.0)
+
+
+def cycle(age_s=0.1, *, settings=CYCLE, played_s=0.0, at=EVADER_NED):
+    evader = EvaderEstimate(at, (1.0, 2.0, 0.0), 3.0, age_s)
+    here = Situation(PURSUER_NED, (0.0, 0.0, 0.0), 0.0, evader.position_ned_m, evader.velocity_ned_m_s)
+    inputs = CycleInputs(0.02, here, evader, GameFrame((0.0, 0.0, 0.0)))
+    return play(inputs, settings, CycleMemory(strategy=StrategyMemory(None, played_s))).certificate
+
+
+def in_game(ned):
+    return np.array([ned[1], ned[0], -ned[2]])
+
+
+def test_information_older_than_the_guarantee_is_said_and_taken_for_new():
+    """The disc of 3 m is guaranteed for a second against 3 m/s."""
+    P, E = in_game(PURSUER_NED), in_game(EVADER_NED)
+    for age_s, reason, taken_s in (
+        (0.99, Reason.SOLVED, 0.99),
+        (1.01, Reason.TOO_OLD, 0.0),
+        (9.0, Reason.TOO_OLD, 0.0),
+    ):
+        said = cycle(age_s)
+        assert said.reason == reason
+        game = Game(CYCLE.speed_set, 3.0, standoff=CYCLE.standoff, information_age_s=taken_s)
+        assert said.value == pytest.approx(float(solve(game, P, E).value), rel=1e-12)
+
+
+def test_in_tad_the_disc_is_smaller_by_what_the_evader_may_have_run():
+    """Against 3 m/s the disc of 3 m is a point from a second on."""
+    settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0))
+    P, E, T = in_game(PURSUER_NED), in_game(EVADER_NED), np.array([40.0, 10.0, 0.0])
+    for age_s, reason, radius_m in ((0.0, Reason.SOLVED, 3.0), (0.4, Reason.SOLVED, 1.8), (1.4, Reason.TOO_OLD, 0.0)):
+        said = cycle(age_s, settings=settings)
+        assert said.reason == reason
+        game = Game(CYCLE.speed_set, 3.0, standoff=StandOff(radius_m, CYCLE.standoff.height_m))
+        assert said.value == pytest.approx(float(solve(game, P, E, T).value), rel=1e-12)
+
+
+def test_what_is_not_guaranteed_is_not_watched():
+    said = cycle(0.5)
+    guarantee, alarm = MonitorMemory(), None
+    for index in range(200):
+        worse = said._replace(value=said.value + 0.1 * index, time_needed_s=said.time_needed_s + 0.1 * index)
+        old = worse._replace(reason=int(Reason.TOO_OLD))
+        guarantee, alarm = watch(guarantee, 0.1 * index, old, with_target=False, speed_m_s=6.0, slack_s=0.5)
+        assert alarm is None
+        assert math.isnan(guarantee.best)
+    for reason, expected in ((Reason.TOO_OLD, {None}), (Reason.SOLVED, {None, Violation.BARRIER_LOST})):
+        guarantee, found = MonitorMemory(winner=1), set()
+        for index in range(50):
+            lost = said._replace(winner=-1, reason=int(reason))
+            guarantee, alarm = watch(guarantee, 0.1 * index, lost, with_target=True, speed_m_s=6.0, slack_s=0.5)
+            found.add(alarm and alarm.violation)
+        assert found == expected
+
+
+def test_a_target_that_moves_is_where_it_is_by_now_and_the_game_knows_its_velocity():
+    settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0), target_velocity_m_s=(1.0, -0.5))
+    P, E = in_game(PURSUER_NED), in_game(EVADER_NED)
+    disc = StandOff(CYCLE.standoff.radius_m - 0.1 * 3.0, CYCLE.standoff.height_m)
+    game = Game(CYCLE.speed_set, 3.0, standoff=disc, target_velocity_m_s=(1.0, -0.5))
+    for played_s in (0.0, 12.0):
+        T = np.array([40.0 + played_s, 10.0 - 0.5 * played_s, 0.0])
+        said = cycle(settings=settings, played_s=played_s)
+        assert said.value == pytest.approx(float(solve(game, P, E, T).value), rel=1e-12)
+    resting = replace(settings, target_velocity_m_s=(0.0, 0.0))
+    assert cycle(settings=settings).value != pytest.approx(cycle(settings=resting).value, rel=1e-3)
+    assert cycle(settings=settings, played_s=4.0, at=(8.0, 44.0, 0.0)).evader_arrived
+    assert not cycle(settings=settings, played_s=0.0, at=(8.0, 44.0, 0.0)).evader_arrived
+
+
+@pytest.mark.parametrize(("kind", "velocity"), [("pe", [1.0, 0.0]), ("tad", [3.0, 0.0]), ("tad", [0.0, -5.0])])
+def test_a_target_velocity_that_cannot_be_is_refused_by_name(kind, velocity):
+    section = {
+        "kind": kind,
+        "speed_m_s": 6.0,
+        "evader_speed_m_s": 3.0,
+        "target_velocity_m_s": velocity,
+        "target": {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 500.0},
+    }
+    if kind == "pe":
+        del section["target"]
+    with pytest.raises(ConfigError, match=r"game\.target_velocity_m_s = .*must be slower than"):
+        parse(GameSection, section, source="a.toml")

@@ -1,0 +1,250 @@
+"""The flight's step, fed by hand: what is asked and when, and what orders come to."""
+
+import math
+
+import pytest
+
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
+from guidance.flight import ORDERS, Event, State
+from guidance.flight.requests import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
+from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
+from tests.flight.scenes import (
+    BOTH,
+    HOME_DOWN_M,
+    settings_of,
+)
+
+BEAT = PX4.request_message(HEARTBEAT)
+
+
+def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin():
+    flown = Flown()
+    assert flown.flight.mode_name == "unknown"
+    assert flown.cycle(silent=True).state is State.CONNECTING
+    first = flown.cycle()
+    assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
+    assert flown.flight.mode_name == "hold"
+    assert [request.command for request in first.requests] == [INTERVAL] * 7 + [MESSAGE] * 2
+    assert [request.params[0] for request in first.requests[-2:]] == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
+    assert flown.cycle().state is State.READY
+
+
+def test_what_preflight_refuses_keeps_a_vehicle_from_being_ready_and_takes_readiness_away():
+    flown = Flown()
+    flown.cycle()
+    assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    assert flown.cycle().state is State.READY
+    assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    assert [check.name for check in flown.flight.checks(flown.now_s) if not check.passed] == []
+
+
+def test_the_time_in_a_phase_counts_from_its_entry():
+    flown = Flown()
+    assert flown.cycle(silent=True).state is State.CONNECTING
+    outputs = flown.cycles(30.0, silent=True)
+    assert [one.state for one in outputs[-2:]] == [State.CONNECTING] * 2
+    assert flown.cycles(0.1, silent=True)[-1].state is State.FAILED
+
+
+def test_a_request_is_repeated_when_a_heartbeat_shows_that_it_had_no_effect_and_not_before():
+    flown = Flown()
+    flown.cycle()
+    flown.cycle()
+    asked = flown.cycle(Event.START)
+    assert asked.state is State.ARMING
+    assert commands([asked]) == [SET_MODE, ARM]
+    assert commands(flown.cycles(REPEAT_S - 0.06)) == []  # a HEARTBEAT came meanwhile
+    flown.beat_s = flown.now_s
+    assert commands(flown.cycles(0.5)) == []  # due, and nothing was heard
+    assert commands([flown.cycle(beat=True)]) == [SET_MODE, ARM]
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_from_the_ground_the_autopilot_takes_off_and_the_flight_stands_by_in_its_hold(autopilot):
+    flown = Flown(settings_of(autopilot))
+    flown.cycles(0.1)
+    flown.cycle(Event.START)
+    flown.armed = True
+    flown.mode = autopilot.arming_mode
+    climbing = flown.cycle(beat=True)
+    assert (climbing.state, commands([climbing])) == (State.CLIMBING, [TAKEOFF])
+    assert climbing.requests[0] == autopilot.takeoff(height_m=10.0, home_amsl_m=492.0)
+    flown.landed = 3
+    assert commands([*flown.cycles(2.0), flown.cycle(beat=True)]) == []  # it has left the ground
+    flown.position[2] = HOME_DOWN_M - 9.5
+    assert flown.cycle().state is State.POSITIONING
+    standing_by = flown.cycle()
+    assert standing_by.state is State.STANDING_BY
+    assert {one.setpoint for one in flown.cycles(3.0)} == {None}
+
+
+def test_a_vehicle_that_is_up_already_is_taken_over_as_it_hovers_and_one_on_the_ground_is_armed():
+    up = Flown()
+    up.standing_by()
+    assert [h.event for h in up.outputs.happenings] == [Event.ALOFT]
+    for armed, landed in ((True, 1), (False, 2)):
+        down = Flown()
+        down.cycles(0.1)
+        down.armed, down.landed = armed, landed
+        down.cycle(beat=True)
+        ordered = down.cycle(Event.START).happenings[0]
+        assert (ordered.event, ordered.after) == (Event.START, State.ARMING)
+
+
+ENDINGS = [(Event.HOLD, State.HOLDING), (Event.RETURN, State.RETURNING), (Event.LAND, State.LANDING)]
+
+
+@pytest.mark.parametrize(("order", "state"), [*ENDINGS, (Event.ABORT, State.LANDING)])
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.GUIDED, Mode.RETURN, Mode.OTHER])
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_vehicle_found_armed_is_handed_over_on_an_order_and_gets_no_setpoint(autopilot, mode, order, state):
+    found = Flown(settings_of(autopilot))
+    found.armed, found.landed, found.mode = True, 2, mode
+    found.cycle(refusals=("GF_ACTION",))
+    assert found.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    asked = found.cycle(order, refusals=("GF_ACTION",))
+    assert asked.state is state
+    wanted = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}[state]
+    assert asked.requests == (() if mode is wanted else (autopilot.set_mode(wanted),))
+    later = found.cycles(3.0)
+    assert found.state is state
+    again = 0 if mode in {wanted, Mode.OTHER} else 1  # a pilot's mode is not asked away twice
+    assert commands(later) == [SET_MODE] * again
+    assert {one.setpoint for one in [asked, *later]} == {None}
+
+
+@pytest.mark.parametrize(("order", "state"), ENDINGS)
+def test_of_a_vehicle_that_is_not_armed_there_is_nothing_to_end(order, state):
+    down = Flown()
+    for before in (State.CONNECTING, State.READY):
+        if before is State.READY:
+            down.cycles(0.1)
+        (happening,) = down.cycle(order, silent=before is State.CONNECTING).happenings
+        assert (happening.event, happening.after) == (order, before)
+        assert down.state is not state
+
+
+def test_what_was_taken_before_its_checks_passed_is_not_engaged_until_they_do():
+    found = Flown()
+    found.armed, found.landed, found.evader, found.position[2] = True, 2, (60.0, 0.0), HOME_DOWN_M - 10.0
+    refused = {"refusals": ("GF_ACTION",)}
+    found.cycle(**refused)
+    found.cycle(Event.HOLD, **refused)
+    assert found.cycle(Event.ENGAGE, **refused).state is State.HOLDING
+    assert not found.flight.checked
+    assert found.cycle(Event.ENGAGE).state is State.ENTERING
+
+
+def test_what_was_ready_when_it_was_taken_is_engaged_again_without_another_check():
+    found = Flown().standing_by()
+    found.cycle(Event.HOLD)
+    assert found.flight.checked
+    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.ENTERING
+
+
+def test_readiness_that_was_lost_again_does_not_count():
+    found = Flown()
+    found.armed, found.landed = True, 2
+    found.cycles(0.1)
+    assert found.state is State.READY
+    found.cycle(refusals=("GF_ACTION",))
+    found.cycle(Event.HOLD, refusals=("GF_ACTION",))
+    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
+
+
+def test_only_orders_may_be_ordered():
+    flown = Flown()
+    for event in set(Event) - ORDERS:
+        with pytest.raises(ValueError, match=r"^order = .*: allowed are abort, engage, hold, land, return, start$"):
+            flown.cycle(event)
+
+
+def test_orders_are_followed_one_after_the_other_and_have_one_happening_each():
+    flown = Flown().standing_by()
+    outputs = flown.cycle(Event.ENGAGE, Event.START, Event.HOLD)
+    assert [(h.event, h.before, h.after) for h in outputs.happenings] == [
+        (Event.ENGAGE, State.STANDING_BY, State.ENTERING),
+        (Event.ALOFT, State.ENTERING, State.ENTERING),
+        (Event.HOLD, State.ENTERING, State.HOLDING),
+    ]
+    assert {h.now_s for h in outputs.happenings} == {flown.now_s}
+
+
+def test_the_guided_mode_is_asked_for_once_a_setpoint_went_out_and_a_heartbeat_came_which_is_asked_for_at_once():
+    flown = Flown().standing_by()
+    flown.evader = (60.0, 0.0)
+    ordered = flown.cycle(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
+    assert (ordered.state, ordered.setpoint is None) == (State.ENTERING, False)
+    assert ordered.requests == (BEAT,)
+    streamed = flown.cycles(STREAM_FIRST_S - CYCLE_S, beat=True)
+    assert all(one.setpoint is not None for one in streamed)
+    assert set(commands(streamed)) == {MESSAGE}
+    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.cycles(0.06, beat=True) for request in one.requests]
+    flown.mode, flown.beat_s = Mode.GUIDED, math.inf  # no HEARTBEAT but those of the test
+    asked = flown.cycles(BEAT_EVERY_S)
+    assert [request for one in asked for request in one.requests] == [BEAT]
+    assert flown.cycle(beat=True).state is State.ENGAGED
+    assert commands(flown.cycles(1.0)) == []
+
+
+def test_an_autopilot_that_sends_no_heartbeat_when_it_is_asked_is_waited_for_no_longer_than_this():
+    flown = Flown().standing_by()
+    flown.evader = (60.0, 0.0)
+    outputs = [flown.cycle(Event.ENGAGE), *flown.cycles(UNHEARD_S - 2 * CYCLE_S)]
+    assert set(commands(outputs)) == {MESSAGE}
+    asked = flown.cycles(3 * CYCLE_S)
+    assert [request for one in asked for request in one.requests if request != BEAT] == [PX4.set_mode(Mode.GUIDED)]
+    assert all(one.setpoint is not None for one in (*outputs, *asked))
+
+
+def test_the_guided_mode_is_asked_for_again_only_of_an_autopilot_that_shows_another_one_of_ours():
+    flown = Flown().standing_by()
+    flown.cycle(Event.ENGAGE)
+    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.cycles(0.3, beat=True) for request in one.requests]
+    flown.beat_s = math.inf  # no HEARTBEAT but those of the test
+    quiet = flown.cycles(REPEAT_S + 0.5)
+    assert set(commands(quiet)) == {MESSAGE}
+    assert PX4.set_mode(Mode.GUIDED) in flown.cycle(beat=True).requests
+    flown.mode = Mode.OTHER
+    assert (flown.cycle(beat=True).state, flown.outputs.requests) == (State.YIELDED, ())
+
+
+def test_an_order_without_effect_gives_a_phase_no_more_time():
+    flown = Flown().standing_by()
+    flown.cycle(Event.ENGAGE)
+    entered_s = flown.now_s
+    while flown.state is State.ENTERING:
+        flown.cycle(Event.START)
+    assert flown.state is State.HOLDING
+    assert flown.now_s - entered_s == pytest.approx(10.0, abs=2 * CYCLE_S)
+
+
+def test_a_pilots_switch_is_not_undone_by_a_request_that_is_due():
+    flown = Flown().standing_by()
+    assert commands(flown.cycles(REPEAT_S + 0.5)) == []
+    flown.mode = Mode.OTHER
+    seen = flown.cycle(beat=True)
+    assert (seen.state, seen.setpoint, seen.requests) == (State.YIELDED, None, ())
+    for order in sorted(ORDERS):
+        after = flown.cycle(order, beat=True)
+        assert (after.state, after.setpoint, after.requests) == (State.YIELDED, None, ())
+
+
+@pytest.mark.parametrize(
+    ("order", "state", "mode"),
+    [
+        (Event.HOLD, State.HOLDING, Mode.HOLD),
+        (Event.RETURN, State.RETURNING, Mode.RETURN),
+        (Event.LAND, State.LANDING, Mode.LAND),
+    ],
+)
+def test_a_hover_goes_out_until_a_heartbeat_shows_that_the_autopilot_has_taken_over(order, state, mode):
+    flown = Flown().engaged()
+    handed = flown.cycle(order)
+    assert handed.state is state
+    assert list(handed.requests) == [PX4.set_mode(mode)]
+    assert all(one.setpoint is not None for one in flown.cycles(0.5))
+    flown.mode = mode
+    assert flown.cycle(beat=True).setpoint is None
+    assert {one.setpoint for one in flown.cycles(2.5)} == {None}
+    assert commands(flown.cycles(2.0)) == []

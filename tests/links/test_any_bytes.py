@@ -1,0 +1,95 @@
+"""Whatever comes over a wire, its checksum right or wrong, nothing raises and nothing senseless gets in."""
+
+import math
+import struct
+
+import pytest
+from fastcrc import crc16
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guidance.frames import Amsl, LocalFrame
+from guidance.links import MemoryWire
+from guidance.links.conversation import HEARD
+from guidance.links.dialect import CRC_EXTRA, IDS
+from guidance.links.evaders import (
+    AdsbVehicle,
+    FollowTarget,
+    GlobalPositionInt,
+    MavlinkEvader,
+    OdometryCarrier,
+    OpenDroneIdLocation,
+)
+from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.messages import Attitude, GlobalPosition, Home, LocalPosition, Origin
+from tests.harness.examples import drawn
+from tests.links.peer import Peer
+
+FRAME = LocalFrame(47.0, 8.0, Amsl(488.0), undulation_m=47.0)
+CARRIERS = [FollowTarget, GlobalPositionInt, lambda: OdometryCarrier(FRAME), lambda: OpenDroneIdLocation(FRAME)]
+CARRIERS += [lambda: AdsbVehicle(FRAME, 0)]
+
+
+def framed(name: str, payload: bytes, *, system_id: int = 1) -> bytes:
+    """A MAVLink 2 frame whose checksum is right, whatever its payload says."""
+    number = IDS[name]
+    body = struct.pack("<BBBBBB", len(payload), 0, 0, 0, system_id, 1) + number.to_bytes(3, "little") + payload
+    return b"\xfd" + body + struct.pack("<H", crc16.mcrf4xx(body + bytes([CRC_EXTRA[number]])))
+
+
+def places(message) -> list[float]:
+    if isinstance(message, LocalPosition):
+        return [*message.position_ned_m, *message.velocity_ned_m_s]
+    if isinstance(message, GlobalPosition | Home | Origin):
+        return [message.latitude_deg, message.longitude_deg, message.altitude_amsl_m]
+    return [message.yaw_rad] if isinstance(message, Attitude) else []
+
+
+@settings(max_examples=drawn(300))
+@given(st.lists(st.tuples(st.sampled_from(sorted(HEARD)), st.binary(min_size=1, max_size=255)), max_size=8))
+def test_any_payload_in_a_right_frame_is_a_message_or_is_counted(said):
+    ours, theirs = MemoryWire.pair(lambda: 3.0)
+    link = PymavlinkLink(ours, lambda: 3.0, system_id=1)
+    for name, payload in said:
+        theirs.send(framed(name, payload))
+    for message in link.receive():
+        assert message.received_s == 3.0
+        assert all(map(math.isfinite, places(message)))
+    counters = link.counters()
+    assert counters["received"] + counters["refused"] == len(said)
+    assert counters["garbage_bytes"] == 0
+
+
+@settings(max_examples=drawn(200))
+@given(st.lists(st.binary(max_size=80), max_size=10))
+def test_any_bytes_leave_the_link_as_it_was(pieces):
+    ours, theirs = MemoryWire.pair(lambda: 3.0)
+    link = PymavlinkLink(ours, lambda: 3.0, system_id=1)
+    for piece in pieces:
+        theirs.send(piece)
+    assert link.receive() == []
+    Peer(theirs.send).local_position(7)
+    assert len(link.receive()) == 1
+
+
+@pytest.mark.parametrize("carrier", CARRIERS)
+def test_any_payload_of_an_evader_is_a_report_of_a_place_or_is_refused(carrier):
+    @settings(max_examples=drawn(200))
+    @given(st.lists(st.binary(min_size=1, max_size=255), min_size=1, max_size=4))
+    def whatever(payloads):
+        ours, theirs = MemoryWire.pair(lambda: 3.0)
+        made = carrier()
+        source = MavlinkEvader(ours, made, system_id=9)
+        for payload in payloads:
+            theirs.send(framed(made.message, payload, system_id=9))
+        reports = source.receive()
+        for report in reports:
+            assert abs(report.latitude_deg) <= 90.0
+            assert abs(report.longitude_deg) <= 180.0
+            assert abs(report.altitude_amsl_m) < 1.1e5
+            known = [math.isfinite(part) for part in report.velocity_ned_m_s]
+            assert all(known) or not any(known)
+            assert not report.position_sd_m <= 0.0
+        assert source.counters()["reports"] == len(reports) <= len(payloads)
+
+    whatever()

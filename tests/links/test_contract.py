@@ -1,0 +1,273 @@
+"""The contract of `VehicleLink`, kept by every link over every wire: real clients, real sockets, a living peer."""
+
+import itertools
+import math
+import random
+import struct
+import time
+from collections import Counter
+
+import pytest
+from pymavlink.dialects.v20 import common as dialect
+
+from guidance.links.conversation import MOST_KEPT
+from guidance.messages import (
+    Command,
+    CommandAck,
+    Heartbeat,
+    LocalPosition,
+    Parameter,
+    ParameterRequest,
+    ParameterSet,
+    Setpoint,
+    StatusText,
+    Timesync,
+)
+from tests.links.rigs import RIGS, SPEED, Rig, clock
+
+ARM = Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+STREAM = Command(511, (32.0, 20000.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+FLY = Setpoint((1.5, -2.25, 0.5), yaw_rad=0.75)
+
+
+@pytest.fixture(params=RIGS, scope="module")
+def opened_once(request, router):
+    kind, opened = RIGS[request.param]
+    with opened(kind, router) as rig:
+        yield rig
+
+
+@pytest.fixture
+def rig(opened_once):
+    return opened_once.fresh()
+
+
+def positions(rig: Rig) -> list[int]:
+    return [round(message.time_boot_s * 1e3) for message in rig.of(LocalPosition)]
+
+
+def settle() -> None:
+    time.sleep(0.11)  # real clients: long enough for two repeats of MAVSDK's Offboard plugin, were it used
+
+
+def test_messages_come_typed_in_order_and_stamped_on_arrival(rig):
+    before_s = clock()
+    for n in range(50):
+        rig.peer.local_position(n)
+    assert rig.hear(lambda got: len(positions(rig)) == 50)
+    assert positions(rig) == list(range(50))
+    first = rig.of(LocalPosition)[0]
+    assert first == LocalPosition(first.received_s, 0.0, (0.5, 2.0, -3.0), (0.25, 0.5, -0.75))
+    stamps = [message.received_s for message in rig.of(LocalPosition)]
+    assert before_s <= stamps[0]
+    assert stamps == sorted(stamps)
+    assert stamps[-1] <= clock()
+
+
+def test_arrival_is_when_it_arrived_and_not_when_it_was_fetched(rig):
+    rig.peer.local_position(1)
+    time.sleep(0.2)
+    asked_s = clock()
+    assert rig.hear(lambda got: bool(positions(rig)))
+    assert rig.of(LocalPosition)[0].received_s < asked_s - 0.1 * SPEED
+
+
+def test_one_call_is_one_frame_and_nothing_follows(rig):
+    for _ in range(3):
+        rig.link.send_setpoint(FLY)
+    assert rig.hear(lambda got: len(rig.peer.of("SET_POSITION_TARGET_LOCAL_NED")) >= 3)
+    settle()
+    rig.link.receive()
+    setpoints = rig.peer.of("SET_POSITION_TARGET_LOCAL_NED")
+    assert len(setpoints) == 3
+    sent = setpoints[0]
+    assert (sent.target_system, sent.target_component, sent.coordinate_frame, sent.type_mask) == (1, 1, 1, 2503)
+    assert (sent.vx, sent.vy, sent.vz, sent.yaw) == (1.5, -2.25, 0.5, 0.75)
+    assert (sent.get_srcSystem(), sent.get_srcComponent()) == (1, 195)
+    assert rig.counted("setpoints_sent") == 3
+
+
+def test_a_setpoint_that_is_not_finite_is_refused_and_not_sent(rig):
+    with pytest.raises(ValueError, match="must be finite"):
+        rig.link.send_setpoint(Setpoint((math.nan, 0.0, 0.0)))
+    settle()
+    assert rig.peer.of("SET_POSITION_TARGET_LOCAL_NED") == []
+
+
+def asked(rig: Rig) -> list:
+    return [message for message in rig.peer.of("COMMAND_LONG") if (message.command, message.param1) == (511, 32.0)]
+
+
+def test_a_question_is_repeated_until_it_is_answered(rig):
+    rig.peer.answers = False
+    rig.link.request(STREAM)
+    assert rig.hear(lambda got: len(asked(rig)) == 2)
+    assert [message.confirmation for message in asked(rig)] == [0, 1]
+    rig.peer.answers = True
+    assert rig.hear(lambda got: any(message.command == 511 for message in rig.of(CommandAck)))
+    settle()  # one may have been on its way when the answer came
+    count = len(asked(rig))
+    for _ in range(3):
+        rig.received += rig.link.receive()
+        settle()
+    assert len(asked(rig)) == count <= 4
+    assert rig.counted("requests_unanswered") == 0
+
+
+def test_a_question_nobody_answers_is_given_up(rig):
+    rig.peer.answers = False
+    rig.link.request(STREAM)
+    assert rig.hear(lambda got: rig.counted("requests_unanswered") == 1)
+    assert len(asked(rig)) == 4
+
+
+def test_a_command_that_acts_goes_out_once_even_without_an_answer(rig):
+    rig.peer.answers = False
+    rig.link.request(ARM)
+    assert rig.hear(lambda got: rig.counted("requests_unanswered") == 1)
+    settle()
+    assert sum(message.command == 400 for message in rig.peer.of("COMMAND_LONG")) == 1
+
+
+def test_nan_parameters_arrive_as_nan(rig):
+    rig.link.request(Command(22, (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 20.0)))
+    assert rig.hear(lambda got: any(message.command == 22 for message in rig.of(CommandAck)))
+    (takeoff,) = [message for message in rig.peer.of("COMMAND_LONG") if message.command == 22]
+    assert math.isnan(takeoff.param1)
+    assert takeoff.param7 == 20.0
+
+
+def test_parameters_come_back_as_numbers(rig):
+    rig.peer.parameters = {"COM_RCL_EXCEPT": 4, "COM_FLTMODE1": -1, "MPC_XY_VEL_MAX": 12.5}
+    for name in rig.peer.parameters:
+        rig.link.request(ParameterRequest(name))
+    assert rig.hear(lambda got: {message.name for message in rig.of(Parameter)} == set(rig.peer.parameters))
+    assert {message.name: message.value for message in rig.of(Parameter)} == rig.peer.parameters
+
+
+def test_parameters_are_set_as_px4_reads_them(rig):
+    rig.link.request(ParameterSet("COM_OBL_RC_ACT", 5.0, 6))
+    rig.link.request(ParameterSet("GF_MAX_HOR_DIST", 205.5, 9))
+    wanted = {"COM_OBL_RC_ACT": b"\x05\0\0\0", "GF_MAX_HOR_DIST": struct.pack("<f", 205.5)}
+
+    def heard(_):
+        return {one.param_id: struct.pack("<f", one.param_value) for one in rig.peer.of("PARAM_SET")} == wanted
+
+    assert rig.hear(heard), rig.peer.of("PARAM_SET")
+
+
+def test_only_the_configured_system_and_component_is_heard(rig):
+    for n in range(20):
+        rig.peer.local_position(1000 + n, system_id=2)
+        rig.peer.heartbeat(system_id=2)
+        rig.peer.heartbeat(system_id=1, component_id=100)  # a camera that claims a custom mode
+        rig.peer.local_position(2000 + n, system_id=1, component_id=191)
+        rig.peer.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 99, 4, 3), system_id=255, component_id=190)
+        rig.peer.say(dialect.MAVLink_statustext_message(4, b"from the camera", 0, 0), component_id=100)
+        rig.peer.local_position(n)
+    assert rig.hear(lambda got: len(positions(rig)) == 20)
+    settle()
+    rig.received += rig.link.receive()
+    assert positions(rig) == list(range(20))
+    assert rig.of(StatusText) == []
+    assert {message.custom_mode for message in rig.of(Heartbeat)} <= {6 << 16}
+
+
+def test_garbage_on_the_wire_is_survived(rig):
+    random.seed(7)
+    for n in range(30):
+        rig.peer._send(random.randbytes(random.randrange(1, 60)))
+        rig.peer._send(b"\xfd\x09\x00\x00" + random.randbytes(10))
+        rig.peer.local_position(n)
+    for n in range(1000, 1020):
+        rig.peer.local_position(n)
+    assert rig.hear(lambda got: 1019 in positions(rig))
+    assert set(range(1010, 1020)) <= set(positions(rig))
+    assert set(positions(rig)) <= {*range(30), *range(1000, 1020)}
+
+
+def test_mavlink_1_is_understood(rig):
+    rig.peer.local_position(41, v1=True)
+    rig.peer.local_position(42)
+    assert rig.hear(lambda got: len(positions(rig)) == 2)
+    assert positions(rig) == [41, 42]
+
+
+def test_what_is_not_fetched_is_bounded(rig):
+    for n in range(3000):
+        rig.peer.local_position(n)
+        if n % 100 == 0:
+            time.sleep(0.001)  # sockets have queues of their own
+    time.sleep(0.15)
+    got = [message for message in rig.link.receive() if isinstance(message, LocalPosition)]
+    assert 0 < len(got) <= MOST_KEPT
+    times = [message.time_boot_s for message in got]
+    assert times == sorted(times)
+    rig.peer.local_position(9999)
+    assert rig.hear(lambda _: 9999 in positions(rig))
+
+
+def test_time_is_asked_for_and_answered(rig):
+    rig.peer.say(dialect.MAVLink_timesync_message(0, 4242))
+    assert rig.hear(lambda got: any(message.ts1 == 4242 for message in rig.peer.of("TIMESYNC")))
+    (answer,) = [message for message in rig.peer.of("TIMESYNC") if message.ts1 == 4242]
+    assert answer.tc1 == pytest.approx(clock() * 1e9, abs=5 * SPEED * 1e9)
+    assert rig.hear(lambda got: any(message.tc1 == 0 for message in rig.peer.of("TIMESYNC")))
+    asked = [message for message in rig.peer.of("TIMESYNC") if message.tc1 == 0][-1]
+    rig.peer.say(dialect.MAVLink_timesync_message(123456789, asked.ts1))
+    assert rig.hear(lambda got: bool(rig.of(Timesync)))
+    assert rig.of(Timesync)[0][1:] == (123456789, asked.ts1)
+
+
+def test_texts_are_joined(rig):
+    text = "Arming denied: Resolve system health failures first, then try again, and again"
+    rig.peer.say(dialect.MAVLink_statustext_message(2, text[:50].encode(), 8, 0))
+    rig.peer.say(dialect.MAVLink_statustext_message(2, text[50:].encode(), 8, 1))
+    assert rig.hear(lambda got: bool(rig.of(StatusText)))
+    assert [(message.severity, message.text) for message in rig.of(StatusText)] == [(2, text)]
+
+
+def test_our_heartbeat_says_onboard_computer(rig):
+    rig.link.send_heartbeat()
+    assert rig.hear(lambda got: bool(rig.peer.of("HEARTBEAT")), timeout_s=4.0)
+    heartbeat = rig.peer.of("HEARTBEAT")[0]
+    assert (heartbeat.type, heartbeat.autopilot, heartbeat.get_srcComponent()) == (18, 8, 195)
+
+
+def test_all_our_frames_are_numbered_as_one_senders(rig):
+    began = len(rig.peer.heard)
+
+    def done(_):
+        rig.link.send_setpoint(FLY)
+        rig.link.request(ParameterRequest("NONE"))
+        rig.link.send_heartbeat()
+        names = {message.get_type() for message in rig.peer.heard[began:]}
+        return names >= {"SET_POSITION_TARGET_LOCAL_NED", "PARAM_REQUEST_READ", "HEARTBEAT", "TIMESYNC"}
+
+    assert rig.hear(done, timeout_s=4.0)
+    numbers = [message.get_seq() for message in rig.peer.heard[began:]]
+    assert all((later - earlier) % 256 == 1 for earlier, later in itertools.pairwise(numbers))
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_after_close_there_is_silence_and_closing_twice_is_fine(name, router):
+    kind, opened = RIGS[name]
+    with opened(kind, router) as rig:
+        close_and_listen(rig)
+
+
+def close_and_listen(rig: Rig) -> None:
+    rig.link.send_setpoint(FLY)
+    assert rig.hear(lambda got: len(rig.peer.of("SET_POSITION_TARGET_LOCAL_NED")) == 1)
+    rig.link.close()
+    rig.link.close()
+    rig.peer.answers = False
+    before = Counter(message.get_type() for message in rig.peer.heard)
+    rig.link.send_setpoint(FLY)
+    rig.link.request(ARM)
+    rig.link.send_heartbeat()
+    rig.peer.local_position(1)
+    settle()
+    assert rig.link.receive() == []
+    assert Counter(message.get_type() for message in rig.peer.heard) == before
+    assert rig.link.counters()["setpoints_sent"] == 1

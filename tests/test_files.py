@@ -1,0 +1,96 @@
+"""Flights are their owner's: whatever the umask, files have 0600 and folders that are made for them 0700."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from guidance.cli import app
+from guidance.cli.flying import fly_scenario
+from guidance.files import private_file, private_folder
+from guidance.session.recorded import recorded_settings
+from guidance.sweeps.folder import alone, write_whole
+from guidance.viz.report import page
+
+SHORT = Path(__file__).parent / "data" / "short_chase.toml"
+CAREFREE, STRICT, ABSURD = 0, 0o077, 0o777
+
+
+@pytest.fixture(params=[CAREFREE, STRICT, ABSURD])
+def umask(request):
+    before = os.umask(request.param)
+    yield request.param
+    os.umask(before)
+
+
+@pytest.fixture
+def carefree():
+    before = os.umask(CAREFREE)
+    yield
+    os.umask(before)
+
+
+def mode(path):
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_folders_that_are_missing_are_made_for_us_alone(tmp_path, umask):
+    made = private_folder(tmp_path / "a" / "b")
+    assert [mode(made), mode(made.parent)] == [0o700, 0o700]
+
+
+def test_a_folder_that_was_there_keeps_its_rights(tmp_path, umask):
+    tmp_path.chmod(0o750)
+    assert private_folder(tmp_path) == tmp_path
+    assert mode(tmp_path) == 0o750
+
+
+def test_a_file_in_a_folders_place_is_an_error(tmp_path):
+    (tmp_path / "a").write_text("")
+    with pytest.raises(FileExistsError):
+        private_folder(tmp_path / "a")
+    with pytest.raises(NotADirectoryError):
+        private_folder(tmp_path / "a" / "b")
+
+
+def test_a_file_is_ours_alone_even_where_another_was(tmp_path, umask):
+    path = tmp_path / "new"
+    assert private_file(path).read_bytes() == b""
+    assert mode(path) == 0o600
+    path.write_text("old")
+    path.chmod(0o666)
+    assert private_file(path).read_bytes() == b""
+    assert mode(path) == 0o600
+
+
+def test_a_device_keeps_its_rights(tmp_path):
+    before = mode(Path("/dev/null"))
+    private_file(Path("/dev/null"))
+    assert mode(Path("/dev/null")) == before
+
+
+@pytest.mark.usefixtures("carefree")
+def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkeypatch):
+    flown = tmp_path / "flights" / "one"
+    monkeypatch.setattr(page, "PICTURES", dict(list(page.PICTURES.items())[:1]))
+    assert fly_scenario(str(SHORT), None, fast=True, link="pymavlink", port=0, out=flown, seed=None) == 0
+    assert set(page.write_report(flown / "record.mcap", flown / "report", recorded_settings)) <= set(flown.rglob("*"))
+    run = ["scenario", "run", str(SHORT), "--as", "maths", "--json", str(tmp_path / "row.json")]
+    assert CliRunner().invoke(app, run, catch_exceptions=False).exit_code == 0
+    left = [tmp_path / "row.json", tmp_path / "flights", flown, *flown.rglob("*")]
+    assert {"record.mcap", "outcome.json", "flight.png", "report.html", "row.json"} <= {path.name for path in left}
+    assert not told_apart(left)
+
+
+@pytest.mark.usefixtures("carefree")
+def test_so_is_a_sweeps_folder(tmp_path):
+    with alone(tmp_path / "a" / "b"):
+        write_whole(tmp_path / "a" / "b" / "rows", b"1")
+    assert not told_apart([*(tmp_path / "a").rglob("*"), tmp_path / "a"])
+
+
+def told_apart(paths):
+    """Name those that others could read or write, or we could not."""
+    return {str(path): oct(mode(path)) for path in paths if mode(path) != (0o700 if path.is_dir() else 0o600)}
