@@ -9,8 +9,6 @@ import stat
 
 import pytest
 import zenoh
-from tests.links.peer import until
-from tests.links.rigs import clock, free_port
 from typer.testing import CliRunner
 
 from guidance.cli import app
@@ -36,6 +34,8 @@ from guidance.session.orders import Mailbox
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.transports.zenoh_keys import read_keys
 from sitl_mock.transports.zenoh_session import ZenohEndpoint
+from tests.links.peer import until
+from tests.links.rigs import clock, free_port
 
 PARTIES = ("uav1", "uav1-guidance", "evader1", "operator", "viewer")
 ROUTER = config_folder() / "zenoh" / "router.json5"

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 import typer
-from tests.links.peer import until
-from tests.links.rigs import free_port
 from typer.testing import CliRunner
 
 from guidance.cli import app
@@ -21,6 +19,8 @@ from guidance.links.wires.zenoh import open_session
 from guidance.links.wires.zenoh_access import ZenohSection, credentials_of, read_credentials
 from guidance.session.plan_fence import load_vehicle
 from sitl_mock.cli import app as mock
+from tests.links.peer import until
+from tests.links.rigs import free_port
 
 PAGE = (Path(__file__).parents[2] / "docs" / "zenoh.md").read_text(encoding="utf-8")
 SITE = "192.168.1.10:7447"

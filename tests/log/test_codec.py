@@ -27,6 +27,7 @@ def of_kind(kind):
 
 
 VALUES[int | None] = st.none() | VALUES[int]
+VALUES[str | None] = st.none() | VALUES[str]
 VALUES[Datum] = st.sampled_from(Datum)
 VALUES[Timesync | None] = st.none() | of_kind(Timesync)
 VALUES[AltitudeSaid | None] = st.none() | of_kind(AltitudeSaid)
