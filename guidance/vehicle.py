@@ -30,6 +30,9 @@ _REBOOT_S = 1.0
 _ASTRAY_M = 1.0
 _ASTRAY_M_S2 = 2.5
 
+_SMOOTHED_S = 0.1
+_GAP_S = 0.5
+
 # Where a vehicle that arms has its home: here, or its home is still that of another place.
 _HERE_M = 2.0
 
@@ -48,6 +51,7 @@ class VehicleState:
         jumped_ned_m: The sum of all jumps.
         jumped_boot_s: When the last jump was, on the sender's clock.
         reboots: How often the sender's clock began anew.
+        acceleration_ned_m_s2: How its velocity changes, of the last tenth of a second or so.
     """
 
     latest: Mapping[type, Message] = field(default_factory=dict)
@@ -57,6 +61,7 @@ class VehicleState:
     jumped_ned_m: Vector = (0.0, 0.0, 0.0)
     jumped_boot_s: float = -math.inf
     reboots: int = 0
+    acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
 
     def last(self, kind: type[Kind]) -> Kind | None:
         """Return the latest message of a kind, None until one was heard."""
@@ -109,6 +114,7 @@ class _Folding:
         self._home_taken = state.home_taken
         self._resets, self._reset_s, self._reboots = state.resets, state.reset_s, state.reboots
         self._jumped, self._jumped_boot_s = state.jumped_ned_m, state.jumped_boot_s
+        self._acceleration = state.acceleration_ned_m_s2
 
     def fold(self, message: Message) -> None:
         """Take in one message."""
@@ -143,6 +149,7 @@ class _Folding:
             jumped_ned_m=self._jumped,
             jumped_boot_s=self._jumped_boot_s,
             reboots=self._reboots,
+            acceleration_ned_m_s2=self._acceleration,
         )
 
     @property
@@ -174,12 +181,23 @@ class _Folding:
         if step_s < 0.0:
             self._reboots += 1
             return True
+        self._acceleration = _smoothed(self._acceleration, held, now, step_s)
         jump = _jump_ned_m(held, now, step_s)
         if jump is not None:
             self._reset(now)
             north, east, down = (total + part for total, part in zip(self._jumped, jump, strict=True))
             self._jumped, self._jumped_boot_s = (north, east, down), now.time_boot_s
         return True
+
+
+def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step_s: float) -> Vector:
+    """The acceleration with one more velocity, `step_s` after the last; after a gap it is not known, and none."""
+    if step_s > _GAP_S:
+        return (0.0, 0.0, 0.0)
+    share = min(1.0, step_s / _SMOOTHED_S)
+    rows = zip(before_m_s2, held.velocity_ned_m_s, now.velocity_ned_m_s, strict=True)
+    north, east, down = (before + share * ((to - was) / step_s - before) for before, was, to in rows)
+    return (north, east, down)
 
 
 def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vector | None:

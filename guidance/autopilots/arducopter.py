@@ -37,6 +37,7 @@ HANDLING: Final = Handling(
     braking_m_s2=2.3,
     vertical_braking_m_s2=0.8,
     reaction_s=0.4,
+    easing_m_s3=3.0,  # its velocity follows a place that runs ahead, and makes up for what it lost at the start
 )
 
 _OFF_ON: Final = {0: "off", 1: "on"}

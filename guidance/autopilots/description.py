@@ -134,7 +134,7 @@ class Handling:
 
     `acceleration` is what the vehicle surely achieves, by which the time that it needs is told: the autopilot's own
     parameter (PX4's MPC_ACC_HOR and MPC_ACC_DOWN_MAX, ArduCopter's WPNAV_ACCEL and WPNAV_ACCEL_Z) at its default. The
-    last six are of `guidance.control.Envelope`, with its names and meanings.
+    last seven are of `guidance.control.Envelope`, with its names and meanings.
     """
 
     following: Following
@@ -145,6 +145,7 @@ class Handling:
     braking_m_s2: float
     vertical_braking_m_s2: float
     reaction_s: float
+    easing_m_s3: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,6 +38,7 @@ HANDLING: Final = Handling(
     braking_m_s2=3.0,
     vertical_braking_m_s2=2.0,
     reaction_s=0.35,
+    easing_m_s3=30.0,
 )
 
 _LOSS_ACTIONS: Final = {

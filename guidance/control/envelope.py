@@ -60,6 +60,7 @@ class StandOffLimit:
 class Envelope:
     """The envelope, heights above home and fences about home in metres.
 
+    `easing_m_s3` is the jerk by which it lets go of an acceleration.
     `braking_m_s2` and `vertical_braking_m_s2` are what the vehicle surely achieves once it brakes, and `reaction_s`
     the time until it does (measured velocity lag, telemetry age and one cycle): together they make the stopping
     distance v·reaction + v²/(2·braking). `height_gain_per_s` is the autopilot's own gain from height error to vertical
@@ -81,6 +82,7 @@ class Envelope:
     braking_m_s2: float = 2.0
     vertical_braking_m_s2: float = 1.0
     reaction_s: float = 0.6
+    easing_m_s3: float = 30.0
     height_gain_per_s: float = 1.0
     home_ned_m: Vector = (0.0, 0.0, 0.0)
     fence_radius_m: float | None = None

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from guidance.control.envelope import Envelope, Limiter
 from guidance.control.fence import FenceGeometry, circle_constraint, keep_in_circle, polygon_constraints
 from guidance.control.situation import Situation
-from guidance.control.stopping import drift_ned_m, stop
+from guidance.control.stopping import drift_ned_m, stop, surge_ned_m
 from guidance.control.velocity_constraints import (
     VelocityConstraint,
     floor_and_ceiling,
@@ -43,9 +43,11 @@ def feasible_velocity(
         envelope: What is allowed.
     """
     seconds, drift = stop(velocity_ned_m_s, envelope), drift_ned_m(situation.velocity_ned_m_s, envelope)
+    surge = surge_ned_m(situation.velocity_ned_m_s, situation.acceleration_ned_m_s2, envelope)
+    going = (drift[0] + surge[0], drift[1] + surge[1], drift[2])
     constraints = (
         *stand_off_constraints(velocity_ned_m_s, situation, envelope),
-        *polygon_constraints(fence, envelope, seconds, drift),
+        *polygon_constraints(fence, envelope, seconds, going),
         *floor_and_ceiling(situation.position_ned_m[2], envelope, seconds, drift),
     )
     active: list[VelocityConstraint] = []
@@ -55,7 +57,7 @@ def feasible_velocity(
         if slid is not velocity:
             active.append(one)
             velocity = slid
-    inside = keep_in_circle(velocity, fence, envelope, seconds, drift)
+    inside = keep_in_circle(velocity, fence, envelope, seconds, going)
     if inside is not velocity:
         active.append(circle_constraint(fence))
         velocity = inside

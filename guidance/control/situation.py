@@ -8,7 +8,7 @@ _LARGEST = 1e8
 
 
 class Situation(NamedTuple):
-    """Own position (metres), velocity (m/s) and yaw (radians) in the local NED frame, and the evader's where known.
+    """Own position (metres), velocity (m/s), yaw (radians) and acceleration, and the evader's place where known. NED.
 
     None for an evader that is not known: then there is no stand-off to keep. An unknown velocity of a known evader is
     None too (or NaN), and is taken for rest, which is the strict side here.
@@ -19,6 +19,7 @@ class Situation(NamedTuple):
     yaw_rad: float = 0.0
     evader_position_ned_m: Vector | None = None
     evader_velocity_ned_m_s: Vector | None = None
+    acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
 
 
 def usable(*numbers: float) -> bool:
@@ -31,4 +32,6 @@ def known(situation: Situation) -> Situation | None:
     evader, velocity = situation.evader_position_ned_m or (), situation.evader_velocity_ned_m_s
     if not usable(*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad, *evader):
         return None
+    if not usable(*situation.acceleration_ned_m_s2):
+        situation = situation._replace(acceleration_ned_m_s2=(0.0, 0.0, 0.0))
     return situation if velocity is None or usable(*velocity) else situation._replace(evader_velocity_ned_m_s=None)

@@ -14,10 +14,13 @@ k is taken at the speed asked for, which is never below the speed allowed in the
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from guidance.control.envelope import Envelope
 from guidance.frames import Vector
+
+_STEADY_M_S2: Final = 0.5
+"""Less than this is what velocities scatter by, not gathering speed."""
 
 
 class Stop(NamedTuple):
@@ -40,6 +43,35 @@ def drift_ned_m(velocity_ned_m_s: Vector, envelope: Envelope) -> Vector:
     """Where a vehicle with this velocity goes before it answers."""
     north, east, down = velocity_ned_m_s
     return (north * envelope.reaction_s, east * envelope.reaction_s, down * envelope.reaction_s)
+
+
+def surge_ned_m(velocity_ned_m_s: Vector, acceleration_ned_m_s2: Vector, envelope: Envelope) -> Vector:
+    """How much further a vehicle goes over the ground that is gathering speed, before it comes to rest.
+
+    It lets go of an acceleration a no faster than its jerk j allows, in t = a/j, and is faster by Δv = a·t/2 then:
+    v·t + a·t²/3 on the way, and Δv·reaction + ((v + Δv)² - v²)/(2 · braking) for what has to be stopped besides. An
+    acceleration against the velocity is braking, and counts for nothing.
+
+    Args:
+        velocity_ned_m_s: Its present velocity.
+        acceleration_ned_m_s2: Its present acceleration.
+        envelope: Its jerk, braking and reaction.
+    """
+    north, east = acceleration_ned_m_s2[:2]
+    speed = math.hypot(*velocity_ned_m_s[:2])
+    if speed > 0.0:
+        along = (velocity_ned_m_s[0] / speed, velocity_ned_m_s[1] / speed)
+        braking = min(0.0, north * along[0] + east * along[1])
+        north, east = north - braking * along[0], east - braking * along[1]
+    size = math.hypot(north, east)
+    if size <= _STEADY_M_S2:
+        return (0.0, 0.0, 0.0)
+    held = size - _STEADY_M_S2
+    lasts_s = held / envelope.easing_m_s3
+    gained = 0.5 * held * lasts_s
+    stopped_m = gained * envelope.reaction_s + gained * (2.0 * speed + gained) / (2.0 * envelope.braking_m_s2)
+    far_m = speed * lasts_s + held * lasts_s * lasts_s / 3.0 + stopped_m
+    return (far_m * north / size, far_m * east / size, 0.0)
 
 
 def approach_speed(distance: float, deceleration: float, lag_s: float) -> float:

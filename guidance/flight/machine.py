@@ -348,6 +348,7 @@ class Flight:
             self.vehicle.yaw_rad,
             None if evader is None else evader.position_ned_m,
             None if evader is None else evader.velocity_ned_m_s,
+            self.vehicle.acceleration_ned_m_s2,
         )
         inputs = CycleInputs(dt_s, here, evader, self.tracking.game_frame, self._fence)
         playing = self.state is State.ENGAGED or (

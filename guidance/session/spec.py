@@ -169,6 +169,7 @@ class Specification:
             braking_m_s2=flown.braking_m_s2,
             vertical_braking_m_s2=flown.vertical_braking_m_s2,
             reaction_s=flown.reaction_s,
+            easing_m_s3=flown.easing_m_s3,
             yaw_rate_rad_s=math.radians(limits.yaw_rate_deg_s),
             fence_radius_m=limits.fence_radius_m,
             fence_polygon=None if corners is None else Polygon(corners),

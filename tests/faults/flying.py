@@ -65,7 +65,7 @@ class _Around:
         self.watch.sent(now_s, ours, outputs, flight)
         if self._engaged_s is None and outputs.state is State.ENGAGED:
             self._engaged_s = now_s
-        self.watch.followed(now_s, outputs)
+        self.watch.followed(now_s, outputs, flight)
         if self._engaged_s is not None:
             self.watch.see(now_s, flight)
         self._stall(now_s)

@@ -12,7 +12,7 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from guidance.control import Polygon
-from guidance.flight import FINAL, Outputs, State
+from guidance.flight import FINAL, Event, Outputs, State
 from guidance.flight.detection import TELEMETRY_LIMIT_S
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES, TRANSITIONS
 from guidance.frames import Amsl
@@ -74,12 +74,13 @@ class Watch:
         self._ours = False
         self._entered_m = 0.0
         self._before: Sight | None = None
-        self._heard_s = -math.inf
+        self._heard_s, self._gap_s = math.inf, 0.0
         self._ended_s: float | None = None
         self._pilots: str | None = None
         self._states: list[State] = []
         self.worst: dict[str, Violation] = {}
         self.breaches_m: dict[str, float] = {}
+        self._granted_m: dict[str, float] = {}
         self._listen()
 
     def _listen(self) -> None:
@@ -88,7 +89,7 @@ class Watch:
 
         def step_links(now_s: float, frames_in: Any) -> Any:
             if any(_is_setpoint(frame) for arrived in frames_in.values() for frame in arrived):
-                self._heard_s = now_s
+                self._gap_s, self._heard_s = max(self._gap_s, now_s - self._heard_s), now_s
             return inner(now_s, frames_in)
 
         flown.step_links = step_links  # type: ignore[method-assign]
@@ -128,7 +129,7 @@ class Watch:
         if age_s > TELEMETRY_LIMIT_S + 0.03:
             self.wrong("silence rather than old", now_s, age_s)
 
-    def followed(self, now_s: float, outputs: Outputs) -> None:
+    def followed(self, now_s: float, outputs: Outputs, flight: Any) -> None:
         """Judge what the state machine did."""
         if self._engaged_s is None and outputs.state is State.ENGAGED:
             self._engaged_s = now_s
@@ -138,6 +139,9 @@ class Watch:
             legal = TRANSITIONS.get((happening.before, happening.event), happening.before)
             if happening.after is not legal:
                 self.wrong("the table", now_s, 1.0, f"{happening.before} {happening.event} {happening.after}")
+        accused = any(happening.event is Event.RIVAL for happening in outputs.happenings)
+        if accused and "evader_forger" not in self._case.kinds:
+            self.wrong("no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s))
         if outputs.fault is not None:
             self.wrong("no error of our own", now_s, 1.0, outputs.fault)
         if outputs.state in FINAL and self._ended_s is None:
@@ -222,6 +226,9 @@ class Watch:
     def _breach(self, wall: str, sight: Sight, breach_m: float, allowed_m: float) -> None:
         if breach_m > self.breaches_m.get(wall, 0.0):
             self.breaches_m[wall] = breach_m
+        # What could not be helped as it went beyond cannot until it is back.
+        allowed_m = max(allowed_m, self._granted_m.get(wall, 0.0))
+        self._granted_m[wall] = allowed_m if breach_m > 0.0 else 0.0
         if breach_m > allowed_m + SPARE_M:
             excess_m = breach_m - allowed_m
             self.wrong(wall, sight.now_s, excess_m, f"{breach_m:.2f} m beyond, {allowed_m:.2f} m of error")
@@ -241,7 +248,8 @@ class Watch:
         estimate = flight.tracking.evader(now_s)
         if estimate is not None and believed is not None:
             evader_error = _apart(_in_frame(frame, believed, estimate.position_ned_m), there)
-        blind_s = now_s - self._heard_s if self._pursuer.mode in GUIDED else 0.0
+        since_s = now_s - self._heard_s if self._pursuer.mode in GUIDED else 0.0
+        blind_s, self._gap_s = max(self._gap_s, since_s), 0.0
         blind_m = math.hypot(*pursuer.truth.velocity_ned_m_s) * blind_s if blind_s > BLIND_AFTER_S else 0.0
         return Sight(now_s, here, there, (level_m, height_m), evader_error, blind_m)
 
