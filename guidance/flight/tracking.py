@@ -9,7 +9,7 @@ from guidance.cycle import CycleSettings, EvaderEstimate
 from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
 from guidance.flight.local_frame import OriginEstimate
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
-from guidance.game.game import horizontal_speed
+from guidance.game import horizontal_speed
 from guidance.messages import EvaderReport, Home
 from guidance.vehicle import VehicleState
 

@@ -139,9 +139,7 @@ class Watch:
             legal = TRANSITIONS.get((happening.before, happening.event), happening.before)
             if happening.after is not legal:
                 self.wrong("the table", now_s, 1.0, f"{happening.before} {happening.event} {happening.after}")
-        accused = any(happening.event is Event.RIVAL for happening in outputs.happenings)
-        if accused and "evader_forger" not in self._case.kinds:
-            self.wrong("no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s))
+        self._accuse_rightly(now_s, outputs, flight)
         if outputs.fault is not None:
             self.wrong("no error of our own", now_s, 1.0, outputs.fault)
         if outputs.state in FINAL and self._ended_s is None:
@@ -150,6 +148,11 @@ class Watch:
             self.wrong("an end is one", now_s, 1.0, str(outputs.state))
         self._follow_pilot(now_s)
         self._notice_another(now_s, outputs.state)
+
+    def _accuse_rightly(self, now_s: float, outputs: Outputs, flight: Any) -> None:
+        accused = any(happening.event is Event.RIVAL for happening in outputs.happenings)
+        if accused and "evader_forger" not in self._case.kinds:
+            self.wrong("no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s))
 
     def _follow_pilot(self, now_s: float) -> None:
         """A pilot who took the vehicle keeps it."""
