@@ -232,6 +232,11 @@ def test_parameters_out_of_range_cost_their_own_rows_with_the_reason():
     assert solution.winner.tolist() == [Winner.PURSUER] + [Winner.UNDECIDED] * 11
 
 
+def test_speeds_whose_fourth_powers_overflow_are_no_answer():
+    assert solve(Game(Ball(1e80), 1.0), P, E).reason == Reason.OVERFLOW
+    assert solve(Game(Ball(1e70), 1.0), P, E).reason == Reason.SOLVED
+
+
 def test_the_wind_counts_in_the_rows_speed_in_hand():
     game = Game(Ball(np.array([1.4, 1.6])), 1.0, wind_m_s=(0.3, 0.4))
     solution = solve(game, np.tile(P, (2, 1)), np.tile(E, (2, 1)))

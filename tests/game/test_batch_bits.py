@@ -109,6 +109,35 @@ def test_the_arrays_of_an_earlier_answer_are_filled_again(games, oracle, rows, m
     assert all(same(a, b) for a, b in zip(again, solve(games["cylinder"], P, E, T), strict=True))
 
 
+def test_the_arrays_of_a_single_answer_are_filled_again(games, oracle):
+    P, E, T = (array[0] for array in oracle.states(6, 1))
+    earlier = solve(games["paper"], P, E)
+    again = solve(games["paper"], P, E, T, out=earlier)
+    assert all(a is b for a, b in zip(again, earlier, strict=True))
+    assert all(same(a, b) for a, b in zip(again, solve(games["paper"], P, E, T), strict=True))
+
+
+def test_chunks_of_two_leading_axes_join_to_the_whole(games, oracle, monkeypatch):
+    P, E, T = (array.reshape(3, 10, 3) for array in oracle.states(6, 30))
+    whole = solve(games["ball_everything"], P, E, T)
+    monkeypatch.setattr(solving, "ROWS", 8)
+    assert all(same(a, b) for a, b in zip(whole, solve(games["ball_everything"], P, E, T), strict=True))
+
+
+def test_parameters_broadcast_as_states_do(oracle):
+    P, E, T = (array.reshape(4, 9, 3) for array in oracle.states(12, 36))
+    radius, age, speed = np.linspace(0.0, 2.0, 9), np.linspace(0.0, 3.0, 4)[:, None], np.linspace(1.5, 3.0, 9)
+
+    def game(spread):
+        parts = [spread(part) for part in (speed, radius, age)]
+        return Game(Ball(parts[0]), 1.0, standoff=StandOff(parts[1], 1.0), information_age_s=parts[2])
+
+    short, full = game(lambda part: part), game(lambda part: np.broadcast_to(part, (4, 9)).copy())
+    for target in (None, T):
+        few, all_of_them = solve(short, P, E, target), solve(full, P, E, target)
+        assert all(same(a, b) for a, b in zip(few, all_of_them, strict=True))
+
+
 def test_no_rows_give_no_answers(games):
     answer = solve(games["paper"], np.empty((0, 3)), np.empty((0, 3)))
     assert answer.value.shape == (0,)

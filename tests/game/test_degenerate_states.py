@@ -182,6 +182,23 @@ def test_a_state_on_the_barrier_is_undecided_and_both_go_for_the_target():
 
 
 @pytest.mark.parametrize("pursuer", [Ball(2.0), Cylinder(2.0, 0.7, 0.5)])
+def test_on_the_barrier_of_a_stand_off_both_take_the_time_that_the_evader_needs(pursuer):
+    solution = solve(Game(pursuer, 1.0, standoff=StandOff(3.0, 2.0)), at(11, 0, 2), at(0, 4, 0), ORIGIN)
+    assert (solution.winner, solution.reason, solution.margin_s) == (Winner.UNDECIDED, Reason.ON_BARRIER, 0.0)
+    assert (solution.value, solution.meeting_time_s) == (0.0, 4.0)
+    np.testing.assert_array_equal(solution.meeting_point_m, 0.0)
+    np.testing.assert_array_equal(solution.pursuer_velocity_m_s, (-2.0, 0.0, 0.0))
+    np.testing.assert_array_equal(solution.evader_velocity_m_s, (0.0, -1.0, 0.0))
+
+
+def test_an_evader_runs_until_it_is_there():
+    for game in (BALL, CYLINDER):
+        solution = solve(game, at(20, 0, 7), at(0.25, 0, 0), ORIGIN)
+        assert (solution.winner, solution.reason, solution.meeting_time_s) == (Winner.EVADER, Reason.SOLVED, 0.25)
+        np.testing.assert_array_equal(solution.evader_velocity_m_s, (-1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("pursuer", [Ball(2.0), Cylinder(2.0, 0.7, 0.5)])
 def test_an_evader_that_can_be_at_a_guarded_target_by_now_is_undecided_and_worth_nothing(pursuer):
     """Seen half a second ago a tenth of a metre from it, and the pursuer is well within its capture radius."""
     game = Game(pursuer, 1.0, standoff=StandOff(3.0, 2.0), capture_radius_m=0.5, information_age_s=0.5)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
+from guidance.game.arrays import less_length
 from tests.harness.examples import drawn
 
 DIGITS = 60
@@ -106,6 +107,26 @@ def test_pe_keeps_its_digits_however_little_the_wind_leaves(P, z, E, over):
         context.prec = DIGITS
         value = float(capture_time(P, E, u, 1.0, wind))
     assert float(solve(Game(Ball(u), 1.0, wind_m_s=wind), P, E).value) == pytest.approx(value, rel=1e-12)
+
+
+@some
+@given(
+    wind=st.tuples(*[st.floats(-3.0, 3.0)] * 2), v=st.floats(0.1, 5.0), over=st.sampled_from([1e-12, 1e-9, 1e-3, 1.0])
+)
+def test_what_the_pursuer_has_in_hand_keeps_its_digits_in_any_wind(wind, v, over):
+    u = v + float(np.hypot(*wind)) + over
+    with localcontext() as context:
+        context.prec = DIGITS
+        x, y = (Decimal(part) for part in wind)
+        hand = float(Decimal(u) - Decimal(v) - length(x, y))
+    assert less_length(u, v, wind) == pytest.approx(hand, rel=1e-14, abs=1e-30)
+
+
+def test_a_race_won_beside_the_pursuer_is_exact_however_far_the_target():
+    for far in (1e3, 1e6, 1e9):
+        solution = solve(Game(Ball(2.0), 1.0), at(-1, 0), at(0, 0), at(far, 0))
+        np.testing.assert_allclose(solution.meeting_point_m, (1.0, 0.0, 0.0), rtol=1e-15)
+        assert float(solution.value) == pytest.approx(far - 1.0, rel=1e-15)
 
 
 @pytest.mark.parametrize(

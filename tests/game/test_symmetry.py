@@ -103,6 +103,20 @@ def test_other_units_give_the_same_play(games, oracle, seed, length, speed):
         )
 
 
+@pytest.mark.parametrize("length", [2.0**-5, 2.0**-9])
+def test_a_game_of_millimetres_is_the_same_game_bit_for_bit(games, oracle, length):
+    units = {"value": length, "margin_s": length, "meeting_point_m": length, "meeting_time_s": length}
+    for name, game in games.items():
+        P, E, T = oracle.states(7, 200, game)
+        other = stretched(game, length, 1.0)
+        for target in (None, T):
+            here = solve(game, P, E, target)
+            there = solve(other, length * P, length * E, None if target is None else length * target)
+            for field, value in here._asdict().items():
+                unit = 1.0 if target is None and field == "margin_s" else units.get(field, 1.0)
+                np.testing.assert_array_equal(getattr(there, field), unit * value, err_msg=f"{name} {field}")
+
+
 @some
 @given(seed=seeds, turn=st.floats(0.0, 6.28))
 def test_the_pe_value_has_no_jump_right_above_the_evader(games, oracle, seed, turn):

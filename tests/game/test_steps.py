@@ -1,0 +1,65 @@
+"""How many steps the search for a heading takes: what makes it fast, which no answer shows."""
+
+import numpy as np
+import pytest
+
+from guidance.game import region, solve
+
+STEPS = {
+    "capture_radius": (0, 3, 0.00069),
+    "age": (315, 4, 0.0044),
+    "ball_standoff": (103, 4, 0.00165),
+    "wind": (81, 4, 0.01),
+    "ball_everything": (369, 4, 0.0122),
+    "cylinder_everything": (105, 5, 0.0209),
+    "moving_target": (126, 4, 0.018),
+    "moving_target_cylinder": (139, 6, 0.0265),
+}
+"""Of some 450 searches: single Newton steps after the first three of all, rounds of the bracket alone, and by how much
+the heading that they begin with misses, half the tangent of an angle, on average."""
+
+
+def searched(game, oracle, monkeypatch, count=600):
+    """What the search of a game is asked, for random states that the pursuer wins."""
+    P, E, T = oracle.states(8, count, game)
+    wins = solve(game, P, E, T).winner > 0
+    asked, function = [], region._search
+
+    def asking(xp, *rest):
+        asked.append(rest)
+        return function(xp, *rest)
+
+    monkeypatch.setattr(region, "_search", asking)
+    solve(game, P[wins], E[wins], T[wins])
+    monkeypatch.undo()
+    ((hunt, old, within),) = asked
+    return hunt, old, np.broadcast_to(within, hunt.ahead[0].shape)
+
+
+def counted(monkeypatch, name):
+    """Rows of every call of a function of `region` from now on."""
+    rows, function = [], getattr(region, name)
+
+    def counting(xp, hunt, aim, *rest):
+        rows.append(np.size(aim.s))
+        return function(xp, hunt, aim, *rest)
+
+    monkeypatch.setattr(region, name, counting)
+    return rows
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_the_search_is_as_short_as_it_was_and_the_bracket_alone_finds_the_same(games, oracle, monkeypatch, name):
+    most, rounds, miss = STEPS[name]
+    hunt, old, within = searched(games[name], oracle, monkeypatch)
+    steps, bracketed = counted(monkeypatch, "_newton"), counted(monkeypatch, "_bracket")
+    found = region._search(np, hunt, old, within)
+    monkeypatch.undo()
+    assert sum(steps[1:]) <= most + 2
+    assert sum(bracketed) == 0
+    asked = counted(monkeypatch, "_settled")
+    start = region._touch(np, hunt)
+    alone = region._bracket(np, hunt, start, 2.0, region.MORE_STEPS)
+    assert len(asked) <= rounds
+    np.testing.assert_allclose(alone.s[~within], found.s[~within], atol=1e-8)
+    assert np.mean(np.abs(start.s - found.s)[~within]) <= 1.01 * miss
