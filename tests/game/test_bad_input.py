@@ -232,6 +232,14 @@ def test_parameters_out_of_range_cost_their_own_rows_with_the_reason():
     assert solution.winner.tolist() == [Winner.PURSUER] + [Winner.UNDECIDED] * 11
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_wind_that_is_no_number_costs_its_own_row(axis):
+    wind = [np.array([0.1, 0.1]), np.array([0.2, 0.2])]
+    wind[axis][1] = NAN
+    solution = solve(Game(Ball(2.0), 1.0, wind_m_s=wind), np.tile(P, (2, 1)), np.tile(E, (2, 1)))
+    assert solution.reason.tolist() == [Reason.SOLVED, Reason.OUT_OF_RANGE]
+
+
 def test_speeds_whose_fourth_powers_overflow_are_no_answer():
     assert solve(Game(Ball(1e80), 1.0), P, E).reason == Reason.OVERFLOW
     assert solve(Game(Ball(1e70), 1.0), P, E).reason == Reason.SOLVED

@@ -26,6 +26,7 @@ from guidance.game import (
     value_gradient,
 )
 from guidance.game.policies import lead_pursuit
+from guidance.game.records import is_zero
 from guidance.strategies.navigation import proportional_navigation
 
 PAPER = Game(Ball(2.0), 1.0)
@@ -226,3 +227,19 @@ def test_long_batches_of_any_shape_are_solved_in_chunks():
     assert crossed.value.shape == (200, 100)
     one = solve(Game(Ball(float(speeds[7, 0])), 1.0), states[0][3], states[1][0], states[2][3])
     assert crossed.value[7, 3] == one.value
+
+
+def test_games_are_as_equal_as_their_numbers():
+    def game(*radius):
+        return Game(Ball(2.0), 1.0, standoff=StandOff(np.array(radius), 0.0))
+
+    assert game(0.0, 1.0) == game(-0.0, 1.0)
+    assert hash(game(0.0, 1.0)) == hash(game(-0.0, 1.0))
+    assert game(1e-20, 1.0) != game(2e-20, 1.0)
+
+
+def test_what_is_zero_in_every_row_is_switched_off():
+    for off in (0.0, np.float64(0.0), np.zeros(3)):
+        assert is_zero(off)
+    for on in (0.5, np.float64(0.5), 1.0, np.float64(1.0), np.array([0.0, 1.0])):
+        assert not is_zero(on)

@@ -250,3 +250,11 @@ def test_a_ball_spends_its_whole_speed_on_the_way_to_a_disc_of_any_size(radius):
     for beyond in (0.1, 0.3, 5.0):
         velocity = solve(game, np.array([radius + beyond, 0.0, 0.2]), np.zeros(3)).pursuer_velocity_m_s
         assert np.linalg.norm(velocity) == pytest.approx(2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("strength", [0.5, 1.0, 1.5])
+def test_along_the_line_of_flight_the_wind_adds_to_the_closing_speed(strength):
+    for sign in (1.0, -1.0):
+        game = Game(Ball(3.0), 1.0, wind_m_s=(sign * strength, 0.0))
+        solution = solve(game, np.array([-10.0, 0.0, 0.0]), np.zeros(3))
+        assert float(solution.value) == pytest.approx(10.0 / (3.0 + sign * strength - 1.0), rel=1e-14)
