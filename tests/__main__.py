@@ -43,6 +43,11 @@ STEPS = {
     "lint": Step("ruff's rules", (BIN / "ruff", "check", ".")),
     "types": Step("mypy, strict", (BIN / "mypy",)),
     "layers": Step("imports point down only", (BIN / "lint-imports",)),
+    "docs": Step(
+        "the documentation as a site, where any warning is an error",
+        (BIN / "mkdocs", "build", "--strict", "--site-dir", "site"),
+        environment=(("NO_MKDOCS_2_WARNING", "1"),),  # its theme says at every start where it is headed
+    ),
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time",
@@ -58,7 +63,7 @@ STEPS = {
         arguments="--px4 URL --arducopter URL",
     ),
 }
-TOGETHER = (("format", "lint"), ("types", "layers"), ("tests",), ("flights", "real time", "acceptance"))
+TOGETHER = (("format", "lint"), ("types", "layers", "docs"), ("tests",), ("flights", "real time", "acceptance"))
 """Which steps run at the same time."""
 
 _ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}

@@ -1,0 +1,332 @@
+"""Pages of the site that are made of the code when it is built: nothing in them can be out of date.
+
+MkDocs calls `on_files` with the pages that are files, and gets those besides that are made here.
+"""
+
+import inspect
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+from guidance.cli import app as guidance_app
+from guidance.cli.schema import KINDS
+from guidance.control import Limiter
+from guidance.flight import ORDERS, Event, State
+from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
+from guidance.links.evaders.ros import ODOMETRY_TYPE, POSE_TYPE
+from guidance.log.broadcast import broadcast_key
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT
+from guidance.monitor import Violation
+from guidance.session.control_bus import control_key
+from guidance.session.metrics import Metrics
+from guidance.session.orders import WORDS
+from sitl_mock.cli import app as mock_app
+
+ROOT = Path(__file__).parents[1]
+UNITS = {
+    "_m_s2": "m/s²", "_m_s3": "m/s³", "_m_s": "m/s", "_deg_s": "°/s", "_hz": "Hz", "_deg": "°", "_rad": "rad",
+    "_ne_m": "m", "_m": "m", "_mb": "MB", "_s": "s",
+}  # fmt: skip
+API = (
+    "guidance.game", "guidance.game.team", "guidance.strategies", "guidance.sim.scenario", "guidance.sim.maths",
+    "guidance.sim.outcome", "guidance.log", "guidance.links", "guidance.links.port", "guidance.certificate",
+    "guidance.errors", "sitl_mock", "sitl_mock.pytest_plugin",
+)  # fmt: skip
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the generated pages, and the README's pictures."""
+    for uri, write in PAGES.items():
+        files.append(File.generated(config, uri, content=write()))
+    for picture in sorted((ROOT / ".readme").glob("*.png")):
+        files.append(File.generated(config, f"pictures/{picture.name}", abs_src_path=str(picture)))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Lead links to the README's pictures to where the site has them, and those to other files out of it."""
+    markdown = markdown.replace("<!-- the flight's table -->", failures())
+    markdown = re.sub(r"\]\(((?:\.\./)*)\.\./\.readme/", r"](\1pictures/", markdown)
+    return re.sub(r"\[([^\]]*)\]\((?:\.\./)+(?!pictures/)[^)#]*\)", _plain, markdown)
+
+
+def _plain(link: re.Match[str]) -> str:
+    """A link that leads out of the site becomes its words."""
+    inside = (ROOT / "docs" / re.sub(r"^(\.\./)+", "", link[0].rpartition("](")[2].rstrip(")"))).exists()
+    return link[0] if inside else link[1]
+
+
+def commands() -> str:
+    """Every command of both programs: what it does, its arguments and its options."""
+    parts = ["# Commands\n"]
+    for program, app in (("guidance", guidance_app), ("sitl-mock", mock_app)):
+        command = typer.main.get_command(app)
+        parts += [f"## {program}\n", f"{_help(command)}\n"]
+        parts += list(_subcommands(program, command))
+    return "\n".join(parts)
+
+
+def _subcommands(path: str, group: Any) -> Iterator[str]:  # noqa: ANN401 - click's own classes
+    for name, command in sorted(group.commands.items()):
+        if command.hidden:
+            continue
+        yield f"### {path} {name}\n"
+        yield f"{_help(command)}\n"
+        rows = [_option(parameter) for parameter in command.params if not getattr(parameter, "hidden", False)]
+        if rows:
+            yield table(("argument or option", "default", "meaning"), [row for row in rows if row[0] != "`--help`"])
+        if hasattr(command, "commands"):
+            yield from _subcommands(f"{path} {name}", command)
+
+
+def _help(command: Any) -> str:  # noqa: ANN401
+    return inspect.cleandoc(command.help or "").replace("\b\n", "").replace("\f", "")
+
+
+def _option(parameter: Any) -> tuple[str, ...]:  # noqa: ANN401
+    if parameter.param_type_name == "argument":
+        name = parameter.metavar or parameter.name.upper()
+        return (
+            f"`{name}`",
+            "" if parameter.required else _said(parameter.default),
+            getattr(parameter, "help", "") or "",
+        )
+    names = ", ".join(f"`{name}`" for name in (*parameter.opts, *parameter.secondary_opts))
+    return (names, _said(parameter.default), parameter.help or "")
+
+
+def _said(value: object) -> str:
+    return "" if value is None or callable(value) or value is False or value == () else f"`{value}`"
+
+
+def file_page(kind: str, words: str) -> Callable[[], str]:
+    """Make the page of one kind of file from its JSON Schema."""
+
+    def page() -> str:
+        schema = KINDS[kind]()
+        parts = [
+            f"# {kind.capitalize()} file\n",
+            f"{words} Unknown keys are refused. `guidance schema {kind}` prints the JSON Schema, for editors that "
+            "complete and check TOML by it.\n",
+        ]
+        roots = [schema] if "properties" in schema else [_met(one, schema) for one in schema["anyOf"]]
+        for root in roots:
+            parts.append(f"## {root.get('title', kind)}\n")
+            parts += _section("", root, schema, set())
+        return "\n".join(parts)
+
+    return page
+
+
+def _section(path: str, section: Mapping[str, Any], schema: Mapping[str, Any], told: set[str]) -> Iterator[str]:
+    """Yield a table of the keys of a section, and then its sections."""
+    if path:
+        yield f"### `{path}`\n"
+    yield inspect.cleandoc(section.get("description", "")) + "\n"
+    required = set(section.get("required", ()))
+    tables = {key: (_met(spec, schema), spec) for key, spec in section["properties"].items()}
+    keys = [_key(key, spec, required) for key, spec in section["properties"].items() if not _is_table(tables[key][0])]
+    if keys:
+        yield table(("key", "unit", "allowed", "default", "meaning"), keys)
+    for key, (inside, spec) in tables.items():
+        if not _is_table(inside):
+            continue
+        inner = f"{path.strip('[]')}.{key}".lstrip(".")
+        if inside["title"] in told:
+            yield f"### `[{inner}]`\n\nThe keys of {inside['title']}, as above.\n"
+            continue
+        told.add(inside["title"])
+        many = spec.get("type") == "array"
+        yield from _section(f"[[{inner}]]" if many else f"[{inner}]", inside, schema, told)
+
+
+def _is_table(spec: Mapping[str, Any]) -> bool:
+    return "properties" in spec and spec.get("title") != "Range"
+
+
+def _met(spec: Mapping[str, Any], schema: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Follow a reference, an optional one, or that of a list's items."""
+    if spec.get("type") == "array" and "items" in spec:
+        return _met(spec["items"], schema)
+    for one in (spec, *spec.get("anyOf", ()), *spec.get("allOf", ())):
+        if "$ref" in one:
+            found: Mapping[str, Any] = schema["$defs"][one["$ref"].rpartition("/")[2]]
+            return found
+    return spec
+
+
+def _key(key: str, spec: Mapping[str, Any], required: Iterable[str]) -> tuple[str, ...]:
+    unit = next((unit for ending, unit in UNITS.items() if key.endswith(ending)), "")
+    default = "needed" if key in required else _toml(spec.get("default"))
+    return (f"`{key}`", unit, _allowed(spec), default, spec.get("description", ""))
+
+
+def _allowed(spec: Mapping[str, Any]) -> str:
+    if "$ref" in spec:
+        name = spec["$ref"].rpartition("/")[2]
+        return "{ min, max }" if name == "Range" else f"table {name}"
+    if "enum" in spec:
+        return ", ".join(f"`{value}`" for value in spec["enum"])
+    if "const" in spec:
+        return f"`{spec['const']}`"
+    if "anyOf" in spec:
+        return " or ".join(dict.fromkeys(_allowed(one) for one in spec["anyOf"] if one.get("type") != "null"))
+    if spec.get("type") == "array":
+        inner = spec.get("items") or next(iter(spec.get("prefixItems", [])), {})
+        count = f"{spec['maxItems']} × " if "maxItems" in spec else "list of "
+        return count + _allowed(inner) if inner else "list"
+    return _range(spec) or str(spec.get("type", "any"))
+
+
+def _range(spec: Mapping[str, Any]) -> str:
+    low = f"from {spec['minimum']:g}" if "minimum" in spec else ""
+    low = f"above {spec['exclusiveMinimum']:g}" if "exclusiveMinimum" in spec else low
+    high = f"to {spec['maximum']:g}" if "maximum" in spec else ""
+    high = f"below {spec['exclusiveMaximum']:g}" if "exclusiveMaximum" in spec else high
+    return " ".join(part for part in (low, high) if part)
+
+
+def _toml(value: object) -> str:
+    if value is None or isinstance(value, dict):
+        return ""
+    return f"`{str(value).lower()}`" if isinstance(value, bool) else f"`{value!r}`".replace("'", '"')
+
+
+def states_events() -> str:
+    """The flight's table, drawn from the table that flies."""
+    meant = comments(State) | comments(Event)
+    rows = [
+        (
+            f"**{state}**",
+            meant.get(state.name, ""),
+            "yes" if state in SETPOINT_STATES else "",
+            "yes" if state in FINAL else "",
+        )
+        for state in State
+    ]
+    parts = [
+        "# States and events\n",
+        "The service flies by this table (`guidance/flight/table.py`). A pair that is not in it changes nothing.\n",
+        "## States\n",
+        table(("state", "meaning", "setpoints go out", "final"), rows),
+        "## What leads where\n",
+    ]
+    parts.append(table(("event", "from", "to"), ways(Event)))
+    return "\n".join(parts)
+
+
+def failures() -> str:
+    """Those lines of the flight's table that no person ordered and that end the game or the flight."""
+    ended = {State.PAUSED, State.HOLDING, State.RETURNING, State.LANDING, State.YIELDED, State.FAILED}
+    return table(
+        ("what happens", "where the flight stands", "where it leads"),
+        [row for row in ways(event for event in Event if event not in ORDERS) if row[2] in map(str, ended)],
+    )
+
+
+def ways(events: Iterable[Event]) -> Iterator[tuple[str, str, str]]:
+    """Yield each event, the states it leads from, and the one it leads to."""
+    for event in events:
+        leads: dict[State, list[str]] = {}
+        for (state, happened), then in TRANSITIONS.items():
+            if happened is event:
+                leads.setdefault(then, []).append(str(state))
+        for then, states in leads.items():
+            yield str(event), ", ".join(states), f"{then}"
+
+
+def comments(kind: type) -> dict[str, str]:
+    """The comments behind the members of an enumeration, by name."""
+    return dict(re.findall(r"^\s+(\w+) = [^#\n]*# (.*)$", inspect.getsource(kind), re.MULTILINE))
+
+
+def alarms() -> str:
+    """What the monitor reports, and which limits may change a command."""
+    monitored = inspect.getmodule(Violation)
+    return "\n".join((
+        "# Alarms and limits\n", "## Alarms\n", f"{inspect.getdoc(monitored)}\n",
+        table(("name", "alarm"), [(f"`{one.name}`", str(one)) for one in Violation]),
+        "## Limits\n", "What changed a command, in the order in which they act:\n",
+        table(("limit",), [(str(one),) for one in Limiter]),
+    ))  # fmt: skip
+
+
+def metrics() -> str:
+    """The registry of one vehicle, as Prometheus sees it."""
+    rows = [
+        (f"`{family.name}`", family.type, family.documentation)
+        for family in sorted(Metrics("uav1").registry.collect(), key=lambda family: family.name)
+    ]
+    words = "With `metrics.port` set, Prometheus reads these on 127.0.0.1. Each has the label `vehicle`.\n"
+    return "\n".join(("# Metrics\n", words, table(("name", "type", "meaning"), rows)))
+
+
+def zenoh_keys() -> str:
+    """Every key that is published, asked or listened to."""
+    orders = [(f"`{control_key('NAME', word)}`", "asked", "an order; its answer is JSON") for word in WORDS]
+    live = [(f"`{broadcast_key('NAME', what)}`", "published", "JSON, as in a record") for what in ("cycle", "event")]
+    mavlink = [
+        ("`NAMESPACE/mavlink_raw/in`", "published", "MAVLink frames to the vehicle of a zenoh:// URL"),
+        ("`NAMESPACE/mavlink_raw/out`", "listened to", "MAVLink frames from it"),
+        ("the key of `evader.url`", "listened to", f"reports: JSON (config/zenoh), `{POSE_TYPE}` or `{ODOMETRY_TYPE}`"),
+    ]
+    words = "The orders' session is on loopback and lets in who knows the token (`control.token_file`).\n"
+    return "\n".join(("# Zenoh keys\n", words, table(("key", "how", "what"), [*orders, *live, *mavlink])))
+
+
+def record() -> str:
+    """The channels of an MCAP record, with the fields of those that are JSON."""
+    parts = [
+        "# Record\n",
+        "One MCAP file a flight. Every link has a channel of raw MAVLink frames beside these; both vehicles, fence and "
+        "stand-off are there once more as Foxglove's own message types.\n",
+    ]
+    for topic, codec in ((CYCLE_TOPIC, CYCLE), (EVENT_TOPIC, EVENT), (EVADER_TOPIC, REPORT)):
+        rows = [(f"`{name}`", str(spec.get("type", ""))) for name, spec in _fields(codec.schema)]
+        parts += [f"## `{topic}`\n", f"Type `{codec.title}`.\n", table(("field", "type"), rows)]
+    return "\n".join(parts)
+
+
+def _fields(schema: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    for name, spec in schema.get("properties", {}).items():
+        yield path + name, spec
+        if spec.get("type") == "object" and path.count(".") < 1:
+            yield from _fields(spec, f"{path}{name}.")
+
+
+def api() -> str:
+    """The packages that a program may import."""
+    parts = [
+        "# Python API\n",
+        "What a package offers is what its `__init__` lists; other names may change at any time.\n",
+    ]
+    return "\n".join((*parts, *(f"::: {name}\n" for name in API)))
+
+
+def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    headings = tuple(headings)
+    cells = ([cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in rows)
+    lines = [f"| {' | '.join(row)} |" for row in (headings, ["---"] * len(headings), *cells)]
+    return "\n".join(lines) + "\n"
+
+
+PAGES: Mapping[str, Callable[[], str]] = {
+    "reference/commands.md": commands,
+    "reference/vehicle-file.md": file_page("vehicle", "Whom the daemon flies, against whom, and within which limits."),
+    "reference/scenario-file.md": file_page(
+        "scenario", "Two players or two teams, a game, and what is expected of it."
+    ),
+    "reference/sweep-file.md": file_page("sweep", "A scenario, and what is varied in it."),
+    "reference/states-events.md": states_events,
+    "reference/alarms.md": alarms,
+    "reference/metrics.md": metrics,
+    "reference/zenoh.md": zenoh_keys,
+    "reference/record.md": record,
+    "reference/api.md": api,
+}

@@ -1,0 +1,193 @@
+"""The documentation says nothing that does not run: its commands, its files, its Python, its examples, its notebooks.
+
+In a page's ```console blocks a line `$ guidance …` is run in the page's own folder, and every line shown below it must
+be in what it prints, in this order; `…` stands for anything. A ```toml block whose first line is a comment with a
+file's name is written there; ```python blocks are run one after another. The options in ```sh blocks must exist.
+"""
+
+import doctest
+import json
+import os
+import re
+import runpy
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+import typer
+from click.testing import CliRunner
+
+from guidance.cli import app as guidance_app
+from guidance.log.entries import CYCLE_TOPIC
+from guidance.sim.files import json_schema
+from sitl_mock.cli import app as mock_app
+
+DOCS = Path(__file__).parents[1] / "docs"
+EXAMPLES = DOCS / "examples"
+PAGES = sorted(DOCS.rglob("*.md"))
+PROGRAMS = {"guidance": typer.main.get_command(guidance_app), "sitl-mock": typer.main.get_command(mock_app)}
+
+
+def blocks(page, *kinds):
+    """The blocks of a page: each one's kind and its text."""
+    found = re.findall(r"^( *)```(\w+)[^\n]*\n(.*?)^ *```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    return [
+        (kind, re.sub(rf"^{indent}", "", text, flags=re.MULTILINE)) for indent, kind, text in found if kind in kinds
+    ]
+
+
+def with_blocks(*kinds):
+    pages = [page for page in PAGES if blocks(page, *kinds)]
+    return pytest.mark.parametrize("page", pages, ids=lambda page: page.relative_to(DOCS).as_posix())
+
+
+def run_console(text):
+    """Run what is typed, and look for what is shown."""
+    for block in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
+        typed, _, shown = block.partition("\n")
+        program, *arguments = shlex.split(typed)
+        done = CliRunner().invoke(PROGRAMS[program], arguments, env={"COLUMNS": "200"})
+        said = " ".join(done.output.split())
+        assert done.exit_code == 0, f"{typed}: {said} {done.exception!r}"
+        place = 0
+        for line in shown.splitlines():
+            for part in filter(None, (" ".join(part.split()) for part in line.split("…"))):
+                found = said.find(part, place)
+                assert found >= 0, f"{typed}: {part!r} is not in what it prints: {done.output}"
+                place = found + len(part)
+
+
+@pytest.mark.flight
+@with_blocks("console", "python")
+def test_what_a_page_types_gives_what_it_shows(page, tmp_path, monkeypatch, capsys):
+    if page.name in {"mock.md", "contributing.md"}:  # tests/sitl_mock/test_mock_page.py runs those
+        return
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": page.stem}
+    for kind, text in blocks(page, "console", "python", "toml"):
+        named = re.match(r"# (\S+\.toml)\n", text)
+        if kind == "console":
+            run_console(text)
+        elif kind == "python":
+            exec(compile(text, str(page), "exec"), names)
+        elif named:
+            Path(named[1]).write_text(text, encoding="utf-8")
+    if page.name == "records.md":
+        lasted_s = example("read_record.py", tmp_path / "flown" / "record.mcap")
+        assert lasted_s["engaged"] > 1.0
+        assert "promised at engagement" in capsys.readouterr().out
+
+
+@with_blocks("toml")
+def test_the_toml_of_a_page_is_toml(page):
+    for _, text in blocks(page, "toml"):
+        tomllib.loads(text)
+
+
+@with_blocks("sh")
+def test_the_options_that_a_page_names_exist(page):
+    for _, text in blocks(page, "sh"):
+        for line in text.replace("\\\n", " ").splitlines():
+            typed = line.partition("  #")[0]
+            for found in re.finditer(r"(?:^|[&;|] )((?:guidance|sitl-mock)(?: [^&;|>]*)?)", typed):
+                words = shlex.split(found[1])
+                parse(PROGRAMS[words[0]], words)
+
+
+def parse(command, words):
+    """Read arguments as the program does, down to the last sub-command, and run nothing."""
+    while True:
+        context = command.make_context(words[0], list(words[1:]), resilient_parsing=False)
+        if not hasattr(command, "commands"):
+            return
+        name, command, rest = command.resolve_command(context, context._protected_args + context.args)
+        words = [name, *rest]
+
+
+@with_blocks("pycon")
+def test_the_interpreter_sessions_of_a_page_are_true(page):
+    result = doctest.testfile(str(page), module_relative=False, verbose=False)
+    assert (result.failed, result.attempted > 3) == (0, True)
+
+
+def example(name, *arguments):
+    """Run an example as a person does, in this process."""
+    return runpy.run_path(str(EXAMPLES / name), run_name="example")["main"](*arguments)
+
+
+def test_the_examples_run(tmp_path, capsys):
+    example("million_states.py", 4_000, tmp_path / "barrier.png")
+    assert (tmp_path / "barrier.png").stat().st_size > 10_000
+    assert "the pursuer wins 9" in capsys.readouterr().out
+    example("own_evader.py")
+    assert "the zigzag: captured" in capsys.readouterr().out
+    played = example("teams.py")
+    assert int(played.first.guaranteed) == 4
+
+
+def test_a_source_of_ones_own_is_read():
+    reports = example("own_source.py", 3, 50.0)
+    assert [round(report.velocity_ned_m_s[0], 1) for report in reports] == [3.0, 3.0, 3.0]
+    assert reports[-1].latitude_deg > reports[0].latitude_deg
+
+
+@pytest.mark.slow
+def test_the_mavsdk_example_is_tested_as_its_page_says(tmp_path):
+    for name in ("takeoff_mavsdk.py", "test_takeoff_mavsdk.py"):
+        shutil.copy(EXAMPLES / name, tmp_path)
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = slow\n", encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
+    done = subprocess.run(command, cwd=tmp_path, env=dict(os.environ), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("notebook", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_a_notebook_runs_from_top_to_bottom(notebook, monkeypatch):
+    monkeypatch.setattr(mpl, "get_backend", lambda *_: "agg")
+    mpl.use("agg")
+    content = json.loads(notebook.read_text(encoding="utf-8"))
+    names = {"__name__": notebook.stem}
+    cells = ["".join(cell["source"]) for cell in content["cells"] if cell["cell_type"] == "code"]
+    assert len(cells) >= 3
+    for cell in cells:
+        exec(compile(cell, notebook.name, "exec"), names)
+    assert all(not cell.get("outputs") for cell in content["cells"])
+
+
+def test_every_page_and_example_is_in_the_contents():
+    contents = (DOCS.parent / "mkdocs.yml").read_text(encoding="utf-8")
+    absent = [page for page in PAGES if page.relative_to(DOCS).as_posix() not in contents]
+    assert absent == []
+    listed = (EXAMPLES / "index.md").read_text(encoding="utf-8")
+    examples = [*EXAMPLES.glob("*.py"), *EXAMPLES.glob("*.ipynb")]
+    assert len(examples) >= 9
+    assert [path.name for path in examples if path.name not in listed] == []
+
+
+def test_the_pages_made_of_the_code_name_every_key_and_every_option():
+    hooks = runpy.run_path(str(DOCS / "hooks.py"), run_name="hooks")
+    pages = {uri: write() for uri, write in hooks["PAGES"].items()}
+    sections = {name: part for name, part in json_schema()["$defs"].items() if name != "Range"}
+    keys = {key for section in sections.values() for key in section.get("properties", {})}
+    said = pages["reference/scenario-file.md"]
+    assert [key for key in sorted(keys) if f"`{key}`" not in said and f"{key}]" not in said] == []
+    assert "`--speed-ratio`" in pages["reference/commands.md"]
+    assert CYCLE_TOPIC in pages["reference/record.md"]
+    assert "external mode change" in hooks["failures"]()
+    assert "`guidance_lateness_seconds`" in pages["reference/metrics.md"]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not here")
+def test_the_unit_file_is_right(tmp_path):
+    unit = tmp_path / "guidance.service"
+    text = (DOCS.parent / "config" / "systemd" / "guidance.service").read_text(encoding="utf-8")
+    unit.write_text(text.replace("/usr/local/bin/guidance", sys.executable), encoding="utf-8")
+    command = ["systemd-analyze", "verify", "--man=no", str(unit)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    said = [line for line in done.stderr.splitlines() if "guidance.service" in line]
+    assert (done.returncode, said) == (0, [])
