@@ -29,6 +29,9 @@ def panel(
     password_file: Annotated[
         Path | None, typer.Option(help="The password, in a file's first line that only you can read.")
     ] = None,
+    tiles: Annotated[
+        str, typer.Option(help="Map tiles under the plan view, as https://HOST/{z}/{x}/{y}.png: asked of that host.")
+    ] = "",
     with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
 ) -> None:
     """Serve the operator's page: where everything is, what guidance is about to do and why not, and the orders.
@@ -45,5 +48,5 @@ def panel(
     from guidance.viz.panel import PanelOptions, serve_panel  # noqa: PLC0415 - zenoh takes a moment
 
     endpoints = endpoint or ["tcp/127.0.0.1:7448"]
-    options = PanelOptions(endpoints, token_file, host, port, look, records, certificate, key, password_file)
+    options = PanelOptions(endpoints, token_file, host, port, look, records, certificate, key, password_file, tiles)
     serve_panel(options, recorded_settings, typer.echo, with_parent=with_parent)

@@ -143,6 +143,15 @@ def test_a_page_that_joins_is_told_everything_and_then_only_what_is_new(told, re
     assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact"}
 
 
+def test_what_happened_before_a_page_came_is_told_once(told):
+    event = {"now_s": 2.0, "event": "checks passed", "detail": "checking -> ready"}
+    told.tell(Heard("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.hub.settle()  # nobody was there
+    (everything,) = told.read(whole=True)["daemons"]
+    assert everything["events"] == [event]
+    assert "events" not in told.read()["daemons"][0]
+
+
 def test_the_history_is_of_five_minutes_however_long_a_flight_lasts(told, record):
     (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
     row = json.loads(last.data)

@@ -12,7 +12,7 @@ from aiohttp.test_utils import unused_port
 
 from guidance.errors import ConfigError, LinkError
 from guidance.viz.panel import server as servers
-from guidance.viz.panel.access import Access, secured
+from guidance.viz.panel.access import Access, origin_of, secured
 from guidance.viz.panel.server import MOST_UNTAKEN, PanelServer
 
 PATHS = ("/page/main.js", "/page/index.html", "/alive", "/live", "/order", "/nowhere")
@@ -26,6 +26,9 @@ class StubHub:
 
     def listen(self):
         self.number += 1
+
+    def settle(self):
+        self.settled = self.number
 
     def message(self, *, whole=False):
         return json.dumps({"whole": whole, "number": self.number, "filling": "x" * self.size})
@@ -44,10 +47,10 @@ async def opened(monkeypatch):
     monkeypatch.setattr(servers, "WRONG_PASSWORD_S", 0.01)
     closing = []
 
-    async def open_one(*, look=False, security=None):
+    async def open_one(*, look=False, security=None, tiles=""):
         port, hub = unused_port(), StubHub()
         access = Access(port, security)
-        runner = web.AppRunner(PanelServer(hub, access, look=look).application(), shutdown_timeout=0.2)
+        runner = web.AppRunner(PanelServer(hub, access, look=look, tiles=tiles).application(), shutdown_timeout=0.2)
         await runner.setup()
         await web.TCPSite(runner, "127.0.0.1", port, ssl_context=access.tls).start()
         client = ClientSession(f"{access.scheme}://127.0.0.1:{port}", cookie_jar=CookieJar(unsafe=True))
@@ -133,12 +136,21 @@ async def test_an_order_goes_to_the_daemon_with_who_gave_it_and_its_reason_comes
 async def test_a_panel_that_only_looks_takes_no_order(opened):
     panel = await let_in(await opened(look=True))
     async with panel.client.get("/alive") as answer:
-        assert await answer.json() == {"look": True, "records": False}
+        assert await answer.json() == {"look": True, "records": False, "tiles": ""}
     order = {"daemon": "uav1", "order": "hold", "by": ""}
     async with panel.client.post("/order", json=order, headers=panel.origin) as answer:
         assert answer.status == 403
         assert (await answer.json())["reason"] == "this panel only looks on (--look)"
     assert panel.hub.ordered == []
+
+
+async def test_a_tile_server_is_the_one_host_that_pictures_may_come_from(opened):
+    panel = await let_in(await opened(tiles="https://tiles.example:8443/{z}/{x}/{y}.png"))
+    async with panel.client.get("/alive") as answer:
+        assert "img-src 'self' data: https://tiles.example:8443; connect" in answer.headers["Content-Security-Policy"]
+    for url in ("tiles.example/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a/{z}/{x}", "ftp://a/{z}{x}{y}"):
+        with pytest.raises(ConfigError, match="must be as https"):
+            origin_of(url)
 
 
 async def test_twenty_pages_are_told_everything_and_then_the_same(opened):

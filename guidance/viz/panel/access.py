@@ -6,6 +6,7 @@ whatever changes something, and the socket, must also come from a page of ours.
 
 import hmac
 import ipaddress
+import re
 import secrets
 import ssl
 import stat
@@ -143,13 +144,14 @@ def read_password(path: Path) -> str:
     return password
 
 
-def origin_of(url: str) -> str:
-    """Return scheme://host[:port] of a URL.
+def origin_of(tiles: str) -> str:
+    """Return scheme://host[:port] of a tile server's address.
 
     Raises:
-        ConfigError: If it has none.
+        ConfigError: If it is no such address.
     """
-    parts = urlsplit(url)
-    if parts.scheme not in {"http", "https"} or not parts.netloc:
-        raise ConfigError(f"{url!r}: must begin with http:// or https:// and a host")
+    parts = urlsplit(tiles)
+    host = re.fullmatch(r"[A-Za-z0-9.-]+(:\d+)?", parts.netloc)
+    if parts.scheme not in {"http", "https"} or host is None or any(key not in tiles for key in ("{z}", "{x}", "{y}")):
+        raise ConfigError(f"--tiles {tiles}: must be as https://tiles.example/{{z}}/{{x}}/{{y}}.png")
     return f"{parts.scheme}://{parts.netloc}"

@@ -13,7 +13,7 @@ from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError, LinkError
 from guidance.extras import require
 from guidance.log import SettingsOf
-from guidance.viz.panel.access import Access, secured
+from guidance.viz.panel.access import Access, origin_of, secured
 from guidance.viz.panel.bus import DaemonBus
 from guidance.viz.panel.hub import Hub
 
@@ -33,6 +33,7 @@ class PanelOptions(NamedTuple):
     certificate: Path | None = None
     key: Path | None = None
     password_file: Path | None = None
+    tiles: str = ""
 
 
 def serve_panel(
@@ -47,6 +48,8 @@ def serve_panel(
     require("guidance panel", "panel")
     if not 0 <= options.port <= 65535:
         raise ConfigError(f"--port {options.port}: allowed is 0 (pick a free one) to 65535")
+    if options.tiles:
+        origin_of(options.tiles)
     security = secured(options.host, options.certificate, options.key, options.password_file)
     listening = _listen(options.host, options.port)
     access = Access(listening.getsockname()[1], security)
@@ -82,7 +85,7 @@ async def _serve(
             target=_end_with_parent, args=(lambda: loop.call_soon_threadsafe(ended.set),), daemon=True
         ).start()
     records = None if options.records is None else RecordFolder(options.records)
-    server = PanelServer(hub, access, look=options.look, records=records)
+    server = PanelServer(hub, access, look=options.look, records=records, tiles=options.tiles)
     runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
     await runner.setup()
     try:

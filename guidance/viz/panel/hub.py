@@ -169,13 +169,17 @@ class Hub:
             self._watched[key] = Watched(name, bus, self._settings_of, self._clock.now_s())
         return self._watched.get(key)
 
+    def settle(self) -> None:
+        """Nobody is there to be told what is new: who comes is told everything."""
+        for watched in self._watched.values():
+            watched.settle()
+
     def message(self, *, whole: bool = False) -> str:
         """Lay out, as JSON, what is new since the last message that was not whole, or everything there is."""
         now_s = self._clock.now_s()
         said = [watched.told(now_s, whole=whole) for watched in self._watched.values()]
         if not whole:
-            for watched in self._watched.values():
-                watched.settle()
+            self.settle()
         looked = [{"endpoint": bus.endpoint, "reason": bus.reason} for bus in self._buses]
         return json.dumps({"whole": whole, "daemons": said, "buses": looked}, separators=(",", ":"), allow_nan=False)
 

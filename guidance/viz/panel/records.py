@@ -1,6 +1,7 @@
 """The records of a folder: listed, and what is made of one, each by a child process that gives way to everything."""
 
 import asyncio
+import contextlib
 import json
 import os
 import sys
@@ -109,8 +110,9 @@ class RecordFolder:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
-            preexec_fn=lambda: os.nice(NICE),
         )
+        with contextlib.suppress(ProcessLookupError):
+            os.setpriority(os.PRIO_PROCESS, child.pid, NICE)
         try:
             out, err = await asyncio.wait_for(child.communicate(), LIMIT_S)
         except BaseException:

@@ -10,7 +10,7 @@ from typing import Any, Final
 from aiohttp import WSCloseCode, web
 
 from guidance.errors import LinkError
-from guidance.viz.panel.access import Access
+from guidance.viz.panel.access import Access, origin_of
 from guidance.viz.panel.hub import Hub
 from guidance.viz.panel.past import Past
 from guidance.viz.panel.records import RecordFolder
@@ -60,6 +60,8 @@ class Pages:
             for queue in self._open:
                 if queue not in joining:
                     self._put(queue, news)
+        else:
+            hub.settle()
         if joining:
             everything = hub.message(whole=True)
             for queue in joining:
@@ -87,7 +89,7 @@ class PanelServer:
         access: Who may open it.
         look: Take no orders.
         records: The flights that are over; None where no folder of them is known.
-        image_sources: Hosts that map tiles come from, none by default.
+        tiles: Address of map tiles with {z}, {x} and {y} in it; none by default.
     """
 
     def __init__(
@@ -97,12 +99,13 @@ class PanelServer:
         *,
         look: bool = False,
         records: RecordFolder | None = None,
-        image_sources: str = "",
+        tiles: str = "",
     ) -> None:
         self._hub = hub
         self._access = access
         self._look = look
         self._records = records
+        self._tiles = tiles
         self._pages = Pages()
         self._guessing = asyncio.Lock()
         self._ordering = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="order")
@@ -111,7 +114,7 @@ class PanelServer:
                 "default-src 'none'",
                 "script-src 'self'",
                 "style-src 'self'",
-                f"img-src 'self' data: {image_sources}".rstrip(),
+                f"img-src 'self' data: {origin_of(tiles) if tiles else ''}".rstrip(),
                 "connect-src 'self'",
                 "base-uri 'none'",
                 "form-action 'self'",
@@ -200,7 +203,9 @@ class PanelServer:
         return page(request.match_info["name"])
 
     async def _alive(self, _: web.Request) -> web.StreamResponse:
-        return web.json_response({"look": self._look, "records": self._records is not None})
+        return web.json_response(
+            {"look": self._look, "records": self._records is not None, "tiles": self._tiles},
+        )
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Tell one page what there is to see, until it goes."""

@@ -65,15 +65,18 @@ export class Charts {
   legend(surface, title, curves, unit) {
     surface.font(12, 700);
     surface.text(title, 6, 10, ink("--ink"));
-    surface.font(10);
-    let left = 6;
+    const beside = 16 + surface.context.measureText(title).width;
+    surface.font(11);
+    let [left, top] = [6, 25];
     for (const { column, colour, dash, points } of curves) {
-      surface.line([[left, 25], [left + 12, 25]], colour, 2.5, dash);
       const last = points.at(-1)?.[1];
       const name = TEXTS.charts[column === "value" ? "value_curve" : column] + (column === "value" ? ` ${unit ?? "s"}` : "");
       const words = `${name}${last === undefined ? "" : ` ${last.toFixed(last < 100 ? 1 : 0)}`}`;
-      surface.text(words, left + 15, 25, ink("--ink"));
-      left += 20 + surface.context.measureText(words).width;
+      const long = surface.context.measureText(words).width;
+      if (left + 15 + long > surface.width) [left, top] = [beside, 10]; // no more room in this line
+      surface.line([[left, top], [left + 12, top]], colour, 2.5, dash);
+      surface.text(words, left + 15, top, ink("--ink"));
+      left += 22 + long;
     }
   }
 }

@@ -46,7 +46,7 @@ class Live {
     this.chosen = null;
     this.waiting = false;
     this.lostFor = "";
-    this.timed = []; // when each cycle was drawn: [cycle's time s, this computer's clock ms]
+    this.timed = []; // when each cycle was seen: [cycle's time s, this computer's clock ms]
     this.pictures = pictures;
     this.orders = new Orders(at("orders"), lookOnly);
     at("mark").textContent = lookOnly ? TEXTS.look : "";
@@ -80,11 +80,15 @@ class Live {
     if (!daemon) return;
     this.orders.show(daemon);
     this.pictures.draw(daemon);
-    const seen = daemon.snapshot;
-    if (seen && this.timed.at(-1)?.[0] !== seen.now_s) {
-      this.timed.push([seen.now_s, performance.timeOrigin + performance.now()]);
-      if (this.timed.length > MOST_TIMED) this.timed.shift();
-    }
+    const drawn_s = daemon.snapshot?.now_s;
+    if (drawn_s === undefined || drawn_s === this.drawn_s) return;
+    this.drawn_s = drawn_s;
+    requestAnimationFrame(() => this.shown(drawn_s)); // what was drawn is on the screen when the next frame begins
+  }
+
+  shown(drawn_s) {
+    this.timed.push([drawn_s, performance.timeOrigin + performance.now()]);
+    if (this.timed.length > MOST_TIMED) this.timed.shift();
   }
 
   tabs(daemon) {
@@ -172,7 +176,8 @@ function label() {
 const record = location.pathname === "/replay" ? new URLSearchParams(location.search).get("record") : null;
 if (location.search && record === null) history.replaceState(null, "", location.pathname);
 label();
-const { look, records } = await (await fetch("/alive")).json();
+const { look, records, tiles } = await (await fetch("/alive")).json();
+document.documentElement.dataset.tiles = tiles;
 const pictures = new Pictures();
 const page = record === null ? new Live(pictures, look) : new Replay(pictures, record);
 if (records && record === null) new Records(at("records"), at("records-button"));

@@ -123,7 +123,10 @@ export class Orders {
 
   async give(order) {
     const daemon = this.daemon;
-    if (!daemon) return;
+    if (!daemon) {
+      this.say("warning", TEXTS.noDaemon);
+      return;
+    }
     const name = `${daemon.name} · ${TEXTS.orders[order][0]}`;
     this.say("unknown", TEXTS.given(name));
     try {

@@ -9,7 +9,7 @@ export class Space {
   constructor(canvas) {
     this.surface = new Surface(canvas);
     this.turn = -0.6; // rad about the vertical, from north
-    this.tilt = 0.6; // rad above the horizon
+    this.tilt = 0.45; // rad above the horizon
     this.away = 1; // times the distance that shows everything
     this.middle = null;
     this.reach = 0;
@@ -31,7 +31,7 @@ export class Space {
   }
 
   fit() {
-    [this.turn, this.tilt, this.away, this.middle] = [-0.6, 0.6, 1, null];
+    [this.turn, this.tilt, this.away, this.middle] = [-0.6, 0.45, 1, null];
     this.draw();
   }
 
@@ -84,7 +84,7 @@ export class Space {
     const depth = 1.7 * this.reach * this.away + ahead * cosTilt - dz * sinTilt;
     const up = dz * cosTilt + ahead * sinTilt;
     if (depth < NEAR * this.reach) return null;
-    const scale = Math.min(width, height) / depth;
+    const scale = (1.02 * Math.min(width, height)) / depth;
     return [width / 2 + right * scale, height / 2 - up * scale];
   }
 
@@ -97,8 +97,10 @@ export class Space {
     const [x0, y0] = this.middle.map((value) => Math.round(value / step) * step);
     for (let at = -8; at <= 8; at++) {
       const far = 8 * step;
-      this.curve([[x0 + at * step, y0 - far, this.ground], [x0 + at * step, y0 + far, this.ground]], "--grid", 1);
-      this.curve([[x0 - far, y0 + at * step, this.ground], [x0 + far, y0 + at * step, this.ground]], "--grid", 1);
+      // In pieces: of a line that passes the camera, what lies before it is seen.
+      const pieces = [...Array(33).keys()].map((piece) => ((piece - 16) * far) / 16);
+      this.curve(pieces.map((along) => [x0 + at * step, y0 + along, this.ground]), "--grid", 1);
+      this.curve(pieces.map((along) => [x0 + along, y0 + at * step, this.ground]), "--grid", 1);
     }
     this.name(TEXTS.map.north, [x0, y0 + 8 * step, this.ground], "--faint");
   }

@@ -49,13 +49,13 @@ export const TEXTS = {
   ago: (s) => (s < 10 ? `${s.toFixed(1)} s` : `${Math.round(s)} s`),
   lamps: {
     battery: "Battery", heartbeat: "Heartbeat", position: "Position age", evader: "Evader age", source: "Heard by",
-    stream: "We send", winner: "Winner", value: "Value to go", need: "Vehicle needs", range: "Range to disc", height: "Height to disc",
-    margin: "Margin", assured: "Kept from target", limits: "Limits acting", alarm: "Alarm", altitude: "Above home",
+    stream: "We send", winner: "Winner", value: "Value", need: "Vehicle needs", range: "Range to disc", height: "Height to disc",
+    margin: "Margin", assured: "Keeps from T", limits: "Limits acting", alarm: "Alarm", altitude: "Above home",
     speed: "Speed", recording: "Record",
   },
   wins: { pursuer: "pursuer", evader: "EVADER" },
   noGame: "evader too fast",
-  valueUnits: { s: "s", m: "m from T" },
+  valueUnits: { s: "s to go", m: "m from T" },
   recording: { on: "on", off: "off" },
   orders: {
     start: ["START", "arm and climb"], engage: ["ENGAGE", "play the game"], hold: ["HOLD", "at once · key H"],
@@ -86,7 +86,7 @@ export const TEXTS = {
   unanswered: (order) => `${order}: no answer from the panel. Give it again, or take the vehicle by its radio.`,
   tooShort: (order) => `${order}: not given. Keep it pressed for one second.`,
   charts: {
-    range: "Range to the disc, m", value: "Value to go", speed: "Speed, m/s", age: "Age, ms",
+    range: "Range to the disc, m", value: "Value", speed: "Speed, m/s", age: "Age, ms",
     gap_m: "rim", height_gap_m: "height", value_curve: "game", time_needed_s: "vehicle s",
     flown_m_s: "flown", commanded_m_s: "sent", desired_m_s: "game",
     position_age_ms: "position", evader_age_ms: "evader",
@@ -95,6 +95,6 @@ export const TEXTS = {
   profileHome: ["Height above home, m", "over range to home, m"],
   map: {
     pursuer: "vehicle", evader: "evader", target: "T", home: "H", north: "N", meeting: { s: "q*", m: "g*" },
-    disc: "stand-off disc", fence: "fence", isochron: "isochron", floor: "floor", ceiling: "ceiling", wait: "No position yet",
+    by: (host) => `map: ${host}`, disc: "stand-off disc", fence: "fence", isochron: "isochron", floor: "floor", ceiling: "ceiling", wait: "No position yet",
   },
 };

@@ -1,4 +1,7 @@
 // A map under the plan view, from a tile server that the panel was told of; none by default.
+import { ink } from "./surface.js";
+import { TEXTS } from "./texts.js";
+
 const TILE_PX = 256;
 const MOST_KEPT = 200;
 
@@ -32,6 +35,8 @@ export class Tiles {
         plan.surface.context.drawImage(image, px, py, size * plan.scale + 1, size * plan.scale + 1);
       }
     }
+    const { width, height } = plan.surface;
+    plan.surface.text(TEXTS.map.by(new URL(this.source).host), width - 6, height - 12, ink("--faint"), "right");
   }
 
   image(zoom, x, y) {

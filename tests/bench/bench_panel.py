@@ -1,0 +1,207 @@
+"""What the operator's page costs, and how late it is: `python tests/bench/bench_panel.py [--seconds 12] [--minutes 0]`.
+
+A mock PX4 and a rover in a process of their own, `guidance run` engaged and in the shadow of the rover, over Zenoh. The
+same daemon is flown without a panel, with one that no page is open on, with one page in Chromium, with nineteen sockets
+more, with the panel stopped (SIGSTOP) and after it was killed. Printed of each: how late its cycles began and how long
+they worked, of its own record; processor time of the daemon and of the panel; and from a cycle's beginning to the frame
+after the one it was drawn in. The whole record is replayed in the end: every setpoint, bit for bit.
+
+`--minutes 10` leaves the page open for so long, and prints the memory of the page and of the panel every minute.
+"""
+
+import argparse
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import aiohttp
+import numpy as np
+from bench_view import PROGRAM, daemon, memory_mb, mock
+from playwright.sync_api import Page, sync_playwright
+
+from guidance.log import cycles_of
+from guidance.log.broadcast import broadcast_key
+from guidance.log.replay import compare
+from guidance.session.control_bus import join_session
+from guidance.session.recorded import recorded_settings
+
+QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+SOCKETS = 19
+
+
+class Phase(NamedTuple):
+    """What was measured in one phase: its cycles, processor shares (1 is one processor), and latencies, s."""
+
+    name: str
+    first_s: float
+    last_s: float
+    daemon_share: float
+    panel_share: float
+    latencies_s: list[float]
+
+
+def used_s(pid: int) -> float:
+    """Processor time of a process so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+class Bench:
+    """One daemon, and what is measured of it."""
+
+    def __init__(self, seconds: float, pid: int, control: str) -> None:
+        self.seconds, self.pid = seconds, pid
+        self.zero_s = zero_s(control)
+        self.phases: list[Phase] = []
+
+    def phase(self, name: str, panel: int | None = None, page: Page | None = None) -> None:
+        """Measure for a while."""
+        pids = [self.pid] if panel is None else [self.pid, panel]
+        begun_s, before = time.time(), [used_s(pid) for pid in pids]
+        if page is not None:
+            page.evaluate("() => { panel.timed.length = 0; }")
+            page.wait_for_timeout(1e3 * self.seconds)  # its callbacks run meanwhile
+        else:
+            time.sleep(self.seconds)
+        ended_s = time.time()
+        shares = [(used_s(pid) - was) / (ended_s - begun_s) for pid, was in zip(pids, before, strict=True)]
+        timed = [] if page is None else page.evaluate("() => panel.timed")
+        late = [1e-3 * seen_ms - (self.zero_s + cycle_s) for cycle_s, seen_ms in timed]
+        bounds = begun_s - self.zero_s, ended_s - self.zero_s
+        self.phases.append(Phase(name, *bounds, shares[0], shares[1] if len(shares) > 1 else 0.0, late))
+
+
+def zero_s(control: str) -> float:
+    """Find when the daemon's clock was at zero (Unix s): a cycle is published at its own time at the earliest."""
+    seen: list[float] = []
+
+    def hear(sample: Any) -> None:
+        seen.append(time.time() - json.loads(sample.payload.to_bytes())["now_s"])
+
+    session = join_session(control)
+    session.declare_subscriber(broadcast_key("bench", "cycle"), hear)
+    time.sleep(6.0)
+    session.close()
+    return min(seen)
+
+
+@contextlib.contextmanager
+def panel_of(control: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Start `guidance panel`; yield its process and its address."""
+    command = [*PROGRAM, "panel", "--endpoint", control, "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        try:
+            yield child, child.stdout.readline().split()[1]
+        finally:
+            child.kill()
+
+
+@contextlib.contextmanager
+def sockets(url: str) -> Iterator[None]:
+    """Keep nineteen more sockets open that take everything and draw nothing."""
+    ended = threading.Event()
+
+    async def one(session: aiohttp.ClientSession, home: str) -> None:
+        async with session.ws_connect(f"{home}/live", headers={"Origin": home}, max_msg_size=0) as socket:
+            while not ended.is_set():
+                await socket.receive()
+
+    async def all_of_them() -> None:
+        home = url.split("/?", maxsplit=1)[0]
+        async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as session:
+            await session.get(url)
+            await asyncio.gather(*(one(session, home) for _ in range(SOCKETS)))
+
+    thread = threading.Thread(target=lambda: asyncio.run(all_of_them()))
+    thread.start()
+    yield
+    ended.set()
+    thread.join()
+
+
+def measure(bench: Bench, control: str, minutes: float) -> None:
+    """Fly on with and without onlookers."""
+    bench.phase("no panel")
+    with panel_of(control) as (panel, url), sync_playwright() as playwright:
+        time.sleep(2.0)
+        bench.phase("a panel, no page", panel.pid)
+        chromium = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=QUIET)
+        page = chromium.new_page(viewport={"width": 1024, "height": 768})
+        page.goto(url)
+        page.wait_for_timeout(2000)
+        bench.phase("one page", panel.pid, page)
+        with sockets(url):
+            page.wait_for_timeout(1000)
+            bench.phase("twenty pages", panel.pid, page)
+        if minutes:
+            stay(page, panel.pid, minutes)
+        chromium.close()
+        panel.send_signal(signal.SIGSTOP)
+        bench.phase("the panel hangs", panel.pid)
+    bench.phase("it was killed")
+
+
+def stay(page: Page, pid: int, minutes: float) -> None:
+    """Leave the page open, and print what it and its panel hold."""
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable")
+    print("minute   page's heap MB   its elements   panel's memory MB", flush=True)
+    for minute in range(round(minutes) + 1):
+        session.send("HeapProfiler.collectGarbage")
+        metrics = {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
+        heap_mb = metrics["JSHeapUsedSize"] / 1e6
+        print(f"{minute:6d} {heap_mb:16.2f} {metrics['Nodes']:14.0f} {memory_mb(pid):19.1f}", flush=True)
+        page.wait_for_timeout(60_000 if minute < round(minutes) else 0)
+
+
+def show(record: Path, phases: list[Phase]) -> None:
+    """Print what was measured, beside the first phase."""
+    timings = [(row.now_s, row.timing) for row in cycles_of(record) if row.timing is not None]
+    print("                     cycle began late, ms    worked, ms            processor, %     cycle to pixel, ms")
+    print("                      p50    p99    most     p50   p99  (× first)  daemon  panel    p50    p95    most")
+    first = None
+    for phase in phases:
+        within = [timing for now_s, timing in timings if phase.first_s < now_s < phase.last_s]
+        late, worked = (1e3 * np.array([getattr(one, key) for one in within]) for key in ("late_s", "worked_s"))
+        first = first or median(worked)
+        lates = " ".join(f"{value:6.2f}" for value in np.percentile(late, [50, 99, 100]))
+        works = " ".join(f"{value:5.2f}" for value in np.percentile(worked, [50, 99]))
+        seen = "     -      -       -"
+        if phase.latencies_s:
+            seen = " ".join(f"{1e3 * value:6.0f}" for value in np.percentile(phase.latencies_s, [50, 95, 100]))
+        print(
+            f"{phase.name:18} {lates}   {works}  ({median(worked) / first:4.2f})  "
+            f"{100 * phase.daemon_share:6.1f} {100 * phase.panel_share:6.1f}  {seen}"
+        )
+    comparison, _ = compare(record, recorded_settings)
+    print(f"replayed: {comparison.setpoints} setpoints in {comparison.cycles} cycles, {comparison.differing} differ")
+
+
+def main() -> None:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=12.0)
+    parser.add_argument("--minutes", type=float, default=0.0)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with mock(folder) as at, daemon(folder, at) as (pid, control):
+            bench = Bench(given.seconds, pid, control)
+            measure(bench, control, given.minutes)
+        (record,) = folder.glob("*.mcap")
+        show(record, bench.phases)
+
+
+if __name__ == "__main__":
+    main()
