@@ -24,6 +24,9 @@ def panel(
     token_file: Annotated[
         Path | None, typer.Option(help="The daemon's control.token_file; not needed for a daemon of your own.")
     ] = None,
+    zenoh: Annotated[
+        Path | None, typer.Option(help="With a router's endpoint (tls/…): our file of `guidance zenoh keys`.")
+    ] = None,
     certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM.")] = None,
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
     password_file: Annotated[
@@ -48,5 +51,7 @@ def panel(
     from guidance.viz.panel import PanelOptions, serve_panel  # noqa: PLC0415 - zenoh takes a moment
 
     endpoints = endpoint or ["tcp/127.0.0.1:7448"]
-    options = PanelOptions(endpoints, token_file, host, port, look, records, certificate, key, password_file, tiles)
+    options = PanelOptions(
+        endpoints, token_file, host, port, look, records, certificate, key, password_file, tiles, zenoh
+    )
     serve_panel(options, recorded_settings, typer.echo, with_parent=with_parent)

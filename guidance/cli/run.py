@@ -31,9 +31,15 @@ def run(
     with contextlib.ExitStack() as closing:
 
         def beside(found: "Config") -> None:
+            from guidance.errors import ConfigError  # noqa: PLC0415
             from guidance.viz.panel.beside import PanelBeside, options_of  # noqa: PLC0415
 
             control = found.control
+            if control.by_tls:
+                raise ConfigError(
+                    f"--panel with control.endpoint = {control.endpoint!r}: that router judges who may order; "
+                    f"leave it out, and run guidance panel --endpoint {control.endpoint} --zenoh FILE (an operator's)"
+                )
             options = options_of(control.token_file, found.record.folder)
             closing.callback(PanelBeside(control.endpoint, *options).close)
 

@@ -16,6 +16,7 @@ import zenoh
 
 from guidance.clock import Clock
 from guidance.errors import GuidanceError, LinkError
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.log.broadcast import FLIGHT, broadcast_key
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.live import TOPICS
@@ -69,13 +70,17 @@ class DaemonBus:
         endpoint: Of the daemons, on loopback.
         token_file: Where their token lies, if not where it is looked for.
         clock: The panel's.
+        credentials: What a router lets us in by, where the endpoint is one's.
     """
 
-    def __init__(self, endpoint: str, token_file: Path | None, clock: Clock) -> None:
+    def __init__(
+        self, endpoint: str, token_file: Path | None, clock: Clock, credentials: Credentials = NO_CREDENTIALS
+    ) -> None:
         self.endpoint = endpoint
         self.reason = "looking for a daemon"
         self._token_file = token_file
         self._clock = clock
+        self._credentials = credentials
         self._news: deque[News] = deque(maxlen=MOST_WAITING)
         self._session: zenoh.Session | None = None
         self._known: set[str] = set()
@@ -129,7 +134,7 @@ class DaemonBus:
         """Join the bus where we are not on it, and ask everybody where they stand."""
         session = self._session
         if session is None:
-            session = join_session(self.endpoint, self._token_file)
+            session = join_session(self.endpoint, self._token_file, self._credentials)
             self._session, self._silent = session, 0
             session.declare_subscriber(broadcast_key("*", "*"), self._hear)
         said = answers(session, control_key("*", STATUS), ANSWERED_WITHIN_S)

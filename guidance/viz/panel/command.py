@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError, LinkError
 from guidance.extras import require
+from guidance.links.wires.zenoh_access import read_credentials
 from guidance.log import SettingsOf
 from guidance.viz.panel.access import Access, origin_of, secured
 from guidance.viz.panel.bus import DaemonBus
@@ -34,6 +35,7 @@ class PanelOptions(NamedTuple):
     key: Path | None = None
     password_file: Path | None = None
     tiles: str = ""
+    zenoh: Path | None = None
 
 
 def serve_panel(
@@ -50,12 +52,13 @@ def serve_panel(
         raise ConfigError(f"--port {options.port}: allowed is 0 (pick a free one) to 65535")
     if options.tiles:
         origin_of(options.tiles)
+    credentials = read_credentials(options.zenoh)
     security = secured(options.host, options.certificate, options.key, options.password_file)
     listening = _listen(options.host, options.port)
     access = Access(listening.getsockname()[1], security)
     os.nice(NICE)
     clock = MonotonicClock()
-    hub = Hub([DaemonBus(one, options.token_file, clock) for one in options.endpoints], settings_of, clock)
+    hub = Hub([DaemonBus(one, options.token_file, clock, credentials) for one in options.endpoints], settings_of, clock)
     try:
         asyncio.run(_serve(hub, access, listening, options, say, with_parent=with_parent))
     finally:
