@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
 PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
-QUICK = "not slow and not flight"
+QUICK = "not slow and not flight and not arrays"
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,10 @@ ASKED_FOR = {
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
+    "arrays": Step(
+        "the games on PyTorch and JAX, in an environment that has both; CI calls it",
+        (sys.executable, "-m", "tests.arrays"),
+    ),
     "install": Step(
         "the wheel in an empty environment of every Python that is found, and a flight there",
         (sys.executable, "-m", "tests.install"),
@@ -86,7 +90,7 @@ ASKED_FOR = {
     ),
     "coverage": Step(
         "what the tests in virtual time reach, by line and branch, in three times the time",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "not slow", "--cov", "--cov-report=term"),
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
     ),
 }
 """Steps that run by name only."""

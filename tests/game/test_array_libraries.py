@@ -22,6 +22,7 @@ from guidance.game import (
 from guidance.game.arrays import codes, constant, spread, vectors
 from guidance.game.hji import automatic_gradient
 
+pytestmark = pytest.mark.arrays
 NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")
 
 
