@@ -2,7 +2,6 @@
 
 import sys
 import traceback
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
@@ -61,6 +60,8 @@ app.add_typer(zenoh, name="zenoh")
 def _version(asked: bool) -> None:
     if not asked:
         return
+    from importlib.metadata import version  # noqa: PLC0415 - for this only
+
     from guidance.log.provenance import PACKAGE, commit  # noqa: PLC0415 - for this only
 
     known = commit()
