@@ -1,0 +1,113 @@
+"""The same again in one process leaves nothing behind: whole flights with their records, orders, reloads.
+
+`tests/bench/bench_many.py` does it hundreds of times and looks at memory; here every object and descriptor is counted.
+"""
+
+import gc
+import json
+from pathlib import Path
+
+import pytest
+
+from guidance.clock import VirtualClock
+from guidance.config import load
+from guidance.flight import State
+from guidance.log.writer import Recorder
+from guidance.session.daemon import Daemon
+from guidance.session.fly import fly
+from guidance.session.service import reload
+from guidance.session.spec import plan_of
+from guidance.session.vehicle_file import Config
+from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
+
+SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
+
+
+def left():
+    """Count what is there, once all that nobody holds is gone: objects, and open descriptors."""
+    gc.collect()
+    return len(gc.get_objects()), len(list(Path("/proc/self/fd").iterdir()))
+
+
+def growth(once, *, warm, times):
+    """Return how much more is left after so many times than before, the first few not counted."""
+    for number in range(warm):
+        once(number)
+    objects, descriptors = left()
+    for number in range(warm, warm + times):
+        once(number)
+    after = left()
+    return after[0] - objects, after[1] - descriptors
+
+
+class Silent:
+    """A link, or an evader's reports, without a vehicle."""
+
+    def receive(self):
+        return ()
+
+    def send_heartbeat(self):
+        """Nobody hears it."""
+
+    def request(self, _request):
+        """Nobody answers."""
+
+    def counters(self):
+        return {}
+
+
+@pytest.fixture
+def grounded(tmp_path, vehicle_document):
+    """A daemon that waits for its vehicle, its file, and a cycle of it."""
+    config = Config.model_validate(vehicle_document())
+    path = tmp_path / "uav1.toml"
+    text = [f"name = {json.dumps(config.name)}"]
+    for section, keys in vehicle_document().items():
+        if isinstance(keys, dict):
+            text += [f"[{section}]", *(f"{key} = {json.dumps(value)}" for key, value in keys.items())]
+    path.write_text("\n".join(text))
+    daemon = Daemon(config.name, plan_of(config), Silent(), Silent())
+    return daemon, lambda: reload(path, config)
+
+
+def test_a_whole_flight_leaves_nothing(tmp_path):
+    def once(number):
+        clock = VirtualClock()
+        world = SteppedWorld(SHORT.model_copy(update={"seed": number}), clock)
+        record = Recorder(tmp_path / "record.mcap", {})
+        assert fly(SHORT, world, clock, record).ended is State.LANDED
+        record.close()
+        world.close()
+
+    objects, descriptors = growth(once, warm=1, times=1)
+    assert descriptors == 0
+    assert objects < 20  # a flight has some 100,000
+
+
+def test_orders_leave_nothing(grounded):
+    daemon, _ = grounded
+    words = ("status", "hold", "reset", "engage")
+
+    def once(number):
+        question = daemon.mailbox.ask(words[number % 4])
+        daemon.step(0.02 * number)
+        assert question.wait(0.0)["order"] == words[number % 4]
+
+    objects, descriptors = growth(once, warm=20, times=400)
+    assert descriptors == 0
+    assert objects < 20
+
+
+def test_reloads_leave_nothing(grounded):
+    daemon, load_again = grounded
+
+    def once(number):
+        before = daemon.flight
+        daemon.exchange(load_again, 0.02 * number)
+        assert daemon.flight is not before
+        daemon.step(0.02 * number)
+
+    objects, descriptors = growth(once, warm=5, times=100)
+    assert descriptors == 0
+    assert objects < 20
