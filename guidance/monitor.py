@@ -43,11 +43,29 @@ class Violation(StrEnum):
     STALE = "guarantee: nothing new is heard of the evader"
 
 
+_UNITS: Final = {
+    Violation.CAPTURE_LATER: "s",
+    Violation.EVADER_CLOSER: "m",
+    Violation.STALE: "s",
+}
+
+
 class Alarm(NamedTuple):
     """What was broken and by how much: s of the time of capture or of age, m of L, nothing for the barrier."""
 
     violation: Violation
     amount: float
+
+    @property
+    def by(self) -> str:
+        """By how much, with its unit; empty for the barrier."""
+        unit = _UNITS.get(self.violation)
+        return "" if unit is None else f"{self.amount:.2f} {unit}"
+
+    @property
+    def words(self) -> str:
+        """What and by how much, in one line."""
+        return f"{self.violation}, {self.by}" if self.by else str(self.violation)
 
 
 class MonitorMemory(NamedTuple):

@@ -139,7 +139,7 @@ def _may_fly(vehicle: str, *, yes: bool) -> None:
 def _viewer(closing: contextlib.ExitStack) -> "ViewerBeside":
     from guidance.viz.view import ViewerBeside  # noqa: PLC0415
 
-    beside = ViewerBeside("--port", "0", "--web-port", "0")
+    beside = ViewerBeside("--port", "0", "--web-port", "0", say=typer.echo)
     closing.callback(beside.close)
     return beside
 

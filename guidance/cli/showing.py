@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -139,15 +140,19 @@ def tell_dropped(console: Console, result: FlightResult) -> None:
         console.print(f"[yellow]the disk was too slow: {result.record_dropped} messages are not in the record[/yellow]")
 
 
+def _number(value: float, digits: int, unit: str = "") -> str:
+    return "-" if math.isnan(value) else f"{value:.{digits}f} {unit}".rstrip()
+
+
 def _table(result: FlightResult, outcome: Outcome) -> Table:
-    unit, what = ("s", "capture time") if outcome.game == "pe" else ("m", "evader's final distance to T")
-    title = f"{ending_words(outcome)}, {what}"
+    unit, what = ("s", "time to capture") if outcome.game == "pe" else ("m", "evader's distance from its target")
+    title = f"{ending_words(outcome)}; value is the {what}"
     rows = {
-        "value predicted at engagement": f"{outcome.predicted:.2f} {unit}",
-        "time this vehicle needs, at engagement": f"{outcome.time_needed_s:.2f} s",
-        "flown": f"{outcome.achieved:.2f} {unit}",
-        "flown / predicted": f"{outcome.ratio:.3f}",
-        "game lasted": f"{outcome.game_time_s:.2f} s",
+        "value predicted at engagement": _number(outcome.predicted, 2, unit),
+        "time this vehicle needs, at engagement": _number(outcome.time_needed_s, 2, "s"),
+        "flown": _number(outcome.achieved, 2, unit),
+        "flown / predicted": _number(outcome.ratio, 3),
+        "game lasted": _number(outcome.game_time_s, 2, "s"),
         "setpoints sent": f"{result.setpoints_sent}",
         "late cycles": f"{result.late_cycles} of {result.cycles}",
         "guarantee alarms": f"{outcome.alarms}",

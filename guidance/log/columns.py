@@ -101,7 +101,7 @@ class LastHeard:
             "now_s": row.now_s,
             "state": row.state,
             **values,
-            "alarm": None if alarm is None else f"{alarm.violation} ({alarm.amount:.3g})",
+            "alarm": None if alarm is None else alarm.words,
         }
 
 

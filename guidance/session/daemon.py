@@ -261,7 +261,7 @@ class Daemon:
 
     def _tell(self, outputs: Outputs) -> None:
         if outputs.alarm is not None:
-            self._log.say(logging.WARNING, str(outputs.alarm.violation), amount=round(outputs.alarm.amount, 2))
+            self._log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
         if outputs.fault is not None:
             self._log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
         for happening in outputs.happenings:

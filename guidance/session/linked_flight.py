@@ -74,4 +74,4 @@ class LinkedFlight:
                 detail += f": {outputs.fault}"
             recorder.event(happening.now_s, str(happening.event), detail)
         if outputs.alarm is not None:
-            recorder.event(inputs.now_s, str(outputs.alarm.violation), f"{outputs.alarm.amount:.2f}")
+            recorder.event(inputs.now_s, str(outputs.alarm.violation), outputs.alarm.by)

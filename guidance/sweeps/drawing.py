@@ -122,14 +122,18 @@ def _regret(tallies: Sequence[Tally], title: str, unit: str) -> Figure | None:
 
 
 def _capture(tallies: Sequence[Tally], title: str) -> Figure | None:
-    """The probability of capture over every swept key; one row for each evader."""
-    bins = tallies[0].bins[:_MOST_KEYS]
+    """The probability of capture over every key that it depends on, one row for each evader; or bars, if on none."""
+    bins = tallies[0].bins
     if not bins:
         return None
+    telling = [number for number in range(len(bins)) if _differs(tallies, number)][:_MOST_KEYS]
+    if not telling:
+        return _capture_bars(tallies, title)
     groups, styles = list(_by_evader(tallies)), _styles(tallies)
-    figure, axes = _figure(f"{title}: probability of capture, with 95 % intervals", len(groups), len(bins))
+    figure, axes = _figure(f"{title}: probability of capture, with 95 % intervals", len(groups), len(telling))
     for row, (evader, group) in zip(axes, groups, strict=True):
-        for number, (one, each) in enumerate(zip(row, bins, strict=True)):
+        for number, one in zip(telling, row, strict=True):
+            each = bins[number]
             for place, tally in enumerate(group):
                 _capture_line(one, tally, number, place - 0.5 * (len(group) - 1), styles[tally.pair.pursuer])
             one.set(ylim=(-0.03, 1.03), xlabel=key_label(each.column))
@@ -137,6 +141,33 @@ def _capture(tallies: Sequence[Tally], title: str) -> Figure | None:
                 one.set_xticks(each.centres, each.labels)
         row[0].set_ylabel(f"captured\nevader: {evader}")
     _legend(figure, axes)
+    return figure
+
+
+def _differs(tallies: Sequence[Tally], number: int) -> bool:
+    """Whether the probability of capture depends on a key: for some pair, two intervals have nothing in common."""
+    for tally in tallies:
+        counts = zip(tally.captures[number], tally.games[number], strict=True)
+        intervals = [share(int(captures), int(games)) for captures, games in counts if games]
+        if intervals and max(one.low for one in intervals) > min(one.high for one in intervals):
+            return True
+    return False
+
+
+def _capture_bars(tallies: Sequence[Tally], title: str) -> Figure:
+    """The probability of capture of every pair, a bar each: no swept key makes a difference to it."""
+    figure, axes = _figure(f"{title}: probability of capture, with 95 % intervals", 1, 1)
+    figure.set_size_inches(8.5, 1.9 + 0.3 * len(tallies))
+    one = axes[0, 0]
+    for place, tally in enumerate(tallies):
+        found = share(tally.ends["captured"], tally.valid)
+        reach = [[max(0.0, found.estimate - found.low)], [max(0.0, found.high - found.estimate)]]
+        one.barh(place, found.estimate, xerr=reach, color="0.85", edgecolor="black", capsize=3)
+    one.set_yticks(range(len(tallies)), [f"{tally.pair.pursuer} / {tally.pair.evader}" for tally in tallies])
+    one.set(
+        xlim=(0.0, 1.03), xlabel="captured (no swept key makes a difference that is seen)", ylabel="pursuer / evader"
+    )
+    one.invert_yaxis()
     return figure
 
 

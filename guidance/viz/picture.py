@@ -1,6 +1,7 @@
 """The flight as a picture: both tracks in space and from above, where the game began and where it was to end."""
 
 import contextlib
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -68,4 +69,6 @@ def _places(places: Iterable[Vector]) -> Array:
 
 def _score(outcome: Outcome) -> str:
     unit = "s" if outcome.game == "pe" else "m from T"
+    if math.isnan(outcome.achieved):
+        return "no game was played" if math.isnan(outcome.predicted) else f"{outcome.predicted:.2f} {unit} predicted"
     return f"{outcome.achieved:.2f} {unit} flown, {outcome.predicted:.2f} {unit} predicted"

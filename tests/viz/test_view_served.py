@@ -112,10 +112,12 @@ def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
 
 
 def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capfd):
-    beside = ViewerBeside(*FREE)
+    said = []
+    beside = ViewerBeside(*FREE, say=said.append)
     beside.wait()  # nothing was started
     beside.start(record)
     pids = children(beside._child.pid)
+    until(lambda: any("http://127.0.0.1" in line for line in said))  # by us, and not into a live line
     beside._child.kill()
     beside.wait()
     beside.close()

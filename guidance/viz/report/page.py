@@ -61,6 +61,11 @@ th { font-weight: 600; white-space: nowrap; }
 figure { margin: 0; break-inside: avoid; }
 figure img { width: 100%; height: auto; display: block; }
 figcaption { color: #444; max-width: 60rem; }
+td { overflow-wrap: anywhere; }
+@media (max-width: 40rem) {
+  tr, th, td { display: block; white-space: normal; padding-right: 0; }
+  th { border-bottom: 0; padding-bottom: 0; color: #444; }
+}
 """
 
 

@@ -1,10 +1,13 @@
 """A flight in a few numbers, each with its unit."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
+from guidance.certificate import Certificate
 from guidance.flight import State
+from guidance.game import solve
 from guidance.log.entries import EVENT_TOPIC
 from guidance.viz.report.story import Array, Story
 
@@ -26,22 +29,32 @@ def _game(story: Story) -> list[tuple[str, str]]:
     engaged = None if story.engaged is None else story.certificates[story.engaged]
     if story.engaged is None or engaged is None:
         return [*rows, ("outcome", f"no game was played; ended {story.states[-1]}")]
-    rows.append(("value predicted at engagement, to the disc itself", f"{engaged.value:.2f} {unit}"))
+    predicted = _predicted(story, engaged)
+    rows.append(("value predicted at engagement", f"{predicted:.2f} {unit}"))
     rows.append(("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"))
     if story.with_target:
         rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
     if story.captured is None:
         return [*rows, ("outcome", f"not captured; ended {story.states[-1]}")]
     flown = _flown(story)
-    lasted_s = story.cycles[story.captured].now_s - story.cycles[story.engaged].now_s
+    lasted_s = story.reached_s - story.begun_s
     return [
         *rows,
         ("outcome", f"captured; ended {story.states[-1]}"),
         ("flown", f"{flown:.2f} {unit}"),
-        ("flown / predicted", f"{flown / engaged.value:.3f}" if engaged.value else "–"),
+        ("flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"),
         ("game lasted", f"{lasted_s:.2f} s"),
         ("lasted / time needed", f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–"),
     ]
+
+
+def _predicted(story: Story, engaged: Certificate) -> float:
+    """Return what a flight's outcome calls predicted: until the tolerance about the disc, without wind."""
+    cycle = story.settings.cycle
+    game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
+    places = [np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0))]
+    target = [] if cycle.target_game_m is None else [np.array(cycle.target_game_m)]
+    return float(solve(game, *places, *target).value)
 
 
 def _flown(story: Story) -> float:
@@ -51,7 +64,7 @@ def _flown(story: Story) -> float:
     target = story.settings.cycle.target_game_m
     if target is not None:
         return math.dist(captured.evader_game_m[:2], target[:2])
-    return story.cycles[story.captured].now_s - story.cycles[story.engaged].now_s
+    return story.reached_s - story.begun_s
 
 
 def _flight(story: Story) -> list[tuple[str, str]]:

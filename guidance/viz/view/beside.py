@@ -6,9 +6,10 @@ standard input is then closed.
 
 import subprocess
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from guidance.viz.view.command import require_rerun
 
@@ -18,18 +19,31 @@ STOP_LIMIT_S: Final = 5.0
 class ViewerBeside:
     """Starts `guidance view --follow` on a record.
 
+    Args:
+        options: Of that command.
+        say: Is told every line that it says, on a thread of its own: a flight's live line stays whole.
+
     Raises:
         ConfigError: If Rerun is not installed.
     """
 
-    def __init__(self, *options: str) -> None:
+    def __init__(self, *options: str, say: Callable[[str], None]) -> None:
         require_rerun()
         self._options = options
+        self._say = say
         self._child: subprocess.Popen[bytes] | None = None
 
     def start(self, record: Path) -> None:
         """Look at a record that is being written from now on."""
-        self._child = subprocess.Popen(command(record, self._options), stdin=subprocess.PIPE, start_new_session=True)
+        self._child = subprocess.Popen(
+            command(record, self._options), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
+        threading.Thread(target=self._relay, args=(self._child.stdout,), name="view", daemon=True).start()
+
+    def _relay(self, lines: IO[bytes]) -> None:
+        for line in lines:
+            self._say(line.decode(errors="replace").rstrip())
+        lines.close()
 
     def wait(self) -> None:
         """Wait until the viewer ends."""

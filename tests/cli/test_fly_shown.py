@@ -1,0 +1,58 @@
+"""How a flight is told: no number where there is none, one definition of each, and alarms with their units."""
+
+import io
+import math
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+
+from guidance.cli.showing import _table
+from guidance.flight import State
+from guidance.monitor import Alarm, Violation
+from guidance.session.result import FlightResult
+from guidance.sim.files import load_scenario
+from guidance.sim.outcome import outcome_of
+from guidance.sweeps.drawing import _differs
+from guidance.viz.picture import _score
+
+
+def yielded(predicted):
+    return outcome_of(
+        load_scenario("pilot_takeover")[1], "fast", end="yielded", game_time_s=3.84, final_distance_m=9.0,
+        predicted=predicted, predicted_winner="pursuer", time_needed_s=math.nan, min_standoff_m=12.0,
+        min_altitude_m=10.0, duration_s=29.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [60, 200])
+def test_a_flight_without_a_capture_has_no_number_for_one(width):
+    outcome = yielded(12.82)
+    there = Console(file=io.StringIO(), width=width)
+    there.print(_table(FlightResult(load_scenario("pilot_takeover")[1], State.YIELDED), outcome))
+    words = there.file.getvalue()
+    assert "nan" not in words
+    assert "yielded to a pilot" in words
+    assert "12.82 s" in words
+    assert max(map(len, words.splitlines())) <= width
+    assert _score(outcome) == "12.82 s predicted"
+    assert _score(yielded(math.nan)) == "no game was played"
+
+
+@pytest.mark.parametrize(
+    ("violation", "words"),
+    [
+        (Violation.CAPTURE_LATER, "guarantee: the time of capture has risen, 1.79 s"),
+        (Violation.EVADER_CLOSER, "guarantee: the evader's final distance to its target has fallen, 1.79 m"),
+        (Violation.BARRIER_LOST, "barrier: the evader can now reach its target"),
+    ],
+)
+def test_an_alarm_says_by_how_much_in_which_unit(violation, words):
+    assert Alarm(violation, 1.789).words == words
+
+
+@pytest.mark.parametrize(
+    ("captures", "differs"), [(([100, 100, 100],), False), (([100, 50, 100],), True), (([97, 100, 99],), False)]
+)
+def test_capture_is_drawn_over_a_key_only_where_it_depends_on_it(captures, differs):
+    assert _differs([SimpleNamespace(captures=captures, games=([100, 100, 100],))], 0) is differs
