@@ -67,10 +67,10 @@ class Looks:
         objects = self.objects[-1] - self.objects[1]
         grown_mb = self.memory_mb[-1] - self.memory_mb[1]
         each = f"{grown_mb / times * 1e3:+.1f} kB and {objects / times:+.2f} objects a time"
+        memory = f"{self.memory_mb[1]:6.1f} to {self.memory_mb[-1]:6.1f} MB"
         print(
-            f"{what:8} {self.counts[-1]:5} of {wanted:5}   memory {self.memory_mb[1]:6.1f} to {self.memory_mb[-1]:6.1f} MB, "
-            f"{each:40}"
-            f"  descriptors {grown(self.descriptors):+d}   threads {grown(self.threads):+d}",
+            f"{what:8} {self.counts[-1]:5} of {wanted:5}   memory {memory}, {each:40}   "
+            f"descriptors {grown(self.descriptors):+d}   threads {grown(self.threads):+d}",
             flush=True,
         )
         return grown_mb < MOST_MB and grown(self.descriptors) <= 0 and 100 * grown(self.threads) < times
