@@ -31,6 +31,9 @@ from sitl_mock.cli import app as mock_app
 DOCS = Path(__file__).parents[1] / "docs"
 EXAMPLES = DOCS / "examples"
 PAGES = sorted(DOCS.rglob("*.md"))
+RUN_ELSEWHERE = {"mock.md": "tests/sitl_mock/test_mock_page.py", "zenoh.md": "tests/links/test_zenoh_docs.py"}
+"""Pages that need more than a folder to run in, and the tests that run them."""
+
 PROGRAMS = {"guidance": typer.main.get_command(guidance_app), "sitl-mock": typer.main.get_command(mock_app)}
 
 
@@ -43,7 +46,8 @@ def blocks(page, *kinds):
 
 
 def with_blocks(*kinds):
-    pages = [page for page in PAGES if blocks(page, *kinds)]
+    elsewhere = RUN_ELSEWHERE if set(kinds) & {"console", "python"} else {}
+    pages = [page for page in PAGES if page.name not in elsewhere and blocks(page, *kinds)]
     return pytest.mark.parametrize("page", pages, ids=lambda page: page.relative_to(DOCS).as_posix())
 
 
@@ -66,8 +70,6 @@ def run_console(text):
 @pytest.mark.flight
 @with_blocks("console", "python")
 def test_what_a_page_types_gives_what_it_shows(page, tmp_path, monkeypatch, capsys):
-    if page.name in {"mock.md", "contributing.md"}:  # tests/sitl_mock/test_mock_page.py runs those
-        return
     monkeypatch.chdir(tmp_path)
     names = {"__name__": page.stem}
     for kind, text in blocks(page, "console", "python", "toml"):
@@ -158,6 +160,11 @@ def test_a_notebook_runs_from_top_to_bottom(notebook, monkeypatch):
     for cell in cells:
         exec(compile(cell, notebook.name, "exec"), names)
     assert all(not cell.get("outputs") for cell in content["cells"])
+
+
+@pytest.mark.parametrize("page", RUN_ELSEWHERE)
+def test_a_page_that_is_run_elsewhere_is_run_there(page):
+    assert page in (DOCS.parent / RUN_ELSEWHERE[page]).read_text(encoding="utf-8")
 
 
 def test_every_page_and_example_is_in_the_contents():
