@@ -35,7 +35,8 @@ class Certificate(NamedTuple):
     NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
     `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `active_limits`.
     `reason` is the `guidance.game.Reason` of the game's answer: with TOO_OLD nothing here is guaranteed. In TAD
-    everything here is said of the disc less what the evader may have run since it was seen.
+    everything here is said of the disc less what the evader may have run since it was seen. `battery_needed` is the
+    share of the charge that it takes to come home from here, NaN where that is not reckoned.
     """
 
     winner: int
@@ -59,6 +60,7 @@ class Certificate(NamedTuple):
     time_needed_s: float = math.nan
     assured_distance_m: float = math.nan
     reason: int | None = None
+    battery_needed: float = math.nan
 
 
 class Answer(NamedTuple):

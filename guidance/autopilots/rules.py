@@ -39,6 +39,7 @@ class Wants:
         fence_circle_m: Radius of our circle about home, where there is one.
         fence_corners_ne_m: Corners of our polygon, metres north and east of home, where there is one.
         fence_corners_deg: The same by latitude and longitude, as long as home is not known.
+        battery_needed: Share of the charge to come home with from the edge of the fence, where that is reckoned.
         loss_time_limit_s: Longest time that an old setpoint may be flown when ours stop.
         origin_distance_limit_m: Farthest that the local frame's zero may be from home.
         evader_height_limit_m: Largest difference between the evader's altitude and home's.
@@ -57,6 +58,7 @@ class Wants:
     fence_circle_m: float | None = None
     fence_corners_ne_m: tuple[tuple[float, float], ...] | None = None
     fence_corners_deg: tuple[tuple[float, float], ...] | None = None
+    battery_needed: float | None = None
 
 
 Parameters = Mapping[str, float]

@@ -53,6 +53,12 @@ class EventContext:
     mode_left: Mode | None = None
     chase_s: float = 0.0
     rival: str = ""
+    battery_needed: float | None = None
+
+    @property
+    def battery_limit(self) -> float:
+        """The share of the charge below which it returns, the settings' where none was reckoned."""
+        return self.settings.battery_minimum if self.battery_needed is None else self.battery_needed
 
     @property
     def heard_since_entry(self) -> bool:
@@ -71,7 +77,7 @@ def events(context: EventContext) -> Iterator[Event]:
 def fit(context: EventContext) -> bool:
     """True when every readiness check passes and preflight refuses nothing."""
     settings = context.settings
-    rows = checks(context.vehicle, settings.autopilot, context.now_s, battery_minimum=settings.battery_minimum)
+    rows = checks(context.vehicle, settings.autopilot, context.now_s, battery_minimum=context.battery_limit)
     return not context.refusals and all(row.passed for row in rows)
 
 
@@ -132,7 +138,7 @@ def _at_start(context: EventContext) -> bool:
 
 def _battery_low(context: EventContext) -> bool:
     status = context.vehicle.last(SystemStatus)
-    return status is not None and status.battery_remaining < context.settings.battery_minimum
+    return status is not None and status.battery_remaining < context.battery_limit
 
 
 def _evader_lost(context: EventContext) -> bool:

@@ -4,6 +4,7 @@ One step a guidance cycle: fold what was heard, find what happened, follow the t
 out. The step is the same in real time, in virtual time and in replay.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -108,7 +109,24 @@ class Flight:
 
     def checks(self, now_s: float) -> tuple[Check, ...]:
         """Show the readiness rows as they stand."""
-        return checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.settings.battery_minimum)
+        return checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self._battery_needed())
+
+    def _battery_needed(self) -> float:
+        """The share of the charge that the checks ask for: before a flight to the fence and back, in it from here."""
+        away = self._away_m()
+        if self.state in BEFORE_FLIGHT or away is None:
+            return self.settings.battery_to_start
+        return self.settings.battery_needed(*away)
+
+    @property
+    def battery_needed(self) -> float:
+        """The share of the charge below which the vehicle returns (in flight), or does not start (before it)."""
+        return self._battery_needed()
+
+    def _away_m(self) -> tuple[float, float] | None:
+        """How far from home, and how high above it."""
+        here, home = self._position_ned_m, self.tracking.home_ned_m
+        return None if here is None or home is None else (math.dist(here[:2], home[:2]), home[2] - here[2])
 
     @property
     def mode_name(self) -> str:
@@ -292,6 +310,7 @@ class Flight:
             mode_left=self._mode_left,
             chase_s=now_s - self._chase_began_s,
             rival=self.tracking.rival(now_s),
+            battery_needed=self._battery_needed(),
         )
 
     def _start_ned_m(self) -> tuple[float, float, float] | None:
@@ -357,6 +376,8 @@ class Flight:
         played = play if playing and inputs.evader is not None else hover
         output = played(inputs, self._cycle, self._memory)
         self._memory = output.memory
+        if output.certificate is not None and self.settings.reserve is not None:
+            output = output._replace(certificate=output.certificate._replace(battery_needed=self._battery_needed()))
         if output.certificate is not None:
             self._certificate = output.certificate
         if output.certificate is not None and self.state is State.ENGAGED:

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from guidance.autopilots import Autopilot
 from guidance.cycle import CycleSettings
 from guidance.flight.local_frame import Corners
+from guidance.flight.reserve import Reserve
 from guidance.flight.table import State
 from guidance.frames import Vector
 
@@ -52,7 +53,9 @@ class FlightSettings:
         start_game_m: Where the autopilot flies to before standing by, in the game frame; None stays above the take-off.
         after_capture: What to do at the stand-off disc.
         engage_on: What begins the game.
-        battery_minimum: Battery remaining (0 to 1) below which the flight returns.
+        battery_minimum: Battery remaining (0 to 1) below which the flight returns, where there is no `reserve`.
+        reserve: By which the battery that is needed to come home is reckoned, from wherever the vehicle is.
+        farthest_m: How far from home the fence lets it go; with a reserve it starts only with enough to come back.
         guarantee_slack_s: How much of what was promised may be lost before an alarm says so, besides what
             `guidance.monitor` allows for: s of the time of capture (PE), and the evader's way in that time (TAD).
         settle_s: How long everything must be well again before a paused game goes on.
@@ -76,3 +79,14 @@ class FlightSettings:
     fence_corners_deg: Corners | None = None
     longest_chase_s: float = math.inf
     hold_on_rival: bool = True
+    reserve: Reserve | None = None
+    farthest_m: float = 0.0
+
+    def battery_needed(self, away_m: float, height_m: float) -> float:
+        """Return the share of the charge below which it returns from this far and high, metres from home."""
+        return self.battery_minimum if self.reserve is None else self.reserve.needed(away_m, height_m)
+
+    @property
+    def battery_to_start(self) -> float:
+        """The share that it starts with at least: enough to come home from the edge of its fence."""
+        return self.battery_needed(self.farthest_m, self.takeoff_height_m)

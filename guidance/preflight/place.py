@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from guidance.autopilots import Finding, Verdict, Wants
 from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
-from guidance.messages import GlobalPosition, Home, LocalPosition, Origin
+from guidance.messages import GlobalPosition, Home, LocalPosition, Origin, SystemStatus
 from guidance.preflight.survey import Facts
 
 _AGREEMENT_M = 5.0
@@ -19,6 +19,8 @@ _HOME_HEIGHT_M = 3.0
 def rows(facts: Facts, projection: MapProjection, wants: Wants) -> Iterator[Finding]:
     """Judge origin, home, position and datum."""
     vehicle = facts.vehicle
+    if wants.battery_needed is not None:
+        yield _battery(vehicle.last(SystemStatus), wants.battery_needed)
     origin, home = vehicle.last(Origin), vehicle.last(Home)
     if origin is None or home is None:
         missing = " and ".join(
@@ -42,6 +44,15 @@ def rows(facts: Facts, projection: MapProjection, wants: Wants) -> Iterator[Find
     yield _position(frame, position, local)
     yield _datum(home, position)
     yield _evader(facts, home, wants)
+
+
+def _battery(status: SystemStatus | None, needed: float) -> Finding:
+    wanted = f"{needed:.0%} at least, to come home from the edge of the fence"
+    if status is None or math.isnan(status.battery_remaining):
+        return Finding("battery reserve", "unknown", wanted, Verdict.WARN, "the autopilot tells no battery")
+    left, advice = status.battery_remaining, "charge it, or draw the fence closer; see flight.reserve"
+    verdict = Verdict.REFUSE if left < needed else Verdict.PASS
+    return Finding("battery reserve", f"{left:.0%}", wanted, verdict, advice if left < needed else "")
 
 
 def _origin(frame: LocalFrame, home: Home, wants: Wants) -> Finding:

@@ -192,6 +192,7 @@ def status(
             "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
             "position_age_s": vehicle.age_s(LocalPosition, now_s),
             "evader_silence_s": flight.tracking.silence_s(now_s),
+            "battery_needed": flight.battery_needed,
             "evader_second_source": flight.tracking.rival(now_s),
             **_flown(vehicle),
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],

@@ -16,6 +16,7 @@ from guidance.control import Envelope, Polygon, Speeds, StandOffLimit
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, FlightSettings, State
+from guidance.flight.reserve import Reserve
 from guidance.flight.settings import LIMITS_S
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
@@ -123,6 +124,8 @@ class Specification:
             engage_on=EngageOn(self.flight.engage_on),
             battery_minimum=self.flight.battery_minimum,
             hold_on_rival=self.hold_on_rival,
+            reserve=self._reserve(),
+            farthest_m=self._farthest_m(),
             longest_chase_s=math.inf if self.flight.longest_chase_s is None else self.flight.longest_chase_s,
             fence_corners_deg=self.limits.fence_polygon_deg,
             limits_s={
@@ -136,6 +139,7 @@ class Specification:
         """Return what the autopilot has to be set to."""
         if self.preflight is None:
             return None
+        reserve = self._reserve()
         return Wants(
             speed_m_s=self.speeds.speed_m_s,
             limit_speed_m_s=self.speed_limits.speed_m_s,
@@ -150,7 +154,18 @@ class Specification:
             loss_time_limit_s=self.preflight.loss_time_limit_s,
             origin_distance_limit_m=self.preflight.origin_distance_limit_m,
             evader_height_limit_m=self.preflight.evader_height_limit_m,
+            battery_needed=None
+            if reserve is None
+            else reserve.needed(self._farthest_m(), self.flight.takeoff_height_m),
         )
+
+    def _reserve(self) -> Reserve | None:
+        given = self.flight.reserve
+        return None if given is None else Reserve(**given.model_dump())
+
+    def _farthest_m(self) -> float:
+        """How far from home the fence lets the vehicle go; 0 where only home will tell, for corners in degrees."""
+        return self.limits.reach_m if math.isfinite(self.limits.reach_m) else 0.0
 
     def _speed_set(self) -> SpeedSet:
         return Ball(self.speeds.speed_m_s) if self.speed_set == "ball" else Cylinder(*self.speeds)

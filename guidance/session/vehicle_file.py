@@ -3,7 +3,7 @@
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
@@ -27,6 +27,9 @@ def _is_url(url: str) -> str:
 
 
 Url = Annotated[str, AfterValidator(_is_url)]
+
+_ABOVE_THE_FLOOR_M: Final = 1.0
+"""Take-off ends up to 0.7 m low, and a hover wanders by some decimetres."""
 
 EvaderKind = Literal[
     "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
@@ -242,6 +245,25 @@ class LimitsSection(SpeedLimits):
         return min(farthest_m, self.fence_radius_m if self.fence_radius_m is not None else math.inf)
 
 
+class ReserveSection(Section):
+    """By what the battery that is needed to fly home is reckoned: how far it is, how fast, and against which wind."""
+
+    endurance_s: float = Field(gt=0.0, le=1e5, description="that a full charge lasts in flight")
+    left: float = Field(0.1, ge=0.0, lt=1.0, description="share of the charge that is to be left on the ground")
+    return_speed_m_s: float = Field(5.0, gt=0.0, le=30.0, description="the autopilot's own, through the air")
+    landing_speed_m_s: float = Field(0.7, gt=0.0, le=5.0, description="the autopilot's own, downwards")
+    wind_m_s: float = Field(0.0, ge=0.0, lt=30.0, description="that is against it at worst")
+
+    @model_validator(mode="after")
+    def _check_wind(self) -> Self:
+        if self.wind_m_s >= self.return_speed_m_s:
+            raise ValueError(
+                f"flight.reserve.wind_m_s = {self.wind_m_s:g}: must be below flight.reserve.return_speed_m_s = "
+                f"{self.return_speed_m_s:g}: against such a wind nothing comes home"
+            )
+        return self
+
+
 class FlightSection(Section):
     """How the flight goes around the game."""
 
@@ -254,6 +276,9 @@ class FlightSection(Section):
     )
     on_terminate: Literal["hold", "land", "return"] = Field("hold", description="what SIGTERM hands the vehicle to")
     battery_minimum: float = Field(0.25, ge=0.0, le=1.0, description="share of the charge below which it returns")
+    reserve: ReserveSection | None = Field(
+        None, description="returns by what it takes to come home from where it is, in place of battery_minimum"
+    )
     longest_chase_s: float | None = Field(
         None,
         gt=0.0,
@@ -366,6 +391,11 @@ class Config(Section):
                 "anybody could command the vehicle"
             )
         low, high = self.limits.floor_m, self.limits.ceiling_m
+        if low <= self.flight.takeoff_height_m < low + _ABOVE_THE_FLOOR_M:
+            raise ValueError(
+                f"flight.takeoff_height_m = {self.flight.takeoff_height_m:g}: must be {_ABOVE_THE_FLOOR_M:g} m above "
+                f"limits.floor_m = {low:g} at least: a vehicle sinks a little as the game begins"
+            )
         for key, height_m in (
             ("flight.takeoff_height_m", self.flight.takeoff_height_m),
             ("game.standoff_height_m", self.game.standoff_height_m),

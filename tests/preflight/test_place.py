@@ -1,6 +1,7 @@
 """Frames, datum, rates and the survey that gathers them."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -19,6 +20,7 @@ from guidance.messages import (
     Parameter,
     ParameterRequest,
     PositionTarget,
+    SystemStatus,
 )
 from guidance.preflight import Facts, PreflightMemory, Verdict, Wants, rows
 from guidance.preflight.survey import ASK_AGAIN_S
@@ -170,3 +172,12 @@ def test_the_evaders_last_altitude_is_kept():
     report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, (nan, nan, nan), nan, nan)
     survey.observe([], [report, report._replace(altitude_amsl_m=491.0)])
     assert survey.facts(VehicleState(), 1.0).evader_amsl_m == 491.0
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(0.34, Verdict.REFUSE), (0.36, Verdict.PASS), (math.nan, Verdict.WARN)])
+def test_the_battery_has_to_bring_it_home_from_the_edge_of_the_fence(left, verdict):
+    vehicle = observe(vehicle_at(), [SystemStatus(0.0, 0, 0, left)])
+    found = rows(Facts(vehicle=vehicle, evader_amsl_m=488.0), PX4, replace(WANTS, battery_needed=0.35))
+    (row,) = [row for row in found if row.name == "battery reserve"]
+    assert (row.verdict, row.wanted) == (verdict, "35% at least, to come home from the edge of the fence")
+    assert "battery reserve" not in verdicts(vehicle)

@@ -1,0 +1,64 @@
+"""A reserve to fly home: more is needed the further and higher, against the wind, and the flight returns in time."""
+
+import pytest
+
+from guidance.autopilots import Mode
+from guidance.errors import ConfigError
+from guidance.flight import Flight, Inputs, State
+from guidance.flight.reserve import Reserve
+from guidance.messages import Attitude, LandedState
+from tests.flight.scenes import NOW_S, heartbeat, home, local, settings_of, status
+
+RESERVE = Reserve(endurance_s=600.0, left=0.1, return_speed_m_s=5.0, landing_speed_m_s=0.5, wind_m_s=2.0)
+
+
+def test_what_is_needed_is_the_way_home_against_the_wind_and_the_descent():
+    # 300 m at 5 - 2 m/s and 20 m at 0.5 m/s are 100 s and 40 s, of 600 s; and a tenth is left.
+    assert RESERVE.needed(300.0, 20.0) == pytest.approx(0.1 + 140.0 / 600.0)
+    assert RESERVE.needed(0.0, -3.0) == pytest.approx(0.1)
+    assert RESERVE.needed(1e9, 0.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"wind_m_s": 5.0}, "against such a wind nothing comes home"),
+        ({"endurance_s": 0.0}, "reserve.endurance_s = 0.0"),
+        ({"left": 1.5}, "reserve.left = 1.5"),
+    ],
+)
+def test_a_reserve_that_cannot_be_is_refused(wrong, words):
+    with pytest.raises(ConfigError, match=words):
+        Reserve(**{"endurance_s": 600.0, **wrong})
+
+
+def held(away_m, battery, **changes):
+    """A flight that stands by, so far from home, with so much battery."""
+    flight = Flight(settings_of(reserve=RESERVE, farthest_m=100.0, **changes))
+    flight.state = State.STANDING_BY
+    said = [heartbeat(NOW_S), local(NOW_S, (away_m, 0.0, -14.0)), Attitude(NOW_S, NOW_S, 0.0), LandedState(NOW_S, 2)]
+    flight.step(Inputs(NOW_S, [home(NOW_S), *said, status(NOW_S, battery)]))
+    return flight
+
+
+@pytest.mark.parametrize("away_m", [50.0, 200.0])
+def test_it_returns_from_where_what_is_left_just_brings_it_home(away_m):
+    needed = held(away_m, 0.99).battery_needed
+    assert needed > 0.1 + away_m / 3.0 / 600.0
+    assert held(away_m, needed + 0.01).state is State.STANDING_BY
+    assert held(away_m, needed - 0.01).state is State.RETURNING
+
+
+def test_without_a_reserve_the_fixed_share_holds_wherever_it_is():
+    flight = held(50.0, 0.26)
+    assert flight.state is State.STANDING_BY
+    fixed = Flight(settings_of())
+    assert fixed.battery_needed == 0.25
+
+
+def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
+    flight = Flight(settings_of(reserve=RESERVE, farthest_m=300.0))
+    needed = RESERVE.needed(300.0, 10.0)
+    for battery, passed in ((needed - 0.01, False), (needed + 0.01, True)):
+        flight.step(Inputs(NOW_S + battery, [heartbeat(NOW_S, Mode.HOLD, armed=False), status(NOW_S, battery)]))
+        assert {check.name: check.passed for check in flight.checks(NOW_S)}["battery"] is passed
