@@ -7,6 +7,9 @@ Pure proportional navigation in space (Zarchan, "Tactical and Strategic Missile 
 
 A Ball turns its whole velocity so. A Cylinder's bounds are apart, so that its law is that of the plane, and its height
 is met at its own pace meanwhile, as early as it can be.
+
+What augmented navigation adds, N/2 times the evader's acceleration, is zero here: an evader of these games turns at
+once and runs straight between its turns.
 """
 
 from guidance.game.arrays import (

@@ -4,12 +4,12 @@ A file of a package within is named as it is imported, `--only pe,team.several`;
 tests, for a quick look.
 
 One operator, comparison, constant, condition or choice is changed at a time, in memory (`mutation.py`). The tests are
-collected once. Each mutant has a forked child, in which the changed function's code takes the place of the original's
-and the tests that reach the changed line run, the likeliest to fail soon first, up to the first failure. What is
-changed outside of all functions, and whatever outlasts the first `--first` seconds of tests, is judged once more by all
-tests that reach it in a package imported anew. Of changes that compile to the same code one is drawn, and none that
-compiles to the original's. A test that takes five times its processor time (and three seconds more) has noticed the
-change: it timed out; the clock on the wall does not matter.
+collected once. Each mutant has a forked child, in which the changed function or constant takes the place of the
+original and the tests that reach the changed line run, the likeliest to fail soon first, up to the first failure. What
+cannot be exchanged in a running package (classes), and whatever outlasts the first `--first` seconds of tests, is
+judged once more by all tests that reach it in a package imported anew. Of changes that compile to the same code one is
+drawn, and none that compiles to the original's. A test that takes five times its processor time (and three seconds
+more) has noticed the change: it timed out; the clock on the wall does not matter.
 
 Printed: how many were drawn, killed, listed, survived and timed out, and every survivor. One that changes no result is
 listed in `game_mutants.toml` with the reason, and is not run again without `--listed`; any other fails the run. What
@@ -90,7 +90,7 @@ class Run:
                 if time.monotonic() > self.ends:
                     return
                 tests = self.first_for(mutant, found)
-                killer = judge(mutant, tests) if mutant.function and tests else None
+                killer = judge(mutant, tests) if tests else None
                 if killer:
                     self.count(mutant, killer)
                     tell(json.dumps([mutant.digest, killer]))

@@ -6,10 +6,11 @@ import inspect
 import os
 import resource
 import signal
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from importlib.machinery import SourceFileLoader
-from types import CodeType, ModuleType
+from types import FunctionType
 
 import pytest
 from mutant_survey import OPTIONS
@@ -20,33 +21,53 @@ TIMES, SPARE_S = 5.0, 3.0
 
 
 def plant(mutant: Mutant) -> bool:
-    """Put the changed code in the place of the original's; say whether that is all of the change."""
+    """Put what was changed in the place of the original's, in a running package; say whether that can be done."""
     module = importlib.import_module(f"guidance.game.{mutant.stem}")
-    live = live_function(module, mutant.function) if mutant.function else None
-    changed = codes_in(compile(mutant.text, str(module.__file__), "exec"))
-    found = next((one for one in changed if one.co_qualname == mutant.function), None)
-    if live is None or found is None or bare(found) == bare(live.__code__):
+    space = dict(vars(module))
+    exec(compile(mutant.text, str(module.__file__), "exec"), space)
+    if not mutant.function:
+        names = assigned_names(mutant.text)
+        return bool(names) and all(replace_constant(name, space[name]) for name in names)
+    live, changed = (function_named(names, mutant.function) for names in (vars(module), space))
+    if live is None or changed is None or parts_of(live) == parts_of(changed):
         return False
-    live.__code__ = found
+    live.__code__, live.__defaults__, live.__kwdefaults__ = (
+        changed.__code__,
+        changed.__defaults__,
+        changed.__kwdefaults__,
+    )
     return True
 
 
-def live_function(module: ModuleType, name: str):
+def replace_constant(name: str, value: object) -> bool:
+    """Give a constant another value in every module that has it by its name."""
+    holders = [one for known, one in sys.modules.items() if known.startswith("guidance.") and hasattr(one, name)]
+    for holder in holders:
+        setattr(holder, name, value)
+    return bool(holders)
+
+
+def assigned_names(text: str) -> list[str]:
+    """Return the names that a statement gives values to; none of a class, whose values are in use elsewhere."""
+    (statement,) = ast.parse(text).body
+    targets = statement.targets if isinstance(statement, ast.Assign) else [getattr(statement, "target", None)]
+    return [one.id for one in targets if isinstance(one, ast.Name)]
+
+
+def parts_of(function: FunctionType) -> tuple[object, ...]:
+    """Return what a function does, and with which defaults."""
+    return bare(function.__code__), repr(function.__defaults__), repr(function.__kwdefaults__)
+
+
+def function_named(names: Mapping[str, object], name: str) -> FunctionType | None:
     """Return the function of a name, out of whatever it is wrapped in."""
-    found = module
-    for part in name.split("."):
+    first, *rest = name.split(".")
+    found = names[first]
+    for part in rest:
         found = inspect.getattr_static(found, part)
     found = getattr(found, "fget", None) or getattr(found, "__func__", found)
     found = inspect.unwrap(found)
     return found if inspect.isfunction(found) else None
-
-
-def codes_in(code: CodeType) -> Iterator[CodeType]:
-    """Yield a code and all those within it."""
-    yield code
-    for one in code.co_consts:
-        if isinstance(one, CodeType):
-            yield from codes_in(one)
 
 
 def limit_test(cost_s: float) -> None:

@@ -37,7 +37,8 @@ class Change(NamedTuple):
         place: Which statement of the file's outermost ones holds it.
         function: Outermost function or method that holds it, `Class.method`; empty outside of all.
         said: What was changed, and from what.
-        line: Where, first and last line of the innermost statement (of a compound one, of its head).
+        line: Where.
+        lines: The lines of the innermost statement, of a compound one those of its head, of a default's function all.
         tree: That outermost statement, changed.
     """
 
@@ -140,7 +141,9 @@ def _innermost_statements(tree: ast.stmt) -> dict[int, ast.stmt]:
 
 
 def _head(statement: ast.stmt) -> range:
-    """Return the lines of a statement, of a compound one those before its first inner statement."""
+    """Return the lines of a statement, of a compound one those before its first inner statement, of a function all."""
+    if isinstance(statement, ast.FunctionDef):
+        return range(statement.lineno, (statement.end_lineno or statement.lineno) + 1)
     body = getattr(statement, "body", None)
     last = max(statement.lineno, body[0].lineno - 1) if isinstance(body, list) else statement.end_lineno
     return range(statement.lineno, (last or statement.lineno) + 1)

@@ -232,6 +232,24 @@ def test_parameters_out_of_range_cost_their_own_rows_with_the_reason():
     assert solution.winner.tolist() == [Winner.PURSUER] + [Winner.UNDECIDED] * 11
 
 
+@pytest.mark.parametrize(
+    "large",
+    [
+        {"standoff": StandOff(1e100, 1e100)},
+        {"standoff": StandOff(1e100, 1e100), "capture_radius_m": 2e100},
+        {"standoff": StandOff(1e100, 0.0), "information_age_s": 1e46},
+    ],
+)
+def test_lengths_that_overflow_together_are_no_answer(large):
+    assert solve(Game(Ball(1e54), 1.0, **large), P, E).reason == Reason.OVERFLOW
+
+
+def test_far_on_the_negative_side_overflows_as_on_the_positive():
+    for x in (1e100, -1e100):
+        solution = solve(Game(Ball(1e54), 1.0), np.full((3, 3), [x, 0.0, 0.0]), np.zeros((3, 3)))
+        assert solution.reason.tolist() == [Reason.OVERFLOW] * 3
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_wind_that_is_no_number_costs_its_own_row(axis):
     wind = [np.array([0.1, 0.1]), np.array([0.2, 0.2])]

@@ -138,6 +138,16 @@ def test_parameters_broadcast_as_states_do(oracle):
         assert all(same(a, b) for a, b in zip(few, all_of_them, strict=True))
 
 
+def test_a_single_answer_has_no_minus_zero(games):
+    for name in ("paper", "cylinder", "ball_standoff", "cylinder_standoff"):
+        for x, y in ((9.0, 0.0), (-9.0, 0.0), (0.0, 9.0), (0.0, -9.0), (-6.0, -7.0)):
+            for z in (0.0, 2.0, 5.0):
+                P, E = np.array([x, y, z]), np.zeros(3)
+                for target in (None, P * [1.0, 1.0, 0.0], -P * [1.0, 1.0, 0.0], E):
+                    for field in solve(games[name], P, E, target):
+                        assert not np.signbit(field[field == 0.0]).any(), name
+
+
 def test_no_rows_give_no_answers(games):
     answer = solve(games["paper"], np.empty((0, 3)), np.empty((0, 3)))
     assert answer.value.shape == (0,)

@@ -178,3 +178,28 @@ def test_within_the_spread_is_the_game_of_the_smaller_disc(age_s, radius_m):
     smaller = Game(Cylinder(6.0, 2.0, 1.5), 2.0, standoff=StandOff(radius_m, 2.0), wind_m_s=(0.5, 0.1))
     assert game.within_spread() == smaller
     assert game.standoff == DISC
+
+
+DENTED = [
+    (Game(Ball(1.3), 1.0, information_age_s=0.5), (-1.2416, -2.6638, 0.0663), (-1.6896, -3.1077), (7.4447, 8.2055)),
+    (Game(Ball(1.3), 1.0, information_age_s=1.0), (-0.2611, 4.2091, 0.1801), (1.7747, 3.5341), (-11.9474, 6.5783)),
+    (Game(Ball(1.3), 1.0, information_age_s=2.0), (2.4502, 5.7326, 0.0291), (4.98, 7.5166), (-8.7586, -1.4508)),
+    (
+        Game(Ball(2.0), 1.0, information_age_s=1.0, wind_m_s=(0.3, -0.4)),
+        (2.5216, 6.322, 0.1272), (3.2007, 7.4153), (-5.4826, -6.0395),
+    ),
+    (
+        Game(Ball(2.0), 1.0, information_age_s=2.0, wind_m_s=(0.3, -0.4)),
+        (-2.7981, -6.9946, 0.8637), (-3.3716, -9.1556), (4.2063, 11.4797),
+    ),
+]  # fmt: skip
+"""States whose region has a dent before the pursuer, with a place on either side that is the best of its side."""
+
+
+@pytest.mark.parametrize(("game", "P", "E", "T"), DENTED)
+def test_of_two_places_beside_a_dent_the_better_one_is_taken(oracle, game, P, E, T):
+    P, E, T = np.array(P), np.array([*E, 0.0]), np.array([*T, 0.0])
+    value = oracle.extremum(game, P, E, T)
+    assert float(solve(game, P, E, T).value) == pytest.approx(value, abs=1e-9)
+    many = solve(game, *(np.stack([place, place + np.array([0.0, 1e-9, 0.0])]) for place in (P, E, T)))
+    np.testing.assert_allclose(many.value, value, atol=1e-8)

@@ -1,9 +1,12 @@
 """How many steps the search for a heading takes: what makes it fast, which no answer shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from guidance.game import region, solve
+from guidance.game import StandOff, region, solve
+from guidance.game.headings import bounded
 
 STEPS = {
     "capture_radius": (0, 3, 0.00069),
@@ -19,9 +22,19 @@ STEPS = {
 the heading that they begin with misses, half the tangent of an angle, on average."""
 
 
-def searched(game, oracle, monkeypatch, count=600):
-    """What the search of a game is asked, for random states that the pursuer wins."""
-    P, E, T = oracle.states(8, count, game)
+def searched(game, oracle, monkeypatch, length, speed):
+    """What the search of a game is asked, in other units, for random states that the pursuer wins."""
+    P, E, T = (length * place for place in oracle.states(8, 600, game))
+    game = replace(
+        game,
+        pursuer=type(game.pursuer)(*(speed * getattr(game.pursuer, name) for name in game.pursuer.__slots__)),
+        evader_speed_m_s=speed * game.evader_speed_m_s,
+        wind_m_s=tuple(speed * part for part in game.wind_m_s),
+        target_velocity_m_s=tuple(speed * part for part in game.target_velocity_m_s),
+        capture_radius_m=length * game.capture_radius_m,
+        standoff=StandOff(length * game.standoff.radius_m, length * game.standoff.height_m),
+        information_age_s=length / speed * game.information_age_s,
+    )
     wins = solve(game, P, E, T).winner > 0
     asked, function = [], region._search
 
@@ -48,10 +61,11 @@ def counted(monkeypatch, name):
     return rows
 
 
+@pytest.mark.parametrize("units", [(1.0, 1.0), (2.0**-9, 4.0)])
 @pytest.mark.parametrize("name", STEPS)
-def test_the_search_is_as_short_as_it_was_and_the_bracket_alone_finds_the_same(games, oracle, monkeypatch, name):
+def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(games, oracle, monkeypatch, name, units):
     most, rounds, miss = STEPS[name]
-    hunt, old, within = searched(games[name], oracle, monkeypatch)
+    hunt, old, within = searched(games[name], oracle, monkeypatch, *units)
     steps, bracketed = counted(monkeypatch, "_newton"), counted(monkeypatch, "_bracket")
     found = region._search(np, hunt, old, within)
     monkeypatch.undo()
@@ -63,3 +77,8 @@ def test_the_search_is_as_short_as_it_was_and_the_bracket_alone_finds_the_same(g
     assert len(asked) <= rounds
     np.testing.assert_allclose(alone.s[~within], found.s[~within], atol=1e-8)
     assert np.mean(np.abs(start.s - found.s)[~within]) <= 1.01 * miss
+
+
+def test_a_heading_is_kept_within_ninety_degrees():
+    s = np.array([-3.0, -1.5, -1.0, -0.5, 0.0, 1.0, 1.5, 3.0])
+    np.testing.assert_array_equal(bounded(np, s), np.clip(s, -1.0, 1.0))

@@ -146,6 +146,20 @@ def test_an_evader_with_a_policy_plays_it_against_the_nearest_pursuer(x, y, z):
     np.testing.assert_allclose(played.evaders_m[0, :2], -0.01 * near[:2] / np.linalg.norm(near[:2]), atol=1e-12)
 
 
+def test_the_nearest_pursuer_is_the_nearest_wherever_the_evader_is():
+    P, E = np.array([[30.0, -80.0, 1.0], [40.0, -72.0, 1.0]]), np.array([[30.0, -70.0, 0.0]])
+    played = rollout_teams(PAPER, P, E, pursuer_policy="hold", evader_policy="pure_evade", step_s=0.01, duration_s=0.01)
+    np.testing.assert_allclose(played.evaders_m[0, :2], [30.0, -69.99], atol=1e-12)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.5, 2.0])
+def test_an_evader_arrives_when_its_speed_says(speed_m_s):
+    P, E = np.array([[90.0, 0.0, 5.0]]), np.array([[0.0, 6.0, 0.0]])
+    played = rollout_teams(Game(Ball(2.5), speed_m_s), P, E, T, step_s=60.0)
+    assert played.end.tolist() == [End.ARRIVED]
+    assert float(played.time_s[0]) == pytest.approx(6.0 / speed_m_s, abs=1e-8)
+
+
 def test_pursuers_with_a_policy_play_it_against_those_they_are_matched_with():
     P, E = np.array([[6.0, 9.0, 4.0], [6.0, -9.0, 4.0]]), np.array([[12.0, -6.0, 0.0], [12.0, 6.0, 0.0]])
     played = rollout_teams(PAPER, P, E, T, pursuer_policy="pure_pursuit", step_s=0.01, duration_s=0.01)

@@ -296,6 +296,35 @@ def test_rows_without_an_answer_are_nan_and_say_why():
     assert all(same(part[0], one) for part, one in zip(answer, only, strict=True))
 
 
+@pytest.mark.parametrize("tad", [True, False])
+@pytest.mark.parametrize(("length", "speed"), [(2.0**-7, 1.0), (4.0, 8.0)])
+def test_other_units_give_the_same_play_bit_for_bit(length, speed, tad):
+    P, E, T = states(3, 3, 60)
+    u = np.array([1.25, 2.0, 3.0])
+    units = {"meeting_point_m": length, "pursuer_velocity_m_s": speed, "evader_velocity_m_s": speed}
+    units |= dict.fromkeys(("margin_s", "meeting_time_s"), length / speed)
+    units |= dict.fromkeys(("value", "lower_bound"), length if tad else length / speed)
+    here = solve_team(Game(Ball(u), 1.0), P, E, T if tad else None)
+    there = solve_team(Game(Ball(speed * u), speed), length * P, length * E, length * T if tad else None)
+    for name, value in here._asdict().items():
+        unit = units.get(name, 1.0)
+        np.testing.assert_array_equal(getattr(there, name), unit * value if unit != 1.0 else value, err_msg=name)
+
+
+@pytest.mark.parametrize("tad", [True, False])
+def test_another_place_and_height_is_the_same_game(tad):
+    P, E, T = states(4, 3, 60)
+    moved = np.array([30.0, -70.0, 0.0])
+    here = solve_team(PAPER, P, E, T if tad else None)
+    high = Game(Ball(2.0), 1.0, standoff=StandOff(0.0, 4.0))
+    there = solve_team(high, P + moved + [0.0, 0.0, 4.0], E + moved, T + moved if tad else None)
+    clear = np.abs(here.margin_s) > 1e-6
+    np.testing.assert_allclose(there.value[clear], here.value[clear], atol=1e-9)
+    np.testing.assert_allclose(there.meeting_point_m[clear], here.meeting_point_m[clear] + moved, atol=1e-6)
+    np.testing.assert_allclose(there.pursuer_velocity_m_s[clear], here.pursuer_velocity_m_s[clear], atol=1e-6)
+    assert np.count_nonzero(here.binds.sum(axis=-1) == 2) > (3 if tad else 0)
+
+
 def test_integers_are_real_numbers():
     whole = solve_team(PAPER, np.array([[3, 4, 10], [30, 2, 3]]), [0, 0, 0], [30, 1, 0])
     real = solve_team(PAPER, np.array([[3.0, 4, 10], [30, 2, 3]]), np.zeros(3), np.array([30.0, 1, 0]))
