@@ -1,4 +1,21 @@
-"""The autopilots that a flight can be flown with, each described in one module. Another one is one more module here."""
+"""The autopilots that a flight can be flown with, each described in one module. Another one is one more module here.
+
+Which ones:
+    PX4, ARDUCOPTER: all that is known of them; each is an `Autopilot`. ROVER: how ArduPilot's rover is spoken to.
+    AUTOPILOTS: those that are flown, by name; `autopilot_named` looks one up and says which there are.
+    AutopilotProfile: what is said to one, and how it is understood; an `Autopilot` has handling and rules besides.
+    Handling: how one vehicle flies: what it follows, how it brakes, what it surely achieves.
+    Mode: a flight mode by what it means to us.
+
+How one is judged before a flight:
+    Wants: what the configuration asks of it.
+    Finding: one row: what was found, what is wanted, how to come there; its `Verdict` is pass, warn or refuse.
+
+Numbers of MAVLink:
+    HEARTBEAT, SYS_STATUS, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, GPS_GLOBAL_ORIGIN, HOME_POSITION,
+    ODOMETRY, POSITION_TARGET_LOCAL_NED, EXTENDED_SYS_STATE: ids of messages.
+    MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, MAV_CMD_SET_MESSAGE_INTERVAL: numbers of commands.
+"""
 
 from collections.abc import Mapping
 

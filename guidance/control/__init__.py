@@ -1,4 +1,21 @@
-"""From the velocity that the game asks for to a setpoint that may be sent: follow it, and limit whatever is sent."""
+"""From the velocity that the game asks for to a setpoint that may be sent: follow it, and limit whatever is sent.
+
+Following:
+    follow: one cycle of it, with a `FollowMemory`; `Following` says how one vehicle is made to fly a velocity.
+    ServoGains, CatchUp, Approach: its parts: the servo, the deficit that is worked off, how the disc is arrived at.
+    Acceleration: what a vehicle surely achieves. Speeds: what it flies over ground, upwards and downwards.
+    hold_altitude: keeps a height, with an `AltitudeHold`, and returns what is `Held`.
+    keep_station: stops over the ground and stays.
+    with_drift, less_drift: a velocity over the ground in an autopilot's own terms, and back.
+
+Limiting, always last:
+    limit: makes a setpoint of a command that the envelope allows, `Limited`, with a `LimitMemory`; `start` begins one.
+    Situation: what it knows of the vehicle and the evader.
+    Envelope: fences, floor, ceiling and speeds that are never left. SpeedLimits: the part of it that is speeds.
+    StandOffLimit: the space about the evader that is never entered. Limiter: what changed a command, by name.
+    keep_inside: holds a velocity back at a fence. measure_fence: where a vehicle is to its fences, `FenceGeometry`.
+    Polygon, NorthEast: corners of a fence, and a place, in metres about home.
+"""
 
 from guidance.control.approach import Approach
 from guidance.control.catch_up import CatchUp

@@ -1,4 +1,13 @@
-"""The flight's state machine: a table of transitions, what an event is read from, and the step that joins them."""
+"""The flight's state machine: a table of transitions, what an event is read from, and the step that joins them.
+
+What it offers:
+    Flight: one flight of one vehicle; its `step` takes `Inputs` and returns `Outputs`, with every `Happening`.
+    FlightSettings: what it is of; `EngageOn` says what begins the game, `AfterCapture` what follows it.
+    State, Event: where a flight stands, and what may happen. ORDERS: the events that a person orders.
+    TRANSITIONS: the table, which `next_state` looks a pair up in.
+    BEFORE_FLIGHT, FINAL: states in which nothing is flown yet, and those that nothing leads out of.
+    Check: one condition for arming and engaging, and what was found.
+"""
 
 from guidance.flight.inputs_outputs import ORDERS, Happening, Inputs, Outputs
 from guidance.flight.machine import Flight

@@ -1,4 +1,12 @@
-"""Is the autopilot set up for offboard flight? Parameters, frames and rates against the configuration, as rows."""
+"""Is the autopilot set up for offboard flight? Parameters, frames and rates against the configuration, as rows.
+
+What it offers:
+    rows: judges `Facts` against `Wants`, a `Finding` with its `Verdict` each.
+    PreflightMemory: asks for what is judged, and gathers the facts; `parameter_names` says what it asks for.
+    another_autopilot: the row that refuses another autopilot than configured.
+    refusals: names what keeps a vehicle on the ground. advice: says how to mend it.
+    changes: what to set so that it passes, a `ParameterChange` each.
+"""
 
 from guidance.autopilots import Finding, Verdict, Wants
 from guidance.preflight.judging import (

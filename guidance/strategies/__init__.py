@@ -1,4 +1,13 @@
-"""Every way to play either part, by name: the game's own policies, navigation laws, and courses laid out beforehand."""
+"""Every way to play either part, by name: the game's own policies, navigation laws, and courses laid out beforehand.
+
+What it offers:
+    PURSUER_STRATEGIES, EVADER_STRATEGIES: the names. OPTIMAL: the game's own.
+    Strategy: how a player plays, by name, with its course and gain; a `StrategyMemory` is passed in and out.
+    pursue, evade: the velocities that a strategy asks for.
+    Course: where a player is when; `waypoints`, `random_turns` and `recorded` make one, and COURSES names them.
+    bounded: shortens velocities to a speed.
+    uniform, normal: random numbers that depend on a seed and a place in its stream only.
+"""
 
 from guidance.strategies.catalogue import (
     COURSES,

@@ -2,6 +2,11 @@
 
 `MavlinkEvader` reads a wire with one of the MAVLink carriers; `guidance.links.evaders.zenoh` reads a Zenoh key
 and is imported apart, since it brings Zenoh with it.
+
+Carriers:
+    FollowTarget, GlobalPositionInt, OdometryCarrier, AdsbVehicle, OpenDroneIdLocation: messages of MAVLink.
+    RosPose: a ROS 2 message as rmw_zenoh sends it, on the key that `rmw_key` makes of its topic.
+    Refused: why a message became no report.
 """
 
 from guidance.links.evaders.adsb import AdsbVehicle

@@ -1,4 +1,9 @@
-"""A flight as one page: pictures and a summary of its record."""
+"""A flight as one page: pictures and a summary of its record.
+
+What it offers:
+    write_report: writes the page and its PICTURES.
+    story_of: reads a record into a `Story`, arrays over its cycles; `summary` makes rows of it.
+"""
 
 from guidance.viz.report.page import PICTURES, write_report
 from guidance.viz.report.story import Story, story_of

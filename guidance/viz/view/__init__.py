@@ -1,4 +1,9 @@
-"""A flight to look at, live or from its record, in a process of its own. Needs the extra `viz`."""
+"""A flight to look at, live or from its record, in a process of its own. Needs the extra `viz`.
+
+What it offers:
+    view: shows a `FlightSource`, of which `RecordFile` is one, at a `Destination`.
+    ViewerBeside: does so in a process beside a flight.
+"""
 
 from guidance.viz.view.beside import ViewerBeside
 from guidance.viz.view.command import view
