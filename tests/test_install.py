@@ -55,6 +55,7 @@ def test_games_and_records_need_no_extra(arguments, tmp_path):
         (("report", "record.mcap"), "plot"),
         (("paper",), "plot"),
         (("view", "record.mcap"), "viz"),
+        (("panel",), "panel"),
         (("scenario", "show", "pe", "--out", "pe.png"), "plot"),
     ],
 )

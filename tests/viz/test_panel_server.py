@@ -1,6 +1,8 @@
 """The panel's doors: who is let in, from where, what is answered, and what a page that hangs costs the others."""
 
 import json
+import re
+import socket
 import ssl
 import subprocess
 from types import SimpleNamespace
@@ -9,7 +11,8 @@ import pytest
 from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
 from aiohttp.test_utils import unused_port
 
-from guidance.errors import ConfigError, LinkError
+from guidance.cli import app
+from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.viz.panel import server as servers
 from guidance.viz.panel.access import Access, origin_of, secured
 from guidance.viz.panel.server import MOST_UNTAKEN, PanelServer
@@ -161,8 +164,8 @@ async def test_twenty_pages_are_told_everything_and_then_the_same(opened):
     heard = [await told_at(socket, from_number) for socket in sockets]
     assert heard == [heard[0]] * 20
     assert not heard[0]["whole"]
-    for socket in sockets:
-        await socket.close()
+    for one in sockets:
+        await one.close()
 
 
 async def told_at(socket, number):
@@ -233,6 +236,27 @@ async def test_elsewhere_than_on_loopback_it_is_tls_and_a_password(opened, certi
     assert cookie["secure"]
     async with panel.client.get("/alive", ssl=trusting) as answer:
         assert answer.status == 200
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--port", "70000"], 2, "--port 70000: allowed is 0 (pick a free one) to 65535"),
+        (["--host", "192.0.2.1"], 2, "--host 192.0.2.1: who reaches the page commands the vehicle."),
+        (["--tiles", "tiles.example"], 2, "--tiles tiles.example: must be as https://"),
+        (["--port", "IN_USE"], 3, "choose another, or port 0 for a free one"),
+    ],
+)
+def test_what_cannot_be_served_is_said_before_anything_is_opened(options, code, words):
+    with (
+        socket.create_server(("127.0.0.1", 0)) as taken,
+        pytest.raises(GuidanceError, match=re.escape(words)) as refused,
+    ):
+        app(
+            ["panel", *(str(taken.getsockname()[1]) if one == "IN_USE" else one for one in options)],
+            standalone_mode=False,
+        )
+    assert refused.value.exit_code == code
 
 
 def test_what_is_missing_for_that_is_said(certificate, tmp_path):
