@@ -170,25 +170,29 @@ def _allowed(spec: Mapping[str, Any]) -> str:
     if "$ref" in spec:
         name = spec["$ref"].rpartition("/")[2]
         return "{ min, max }" if name == "Range" else f"table {name}"
-    if "enum" in spec:
-        return ", ".join(f"`{value}`" for value in spec["enum"])
-    if "const" in spec:
-        return f"`{spec['const']}`"
+    named = spec.get("enum", [spec["const"]] if "const" in spec else ())
+    if named:
+        return ", ".join(f"`{value}`" for value in named)
     if "anyOf" in spec:
         return " or ".join(dict.fromkeys(_allowed(one) for one in spec["anyOf"] if one.get("type") != "null"))
     if spec.get("type") == "array":
         inner = spec.get("items") or next(iter(spec.get("prefixItems", [])), {})
         count = f"{spec['maxItems']} × " if "maxItems" in spec else "list of "
         return count + _allowed(inner) if inner else "list"
-    return _range(spec) or str(spec.get("type", "any"))
+    pattern = f"text as `{spec['pattern']}`" if "pattern" in spec else ""
+    return pattern or _range(spec) or str(spec.get("type", "any"))
 
 
 def _range(spec: Mapping[str, Any]) -> str:
-    low = f"from {spec['minimum']:g}" if "minimum" in spec else ""
-    low = f"above {spec['exclusiveMinimum']:g}" if "exclusiveMinimum" in spec else low
-    high = f"to {spec['maximum']:g}" if "maximum" in spec else ""
-    high = f"below {spec['exclusiveMaximum']:g}" if "exclusiveMaximum" in spec else high
+    low = f"from {_figures(spec['minimum'])}" if "minimum" in spec else ""
+    low = f"above {_figures(spec['exclusiveMinimum'])}" if "exclusiveMinimum" in spec else low
+    high = f"to {_figures(spec['maximum'])}" if "maximum" in spec else ""
+    high = f"below {_figures(spec['exclusiveMaximum'])}" if "exclusiveMaximum" in spec else high
     return " ".join(part for part in (low, high) if part)
+
+
+def _figures(number: float) -> str:
+    return str(int(number)) if number == int(number) else f"{number:g}"
 
 
 def _toml(value: object) -> str:
