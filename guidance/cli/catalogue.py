@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from rich.console import Console
 
@@ -66,7 +66,7 @@ def show(name: str, console: Console, picture: Path | None) -> None:
     console.print(f"[bold]{scenario.title}[/bold]  ({path.name})")
     console.print(" ".join(scenario.description.split()))
     console.print()
-    console.print(pairs(team_facts(scenario) if isinstance(scenario, TeamScenario) else facts(scenario)))
+    console.print(pairs(_facts(scenario)))
     advice = how_to_add("plot")
     if advice is not None:
         console.print(f"picture  {advice}", soft_wrap=True, highlight=False, markup=False)
@@ -74,6 +74,24 @@ def show(name: str, console: Console, picture: Path | None) -> None:
     drawn = picture if picture is not None else Path(f"{path.stem}.png")
     _draw(scenario, drawn)
     console.print(f"picture  {drawn}", soft_wrap=True, highlight=False)
+
+
+def explained(name: str) -> dict[str, Any]:
+    """Return what `show` says of a scenario as plain values.
+
+    Raises:
+        ConfigError: If there is no such scenario, or a key in it is wrong.
+    """
+    path, scenario = load_any(name)
+    said: dict[str, list[str]] = {}
+    for fact, words in _facts(scenario):
+        said.setdefault(fact, []).append(words)
+    about = " ".join(scenario.description.split())
+    return {"file": path.name, "title": scenario.title, "description": about, "facts": said}
+
+
+def _facts(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
+    return team_facts(scenario) if isinstance(scenario, TeamScenario) else facts(scenario)
 
 
 def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:

@@ -1,5 +1,6 @@
 """`guidance log`: what a record holds, its events, and the same in formats of other tools."""
 
+import json
 import math
 from collections import Counter
 from pathlib import Path
@@ -15,10 +16,11 @@ if TYPE_CHECKING:
 log = typer.Typer(cls=Group, help="Look into a flight record, and export it for other tools.")
 
 File = Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")]
+Json = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
 
 
 @log.command()
-def info(file: File) -> None:
+def info(file: File, as_json: Json = False) -> None:
     """Show what a record holds: how long, which channels, which versions, and whether it is whole."""
     from guidance.log import making_sense_of, reports_of, survey_of, title_of  # noqa: PLC0415 - numpy takes its time
 
@@ -26,6 +28,15 @@ def info(file: File) -> None:
         survey = survey_of(file)
         reports = Counter(map(_words, reports_of(file)))
         title = title_of(survey.metadata)
+    if as_json:
+        channels = {
+            topic: {"messages": survey.messages[topic], "bytes": survey.data_bytes[topic]}
+            for topic in sorted(survey.messages)
+        }
+        told = {"title": title, "duration_s": round(survey.duration_s, 3), "channels": channels}
+        told |= {"evader_reports": dict(reports), "metadata": dict(survey.metadata)}
+        typer.echo(json.dumps({**told, "missing_messages": survey.missing, "torn": survey.torn}, indent=2))
+        return
     typer.echo(f"{title}: {survey.duration_s:.2f} s")
     for topic in sorted(survey.messages):
         count, data = survey.messages[topic], survey.data_bytes[topic]
@@ -46,12 +57,15 @@ def _words(report: "EvaderReport") -> str:
 
 
 @log.command()
-def events(file: File) -> None:
+def events(file: File, as_json: Json = False) -> None:
     """List the events: what happened, when, and what it changed."""
     from guidance.log import events_of, making_sense_of  # noqa: PLC0415
 
     with making_sense_of(file):
         events = list(events_of(file))
+    if as_json:
+        typer.echo(json.dumps([event._asdict() for event in events], indent=2))
+        return
     for event in events:
         typer.echo(f"{event.now_s:10.3f} s  {event.event}  {event.detail}".rstrip())
 

@@ -2,14 +2,15 @@
 
 import json
 import math
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from guidance.log import ReplayedCycle
+    from guidance.log import Comparison, ReplayedCycle
     from guidance.log.replay import Apart
 
 
@@ -20,6 +21,7 @@ def replay(
         typer.Option("--with", help="KEY=VALUE: what another setting would have commanded; may be repeated."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="CSV with both velocities of every cycle.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the counts as JSON.")] = False,
 ) -> None:
     """Feed the recorded inputs through the present code and compare the setpoints bit for bit.
 
@@ -41,6 +43,9 @@ def replay(
         typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
     if survey.missing:
         typer.echo(f"{survey.missing} messages are missing in between: the file is damaged", err=True)
+    if as_json:
+        typer.echo(json.dumps(_counted(comparison, what_if=bool(wanted)), indent=2))
+        raise typer.Exit(1 if comparison.first is not None and not wanted else 0)
     if out is not None:
         typer.echo(f"both velocities: {out}")
     typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
@@ -54,6 +59,13 @@ def replay(
         typer.echo(_shown(comparison.first))
         raise typer.Exit(1)
     typer.echo("every setpoint, state and request came back bit for bit")
+
+
+def _counted(comparison: "Comparison", *, what_if: bool) -> dict[str, Any]:
+    counts = {name: getattr(comparison, name) for name in ("cycles", "setpoints", "differing")}
+    if not what_if:
+        return counts
+    return counts | {name: asdict(getattr(comparison, name)) for name in ("wanted", "commanded")}
 
 
 def _apart(what: str, apart: "Apart") -> str:

@@ -29,6 +29,9 @@ _METRES: Final = ("final_distance_m", "min_standoff_m", "min_altitude_m")
 _NUMBERS: Final = ("predicted", "achieved", "regret")
 
 
+REPORTED: Final = "reported"
+"""The evader's policy in the row of a run `--as vehicle`: it was only heard of."""
+
 STANDARD_OUTPUT: Final = Path("-")
 
 
@@ -142,7 +145,9 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
         assert run.config is not None
         if run.engage and not run.yes:
             _may_arm(run.config)
-        return outcome_of_flight(fly_vehicle(scenario, run.config, folder, say, engage=run.engage), "vehicle")
+        result = fly_vehicle(scenario, run.config, folder, say, engage=run.engage)
+        # The evader is out there, and does what it wants: no policy of the file's is its.
+        return outcome_of_flight(result, "vehicle")._replace(evader_policy=REPORTED)
     out, fast = folder(stem), run.way == "fast"
     with live_line(console) as show:
         result = fly_mock(

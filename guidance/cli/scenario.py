@@ -86,17 +86,24 @@ def list_all(
 @scenario.command()
 def show(
     name: Name,
-    out: Annotated[Path | None, typer.Option(help="Picture to write; default NAME.png here.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Picture to write.", show_default="NAME.png here")] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the facts as JSON; the picture is drawn only with --out.")
+    ] = False,
 ) -> None:
     """Explain a scenario: who plays what from where, the game's value, and a picture of how mathematics plays it.
 
     - `guidance scenario show barrier_pursuer`
     - `guidance scenario show my_own.toml --out my_own.png`
     """
+    from guidance.cli.catalogue import explained  # noqa: PLC0415
     from guidance.cli.catalogue import show as show_scenario  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
 
-    show_scenario(name, console(), out)
+    if as_json:
+        typer.echo(json.dumps(explained(name), indent=2))
+    if out is not None or not as_json:
+        show_scenario(name, console(stderr=as_json), out)
 
 
 @scenario.command()

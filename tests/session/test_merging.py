@@ -240,6 +240,7 @@ request_rate_hz = 20.0
     assert done.returncode == 0, done.stdout + done.stderr
     row = json.loads((tmp_path / "row.json").read_text())
     assert (row["run"], row["end"]) == ("vehicle", "captured")
+    assert row["evader_policy"] == "reported"  # the file's is nobody's here
     assert row["min_standoff_m"] > 7.0
     assert math.isfinite(row["predicted"])
     record = tmp_path / "record.mcap"
