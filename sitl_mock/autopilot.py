@@ -1,10 +1,10 @@
 """The autopilot of one vehicle: body, beliefs and commander, moved on a fixed grid; no I/O, time is an argument."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from random import Random
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, Wind, attitude_of
@@ -13,6 +13,7 @@ from sitl_mock.errors import ConfigError
 from sitl_mock.estimator import STEP_S as ESTIMATOR_S
 from sitl_mock.estimator import Estimator
 from sitl_mock.flavour import Flavour
+from sitl_mock.incidents import INCIDENTS
 from sitl_mock.mavlink import Message, Signing
 from sitl_mock.pilot import Sticks
 from sitl_mock.protocols import (
@@ -158,7 +159,7 @@ class Autopilot:
         conditions = self.conditions
         if conditions.events:
             for name, value in conditions.take():
-                _EVENTS[name](self, now_s, value)
+                INCIDENTS[name](self, now_s, value)
         state = self.state
         state.now_s = now_s
         if count % _SLOW_TICKS == 0:
@@ -306,48 +307,3 @@ class Autopilot:
             pilot.hear(now_s, Sticks(*conditions.sticks))
         elif conditions.rc:
             pilot.hear(now_s, pilot.sticks)
-
-
-# What conditions that happen once do when their time has come
-
-
-def _switch(autopilot: Autopilot, now_s: float, mode: str) -> None:
-    autopilot.commander.switch(now_s, mode)
-
-
-def _jump(autopilot: Autopilot, _now_s: float, by_m: Vector) -> None:
-    autopilot.state.estimator.jump(by_m)
-
-
-def _jump_yaw(autopilot: Autopilot, _now_s: float, by_deg: float) -> None:
-    autopilot.state.estimator.jump_yaw(math.radians(by_deg))
-
-
-def _set_battery(autopilot: Autopilot, _now_s: float, share: float) -> None:
-    autopilot.state.battery.remaining = share
-
-
-def _push(autopilot: Autopilot, _now_s: float, by_m_s: Vector) -> None:
-    body = autopilot.motion.body
-    n, e, d = body.velocity_ned_m_s
-    pushed = body._replace(velocity_ned_m_s=(n + by_m_s[0], e + by_m_s[1], d + by_m_s[2]))
-    autopilot.motion = autopilot.motion._replace(body=pushed)
-
-
-def _reboot(autopilot: Autopilot, now_s: float, _value: object) -> None:
-    autopilot.boot(now_s)
-
-
-def _jump_time(autopilot: Autopilot, _now_s: float, by_s: float) -> None:
-    autopilot.time_jump_s += by_s
-
-
-_EVENTS: Final[dict[str, Callable[[Autopilot, float, Any], None]]] = {
-    "pilot_mode": _switch,
-    "ekf_jump_m": _jump,
-    "ekf_yaw_jump_deg": _jump_yaw,
-    "battery": _set_battery,
-    "push_m_s": _push,
-    "reboot": _reboot,
-    "time_jump_s": _jump_time,
-}

@@ -50,6 +50,8 @@ class MissionFlight:
         plans: Where the mission is.
         skip_home: The first item is home and is not flown to (ArduPilot).
         climbs_first: A mission that begins below its first place climbs to that height where it is (PX4).
+        clocked: Places are reached at `due_s`, when the motion that was planned comes to them (ArduCopter).
+        due_s: When the present place is reached by that.
         speed_m_s: Set by DO_CHANGE_SPEED, NaN for the default.
         reached: Sequence numbers reached and not yet reported.
         over: "" while flying, else why the mission ended: finished, return, landed.
@@ -58,6 +60,8 @@ class MissionFlight:
     plans: PlanStore
     skip_home: bool = False
     climbs_first: bool = False
+    clocked: bool = False
+    due_s: float = math.inf
     speed_m_s: float = math.nan
     over: str = ""
     reached: list[int] = field(default_factory=list)
@@ -95,7 +99,7 @@ class MissionFlight:
         self.current = max(seq, 1) if self.skip_home and self.count > 1 else seq
         self._revision = self.plans.mission.revision
         self.over = ""
-        self._hold_until_s = math.inf
+        self._hold_until_s = self.due_s = math.inf
         return True
 
     def start(self) -> None:
@@ -107,6 +111,7 @@ class MissionFlight:
         self._revision = self.plans.mission.revision
         self.over = ""
         self._hold_until_s = math.inf
+        self.due_s = math.inf
         self._climb_judged = not self.climbs_first
         self._climb = None
 
@@ -121,6 +126,14 @@ class MissionFlight:
         """Whether it is still on its way to the height of its first place."""
         item = self._item()
         return self._climb is not None or (item is not None and item.command == TAKEOFF)
+
+    def following(self, state: VehicleState) -> Leg | None:
+        """The leg that is flown on to without a stop at the present place."""
+        items, item = self.plans.mission.items, self._item()
+        if item is None or item.command != WAYPOINT or item.param1 > 0.0 or self.current + 1 >= len(items):
+            return None
+        ahead = items[self.current + 1]
+        return self._leg_to(state, ahead) if ahead.command == WAYPOINT else None
 
     def leg(self, state: VehicleState, entered_m: Vector) -> Leg:
         """Return the leg to fly now, going on to the next item when one is reached."""
@@ -190,7 +203,7 @@ class MissionFlight:
 
     def _next(self, item: PlanItem) -> None:
         self.reached.append(item.seq)
-        self._hold_until_s = math.inf
+        self._hold_until_s = self.due_s = math.inf
         self.current += 1
 
     def _leg_to(self, state: VehicleState, item: PlanItem) -> Leg:
@@ -220,7 +233,11 @@ class MissionFlight:
         off_m = max(_HEIGHT_REACHED_M, min(radius_m, 2.0))
         if item.command == TAKEOFF and not self.climbs_first:
             radius_m, off_m = math.inf, _TAKEN_OFF_M
-        if not (state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m):
+        if self.clocked and item.command != TAKEOFF:
+            near = state.now_s >= self.due_s
+        else:
+            near = state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m
+        if not near:
             return False
         hold_s = item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0
         if self._hold_until_s == math.inf:
@@ -243,6 +260,15 @@ def violated(items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector) -
         if within == (command in {_OUTSIDE_POLYGON, _OUTSIDE_CIRCLE}):
             return True
     return False
+
+
+def inclusion_polygons(
+    items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector
+) -> Iterator[Sequence[tuple[float, float]]]:
+    """Yield the corners, north and east, of each inclusion polygon that a place is in."""
+    for command, points, _ in _areas(items, frame):
+        if command == _INSIDE_POLYGON and _within(points, position_m[0], position_m[1]):
+            yield points
 
 
 def _areas(items: Sequence[PlanItem], frame: LocalFrame) -> Iterator[tuple[int, list[tuple[float, float]], float]]:

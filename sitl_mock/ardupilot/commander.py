@@ -9,7 +9,9 @@ import math
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.ardupilot import guided, safety
+from sitl_mock.ardupilot.avoidance import avoiding
 from sitl_mock.ardupilot.guided import read_attitude
+from sitl_mock.ardupilot.legs import Legs
 from sitl_mock.ardupilot.maneuvers import Speeds
 from sitl_mock.ardupilot.totals import tell_totals
 from sitl_mock.dynamics import Kind, Setpoint
@@ -60,7 +62,8 @@ class ArduPilot:
         self.state = state
         self.plans = plans
         self.firmware = firmware
-        self.mission = MissionFlight(plans, skip_home=True)
+        self.mission = MissionFlight(plans, skip_home=True, clocked=firmware.flies)
+        self.legs = Legs()
         self.by_name = firmware.modes.by_name()
         self.by_number = firmware.modes.by_number()
         self.after = firmware.modes.after()
@@ -216,6 +219,7 @@ class ArduPilot:
         self.stage = ""
         self.entered_m = self.state.position_m
         self.entered_yaw_rad = self.state.yaw_rad
+        self.legs = Legs()
         if mode == "AUTO":
             self.mission.start()
 
@@ -253,6 +257,8 @@ class ArduPilot:
         )
         if state.now_s - self.stream_s > timeout_s:
             return guided.STOP if self.guided.kind is Kind.STREAM else guided.LEVEL
+        if firmware.flies and self.guided.kind is Kind.STREAM and self.plans.fence.items:
+            return avoiding(state, self.plans, self.guided)
         return self.guided
 
     def mission_over(self) -> None:

@@ -7,11 +7,13 @@ from sitl_mock.ardupilot import guided
 from sitl_mock.ardupilot.commander import DECIDE_S, ArduPilot
 from sitl_mock.ardupilot.commands import execute
 from sitl_mock.ardupilot.firmware import Firmware
+from sitl_mock.ardupilot.legs import Legs
 from sitl_mock.ardupilot.maneuvers import circle_from
 from sitl_mock.ardupilot.modes import COPTER_MODES
 from sitl_mock.ardupilot.refuge import refuge
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.dynamics.shaping import root_law
+from sitl_mock.missions import Leg
 from sitl_mock.setpoints import turned
 
 _NAN = math.nan
@@ -22,7 +24,7 @@ _ARMING_DELAY_S: Final = 2.0
 """ARMING_DELAY_SEC: a take-off waits so long after arming."""
 _THRUST_RISES_S: Final = 0.8
 """From NAV_TAKEOFF until it lifts off, and again from a second one (measured)."""
-_CLIMB_LEAST_S: Final = 2.0
+_CLIMB_LEAST_S: Final = 0.65
 """RTL sets out after so long also where there is nothing to climb (measured)."""
 _NOT_IN_RTL: Final = 2  # WP_YAW_BEHAVIOR: the nose follows the flight, but not in RTL
 _DEAD_BAND: Final = 0.2
@@ -110,16 +112,17 @@ def _return(commander: ArduPilot) -> Setpoint:
     state = commander.state
     if state.on_ground:
         return commander.idling
-    north, east, down = state.position_m
     if not commander.stage:
         commander.stage, commander.stage_s = "climb", state.now_s
-        commander.goal_m = refuge(state, commander.plans)
+        commander.goal_m, commander.legs = refuge(state, commander.plans), Legs()
+        commander.entered_m = commander.legs.begin(state)
     home = commander.goal_m
     height_m = min(home[2], commander.entered_m[2])
-    climbed = down - height_m < _REACHED_M and state.now_s - commander.stage_s > _CLIMB_LEAST_S
-    if commander.stage == "climb" and climbed:
+    near_m = float(state.parameters["WPNAV_RADIUS"]) * 0.01
+    left_m, since_s = commander.legs.left_m(state.now_s), state.now_s - commander.stage_s
+    if commander.stage == "climb" and left_m < near_m and since_s > _CLIMB_LEAST_S:
         commander.stage = "return"
-    if commander.stage == "return" and math.hypot(north - home[0], east - home[1]) < 1.0:
+    elif commander.stage == "return" and left_m <= 0.0:
         commander.stage, commander.stage_s = "wait", state.now_s
     if commander.stage == "wait" and state.now_s - commander.stage_s > float(state.parameters["RTL_LOIT_TIME"]) * 1e-3:
         commander.stage = "land"
@@ -128,7 +131,8 @@ def _return(commander: ArduPilot) -> Setpoint:
     place = commander.entered_m if commander.stage == "climb" else home
     yaw_rad = commander.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
     speed = float(state.parameters["RTL_SPEED"]) * 0.01 or _NAN
-    return Setpoint(Kind.TRAVEL, (place[0], place[1], height_m), yaw_rad=yaw_rad, speed_m_s=speed)
+    goal = (place[0], place[1], height_m)
+    return commander.legs.onwards(state, goal, speed)._replace(yaw_rad=yaw_rad)
 
 
 def _brake(commander: ArduPilot) -> Setpoint:
@@ -169,9 +173,16 @@ def _auto(commander: ArduPilot) -> Setpoint:
         return commander.idling if state.on_ground else _land_over(commander, leg.position_m[0], leg.position_m[1])
     if state.on_ground and not leg.taking_off:
         return commander.idling
+    return _along(commander, leg)
+
+
+def _along(commander: ArduPilot, leg: Leg) -> Setpoint:
     if commander.paused:
+        commander.legs = Legs()
         return guided.STOP
-    return Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
+    if leg.taking_off:
+        return Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
+    return commander.legs.setpoint(commander.state, commander.mission, leg)
 
 
 COPTER: Final = Firmware[ArduPilot](

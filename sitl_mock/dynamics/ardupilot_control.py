@@ -83,7 +83,8 @@ class ArduMemory(NamedTuple):
     limited: Limited = UNLIMITED
 
 
-_memory, _demand = maker_of(ArduMemory), maker_of(Demand)
+_memory, _demand, _reference = maker_of(ArduMemory), maker_of(Demand), maker_of(Reference)
+_TRACK = Kind.TRACK
 _STOPPED, _IDLING, _STREAM, _BRAKE = Kind.STOPPED, Kind.IDLING, Kind.STREAM, Kind.BRAKE
 
 
@@ -117,6 +118,8 @@ class ArduControl:
             started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, started.acceleration_ned_m_s2)
         if kind is _STREAM:
             reference = self._shaped(started, setpoint, dt_s)
+        elif kind is _TRACK:
+            reference = _reference(setpoint[1:4])
         elif kind is Kind.ATTITUDE:
             return self._leaning(memory, body, estimate, setpoint, dt_s)
         else:

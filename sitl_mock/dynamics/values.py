@@ -31,6 +31,8 @@ class Kind(IntEnum):
     """Stop as fast as the flavour does and hold the place where it stopped (PX4 Hold, ArduCopter BRAKE)."""
     ATTITUDE = 6
     """Lean as asked; the height by a thrust, or by the down velocity where no thrust is given (ArduPilot)."""
+    TRACK = 7
+    """A motion of the autopilot's own making, followed as it is (ArduPilot's AUTO)."""
     DIRECT = 5
     """Attitude and thrust as the acceleration they make in still air, past the position control (PX4)."""
 

@@ -16,6 +16,7 @@ from sitl_mock.modes import Need
 from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.calibration import Calibration
 from sitl_mock.px4.follow import Follow
+from sitl_mock.px4.ground import LANDED_S, LandDetector
 from sitl_mock.px4.home import HomeKeeper
 from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, Unmeant, meant
 from sitl_mock.px4.offboard import BodyRates, read_attitude
@@ -28,10 +29,6 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
 
 CHECK_S: Final = 0.1
-LIFTING_S: Final = 0.8
-"""From the beginning of a take-off's thrust until it counts as one (measured)."""
-LANDED_S: Final = 2.8
-"""From touching the ground until that counts as a landing (measured)."""
 _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMINATION": 6}
 _STOPPED: Final = Setpoint(Kind.STOPPED)
 _LANDING: Final = frozenset({"LAND", "DESCEND", "PRECLAND"})
@@ -73,9 +70,7 @@ class Px4:
         self._check_s = -math.inf
         self.calibration = Calibration()
         self._sticks_known = False
-        self._left = False
-        self._lift_s = math.inf
-        self._landing_told_s = math.nan
+        self.ground = LandDetector()
         self._takeoff_height_m = math.nan
 
     # What the others see
@@ -107,7 +102,7 @@ class Px4:
     @property
     def landed_state(self) -> int:
         """EXTENDED_SYS_STATE.landed_state."""
-        if not self._left and self.state.on_ground and not self._just_down:
+        if self.ground.on_ground(self.state):
             return Landed.ON_GROUND
         if self.mode == "TAKEOFF" or (self.mode == "MISSION" and self.mission.climbing):
             return Landed.TAKEOFF
@@ -204,30 +199,11 @@ class Px4:
         if self.calibration.kind:
             self.calibration.advance(self.state, now_s)
         if not self.state.armed or self.mode == "TERMINATION":
-            self._left = False
+            self.ground.left = False
             return _STOPPED
         setpoint = self._fly(self)
-        self._notice_lifting(now_s, setpoint)
+        self.ground.notice_lifting(self.state, now_s, setpoint)
         return setpoint
-
-    @property
-    def _just_down(self) -> bool:
-        """Whether it stands for too short a time for that to count as a landing."""
-        return self.state.armed and self.state.flew and self.state.standing_s < LANDED_S
-
-    def _notice_lifting(self, now_s: float, setpoint: Setpoint) -> None:
-        """The thrust of a take-off counts as having left the ground before the legs do."""
-        state = self.state
-        if not state.on_ground:
-            self._lift_s = math.inf
-        elif setpoint.kind <= Kind.IDLING:
-            self._lift_s, self._left = math.inf, self._left and self._just_down
-        else:
-            spooled_s = state.armed_s + float(state.parameters["COM_SPOOLUP_TIME"])
-            self._lift_s = min(self._lift_s, max(now_s, spooled_s))
-        if not self._left and (not state.on_ground or now_s > self._lift_s + LIFTING_S):
-            self._left = True
-            state.say(Severity.INFO, "Takeoff detected")
 
     def _check(self, now_s: float) -> None:
         state = self.state
@@ -343,18 +319,12 @@ class Px4:
             self.state.say(Severity.INFO, "Pilot took over using sticks")
             self.request(now_s, AFTER["any", "stick moved, COM_RC_OVERRIDE"])
 
-    def _notice_landing(self) -> None:
-        state = self.state
-        if self._landing_told_s != state.landed_s and state.standing_s >= LANDED_S:
-            self._landing_told_s = state.landed_s
-            state.say(Severity.INFO, "Landing detected")
-
     def _disarm_by_itself(self, now_s: float) -> None:
         state = self.state
         if not state.on_ground:
             return
         if state.flew:
-            self._notice_landing()
+            self.ground.notice_landing(state)
             landed_s = float(state.parameters["COM_DISARM_LAND"])
             coming_down = self.mode not in {"TAKEOFF"} and not self.wants_to_climb()
             if landed_s > 0.0 and coming_down and state.standing_s > LANDED_S + landed_s:

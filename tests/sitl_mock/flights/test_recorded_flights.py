@@ -58,10 +58,11 @@ FLIGHTS = {
     "arducopter_velocity": Bounds(3.1, 6.8, 0.2, 0.9, yaw_deg=23.0),
     "arducopter_setyaw": Bounds(0.1, 0.2, 0.1, 0.2, yaw_deg=2.0),
     "arducopter_circle": Bounds(2.9, 4.0, 0.1, 0.2, yaw_deg=17.0),
-    # AUTO's legs begin and end by S-curves there, and are 1.4 to 5 s longer than the mock's.
-    "arducopter_mission": Bounds(4.2, 27.0, 2.8, 8.5, yaw_deg=6.0, late_s=2.0, reached_s=8.0),
-    "arducopter_fence": Bounds(0.6, 6.0, 0.9, 3.8, late_s=2.0),
-    "arducopter_rally": Bounds(0.4, 1.5, 0.6, 2.7, late_s=3.5),
+    "arducopter_mission": Bounds(0.3, 1.9, 0.3, 2.4, yaw_deg=2.0, reached_s=0.4),
+    "arducopter_fence": Bounds(0.25, 1.7, 0.2, 1.2, late_s=2.0),
+    "arducopter_rally": Bounds(0.35, 1.5, 0.2, 1.2),
+    # Up to the fence's margin: what the real one does there is not modelled.
+    "arducopter_avoidance": Bounds(0.2, 0.9, 0.25, 1.2),
 }
 """Stated as measured, and a third more."""
 

@@ -1,0 +1,221 @@
+"""The straight legs of AUTO: from rest to rest along each under a limit of jerk, corners cut within WPNAV_RADIUS.
+
+Fitted to flights of ArduCopter 4.5.7 with the speeds that it reached and the times at which it went on: the jerk is
+0.8 of WPNAV_JERK (it does not change at once there), and the next leg begins when half the time left on the present one
+brings the vehicle within WPNAV_RADIUS of the corner; the corner counts as reached at that half.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sitl_mock.dynamics import Kind, Setpoint
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sitl_mock.missions import Leg, MissionFlight
+    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.world import Vector
+
+_JERK_SHARE: Final = 0.8
+_LEAST_M: Final = 1e-3
+
+
+class Along(NamedTuple):
+    """How far along a leg, how fast, and how hard speeding up."""
+
+    distance_m: float
+    speed_m_s: float
+    accel_m_s2: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rise:
+    """From rest to a speed with a jerk of one size: up, level where the acceleration is limited, down.
+
+    Attributes:
+        speed_m_s: In the end.
+        accel_m_s2: At most.
+        jerk_m_s3: Its size.
+    """
+
+    speed_m_s: float
+    accel_m_s2: float
+    jerk_m_s3: float
+
+    @property
+    def peak_m_s2(self) -> float:
+        """The acceleration that is reached."""
+        return min(self.accel_m_s2, math.sqrt(self.speed_m_s * self.jerk_m_s3))
+
+    @property
+    def lasts_s(self) -> float:
+        """How long it takes."""
+        peak = self.peak_m_s2
+        return self.speed_m_s / peak + peak / self.jerk_m_s3 if peak > 0.0 else 0.0
+
+    def at(self, after_s: float) -> Along:
+        """The motion after some time of it."""
+        jerk, peak, left_s = self.jerk_m_s3, self.peak_m_s2, self.lasts_s - after_s
+        bend_s = peak / jerk
+        if after_s <= bend_s:
+            return Along(jerk * after_s**3 / 6.0, jerk * after_s**2 / 2.0, jerk * after_s)
+        if left_s <= bend_s:
+            way = self.speed_m_s * (self.lasts_s / 2.0 - left_s) + jerk * left_s**3 / 6.0
+            return Along(way, self.speed_m_s - jerk * left_s**2 / 2.0, jerk * left_s)
+        even_s = after_s - bend_s
+        start = jerk * bend_s**2 / 2.0
+        way = jerk * bend_s**3 / 6.0 + start * even_s + peak * even_s**2 / 2.0
+        return Along(way, start + peak * even_s, peak)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One leg from rest to rest.
+
+    Attributes:
+        start_m: Where it begins.
+        goal_m: Where it ends.
+        begun_s: When it begins.
+        length_m: How long it is.
+        rise: How it speeds up, and, turned about, slows down.
+    """
+
+    start_m: Vector
+    goal_m: Vector
+    begun_s: float
+    length_m: float
+    rise: Rise
+
+    @property
+    def end_s(self) -> float:
+        """When it is over."""
+        even_m = self.length_m - self.rise.speed_m_s * self.rise.lasts_s
+        return self.begun_s + 2.0 * self.rise.lasts_s + even_m / self.rise.speed_m_s
+
+    def along(self, now_s: float) -> Along:
+        """The motion at a time."""
+        rise, after_s, left_s = self.rise, max(now_s - self.begun_s, 0.0), max(self.end_s - now_s, 0.0)
+        if left_s < rise.lasts_s:
+            way, speed, accel = rise.at(left_s)
+            return Along(self.length_m - way, speed, -accel)
+        if after_s < rise.lasts_s:
+            return rise.at(after_s)
+        half_m = rise.speed_m_s * rise.lasts_s / 2.0
+        return Along(half_m + rise.speed_m_s * (after_s - rise.lasts_s), rise.speed_m_s, 0.0)
+
+    @property
+    def direction(self) -> Vector:
+        """Where it leads to, of length one."""
+        (a, b, c), (d, e, f), size = self.start_m, self.goal_m, self.length_m
+        return (d - a) / size, (e - b) / size, (f - c) / size
+
+
+def curve(start_m: Vector, goal_m: Vector, begun_s: float, speed_m_s: float, parameters: Mapping[str, float]) -> Curve:
+    """The leg between two places under WPNAV_* (an own speed, NaN for none), each limit along its own direction."""
+    length_m = max(math.dist(start_m, goal_m), _LEAST_M)
+    level, high = math.dist(start_m[:2], goal_m[:2]) / length_m, abs(goal_m[2] - start_m[2]) / length_m
+    level, high = max(level, _LEAST_M), max(high, _LEAST_M)
+    climbs = "WPNAV_SPEED_UP" if goal_m[2] < start_m[2] else "WPNAV_SPEED_DN"
+    cruise = speed_m_s if speed_m_s > 0.0 else float(parameters["WPNAV_SPEED"]) * 0.01
+    speed = min(cruise / level, float(parameters[climbs]) * 0.01 / high)
+    accel = min(float(parameters["WPNAV_ACCEL"]) * 0.01 / level, float(parameters["WPNAV_ACCEL_Z"]) * 0.01 / high)
+    jerk = _JERK_SHARE * float(parameters["WPNAV_JERK"])
+    reached = (length_m * math.sqrt(jerk) / 2.0) ** (2.0 / 3.0)
+    if reached > accel * accel / jerk:
+        reached = accel / 2.0 * (math.sqrt((accel / jerk) ** 2 + 4.0 * length_m / accel) - accel / jerk)
+    return Curve(start_m, goal_m, begun_s, length_m, Rise(min(speed, reached), accel, jerk))
+
+
+def _braking(state: VehicleState) -> Curve:
+    """The second half of a leg whose middle is here and now, at the present velocity."""
+    speed_m_s = max(math.hypot(*state.velocity_m_s), _LEAST_M)
+    parameters = state.parameters
+    rise = Rise(speed_m_s, float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["PSC_JERK_XY"]))
+    (n, e, d), (v_n, v_e, v_d) = state.position_m, state.velocity_m_s
+    half_s = rise.lasts_s / 2.0
+    start_m = (n - v_n * half_s, e - v_e * half_s, d - v_d * half_s)
+    goal_m = (n + v_n * half_s, e + v_e * half_s, d + v_d * half_s)
+    return Curve(start_m, goal_m, state.now_s - rise.lasts_s, 2.0 * speed_m_s * half_s, rise)
+
+
+@dataclass(slots=True)
+class Legs:
+    """The legs under way: the present one, what is left of the one before, and the one that begins already."""
+
+    _before: Curve | None = None
+    _present: Curve | None = None
+    _following: Curve | None = None
+
+    def setpoint(self, state: VehicleState, mission: MissionFlight, leg: Leg) -> Setpoint:
+        """Go on towards a leg's place; the mission is told when that counts as reached."""
+        now_s = state.now_s
+        present = self._towards(leg.position_m, state, leg.speed_m_s)
+        following = mission.following(state)
+        if self._following is None and following is not None:
+            ahead = curve(present.goal_m, following.position_m, now_s, following.speed_m_s, state.parameters)
+            if _may_begin(present, ahead, now_s, float(state.parameters["WPNAV_RADIUS"]) * 0.01):
+                self._following = ahead
+        lead_s = 0.0 if self._following is None else (present.end_s - self._following.begun_s) / 2.0
+        mission.due_s = present.end_s - lead_s
+        return self._sum(now_s)
+
+    def begin(self, state: VehicleState) -> Vector:
+        """Forget all legs and brake; returns where that comes to rest, which is where the next leg begins."""
+        self._before = _braking(state)
+        self._present = self._following = None
+        return self._before.goal_m
+
+    def onwards(self, state: VehicleState, goal_m: Vector, speed_m_s: float) -> Setpoint:
+        """Go on towards a place of no mission; a leg that slows down already is flown to its end beside."""
+        self._towards(goal_m, state, speed_m_s)
+        return self._sum(state.now_s)
+
+    def left_m(self, now_s: float) -> float:
+        """How much of the present leg is left."""
+        present = self._present
+        return math.inf if present is None else present.length_m - present.along(now_s).distance_m
+
+    def _towards(self, goal_m: Vector, state: VehicleState, speed_m_s: float) -> Curve:
+        present, following = self._present, self._following
+        if present is not None and math.dist(present.goal_m, goal_m) < _LEAST_M:
+            return present
+        if following is not None and math.dist(following.goal_m, goal_m) < _LEAST_M:
+            self._before, self._following = present, None
+            self._present = following
+            return following
+        if present is not None and state.now_s >= present.end_s - present.rise.lasts_s:
+            self._before, start_m = present, present.goal_m
+        elif self._before is not None and present is None:
+            start_m = self._before.goal_m
+        else:
+            start_m = self.begin(state)
+        self._following = None
+        self._present = curve(start_m, goal_m, state.now_s, speed_m_s, state.parameters)
+        return self._present
+
+    def _sum(self, now_s: float) -> Setpoint:
+        curves = [each for each in (self._before, self._present, self._following) if each is not None]
+        place, speed, accel = list(curves[0].start_m), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        for each in curves:
+            way, fast, harder = each.along(now_s)
+            for axis, share in enumerate(each.direction):
+                place[axis] += share * way
+                speed[axis] += share * fast
+                accel[axis] += share * harder
+        return Setpoint(
+            Kind.TRACK, (place[0], place[1], place[2]), (speed[0], speed[1], speed[2]), (accel[0], accel[1], accel[2])
+        )
+
+
+def _may_begin(present: Curve, ahead: Curve, now_s: float, radius_m: float) -> bool:
+    """Whether the leg ahead may begin: at half of the time left both together are near enough to the corner."""
+    left_s = present.end_s - now_s
+    if left_s > min(present.rise.lasts_s, ahead.rise.lasts_s):
+        return False
+    to_go, gone = present.rise.at(left_s / 2.0).distance_m, ahead.rise.at(left_s / 2.0).distance_m
+    corner = [b * gone - a * to_go for a, b in zip(present.direction, ahead.direction, strict=True)]
+    return math.hypot(*corner) < radius_m
