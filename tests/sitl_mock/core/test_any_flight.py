@@ -31,6 +31,8 @@ VALUES = {
     "ekf_jump_m": st.tuples(*[st.floats(-20, 20)] * 3),
     "ekf_yaw_jump_deg": st.floats(-180, 180),
     "eph_m": st.floats(0, 100),
+    "drift_m_s": st.tuples(*[st.floats(-2, 2)] * 3),
+    "thrust_share": st.floats(0, 1),
     "battery": st.floats(0, 1),
     "wind_m_s": st.tuples(*[st.floats(-8, 8)] * 3),
     "gust_m_s": st.floats(0, 4),
