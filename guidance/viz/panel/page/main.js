@@ -111,6 +111,7 @@ class Live {
     button.setAttribute("aria-pressed", pressed);
     button.addEventListener("click", () => {
       this.chosen = daemon.key;
+      this.pictures.shown.fit();
       this.draw();
     });
     return button;

@@ -77,7 +77,7 @@ export class Orders {
   button(order) {
     const button = document.createElement("button");
     const [name, what] = TEXTS.orders[order];
-    button.className = `order ${LOOKS[order] ?? ""}`;
+    button.className = `order ${order} ${LOOKS[order] ?? ""}`;
     button.dataset.order = order;
     button.append(document.createElement("i"), name, said("small", SLOW.has(order) ? TEXTS.holdDown : what));
     if (SLOW.has(order)) this.slow(button, order, name);

@@ -56,7 +56,7 @@ export class Plan {
   }
 
   draw() {
-    if (!this.daemon || !this.surface.begin()) return;
+    if (!this.surface.begin() || !this.daemon) return;
     const { snapshot: seen, scene, rows } = this.daemon;
     if (this.framing) this.frame(this.worth(seen, scene, rows));
     if (scene?.home_deg && scene.home_m) this.tiles.draw(this, scene);

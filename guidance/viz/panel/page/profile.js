@@ -13,7 +13,7 @@ export class Profile {
 
   show(daemon) {
     const { snapshot: seen, scene, rows } = daemon;
-    if (!scene?.home_m || !this.surface.begin()) return;
+    if (!this.surface.begin() || !scene?.home_m) return;
     const home = scene.home_m;
     const toEvader = Boolean(seen?.evader_m);
     const flat = (one, other) => Math.hypot(one[0] - other[0], one[1] - other[1]);

@@ -41,7 +41,7 @@ export class Space {
   }
 
   draw() {
-    if (!this.daemon || !this.surface.begin()) return;
+    if (!this.surface.begin() || !this.daemon) return;
     const { snapshot: seen, scene, rows } = this.daemon;
     if (!seen?.pursuer_m || !scene) {
       this.surface.text(TEXTS.map.wait, this.surface.width / 2, 24, ink("--faint"), "center");
