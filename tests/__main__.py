@@ -41,7 +41,7 @@ class Step:
 STEPS = {
     "format": Step("ruff's format", (BIN / "ruff", "format", "--check", ".")),
     "lint": Step("ruff's rules", (BIN / "ruff", "check", ".")),
-    "types": Step("mypy, strict", (BIN / "mypy",)),
+    "types": Step("mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",)),
     "layers": Step("imports point down only", (BIN / "lint-imports",)),
     "docs": Step(
         "the documentation as a site, where any warning is an error",

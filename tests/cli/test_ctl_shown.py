@@ -23,9 +23,9 @@ STATUS = {
 
 
 def shown(status, width):
-    console = Console(file=io.StringIO(), width=width)
-    console.print(status_table(status))
-    return console.file.getvalue()
+    written = io.StringIO()
+    Console(file=written, width=width).print(status_table(status))
+    return written.getvalue()
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])
@@ -62,9 +62,9 @@ def test_an_order_is_answered_in_a_line():
 
 
 def test_a_status_is_watched_below_each_other_where_nothing_can_be_redrawn():
-    console, slept = Console(file=io.StringIO(), width=80), []
-    watch(console, lambda: STATUS, slept.append, times=3)
-    assert console.file.getvalue().count("31.4 m to the evader") == 3
+    written, slept = io.StringIO(), []
+    watch(Console(file=written, width=80), lambda: STATUS, slept.append, times=3)
+    assert written.getvalue().count("31.4 m to the evader") == 3
     assert slept == [1.0] * 3
 
 
@@ -76,7 +76,7 @@ class Terminal(io.StringIO):
 def test_the_live_line_stays_below_the_lines_of_a_terminal_and_says_when_it_is_old(monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     now_s = [0.0]
-    monkeypatch.setattr(logs.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     terminal = Terminal()
     lines = logs._Terminal(terminal)
     lines.setFormatter(logging.Formatter("%(message)s"))

@@ -28,9 +28,11 @@ def yielded(predicted):
 @pytest.mark.parametrize("width", [60, 200])
 def test_a_flight_without_a_capture_has_no_number_for_one(width):
     outcome = yielded(12.82)
-    there = Console(file=io.StringIO(), width=width)
-    there.print(_table(FlightResult(load_scenario("pilot_takeover")[1], State.YIELDED), outcome))
-    words = there.file.getvalue()
+    written = io.StringIO()
+    Console(file=written, width=width).print(
+        _table(FlightResult(load_scenario("pilot_takeover")[1], State.YIELDED), outcome)
+    )
+    words = written.getvalue()
     assert "nan" not in words
     assert "yielded to a pilot" in words
     assert "12.82 s" in words

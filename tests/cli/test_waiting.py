@@ -4,8 +4,6 @@ import io
 
 from rich.console import Console
 
-from guidance import screen
-from guidance.cli import showing
 from guidance.cli.showing import LiveLine
 from guidance.flight import State
 from guidance.screen import Sheet, Wait, waiting
@@ -14,7 +12,7 @@ from guidance.session.mission import Progress
 
 def test_a_wait_says_for_what_since_when_and_until_when(monkeypatch):
     now_s = [10.0]
-    monkeypatch.setattr(screen.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     wait = Wait("a HEARTBEAT", 60.0)
     now_s[0] = 22.0
     assert wait.__rich__().plain == "waiting for a HEARTBEAT: 12 s of 60 s at most"
@@ -23,15 +21,15 @@ def test_a_wait_says_for_what_since_when_and_until_when(monkeypatch):
 
 
 def test_where_nothing_can_be_redrawn_a_wait_is_said_once():
-    there = Console(file=io.StringIO(), width=80)
-    with waiting(there, "a HEARTBEAT", 60.0) as wait:
+    written = io.StringIO()
+    with waiting(Console(file=written, width=80), "a HEARTBEAT", 60.0) as wait:
         wait.what = "parameters"
-    assert there.file.getvalue() == "waiting for a HEARTBEAT, 60 s at most\n"
+    assert written.getvalue() == "waiting for a HEARTBEAT, 60 s at most\n"
 
 
 def test_a_live_line_of_a_loop_that_stands_still_says_so(monkeypatch):
     now_s = [0.0]
-    monkeypatch.setattr(showing.time, "perf_counter", lambda: now_s[0])
+    monkeypatch.setattr("time.perf_counter", lambda: now_s[0])
     line = LiveLine()
     assert line.__rich__().plain == ""
     line.tell(Progress(5.0, State.CLIMBING, "TAKEOFF", None, "s"))
@@ -42,9 +40,9 @@ def test_a_live_line_of_a_loop_that_stands_still_says_so(monkeypatch):
 
 
 def lines(sheet, width):
-    there = Console(file=io.StringIO(), width=width)
-    there.print(sheet)
-    return [line.rstrip() for line in there.file.getvalue().splitlines()]
+    written = io.StringIO()
+    Console(file=written, width=width).print(sheet)
+    return [line.rstrip() for line in written.getvalue().splitlines()]
 
 
 def test_a_sheet_is_a_table_where_it_fits_and_a_paragraph_a_row_where_not():

@@ -42,7 +42,7 @@ def spoilt(message):
                 yield from (message._replace(**{name: (*value[:axis], bad, *value[axis + 1 :])}) for bad in BAD)
 
 
-@pytest.mark.parametrize("kind", sorted([*get_args(Message), EvaderReport], key=lambda kind: kind.__name__))
+@pytest.mark.parametrize("kind", sorted([*get_args(Message), EvaderReport], key=str))
 def test_every_number_of_every_message_may_be_nonsense_in_every_part_of_a_flight(kind):
     for brought in (lambda one: one.standing_by(), lambda one: one.engaged()):
         flown = brought(Flown())

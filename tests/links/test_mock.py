@@ -1,6 +1,7 @@
 """The pymavlink link and the mock autopilot in virtual time: two MAVLink codecs written apart, and no wire between."""
 
 import math
+from typing import Any
 
 import pytest
 
@@ -37,7 +38,7 @@ class Flight:
         self.mock = MockVehicle(flavour, system_id=1, home=PLACE, noise=False, ready_after_s=1.0)
         ours, self.theirs = MemoryWire.pair(lambda: self.now_s)
         self.link = PymavlinkLink(ours, lambda: self.now_s, system_id=1, **options)
-        self.latest: dict[type, object] = {}
+        self.latest: dict[type, Any] = {}
         self.seen: list = []
         self.run(2.0)
         for request in profile.stream_requests():

@@ -199,8 +199,8 @@ def test_nobody_says_or_hears_what_is_not_its_own(joined):
         )
     forgers = {name: joined(name) for name in PARTIES}
     for name, session in forgers.items():
-        for key, rightful in SAYS.items():
-            if name != rightful:
+        for key, sayer in SAYS.items():
+            if name != sayer:
                 for _ in range(3):
                     session.put(key, name, congestion_control=zenoh.CongestionControl.BLOCK)
         session.put("**", name)

@@ -2,6 +2,7 @@
 
 import os
 import socket
+from pathlib import Path
 
 import pytest
 
@@ -71,7 +72,7 @@ def test_a_token_where_others_may_write_is_refused(path):
 
 def test_a_path_that_cannot_be_written_is_refused():
     with pytest.raises(ConfigError, match=r"control.token_file = '/proc/nowhere/a.token': cannot be written"):
-        control_token.draw(control_token.Path("/proc/nowhere/a.token"))
+        control_token.draw(Path("/proc/nowhere/a.token"))
 
 
 def test_the_token_lies_in_the_runtime_folder_of_the_service_or_of_the_user(monkeypatch, tmp_path):

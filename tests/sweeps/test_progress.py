@@ -4,7 +4,6 @@ import io
 
 from rich.console import Console
 
-from guidance.sweeps import progress
 from guidance.sweeps.executors import ProcessExecutor, SerialExecutor
 from guidance.sweeps.progress import shown
 from guidance.sweeps.running import begun, finish
@@ -29,7 +28,7 @@ def test_games_of_every_worker_are_told_by_the_time_that_its_chunk_is_done(plan_
 
 def lines(monkeypatch, terminal, **environment):
     now_s = [0.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     out = io.StringIO()
     console = Console(file=out, width=100, force_terminal=terminal, _environ=environment)
     with shown(console, 100, 20, unit="games") as sweep:

@@ -119,10 +119,10 @@ def browser():
     with sync_playwright() as playwright, playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as chromium:
         context = chromium.new_context(viewport={"width": 1024, "height": 768})
         context.set_default_timeout(LIMIT_MS)
-        context.said, context.asked = [], []
-        context.on("console", lambda message: context.said.append(message.text))
-        context.on("weberror", lambda error: context.said.append(str(error.error)))
-        context.on("request", lambda request: context.asked.append(request.url))
+        said, asked = context.said, context.asked = [], []  # type: ignore[attr-defined]
+        context.on("console", lambda message: said.append(message.text))
+        context.on("weberror", lambda error: said.append(str(error.error)))
+        context.on("request", lambda request: asked.append(request.url))
         yield context
 
 

@@ -179,7 +179,7 @@ def test_no_legend_covers_what_is_drawn(pe):
 
 def test_without_colours_the_players_are_still_told_apart(pe):
     plan = tracks(story_of(pe[1], recorded_settings)).axes[1]
-    drawn = {line.get_label(): line for line in plan.lines}
+    drawn = {str(line.get_label()): line for line in plan.lines}
     looks = [
         (line.get_linestyle(), line.get_marker(), line.get_linewidth())
         for name, line in drawn.items()

@@ -148,7 +148,7 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
             written += 30_000
             return False
 
-    monkeypatch.setattr(commands.os, "nice", lambda _: None)
+    monkeypatch.setattr("os.nice", lambda _: None)
     count = view(RecordFile(growing, follow=True), Destination(tmp_path / "g.rrd"), recorded_settings, print, Ended())
     followed = Seeing(tmp_path / "g.rrd")
     assert count == sum(item.topic == CYCLE_TOPIC for item in scan(record))

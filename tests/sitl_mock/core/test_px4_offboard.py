@@ -108,15 +108,15 @@ def test_one_hertz_holds_offboard_and_0_8_hertz_flips(fly, ned_velocity):
         flight.run(0.02, stream)
         modes.add(flight.mode)
     assert modes == {"OFFBOARD"}
-    modes = []
+    flown = []
     for _ in range(8):
         for _ in range(125 // 2):
             flight.run(0.02)
-            modes.append(flight.mode)
+            flown.append(flight.mode)
         flight.run(0.02, stream)
-        modes.append(flight.mode)
-    flips = sum(a != b for a, b in itertools.pairwise(modes))
-    assert set(modes) == {"OFFBOARD", "RTL"}
+        flown.append(flight.mode)
+    flips = sum(a != b for a, b in itertools.pairwise(flown))
+    assert set(flown) == {"OFFBOARD", "RTL"}
     assert 12 <= flips <= 17, "to RTL and back in every period"
 
 

@@ -9,7 +9,9 @@ Each flight wants a simulator that has just been started and is ready to arm: PX
 
 import argparse
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 
@@ -18,7 +20,7 @@ from tests.sitl_mock.flights.mavproxy import Proxy
 from tests.sitl_mock.flights.recorded import FOLDER, keep
 from tests.sitl_mock.flights.relay import Relay
 
-FLIGHTS = {"px4": mavsdk_flights.FLIGHTS, "arducopter": mavproxy_flights.FLIGHTS}
+FLIGHTS: dict[str, Mapping[str, Any]] = {"px4": mavsdk_flights.FLIGHTS, "arducopter": mavproxy_flights.FLIGHTS}
 
 
 def main() -> None:
