@@ -208,7 +208,7 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
 
 
 def test_without_rerun_the_extra_is_named(record, monkeypatch, tmp_path):
-    monkeypatch.setattr(commands, "find_spec", lambda _: None)
+    monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)
     with pytest.raises(ConfigError, match=r"pip install 'pursuit-guidance\[viz\]'"):
         view(RecordFile(record), Destination(tmp_path / "a.rrd"), recorded_settings, print, threading.Event())
     run = CliRunner().invoke(app, ["fly", "--view"])
