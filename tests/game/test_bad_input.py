@@ -244,6 +244,14 @@ def test_lengths_that_overflow_together_are_no_answer(large):
     assert solve(Game(Ball(1e54), 1.0, **large), P, E).reason == Reason.OVERFLOW
 
 
+@pytest.mark.parametrize(
+    ("place", "radius_m"), [((1e100, 1e100, 0.0), 0.0), ((1e100, 0.0, 1e100), 0.0), ((1e100, 0.0, 0.0), 1e100)]
+)
+def test_no_large_length_makes_up_for_another(place, radius_m):
+    game = Game(Ball(1e54), 1.0, standoff=StandOff(radius_m, 0.0))
+    assert solve(game, np.array(place), np.zeros(3)).reason == Reason.OVERFLOW
+
+
 def test_far_on_the_negative_side_overflows_as_on_the_positive():
     for x in (1e100, -1e100):
         solution = solve(Game(Ball(1e54), 1.0), np.full((3, 3), [x, 0.0, 0.0]), np.zeros((3, 3)))

@@ -191,6 +191,14 @@ def test_on_the_barrier_of_a_stand_off_both_take_the_time_that_the_evader_needs(
     np.testing.assert_array_equal(solution.evader_velocity_m_s, (0.0, -1.0, 0.0))
 
 
+def test_a_cylinder_captures_beside_and_above_each_by_itself_and_a_ball_by_the_distance():
+    reasons = [
+        solve(Game(pursuer, 1.0, capture_radius_m=1.0), at(0.8, 0, 0.8), ORIGIN, at(9, 0, 0)).reason
+        for pursuer in (Cylinder(2.0, 0.7, 0.5), Ball(2.0))
+    ]
+    assert reasons == [Reason.CAPTURED, Reason.SOLVED]
+
+
 def test_an_evader_runs_until_it_is_there():
     for game in (BALL, CYLINDER):
         solution = solve(game, at(20, 0, 7), at(0.25, 0, 0), ORIGIN)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, StandOff, solve
+from guidance.game.policies import lead_pursuit
 
 PAPER = Game(Ball(2.0), 1.0)
 P, E, T = np.array([3.0, 4.0, 12.0]), np.zeros(3), np.array([-6.0, 8.0, 0.0])
@@ -79,3 +80,32 @@ def test_pure_evade_runs_away_in_the_plane():
 def test_hold_holds():
     for catalogue in (PURSUER_POLICIES, EVADER_POLICIES):
         np.testing.assert_array_equal(catalogue["hold"](PAPER, P, E, T), 0.0)
+
+
+def test_lead_pursuit_is_the_collision_triangle():
+    E, run = np.array([30.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    v = lead_pursuit(PAPER, np.zeros(3), E, None, run)
+    assert v[1] == pytest.approx(run[1])  # the line of sight keeps its bearing
+    assert np.linalg.norm(v) == pytest.approx(2.0)
+
+
+def test_without_an_observed_velocity_lead_pursuit_is_pure_pursuit():
+    P, E = np.array([0.0, 0.0, 3.0]), np.array([3.0, 4.0, 0.0])
+    v = lead_pursuit(PAPER, P, E)
+    np.testing.assert_allclose(v, 2.0 * (E - P) / np.linalg.norm(E - P))
+
+
+def test_lead_pursuit_has_a_steady_evader_on_the_rim_of_the_disc_at_its_height():
+    game = Game(Ball(3.0), 1.5, standoff=StandOff(3.0, 5.0), wind_m_s=(0.3, -0.4))
+    start, run = np.array([-20.0, 9.0, 25.0]), np.array([0.9, 1.2, 0.0])
+    v = lead_pursuit(game, start, E, None, run)
+    assert np.linalg.norm(v - [0.3, -0.4, 0.0]) == pytest.approx(3.0)
+    t = -20.0 / v[2]
+    assert np.linalg.norm((start + v * t - E - run * t)[:2]) == pytest.approx(3.0)
+
+
+def test_lead_pursuit_keeps_with_an_evader_that_is_on_the_disc():
+    game = Game(Cylinder(3.0, 2.0, 1.0), 1.5, standoff=StandOff(3.0, 5.0), capture_radius_m=0.2)
+    run = np.array([0.9, -1.2, 0.0])
+    np.testing.assert_array_equal(lead_pursuit(game, np.array([3.1, 0.0, 5.1]), E, None, run), run)
+    assert lead_pursuit(game, np.array([3.3, 0.0, 5.0]), E, None, run)[0] < 0.9

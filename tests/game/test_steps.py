@@ -79,6 +79,19 @@ def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(games, orac
     assert np.mean(np.abs(start.s - found.s)[~within]) <= 1.01 * miss
 
 
+@pytest.mark.parametrize("end", [-1.0, 1.0])
+@pytest.mark.parametrize("name", STEPS)
+def test_the_bracket_finds_the_heading_from_either_end(games, oracle, monkeypatch, name, end):
+    hunt, old, within = searched(games[name], oracle, monkeypatch, 1.0, 1.0)
+    found = region._search(np, hunt, old, within)
+    start = region._touch(np, hunt)
+    rounds = counted(monkeypatch, "_settled")
+    with np.errstate(all="ignore"):
+        alone = region._bracket(np, hunt, start._replace(s=np.full_like(start.s, end)), 2.0, region.MORE_STEPS)
+    assert len(rounds) <= 7
+    np.testing.assert_allclose(alone.s[~within], found.s[~within], atol=1e-8)
+
+
 def test_a_heading_is_kept_within_ninety_degrees():
     s = np.array([-3.0, -1.5, -1.0, -0.5, 0.0, 1.0, 1.5, 3.0])
     np.testing.assert_array_equal(bounded(np, s), np.clip(s, -1.0, 1.0))

@@ -43,19 +43,6 @@ def test_lead_pursuit_of_a_steady_evader_flies_straight(game):
     assert np.ptp(headings) < 1e-3
 
 
-def test_lead_pursuit_is_the_collision_triangle():
-    E, run = np.array([30.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    v = lead_pursuit(POINT, np.zeros(3), E, None, run)
-    assert v[1] == pytest.approx(run[1])  # the line of sight keeps its bearing
-    assert np.linalg.norm(v) == pytest.approx(2.0)
-
-
-def test_without_an_observed_velocity_lead_pursuit_is_pure_pursuit():
-    P, E = np.array([0.0, 0.0, 3.0]), np.array([3.0, 4.0, 0.0])
-    v = lead_pursuit(POINT, P, E)
-    np.testing.assert_allclose(v, 2.0 * (E - P) / np.linalg.norm(E - P))
-
-
 def test_proportional_navigation_turns_gain_times_as_fast_as_the_line_of_sight():
     P, E = np.zeros(3), np.array([20.0, 0.0, 0.0])
     run, previous = np.array([0.0, 1.0, 0.0]), np.array([2.0, 0.0, 0.0])
