@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from guidance.cli.asking import agree
+from guidance.cli.belonging import refuse_others
 from guidance.errors import FlightError
 
 if TYPE_CHECKING:
@@ -34,7 +35,9 @@ def check(
     autopilot: Annotated[
         str | None, typer.Option(help="px4 or arducopter; found by HEARTBEAT if not given (with --vehicle).")
     ] = None,
-    link: Annotated[str, typer.Option(help="mavsdk or pymavlink (with --vehicle).")] = "mavsdk",
+    link: Annotated[
+        str | None, typer.Option(help="mavsdk or pymavlink (with --vehicle).", show_default="mavsdk")
+    ] = None,
     apply: Annotated[
         bool, typer.Option("--apply", help="Set the parameters that are refused, after asking, and judge again.")
     ] = False,
@@ -57,8 +60,11 @@ def check(
         raise typer.BadParameter("only with --apply", param_hint="--yes" if yes else "--advised")
     if as_json and apply and not yes:
         raise typer.BadParameter("with --apply only where nothing is asked: add --yes", param_hint="--json")
+    if vehicle is None:
+        given = {"--autopilot": autopilot, "--link": link}
+        refuse_others("a vehicle file, which says it", given, dict.fromkeys(given, "with --vehicle"))
     with contextlib.ExitStack() as closing:
-        checkup = _opened(closing, name, vehicle, autopilot, link)
+        checkup = _opened(closing, name, vehicle, autopilot, link or "mavsdk")
         rows = _judged(checkup)
         if apply:
             rows = _apply(checkup, rows, advised=advised, yes=yes, quiet=as_json)

@@ -64,6 +64,9 @@ def fly(
     panel: Annotated[
         bool, typer.Option("--panel", help="Serve the operator's page meanwhile (needs the extra panel).")
     ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the outcome row as JSON; what is for people goes to standard error.")
+    ] = False,
 ) -> None:
     """Fly a pursuit, of the mock or of an autopilot that runs already, and show how it compares with the game's value.
 
@@ -120,6 +123,7 @@ def fly(
                 seed=seed,
                 on_record=watch,
                 control=None if pages is None else pages.endpoint,
+                as_json=as_json,
             )
         except KeyboardInterrupt:
             ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"

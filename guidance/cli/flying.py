@@ -1,5 +1,7 @@
 """What `guidance fly` shows around a flight, of the mock or of a vehicle that runs already."""
 
+import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -13,6 +15,7 @@ from guidance.session.mocked import fly_mock, next_folder
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.session.vehicle import Asked, fly_url, left_out
 from guidance.sim.files import load_scenario
+from guidance.sim.outcome import outcome_json
 from guidance.sim.scenario import Scenario
 
 INTERRUPTED: Final = 130
@@ -29,6 +32,7 @@ def fly_scenario(
     seed: int | None,
     on_record: Callable[[Path], None] = lambda _: None,
     control: str | None = None,
+    as_json: bool = False,
 ) -> int:
     """Fly a scenario; return the exit code: 0 when the game ended as it should have.
 
@@ -42,6 +46,7 @@ def fly_scenario(
         seed: In place of the scenario's.
         on_record: Is told of the record once it is being written.
         control: Endpoint where people may look on and order meanwhile; None lets nobody in.
+        as_json: Print the outcome row as JSON, and what is for people on standard error.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -49,16 +54,16 @@ def fly_scenario(
     path, scenario = load_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
-    console = screen()
+    console = screen(stderr=as_json)
     folder = out if out is not None else next_folder(Path("flights"), path.stem)
     title = f"[bold]{scenario.title}[/bold]  ({path.name}"
     if asked is not None:
         console.print(f"{title}, {asked.link}, {asked.url})", highlight=False)
-        return _fly_url(name, scenario, asked, console, folder, on_record, control)
+        return _fly_url(name, scenario, asked, console, folder, on_record, control, as_json=as_json)
     console.print(f"{title}, {'virtual time' if fast else link})")
     with live_line(console) as show:
         result = fly_mock(scenario, folder, show, fast=fast, link=link, port=port, on_record=on_record, control=control)
-    return _report(console, result, "fast" if fast else "live", folder)
+    return _report(console, result, "fast" if fast else "live", folder, as_json=as_json)
 
 
 def _fly_url(
@@ -69,6 +74,8 @@ def _fly_url(
     folder: Path,
     on_record: Callable[[Path], None],
     control: str | None,
+    *,
+    as_json: bool,
 ) -> int:
     for what in left_out(scenario):
         console.print(f"{what}: only a mock can have that; the vehicle flies without")
@@ -77,15 +84,18 @@ def _fly_url(
             result, hand_over = fly_url(scenario, asked, folder, show, on_record=on_record, control=control)
     except FlightError as error:
         raise FlightError(f"{asked.url}: {error}{_advice(name, asked, str(error))}") from error
-    code = _report(console, result, "vehicle", folder)
+    code = _report(console, result, "vehicle", folder, as_json=as_json)
     if result.interrupted:
         console.print(f"interrupted: the vehicle was told to {hand_over}, and is {result.ended}")
         return INTERRUPTED
     return code
 
 
-def _report(console: Console, result: FlightResult, way: str, folder: Path) -> int:
-    report(console, result, outcome_of_flight(result, way), folder)
+def _report(console: Console, result: FlightResult, way: str, folder: Path, *, as_json: bool) -> int:
+    outcome = outcome_of_flight(result, way)
+    report(console, result, outcome, folder)
+    if as_json:
+        sys.stdout.write(json.dumps(outcome_json(outcome), indent=2) + "\n")
     return 0 if result.captured else 4
 
 

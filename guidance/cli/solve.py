@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from guidance.cli.belonging import refuse_others
 from guidance.errors import ConfigError
 from guidance.extras import require
 
@@ -27,7 +28,9 @@ def solve(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
     states: Annotated[Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")] = None,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the answers to --states.")] = None,
-    chunk: Annotated[int, typer.Option(help="Rows solved and written at a time.", min=1)] = 65536,
+    chunk: Annotated[
+        int | None, typer.Option(help="Rows of --states solved and written at a time.", min=1, show_default="65536")
+    ] = None,
 ) -> None:
     """Solve one state, or every row of a file.
 
@@ -65,11 +68,17 @@ def solve(
         wind_m_s=_pair("--wind", wind),
         target_velocity_m_s=_pair("--target-velocity", target_velocity),
     )
+    single = {"--pursuer": pursuer, "--evader": evader, "--target": target, "--json": as_json}
+    if states is None:
+        rows = {"--out": out, "--chunk": chunk}
+        refuse_others("one state", rows, dict.fromkeys(rows, "with --states"))
+    else:
+        refuse_others("--states", single, dict.fromkeys(single, "for one state"))
     if states is not None:
         require("--states", "sim")
         from guidance.cli.solve_file import solve_file  # noqa: PLC0415 - pyarrow is heavy, and one state needs none
 
-        solve_file(game, states, out, rows=chunk, ratio_given=speed_ratio is not None)
+        solve_file(game, states, out, rows=chunk or 65536, ratio_given=speed_ratio is not None)
         return
     if pursuer is None or evader is None:
         raise ConfigError("--pursuer, --evader: both must be given, or --states")

@@ -41,6 +41,7 @@ def view(
     - `guidance view FILE --save flight.rrd`: for Rerun's own viewer, nothing is served
     - `guidance view --live`: the daemon on this computer
     """
+    from guidance.cli.belonging import refuse_others  # noqa: PLC0415
     from guidance.errors import ConfigError  # noqa: PLC0415 - with numpy, for this only
     from guidance.session.recorded import recorded_settings  # noqa: PLC0415
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
@@ -49,6 +50,11 @@ def view(
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")
+    if live:
+        refuse_others("--live", {"--follow": follow}, {"--follow": "with the FILE of a record"})
+    else:
+        given = {"--name": name, "--token-file": token_file, "--zenoh": zenoh}
+        refuse_others("the FILE of a record", given, dict.fromkeys(given, "with --live"))
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())

@@ -7,6 +7,8 @@ from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.session.mocked import OUTCOME, PICTURE, RECORD
 
+PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
+
 
 def refused(*arguments):
     done = CliRunner().invoke(app, ["fly", *map(str, arguments)])
@@ -46,3 +48,21 @@ def test_what_arms_a_vehicle_says_so_in_its_help():
         words = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "200"}).output
         assert "IS ARMED" in words
         assert "--yes" in words
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("check", "px4", "--link", "mavsdk"), "--link: only with --vehicle"),
+        (("check", "px4", "--autopilot", "px4"), "--autopilot: only with --vehicle"),
+        (("solve", *PAPER, "--out", "a.csv"), "--out: only with --states, not with one state"),
+        (("solve", *PAPER, "--chunk", "7"), "--chunk: only with --states, not with one state"),
+        (("solve", "--states", "s.csv", "--speed-ratio", "2", "--json"), "--json: only for one state"),
+        (("solve", "--states", "s.csv", *PAPER), "--pursuer: only for one state, not with --states"),
+        (("ctl", "engage", "--watch"), "--watch: only with status"),
+    ],
+)
+def test_so_it_is_with_other_commands(arguments, words):
+    done = CliRunner().invoke(app, arguments)
+    assert isinstance(done.exception, ConfigError), done.output
+    assert words in str(done.exception)
