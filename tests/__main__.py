@@ -51,7 +51,7 @@ STEPS = {
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time",
-        (*PYTEST, "-n", "2", "--dist", "load", "-m", "flight and not slow"),
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow"),
         marked="flight",
         gives_way=True,
     ),

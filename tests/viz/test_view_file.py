@@ -24,7 +24,6 @@ from guidance.session.recorded import recorded_settings
 from guidance.session.vehicle_file import Config
 from guidance.viz.shapes import isochron_at
 from guidance.viz.view import Destination, RecordFile, view
-from guidance.viz.view import command as commands
 from guidance.viz.view.painter import DRAWN_EVERY_S, Painter
 from guidance.viz.view.plots import PLOTS
 
