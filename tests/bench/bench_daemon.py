@@ -244,10 +244,11 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
         assert flying.stdout is not None
         flying.stdout.readline()
         flown_by = script(wire, port, evader_port) if link == "script" else daemon(link, wire, port, evader_port)
+        sender, flooded_hz = None, 0.0
         with flown_by as pid, contextlib.ExitStack() as stack:
             if flooded is not None:
                 sending = [sys.executable, __file__, "--as-flood", flooded, str(port), str(seconds + 1.0)]
-                stack.enter_context(subprocess.Popen(sending))
+                sender = stack.enter_context(subprocess.Popen(sending, stdout=subprocess.PIPE, text=True))
             flying.stdin.write("measure\n")
             flying.stdin.flush()
             before_s, began_s = processor_s(pid), time.monotonic()
@@ -257,6 +258,8 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
             flying.stdin.write("report\n")
             flying.stdin.flush()
             measured = json.loads(flying.stdout.readline())
+            if sender is not None and sender.stdout is not None:
+                flooded_hz = float(sender.stdout.readline())
         flying.stdin.close()
     latencies, gaps = sorted(measured["latencies"]), measured["gaps"]
     jitter = sorted(abs(gap - PERIOD_S) for gap in gaps)
@@ -270,6 +273,7 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
         "jitter_p999_ms": 1e3 * at(jitter, 0.999),
         "jitter_most_ms": 1e3 * jitter[-1],
         "rate_hz": len(gaps) / sum(gaps),
+        "flooded_hz": flooded_hz,
         "cpu_percent": share,
         "memory_mb": resident_mb,
         "load": os.getloadavg()[0],
@@ -292,6 +296,8 @@ def compare(cases: tuple[str, ...], seconds: float, flooded: str | None) -> None
         took, jitter = (" ".join(f"{got[kind + share]:6.2f}" for share in shares) for kind in ("", "jitter_"))
         used = f"{got['rate_hz']:7.1f} {got['cpu_percent']:6.1f} {got['memory_mb']:4.0f} {got['load']:5.1f}"
         print(f"{case:16} {took} | {jitter} | {used}", flush=True)
+        if flooded is not None:
+            print(f"{'':16} flooded with {got['flooded_hz']:.0f} datagrams a second", flush=True)
         ratios = f"{got['p50_ms'] / first['p50_ms']:.2f} (p50), {got['p99_ms'] / first['p99_ms']:.2f} (p99)"
         print(f"{'':16} latency to that of {case.split('/')[1]}'s first: {ratios}", flush=True)
 

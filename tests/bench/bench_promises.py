@@ -1,0 +1,271 @@
+"""One table: load held, faults survived, bad inputs tried; beside it what PX4 and ArduPilot promise for the same.
+
+    python tests/bench/bench_promises.py [--seconds 20] [--flights 60] [--inputs 20000] [--only load faults inputs]
+
+Load: the whole daemon in flight, MAVSDK over UDP, while others send it 20,000 datagrams a second (`bench_daemon.py`);
+telemetry and reports of the evader as fast as they can be read; pages of metrics. Faults: flights of `python -m tests
+faults`, held against the mock's truth. Bad inputs: frames, reports, vehicle files and records, cut, flipped and spliced
+by a seed; each is taken or refused in one clear way, and anything else is an error. Ends with 1 if anything was lost.
+
+What the autopilots promise is by their defaults: PX4 v1.17 (commander_params, failsafe, offboardCheck, TargetEstimator)
+and ArduCopter 4.5 (mode_guided, AP_Follow), with what was measured on their simulators where it says measured.
+"""
+
+import argparse
+import http.client
+import random
+import socket
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from bench_daemon import Beacon, free_port, one_case
+from rich.console import Console
+from rich.table import Table
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))  # tests/faults
+
+from guidance.config import load as load_file  # noqa: E402
+from guidance.errors import GuidanceError  # noqa: E402
+from guidance.frames import Amsl, LocalFrame  # noqa: E402
+from guidance.links import MemoryWire  # noqa: E402
+from guidance.links.evaders.carrier import Refused  # noqa: E402
+from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader  # noqa: E402
+from guidance.links.evaders.zenoh import read_json  # noqa: E402
+from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
+from guidance.log import making_sense_of, survey_of  # noqa: E402
+from guidance.session.metrics import Metrics, MetricsServer  # noqa: E402
+from guidance.session.vehicle_file import Config  # noqa: E402
+from sitl_mock import MockVehicle  # noqa: E402
+from tests.faults.drawing import draw_case  # noqa: E402
+from tests.faults.flying import fly  # noqa: E402
+
+BATCH = 100
+REPORT = (
+    b'{"sent_s": 12.5, "latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl", '
+    b'"velocity_ned_m_s": [1.0, 0.0, 0.0]}'
+)
+FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
+
+
+class Row(NamedTuple):
+    """What was tried, what came, what was lost of it, and what the autopilots promise."""
+
+    what: str
+    tried: str
+    held: str
+    lost: int
+    px4: str
+    ardupilot: str
+
+
+STREAM_PX4 = "leaves OFFBOARD 1 s after the last setpoint (COM_OF_LOSS_T), for Position or, without a radio, Return"
+STREAM_ARDUPILOT = "stays in GUIDED; velocity to zero 3 s after the last (GUID_TIMEOUT), stopped at 5.7 s (measured)"
+
+
+def load(seconds: float) -> Iterator[Row]:
+    got = one_case("mavsdk/udp", seconds, "impostors")
+    gap_ms = 20.0 + got["jitter_most_ms"]
+    yield Row(
+        "flood of datagrams",
+        f"{got['flooded_hz']:.0f} a second of 12 strangers, {seconds:g} s",
+        f"setpoints at {got['rate_hz']:.2f} Hz, longest gap {gap_ms:.1f} ms",
+        max(0, round(seconds * (50.0 - got["rate_hz"]))),
+        STREAM_PX4,
+        STREAM_ARDUPILOT,
+    )
+    yield _telemetry()
+    yield _reports()
+    yield _pages()
+
+
+def _telemetry() -> Row:
+    vehicle = MockVehicle("px4", ready_after_s=0.5, seed=1)
+    batches = [vehicle.step(0.02 * number) for number in range(1500)]
+    ours, theirs = MemoryWire.pair(time.perf_counter)
+    link = PymavlinkLink(ours, time.perf_counter, system_id=1)
+    sent, began_s = 0, time.process_time()
+    for batch in batches:
+        for frame in batch:
+            theirs.send(frame)
+        sent += len(batch)
+        link.receive()
+    took_s = time.process_time() - began_s
+    heard = link.counters()
+    lost = sum(count for name, count in heard.items() if "lost" in name or "dropped" in name or "bad" in name)
+    return Row(
+        "telemetry read",
+        f"{sent} frames of a PX4's streams",
+        f"{sent / took_s:.0f} frames a second of processor",
+        lost,
+        "no promise: frames are dropped where the link is full",
+        "the same",
+    )
+
+
+def _reports(count: int = 20_000) -> Row:
+    ours, theirs = MemoryWire.pair(time.perf_counter)
+    source, beacon = MavlinkEvader(ours, GlobalPositionInt(), system_id=2), Beacon(0)
+    frames = [beacon.frame(0.1 * number) for number in range(count)]
+    beacon.socket.close()
+    read, began_s = 0, time.process_time()
+    for first in range(0, count, BATCH):
+        for frame in frames[first : first + BATCH]:
+            theirs.send(frame)
+        read += len(source.receive())
+    took_s = time.process_time() - began_s
+    source.close()
+    return Row(
+        "reports of the evader",
+        f"{count} GLOBAL_POSITION_INT",
+        f"{read} read, {count / took_s:.0f} a second of processor",
+        count - read,
+        "Follow Me: positions fused every 0.5 s at most; silent for 3 s, the target stands still",
+        "Follow: silent for 3 s (FOLL_TIMEOUT), it is lost",
+    )
+
+
+def _pages(count: int = 500) -> Row:
+    port = free_port(socket.SOCK_STREAM)
+    server = MetricsServer(Metrics("bench"), port)
+    good, began_s = 0, time.perf_counter()
+    for _ in range(count):
+        asked = http.client.HTTPConnection("127.0.0.1", port, timeout=10.0)
+        asked.request("GET", "/metrics")
+        answer = asked.getresponse()
+        good += answer.status == http.client.OK and len(answer.read()) > 100
+        asked.close()
+    took_s = time.perf_counter() - began_s
+    server.close()
+    return Row(
+        "pages of metrics", f"{count} asked", f"{good} came, {good / took_s:.0f} a second", count - good, "-", "-"
+    )
+
+
+def faults(flights: int, seed: int) -> Iterator[Row]:
+    console, kinds, broken = Console(stderr=True), Counter[str](), []
+    for number in range(flights):
+        row = fly(draw_case(seed, number))
+        kinds.update(row.case.kinds)
+        broken += [f"flight {number}: {each}" for each in row.violations]
+        if number % 10 == 9:
+            console.print(f"{number + 1} of {flights} flights, {len(broken)} broken", highlight=False)
+    for each in broken:
+        console.print(each, highlight=False)
+    bad = len({each.split(":")[0] for each in broken})
+    yield Row(
+        "flights with faults",
+        f"{flights} flights, {sum(kinds.values())} faults of {len(kinds)} kinds",
+        f"{flights - bad} within fence, floor, ceiling, stand-off; silent after yielding",
+        bad,
+        "at a lost stream its fallback at once; battery, radio, GCS: Hold for 5 s (COM_FAIL_ACT_T), then the action",
+        "battery, radio, EKF: Land or RTL by FS_*; GCS: nothing by default (FS_GCS_ENABLE 0)",
+    )
+
+
+def spoiled(data: bytes, draw: random.Random) -> bytes:
+    """Cut, flip, repeat or splice."""
+    changed = bytearray(data)
+    for _ in range(draw.randint(1, 4)):
+        at = draw.randrange(len(changed) or 1)
+        way = draw.randrange(4)
+        if way == 0 and changed:
+            changed[at] = draw.randrange(256)
+        elif way == 1:
+            del changed[at : at + draw.randint(1, 8)]
+        elif way == 2:
+            changed[at:at] = changed[at : at + draw.randint(1, 32)]
+        else:
+            changed[at:at] = draw.randbytes(draw.randint(1, 8))
+    return bytes(changed)
+
+
+def tried(give: Callable[[bytes], object], good: list[bytes], count: int) -> tuple[int, int, list[str]]:
+    """Give spoiled inputs; return how many were taken, how many refused, and what else came out."""
+    draw, taken, refused, errors = random.Random(1), 0, 0, []
+    for number in range(count):
+        data = spoiled(good[number % len(good)], draw)
+        try:
+            give(data)
+            taken += 1
+        except (GuidanceError, Refused):
+            refused += 1
+        except Exception as error:
+            errors.append(f"{data[:40]!r}: {type(error).__name__}: {error}")
+    return taken, refused, errors
+
+
+def inputs(count: int) -> Iterator[Row]:
+    vehicle = MockVehicle("px4", ready_after_s=0.5, seed=1)
+    frames = [frame for number in range(200) for frame in vehicle.step(0.02 * number)]
+    ours, theirs = MemoryWire.pair(time.perf_counter)
+    link = PymavlinkLink(ours, time.perf_counter, system_id=1)
+
+    def hear(data: bytes) -> None:
+        theirs.send(data)
+        link.receive()
+
+    record = (ROOT / "tests" / "data" / "short_chase.mcap").read_bytes()
+    shipped = (ROOT / "config" / "vehicles" / "px4.toml").read_bytes()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "spoiled"
+
+        def configure(data: bytes) -> None:
+            path.write_bytes(data)
+            load_file(Config, path)
+
+        def look(data: bytes) -> None:
+            path.write_bytes(data)
+            with making_sense_of(path):
+                survey_of(path)
+
+        kinds = {
+            "frames": (hear, frames, count, "checksums; NaN is an axis left out, an unknown frame is refused in words"),
+            "reports as JSON": (
+                lambda data: read_json(data, 0.0, frame=FRAME, source="evader"), [REPORT], count, "-",
+            ),
+            "vehicle files": (configure, [shipped], count // 20, "-"),
+            "records": (look, [record], count // 400, "-"),
+        }  # fmt: skip
+        for name, (give, good, times, px4) in kinds.items():
+            taken, refused, errors = tried(give, good, times)
+            for error in errors[:5]:
+                print(f"{name}: {error}", file=sys.stderr)
+            held = f"{taken} read, {refused} refused in words"
+            yield Row(
+                f"bad {name}", f"{times} spoiled", held, len(errors), px4, "checksums" if name == "frames" else "-"
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=20.0, help="of the flood")
+    parser.add_argument("--flights", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1, help="of the faults")
+    parser.add_argument("--inputs", type=int, default=20_000)
+    parser.add_argument("--only", nargs="+", choices=("load", "faults", "inputs"), default=("load", "faults", "inputs"))
+    given = parser.parse_args()
+    table = Table(show_lines=True)
+    for heading in ("what", "tried", "held", "lost", "PX4 promises", "ArduCopter promises"):
+        table.add_column(heading, justify="right" if heading == "lost" else "left", overflow="fold")
+    lost = 0
+    for part, rows in (
+        ("load", lambda: load(given.seconds)),
+        ("faults", lambda: faults(given.flights, given.seed)),
+        ("inputs", lambda: inputs(given.inputs)),
+    ):
+        for row in rows() if part in given.only else ():
+            lost += row.lost
+            table.add_row(*map(str, row))
+    Console(width=None if sys.stdout.isatty() else 150).print(table)
+    print("nothing was lost" if lost == 0 else f"{lost} LOST")
+    sys.exit(0 if lost == 0 else 1)
+
+
+if __name__ == "__main__":
+    main()
