@@ -4,7 +4,7 @@
     python tests/bench/bench_endurance.py real [--minutes 30]       # `guidance run`, MAVSDK over Zenoh, real time
 
 In virtual time one daemon flies a mock PX4 by whole MAVLink frames at its fifty cycles a second, with preflight,
-orders, shadowing of an evader that goes in circles, and everything recorded in files of half an hour. Every hour a
+orders, shadowing of an evader that goes in circles, and everything recorded in files of `--rotate-s`. Every hour a
 person orders hold and engages again. Each file is read by itself, by the MCAP library, as soon as the next one is
 begun, and deleted then, but for the first two, which are replayed as one: across the seam every setpoint has to come
 out bit for bit. What `--within` cuts off is said. In real time the daemon is a process of its own, and is looked at
@@ -143,7 +143,7 @@ class Person:
         self.finished = now_s >= self._end_s or time.monotonic() - self._began_s > self._within_s
 
     def _look(self, now_s: float) -> None:
-        if part_path(self._record, len(self.parts) + 2).exists():
+        while part_path(self._record, len(self.parts) + 2).exists():
             self.read_part()
         gc.collect()
         self.hours.append(now_s / 3600.0)
@@ -160,14 +160,14 @@ class Person:
             path.unlink()
 
 
-def virtual(hours: float, within_s: float) -> bool:
+def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
     clock = VirtualClock()
     text = CONFIG.format(link="pymavlink", url="udpin://127.0.0.1:14540", evader_port=14541, control_port=7448)
     config = parse(Config, tomllib.loads(text), source="bench")
     world, began_s = VirtualWorld(clock), time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.mcap"
-        record = Recorder(path, {CONFIG_KEY: config.model_dump_json()})
+        record = Recorder(path, {CONFIG_KEY: config.model_dump_json()}, rotate_s=rotate_s)
         flown = Daemon(config.name, plan_of(config), world.link, world.evader_source, record=record)
         person = Person(flown, path, hours, within_s)
         run(flown, world, clock, mission=person, record=record)
@@ -242,9 +242,13 @@ def main() -> None:
         "--within", type=float, default=math.inf, help="minutes of real time that a virtual flight may take"
     )
     parser.add_argument("--minutes", type=float, default=30.0, help="real time")
-    parser.add_argument("--rotate-s", type=float, default=300.0, help="length of a file in real time")
+    parser.add_argument("--rotate-s", type=float, default=300.0, help="length of a file; the daemon's is 1800")
     given = parser.parse_args()
-    held = virtual(given.hours, 60.0 * given.within) if given.way == "virtual" else real(given.minutes, given.rotate_s)
+    held = (
+        virtual(given.hours, 60.0 * given.within, given.rotate_s)
+        if given.way == "virtual"
+        else real(given.minutes, given.rotate_s)
+    )
     print("flat and whole" if held else "NOT flat, or not whole")
     sys.exit(0 if held else 1)
 
