@@ -117,7 +117,8 @@ class Person:
         self.parts: list[int] = []
         self.written_mb = 0.0
         self.cycles = self.setpoints = self.engagements = 0
-        self._look_s, self._order_s, self._began_s = LOOK_EVERY_S, ORDERS_EVERY_S, time.monotonic()
+        self._every_s = min(LOOK_EVERY_S, self._end_s / 12.0)
+        self._look_s, self._order_s, self._began_s = self._every_s, ORDERS_EVERY_S, time.monotonic()
         self.finished = False
 
     def before(self, now_s: float) -> None:
@@ -138,7 +139,7 @@ class Person:
         if self._daemon.flight.state in {State.YIELDED, State.FAILED, State.LANDED, State.RETURNING}:
             raise SystemExit(f"{now_s:.1f} s: {self._daemon.flight.state}: {outputs.happenings}")
         if now_s >= self._look_s:
-            self._look_s += LOOK_EVERY_S
+            self._look_s += self._every_s
             self._look(now_s)
         self.finished = now_s >= self._end_s or time.monotonic() - self._began_s > self._within_s
 
