@@ -62,8 +62,19 @@ STEPS = {
         (sys.executable, "-m", "tests.acceptance"),
         arguments="--px4 URL --arducopter URL",
     ),
+    "faults": Step(
+        "flights in which things go wrong, held against the mock's truth (docs/faults.md)",
+        (sys.executable, "-m", "tests.faults", "--flights", "40"),
+        arguments="--flights 1000 --seed 7",
+        gives_way=True,
+    ),
 }
-TOGETHER = (("format", "lint"), ("types", "layers", "docs"), ("tests",), ("flights", "real time", "acceptance"))
+TOGETHER = (
+    ("format", "lint"),
+    ("types", "layers", "docs"),
+    ("tests",),
+    ("flights", "real time", "acceptance", "faults"),
+)
 """Which steps run at the same time."""
 
 _ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
@@ -82,11 +93,6 @@ ASKED_FOR = {
     "install": Step(
         "the wheel in an empty environment of every Python that is found, and a flight there",
         (sys.executable, "-m", "tests.install"),
-    ),
-    "faults": Step(
-        "more of the flights in which things go wrong (docs/faults.md)",
-        (sys.executable, "-m", "tests.faults"),
-        arguments="--flights 1000 --seed 7",
     ),
     "coverage": Step(
         "what the tests in virtual time reach, by line and branch, in three times the time",

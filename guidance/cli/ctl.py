@@ -11,7 +11,7 @@ from guidance.errors import FlightError
 
 
 def ctl(
-    order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset or status.")],
+    order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
     name: Annotated[str | None, typer.Option(help="The vehicle's name; not needed where there is only one.")] = None,
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = "tcp/127.0.0.1:7448",
     token_file: Annotated[
@@ -21,7 +21,7 @@ def ctl(
         Path | None, typer.Option(help="With a router's endpoint (tls/…): our file of `guidance zenoh keys`.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
-    watch: Annotated[bool, typer.Option("--watch", help="With status: once a second, until Ctrl-C.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="With status or alive: once a second, until Ctrl-C.")] = False,
 ) -> None:
     """Give a running daemon an order, and say what became of it; `status` shows where the flight stands.
 
@@ -29,6 +29,7 @@ def ctl(
     - `engage`: the game is played, from where it stands by or holds
     - `hold`, `return`, `land`: ends what it does, and hands the vehicle to the autopilot's mode of that name
     - `abort`: lands it where it is; on the ground, ends what was begun: order reset to begin another
+    - `alive`: a sign of life, where `flight.operator_timeout_s` asks for one; every other order is one too
     - `reset`: after a flight is over, on the ground: ready for another one
 
     The daemon lets in who can read its token file: its own user, unless the file's rights say more. From another
@@ -38,6 +39,7 @@ def ctl(
 
     - `guidance ctl status --watch`: where the flight stands, as it changes
     - `guidance ctl engage --name px4`: to one of several daemons
+    - `guidance ctl alive --watch`: a person is there, until Ctrl-C; and where the flight stands
     - `guidance ctl status --json`: for programs
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
@@ -47,12 +49,11 @@ def ctl(
     from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
     from guidance.session.control_bus import ask, own_name  # noqa: PLC0415
-    from guidance.session.orders import STATUS  # noqa: PLC0415
+    from guidance.session.orders import ALIVE, STATUS  # noqa: PLC0415
 
-    if order != STATUS or as_json:
-        refuse_others(
-            f"{order} --json" if as_json else order, {"--watch": watch}, {"--watch": "with status, for people"}
-        )
+    if order not in {ALIVE, STATUS} or as_json:
+        said = "with status and alive, for people"
+        refuse_others(f"{order} --json" if as_json else order, {"--watch": watch}, {"--watch": said})
 
     credentials, by = read_credentials(zenoh), own_name("ctl")
 

@@ -54,6 +54,7 @@ class EventContext:
     chase_s: float = 0.0
     rival: str = ""
     battery_needed: float | None = None
+    operator_silence_s: float = 0.0
 
     @property
     def battery_limit(self) -> float:
@@ -136,6 +137,11 @@ def _at_start(context: EventContext) -> bool:
     )
 
 
+def _operator_gone(context: EventContext) -> bool:
+    settings = context.settings
+    return context.operator_silence_s > settings.operator_timeout_s + settings.operator_return_s
+
+
 def _battery_low(context: EventContext) -> bool:
     status = context.vehicle.last(SystemStatus)
     return status is not None and status.battery_remaining < context.battery_limit
@@ -188,6 +194,8 @@ _DETECTORS: Mapping[Event, Callable[[EventContext], bool]] = {
     Event.CEILING: lambda context: _height_m(context) > context.envelope.ceiling_m + BREACH_M,
     Event.STAND_OFF: _inside_stand_off,
     Event.RIVAL: lambda context: context.settings.hold_on_rival and bool(context.rival),
+    Event.OPERATOR_LOST: lambda context: context.operator_silence_s > context.settings.operator_timeout_s,
+    Event.OPERATOR_GONE: _operator_gone,
     Event.BATTERY_LOW: _battery_low,
     Event.ESTIMATOR_RESET: _reset,
     Event.LOOP_LATE: lambda context: context.dt_s > LATE_LOOP_S,

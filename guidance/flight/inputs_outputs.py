@@ -14,7 +14,8 @@ ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.L
 class Inputs(NamedTuple):
     """All that one cycle sees, read once. `now_s` is the injected clock's; orders are of `ORDERS`.
 
-    `refusals` names what preflight refuses: the vehicle is not ready while there is any.
+    `refusals` names what preflight refuses: the vehicle is not ready while there is any. `alive` is True where a person
+    gave a sign of life since the last cycle, None otherwise.
     """
 
     now_s: float
@@ -22,6 +23,7 @@ class Inputs(NamedTuple):
     reports: Sequence[EvaderReport] = ()
     orders: Sequence[Event] = ()
     refusals: Sequence[str] = ()
+    alive: bool | None = None
 
 
 class Happening(NamedTuple):

@@ -68,6 +68,7 @@ class Flight:
         self._echo = Echo()
         self._foreign = False
         self._rival = ""
+        self._operator_s = math.inf
         self._memory = CycleMemory()
         self._certificate: Certificate | None = None
         self._monitor = MonitorMemory()
@@ -122,6 +123,10 @@ class Flight:
     def battery_needed(self) -> float:
         """The share of the charge below which the vehicle returns (in flight), or does not start (before it)."""
         return self._battery_needed()
+
+    def operator_silence_s(self, now_s: float) -> float:
+        """Seconds since a person's last order or sign of life; 0 before the first one."""
+        return max(0.0, now_s - self._operator_s)
 
     def _away_m(self) -> tuple[float, float] | None:
         """How far from home, and how high above it."""
@@ -188,6 +193,8 @@ class Flight:
             self._since_s = now_s
         self._last_s = now_s
         self._alarm = None
+        if inputs.alive or inputs.orders or self._operator_s == math.inf:
+            self._operator_s = now_s
 
         self.vehicle = observe(self.vehicle, inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=self.state not in BEFORE_FLIGHT)
@@ -311,6 +318,7 @@ class Flight:
             chase_s=now_s - self._chase_began_s,
             rival=self.tracking.rival(now_s),
             battery_needed=self._battery_needed(),
+            operator_silence_s=self.operator_silence_s(now_s),
         )
 
     def _start_ned_m(self) -> tuple[float, float, float] | None:

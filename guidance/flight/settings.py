@@ -63,6 +63,8 @@ class FlightSettings:
         fence_corners_deg: A polygon fence by latitude and longitude; it takes effect with HOME_POSITION, before which
             nothing flies.
         longest_chase_s: How long one chase may last, pauses included, before the vehicle is handed to its hold.
+        operator_timeout_s: How long a person may give no sign of life before the vehicle is handed to its hold,
+        operator_return_s: and how much longer before it returns.
         hold_on_rival: Whether the vehicle is handed to its hold when two sources report as the evader.
     """
 
@@ -79,6 +81,8 @@ class FlightSettings:
     fence_corners_deg: Corners | None = None
     longest_chase_s: float = math.inf
     hold_on_rival: bool = True
+    operator_timeout_s: float = math.inf
+    operator_return_s: float = math.inf
     reserve: Reserve | None = None
     farthest_m: float = 0.0
 

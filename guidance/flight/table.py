@@ -79,6 +79,8 @@ class Event(StrEnum):
     DISARMED = "disarmed"
     TIMED_OUT = "phase took too long"
     CHASE_TIMED_OUT = "chase took too long"
+    OPERATOR_LOST = "operator not heard"
+    OPERATOR_GONE = "operator still not heard"
     FAULT = "guidance failed"
 
 
@@ -144,6 +146,8 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     **{(state, Event.STAND_OFF): State.HOLDING for state in _COMMANDING},
     **{(state, Event.FOREIGN): State.HOLDING for state in _COMMANDING},
     **{(state, Event.RIVAL): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.OPERATOR_LOST): State.HOLDING for state in _COMMANDING},
+    **{(state, Event.OPERATOR_GONE): State.RETURNING for state in (State.STANDING_BY, State.HOLDING)},
     **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.TELEMETRY_LOST): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
     **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},

@@ -35,6 +35,7 @@ class InputsEntry(NamedTuple):
     reports: Sequence[EvaderReport]
     orders: Sequence[Event]
     refusals: Sequence[str] = ()
+    alive: bool | None = None
 
 
 class CycleEntry(NamedTuple):
@@ -73,7 +74,7 @@ def cycle_entry(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) 
     return CycleEntry(
         inputs.now_s,
         outputs.state,
-        InputsEntry(inputs.messages, inputs.reports, inputs.orders, inputs.refusals),
+        InputsEntry(inputs.messages, inputs.reports, inputs.orders, inputs.refusals, inputs.alive),
         outputs.requests,
         outputs.setpoint,
         outputs.certificate,

@@ -18,14 +18,15 @@ from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
-from guidance.session.orders import RESET, STATUS, WORDS, Mailbox, Question
+from guidance.session.orders import ALIVE, RESET, STATUS, WORDS, Mailbox, Question
 from guidance.session.spec import FlightPlan
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
 _GRAVE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
-    Event.RIVAL, Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
+    Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
+    Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
     Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
 
@@ -59,6 +60,7 @@ class Daemon:
         self._record = record
         self._broadcast = broadcast
         self._record_lost = False
+        self._alive = False
         self._record_required = record_required
         self._live = live
         self._leaving: ShutdownHandover | None = None
@@ -129,7 +131,8 @@ class Daemon:
         leaving = () if self._leaving is None else self._leaving.orders(self.flight)
         given = [order for order in (*orders.values(), *leaving) if order is not None]
         barred = self._barred()
-        outputs = self.outputs = self._linked.run(now_s, given, barred, timing)
+        alive, self._alive = self._alive, False
+        outputs = self.outputs = self._linked.run(now_s, given, barred, timing, alive=alive)
         self._answer(orders, outputs, now_s)
         self._tell(outputs)
         self._see_record(now_s)
@@ -196,6 +199,9 @@ class Daemon:
         """Answer what needs no cycle; return the order that does."""
         word = question.order
         if word == STATUS:
+            question.answer({"accepted": True, "order": word, **self._status(now_s)})
+        elif word == ALIVE:
+            self._alive = True
             question.answer({"accepted": True, "order": word, **self._status(now_s)})
         elif word == RESET:
             self._reply(question, now_s, self._reset())

@@ -34,7 +34,13 @@ class LinkedFlight:
         self._begun = False
 
     def run(
-        self, now_s: float, orders: Sequence[Event] = (), refusals: Sequence[str] = (), timing: Timing | None = None
+        self,
+        now_s: float,
+        orders: Sequence[Event] = (),
+        refusals: Sequence[str] = (),
+        timing: Timing | None = None,
+        *,
+        alive: bool = False,
     ) -> Outputs:
         """Run one cycle at `now_s`; `inputs` is then what it has seen.
 
@@ -43,8 +49,11 @@ class LinkedFlight:
             orders: What people ordered since the last cycle.
             refusals: What preflight refuses, by name.
             timing: How late the cycle is, for the record.
+            alive: Whether a person gave a sign of life since the last cycle.
         """
-        inputs = self.inputs = Inputs(now_s, self._link.receive(), self._evader.receive(), orders, refusals)
+        inputs = self.inputs = Inputs(
+            now_s, self._link.receive(), self._evader.receive(), orders, refusals, alive or None
+        )
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()

@@ -9,8 +9,8 @@ from guidance.flight import ORDERS
 
 MOST_WAITING: Final = 16
 
-STATUS, RESET = "status", "reset"
-WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS)
+STATUS, RESET, ALIVE = "status", "reset", "alive"
+WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS, ALIVE)
 """What may be ordered."""
 
 Answer = Mapping[str, Any]

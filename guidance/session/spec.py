@@ -125,6 +125,8 @@ class Specification:
             battery_minimum=self.flight.battery_minimum,
             hold_on_rival=self.hold_on_rival,
             reserve=self._reserve(),
+            operator_timeout_s=math.inf if self.flight.operator_timeout_s is None else self.flight.operator_timeout_s,
+            operator_return_s=self.flight.operator_return_s,
             farthest_m=self._farthest_m(),
             longest_chase_s=math.inf if self.flight.longest_chase_s is None else self.flight.longest_chase_s,
             fence_corners_deg=self.limits.fence_polygon_deg,

@@ -279,6 +279,13 @@ class FlightSection(Section):
     reserve: ReserveSection | None = Field(
         None, description="returns by what it takes to come home from where it is, in place of battery_minimum"
     )
+    operator_timeout_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=3600.0,
+        description="without an order or `guidance ctl alive` for so long it holds; no sign of life asked if not given",
+    )
+    operator_return_s: float = Field(30.0, gt=0.0, le=3600.0, description="for so much longer: it returns")
     longest_chase_s: float | None = Field(
         None,
         gt=0.0,

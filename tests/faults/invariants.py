@@ -88,7 +88,8 @@ class Watch:
         inner, flown = self._pursuer.step_links, self._pursuer
 
         def step_links(now_s: float, frames_in: Any) -> Any:
-            if any(_is_setpoint(frame) for arrived in frames_in.values() for frame in arrived):
+            taken = not flown.autopilot.conditions.offboard_refused
+            if taken and any(_is_setpoint(frame) for arrived in frames_in.values() for frame in arrived):
                 self._gap_s, self._heard_s = max(self._gap_s, now_s - self._heard_s), now_s
             return inner(now_s, frames_in)
 

@@ -439,3 +439,14 @@ def test_a_record_that_stops_is_said_once(base):
     base.run(1.0)
     assert base.log.messages(logging.WARNING).count("recording has stopped; the flight goes on") == 1
     base.until(State.READY)
+
+
+def test_a_sign_of_life_is_answered_with_where_it_stands_and_is_nothing_else(base):
+    base = base().standing_by()
+    before = base.daemon.flight.state
+    base.run(2.0)
+    assert base.daemon.flight.operator_silence_s(base.now_s) > 1.5
+    answer = base.order("alive")
+    assert answer["accepted"]
+    assert answer["state"] == str(before)
+    assert base.daemon.flight.operator_silence_s(base.now_s) < 0.2

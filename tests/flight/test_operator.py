@@ -1,0 +1,51 @@
+"""A person's sign of life, where it is asked for: without one the vehicle holds, and later it returns."""
+
+import pytest
+
+from guidance.flight import Event, Flight, Inputs, State
+from guidance.messages import Attitude, LandedState
+from tests.flight.scenes import NOW_S, heartbeat, home, local, settings_of, status
+
+CYCLE_S = 0.1
+
+
+class Held:
+    """A flight that stands by or holds, heard well, whose clock is moved by hand."""
+
+    def __init__(self, state, **changes):
+        self.flight = Flight(settings_of(**changes))
+        self.flight.state = state
+        self.now_s = NOW_S
+        self.step(home(NOW_S))
+
+    def step(self, *messages, alive=None, orders=()):
+        now_s = self.now_s
+        well = [heartbeat(now_s), local(now_s), Attitude(now_s, now_s, 0.0), LandedState(now_s, 2), status(now_s)]
+        outputs = self.flight.step(Inputs(now_s, [*messages, *well], (), orders, (), alive))
+        self.now_s += CYCLE_S
+        return [one.event for one in outputs.happenings]
+
+    def wait(self, seconds, **given):
+        return [event for _ in range(round(seconds / CYCLE_S)) for event in self.step(**given)]
+
+
+@pytest.mark.parametrize("state", [State.STANDING_BY, State.HOLDING])
+def test_a_vehicle_that_waits_for_nobody_returns(state):
+    held = Held(state, operator_timeout_s=5.0, operator_return_s=10.0)
+    assert held.wait(14.9) == []
+    assert held.wait(0.5) == [Event.OPERATOR_GONE]
+    assert held.flight.state is State.RETURNING
+
+
+def test_signs_of_life_and_orders_keep_it_waiting():
+    held = Held(State.HOLDING, operator_timeout_s=5.0, operator_return_s=1.0)
+    for given in ({"alive": True}, {"orders": (Event.HOLD,)}) * 3:
+        held.step(**given)
+        assert Event.OPERATOR_GONE not in held.wait(4.5)
+    assert held.flight.state is State.HOLDING
+    assert held.flight.operator_silence_s(held.now_s) == pytest.approx(4.6, abs=0.11)
+
+
+def test_where_none_is_asked_for_nobody_is_missed():
+    held = Held(State.HOLDING)
+    assert held.wait(100.0) == []
