@@ -27,6 +27,8 @@ from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
 
+pytestmark = pytest.mark.flight
+
 DECLARED_M_S, OWN_M_S = 1.5, 4.0
 FORGED_AT_S, FORGED_FOR_S, AWAY_M_S = 2.5, 3.0, 130.0
 SITE = LocalFrame(47.397742, 8.545594, Amsl(488.0), undulation_m=47.0)
