@@ -1,6 +1,7 @@
 """The `sitl-mock` command: one module a sub-command, registered here by name."""
 
 import sys
+from typing import Annotated
 
 import typer
 
@@ -8,6 +9,8 @@ from sitl_mock.cli.compare import calibrate, compare
 from sitl_mock.cli.list import list_, modes
 from sitl_mock.cli.run import run
 from sitl_mock.errors import MockError
+
+_PACKAGE = "pursuit-guidance"
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -21,8 +24,19 @@ app.command()(calibrate)
 app.command()(compare)
 
 
+def _version(asked: bool) -> None:
+    if not asked:
+        return
+    from importlib.metadata import version  # noqa: PLC0415 - for this only
+
+    typer.echo(f"sitl-mock of {_PACKAGE} {version(_PACKAGE)}")
+    raise typer.Exit
+
+
 @app.callback()
-def _root() -> None:
+def _root(
+    _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+) -> None:
     """A mock autopilot that real clients fly as PX4, ArduCopter or Rover: nothing to build, ready in under a second.
 
     `sitl-mock run --vehicles 2 --udp 14540` starts two PX4 copters for MAVSDK (udpin://127.0.0.1:14540 and 14541);

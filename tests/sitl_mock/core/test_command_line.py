@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -153,9 +154,14 @@ def test_modes_draws_the_table(flavour):
     assert "| mode | custom_mode |" in drawn
 
 
+def test_version_names_the_package_and_its_version():
+    told = CliRunner().invoke(app, ["--version"])
+    assert (told.exit_code, told.output.strip()) == (0, f"sitl-mock of pursuit-guidance {version('pursuit-guidance')}")
+
+
 def test_the_mock_and_its_plugin_import_neither_guidance_nor_matplotlib_nor_dask():
     modules = "sitl_mock, sitl_mock.cli, sitl_mock.cli.run, sitl_mock.serving, sitl_mock.pytest_plugin, sitl_mock.px4"
-    banned = '{"guidance", "matplotlib", "dask"}'
+    banned = '{"guidance", "matplotlib", "dask", "distributed", "scipy", "pandas", "pyarrow"}'
     program = f"import sys, {modules}; print(sorted({banned} & {{name.split('.')[0] for name in sys.modules}}))"
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=True)
     assert told.stdout.strip() == "[]"
