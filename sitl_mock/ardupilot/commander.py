@@ -32,6 +32,7 @@ CHECK_S: Final = 0.1
 DECIDE_S: Final = 0.02
 AT_REST: Final = Sticks(throttle=-1.0)
 GUIDED_MODES: Final = frozenset({"GUIDED", "GUIDED_NOGPS"})
+_TRAVEL, _STREAM = Kind.TRAVEL, Kind.STREAM
 _STOPPED: Final = Setpoint(Kind.STOPPED)
 _IDLING: Final = Setpoint(Kind.IDLING)
 _FLY_THERE: Final = 2
@@ -250,14 +251,15 @@ class ArduPilot:
             return Setpoint(Kind.BRAKE)
         if self.paused:
             return guided.STOP
-        if self.guided.kind is Kind.TRAVEL:
+        kind = self.guided.kind
+        if kind is _TRAVEL:
             return self.speeds.applied(self.guided)
         timeout_s = (
             float(state.parameters[firmware.guided_timeout]) if firmware.guided_timeout else firmware.guided_timeout_s
         )
         if state.now_s - self.stream_s > timeout_s:
-            return guided.STOP if self.guided.kind is Kind.STREAM else guided.LEVEL
-        if firmware.flies and self.guided.kind is Kind.STREAM and self.plans.fence.items:
+            return guided.STOP if kind is _STREAM else guided.LEVEL
+        if kind is _STREAM and firmware.flies and self.plans.fence.items:
             return avoiding(state, self.plans, self.guided)
         return self.guided
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cache
 from typing import Final, NamedTuple
 
 from sitl_mock.missions import flyable, violated
@@ -152,20 +153,36 @@ EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}
 """COM_RCL_EXCEPT and COM_DLL_EXCEPT: in which modes a lost link is borne."""
 
 
+_NEEDS: Final = (
+    Need.PILOT,
+    Need.ALTITUDE,
+    Need.LOCAL_POSITION,
+    Need.GLOBAL_POSITION,
+    Need.HOME,
+    Need.MISSION,
+    Need.STREAM,
+)
+
+
+@cache
+def _met(there: tuple[bool, ...]) -> frozenset[Need]:
+    return frozenset(need for need, met in zip(_NEEDS, there, strict=True) if met)
+
+
 def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozenset[Need]:
     """Return what is there now. `stream_s` is when the last accepted setpoint came."""
     estimator, parameters, now_s = state.estimator, state.parameters, state.now_s
     streaming = now_s - stream_s <= parameters["COM_OF_LOSS_T"] and not state.conditions.offboard_refused
-    there = {
-        Need.PILOT: state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
-        Need.ALTITUDE: estimator.altitude_valid,
-        Need.LOCAL_POSITION: estimator.position_valid,
-        Need.GLOBAL_POSITION: estimator.global_valid,
-        Need.HOME: state.home_m is not None,
-        Need.MISSION: flyable(plans.mission.items),
-        Need.STREAM: streaming and estimator.position_valid,
-    }
-    return frozenset(need for need, met in there.items() if met)
+    there = (
+        state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
+        estimator.altitude_valid,
+        estimator.position_valid,
+        estimator.global_valid,
+        state.home_m is not None,
+        flyable(plans.mission.items),
+        streaming and estimator.position_valid,
+    )
+    return _met(there)
 
 
 def wrong(state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts: bool) -> frozenset[str]:

@@ -15,6 +15,7 @@ _NAN = math.nan
 _UNKNOWN_COVARIANCE: Final = (_NAN,) * 21
 _EMPTY_Q: Final = (0.0, 0.0, 0.0, 0.0)
 _LOCAL_NED, _BODY_FRD = 1, 12
+_IDLING: Final = int(Kind.IDLING)
 _HOVER_THRUST: Final = 0.5
 _FIELD_GAUSS: Final = (0.21, 0.01, 0.43)
 
@@ -125,7 +126,7 @@ def attitude_target(report: Report) -> Fields:
 def position_target_local_ned(report: Report) -> Fields:
     """POSITION_TARGET_LOCAL_NED: the setpoint in force; PX4 puts NaN where there is none."""
     setpoint = report.setpoint
-    if setpoint.kind in {Kind.STOPPED, Kind.IDLING}:
+    if setpoint.kind <= _IDLING:
         return (report.boot_ms, _LOCAL_NED, 0, *(_NAN,) * 11)
     return (
         report.boot_ms,
