@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, OutputError
 from guidance.extras import require
 from guidance.log.maps import write_geojson, write_kml
 from guidance.log.places import Feature, features_of
@@ -52,7 +52,8 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
     """Write `out` in the format that its name ends in; return how many of what.
 
     Raises:
-        ConfigError: If the ending is unknown, the record cannot be read, or `out` cannot be written.
+        ConfigError: If the ending is unknown, or the record cannot be read.
+        OutputError: If `out` cannot be written.
     """
     if out.suffix not in EXPORTS:
         raise ConfigError(f"{out}: must end in {', '.join(EXPORTS)}")
@@ -61,4 +62,4 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
         out.parent.mkdir(parents=True, exist_ok=True)
         return f"{write(path, out, settings_of)} {what}"
     except OSError as error:
-        raise ConfigError(f"{out}: cannot be written ({error.strerror or error})") from error
+        raise OutputError(f"{out}: cannot be written ({error.strerror or error}); choose another file") from error

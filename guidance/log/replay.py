@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from guidance.certificate import Certificate
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, OutputError
 from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
 from guidance.log.entries import (
@@ -189,7 +189,8 @@ def compare_into(path: Path, settings_of: SettingsOf, out: Path | None, *, what_
         what_if: The settings are not the flight's: see `replay`.
 
     Raises:
-        ConfigError: As `replay`, or if `out` cannot be written.
+        ConfigError: As `replay`.
+        OutputError: If `out` cannot be written.
     """
     if out is None:
         return compare(path, settings_of, what_if=what_if)
@@ -203,7 +204,7 @@ def compare_into(path: Path, settings_of: SettingsOf, out: Path | None, *, what_
                 comparison.add(step)
                 table.writerow(_cells(step))
     except OSError as error:
-        raise ConfigError(f"--out {out}: cannot be written ({error.strerror})") from error
+        raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another file") from error
     return comparison, survey
 
 

@@ -133,7 +133,7 @@ class ControlBus:
         credentials: For a router that judges certificates.
 
     Raises:
-        ConfigError: If the token cannot be written.
+        OutputError: If the token cannot be written.
         LinkError: If there is no session to be had, or another daemon owns the vehicle.
     """
 

@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, OutputError
 
 USER: Final = "guidance"
 _LINE: Final = re.compile(rf"{USER}:([0-9a-f]{{32,}})\n?")
@@ -57,7 +57,8 @@ def draw(path: Path) -> ControlToken:
     A file that is there already with other rights than 0600 was made by a person, for others to read: it is used.
 
     Raises:
-        ConfigError: If the file or its folder cannot be written, or others may write there.
+        ConfigError: If others may write there.
+        OutputError: If the file or its folder cannot be written.
     """
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -71,7 +72,7 @@ def draw(path: Path) -> ControlToken:
         with os.fdopen(opened, "w", encoding="ascii") as file:
             file.write(f"{USER}:{token.secret}\n")
     except OSError as error:
-        raise ConfigError(
+        raise OutputError(
             f"control.token_file = {str(path)!r}: cannot be written ({error.strerror}); give a path that can"
         ) from error
     return token

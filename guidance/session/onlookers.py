@@ -22,7 +22,7 @@ def admitted(name: str, metadata: Mapping[str, str], endpoint: str | None) -> It
     """Let onlookers in at an endpoint, whoever can read its token; nobody where there is no endpoint.
 
     Raises:
-        ConfigError: If the token cannot be written.
+        OutputError: If the token cannot be written.
         LinkError: If the endpoint cannot be had.
     """
     mailbox = Mailbox()

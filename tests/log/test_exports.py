@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.control import Polygon
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
@@ -227,7 +227,7 @@ def test_an_unknown_ending_and_an_unwritable_place_are_refused(flight, tmp_path)
         export(flight[1], tmp_path / "flight.bin", recorded_settings)
     (tmp_path / "file").write_text("")
     for suffix in EXPORTS:
-        with pytest.raises(ConfigError, match="cannot be written"):
+        with pytest.raises(OutputError, match="cannot be written"):
             export(flight[1], tmp_path / "file" / f"flight{suffix}", recorded_settings)
 
 

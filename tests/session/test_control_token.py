@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from guidance.errors import ConfigError, LinkError
+from guidance.errors import ConfigError, LinkError, OutputError
 from guidance.links.wires.zenoh import open_session
 from guidance.session import control_token
 from guidance.session.control_bus import ControlBus, join_session
@@ -71,7 +71,7 @@ def test_a_token_where_others_may_write_is_refused(path):
 
 
 def test_a_path_that_cannot_be_written_is_refused():
-    with pytest.raises(ConfigError, match=r"control.token_file = '/proc/nowhere/a.token': cannot be written"):
+    with pytest.raises(OutputError, match=r"control.token_file = '/proc/nowhere/a.token': cannot be written"):
         control_token.draw(Path("/proc/nowhere/a.token"))
 
 

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, OutputError
 from guidance.log import metadata_of, scan
 from guidance.log.entries import EVENT_TOPIC
 from guidance.log.writer import Recorder
@@ -245,7 +245,7 @@ def test_a_record_without_a_cycle_and_a_folder_that_cannot_be_written_are_refuse
     with pytest.raises(ConfigError, match="holds no guidance cycle"):
         write_report(path, tmp_path, recorded_settings)
     (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigError, match="cannot be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         write_report(torn_copy(pe[1], tmp_path), tmp_path / "file" / "deep", recorded_settings)
 
 

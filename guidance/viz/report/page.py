@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from guidance.errors import ConfigError
+from guidance.errors import OutputError
 from guidance.files import private_file, private_folder
 from guidance.log import SettingsOf
 from guidance.viz.report import charts
@@ -73,7 +73,8 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path
     """Write `report.html` and one PNG a picture into `folder`; return the files, the page first.
 
     Raises:
-        ConfigError: If the record cannot be read or the folder cannot be written.
+        ConfigError: If the record cannot be read.
+        OutputError: If the folder cannot be written.
     """
     story = story_of(path, settings_of)
     page = folder / "report.html"
@@ -87,7 +88,7 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path
         text = page_of(story, {name: svg_of(figure) for name, figure in figures.items()})
         private_file(page).write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"--out {folder}: cannot be written ({error.strerror})") from error
+        raise OutputError(f"--out {folder}: cannot be written ({error.strerror}); choose another folder") from error
     return written
 
 

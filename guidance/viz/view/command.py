@@ -37,7 +37,8 @@ def view(
         ended: Ends the view.
 
     Raises:
-        ConfigError: If Rerun is not installed, the record cannot be read, or the file cannot be written.
+        ConfigError: If Rerun is not installed, or the record cannot be read.
+        OutputError: If the file cannot be written.
         LinkError: If a port is in use.
     """
     with contextlib.ExitStack() as closing:

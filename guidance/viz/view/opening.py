@@ -6,7 +6,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, OutputError
 from guidance.files import private_file, private_folder
 from guidance.log import SettingsOf, title_of
 from guidance.viz.view.layout import layout
@@ -36,7 +36,8 @@ def opened(
         closing: Closes the recording in the end.
 
     Raises:
-        ConfigError: If the metadata has no settings, a port is none, or the file cannot be written.
+        ConfigError: If the metadata has no settings, or a port is none.
+        OutputError: If the file cannot be written.
         LinkError: If a port is in use.
     """
     recording = rr.RecordingStream(APPLICATION)
@@ -53,7 +54,7 @@ def _file(path: Path) -> rr.FileSink:
         private_folder(path.parent)
         private_file(path)  # Rerun would only say in its log that it cannot
     except OSError as error:
-        raise ConfigError(f"--save {path}: cannot be written ({error.strerror})") from error
+        raise OutputError(f"--save {path}: cannot be written ({error.strerror}); choose another file") from error
     return rr.FileSink(path)
 
 
