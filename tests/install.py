@@ -34,8 +34,9 @@ def pythons() -> list[str]:
 
 
 def wheel(folder: Path) -> Path:
-    """Build the wheel into a folder."""
-    quiet("pip", sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), str(ROOT))
+    """Build the wheel into a folder, by the build backend that is installed here."""
+    pip = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation")
+    quiet("pip", *pip, "-w", str(folder), str(ROOT))
     (built,) = folder.glob("*.whl")
     return built
 
@@ -46,10 +47,10 @@ class Installed:
     def __init__(self, built: Path, python: str, folder: Path) -> None:
         self.folder = folder
         self.bin = folder / "env" / "bin"
-        quiet("venv", python, "-m", "venv", str(folder / "env"))
-        before = self._megabytes()
-        quiet("pip", str(self.bin / "python"), "-m", "pip", "install", "-q", "--no-compile", str(built))
-        self.megabytes = self._megabytes() - before
+        quiet("venv", python, "-m", "venv", "--without-pip", str(folder / "env"))
+        pip = (sys.executable, "-m", "pip", "--python", str(self.bin / "python"))
+        quiet("pip", *pip, "install", "-q", "--no-compile", str(built))
+        self.megabytes = self._megabytes()
 
     def run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a command, without anything that the checkout's environment says."""

@@ -83,7 +83,7 @@ def test_the_wheel_in_an_empty_environment_is_small_and_flies(tmp_path):
     base = Installed(wheel(tmp_path), sys.executable, tmp_path)
     assert base.megabytes < LARGEST_MB
     assert base.present() == []
-    flown = base.run("guidance", "fly", "--fast", "hover_chase")
+    flown = base.run("guidance", "fly", "--fast", str(ROOT / "tests" / "data" / "short_chase.toml"))
     assert flown.returncode == 0, flown.stderr
     assert "picture  needs matplotlib, which is not installed: pip install 'pursuit-guidance[plot]'" in flown.stdout
     assert base.run("sitl-mock", "list").returncode == 0
