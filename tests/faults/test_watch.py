@@ -1,0 +1,52 @@
+"""The watch sees what it is there for: the same flight with its fence, and with a service that knows of none."""
+
+from dataclasses import replace
+
+import pytest
+
+from guidance.config import parse
+from guidance.sim.scenario import Scenario
+from tests.faults import flying
+from tests.faults.drawing import KINDS, Case, draw_case
+
+pytestmark = pytest.mark.flight
+
+TO_THE_FENCE = {
+    "title": "an evader that flees to the fence",
+    "game": "pe",
+    "pursuer": {"position_m": (0, 0, 4.0), "speed_m_s": 5.0, "takeoff_height_m": 3.5, "autopilot": "arducopter"},
+    "evader": {"position_m": (0.0, 10.0), "speed_m_s": 3.0},
+    "standoff": {"radius_m": 2.0, "height_m": 3.5},
+    "limits": {"floor_m": 2.0, "fence_radius_m": 16.0},
+    "time_limit_s": 6.0,
+}
+
+
+def flown():
+    return flying.fly(Case(0, 0, parse(Scenario, TO_THE_FENCE, source="test")))
+
+
+def test_a_fence_holds_and_the_flight_is_as_wanted():
+    row = flown()
+    assert row.violations == ()
+    assert row.end == "holding (hold)"
+
+
+def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch):
+    planned = flying.plan
+
+    def unfenced(case):
+        plan = planned(case)
+        cycle = plan.flight.cycle
+        envelope = replace(cycle.envelope, fence_radius_m=1e4)
+        return replace(plan, flight=replace(plan.flight, cycle=replace(cycle, envelope=envelope)))
+
+    monkeypatch.setattr(flying, "plan", unfenced)
+    (violation,) = flown().violations
+    assert violation.invariant == "fence"
+    assert violation.amount > 1.0
+
+
+def test_the_same_number_is_the_same_flight_and_no_fault_is_left_out():
+    assert draw_case(3, 17) == draw_case(3, 17) != draw_case(4, 17)
+    assert {kind for number in range(2 * len(KINDS)) for kind in draw_case(1, number).kinds} == set(KINDS)
