@@ -39,6 +39,7 @@ def _unheard() -> None:
 
 _TRIED = (8, 64, 512)
 _TRIED_S = 1.0
+_SHARED_AT_MOST = 8.0
 
 
 def rows_of(plan: Plan, chunk: int, size: int) -> range:
@@ -57,19 +58,40 @@ def rows_for(plan: Plan, workers: int, clock: Callable[[], float] = time.perf_co
     if plan.way == "fast":
         return 1  # a flight takes longer than a game by thousands
     fair = max(1, math.ceil(plan.rows / (CHUNKS_A_WORKER * workers)))
-    rows = 1
-    for tried in _TRIED:
-        if tried >= fair:
-            return fair
-        spread = np.unique(np.linspace(0, plan.rows - 1, tried).round().astype(np.int64))
-        began_s = clock()
-        _outcomes(plan, plan.cases(spread))
-        took_s = clock() - began_s
-        # More of them take less time each, so that this errs on the side of small chunks.
-        rows = max(1, int(len(spread) * CHUNK_S / max(took_s, 1e-6)))
-        if took_s > _TRIED_S:
-            break
-    return min(rows, fair, MOST_GAMES)
+    if fair <= _TRIED[0]:
+        return fair
+    fewer = _timed(plan, _TRIED[0], clock)
+    if fewer[1] > _TRIED_S:
+        more = _timed(plan, 2 * _TRIED[0], clock)
+    else:
+        for tried in _TRIED[1:]:
+            if fair <= tried:
+                return fair
+            more = _timed(plan, tried, clock)
+            if more[1] > _TRIED_S:
+                break
+    return max(1, min(_rows_in(CHUNK_S, fewer, more), fair, MOST_GAMES))
+
+
+def _timed(plan: Plan, count: int, clock: Callable[[], float]) -> tuple[int, float]:
+    """Play some rows, from all over the plan; return how many there are, and the seconds that they took."""
+    spread = np.unique(np.linspace(0, plan.rows - 1, count).round().astype(np.int64))
+    began_s = clock()
+    _outcomes(plan, plan.cases(spread))
+    return len(spread), max(clock() - began_s, 1e-6)
+
+
+def _rows_in(chunk_s: float, fewer: tuple[int, float], more: tuple[int, float]) -> int:
+    """Return how many rows take so long, by what two numbers of them took.
+
+    A chunk costs its steps, which all its games share, and something for each game. Where the steps alone take longer
+    than that, a chunk has so many games that they cost as much again.
+    """
+    (few, few_s), (many, many_s) = fewer, more
+    # Two measurements that differ by chance alone must not make a game cost nothing.
+    each_s = max((many_s - few_s) / (many - few), many_s / many / _SHARED_AT_MOST)
+    shared_s = max(0.0, many_s - many * each_s)
+    return int(max(chunk_s - shared_s, shared_s) / each_s)
 
 
 def chunks_of(plan: Plan, size: int) -> int:
