@@ -159,7 +159,7 @@ class Watch:
         """A pilot who took the vehicle keeps it."""
         wanted = {fault.keys().get("mode") for fault in self._case.scenario.fault if fault.kind == "pilot_mode"}
         mode = self._pursuer.mode
-        if self._pilots is None and mode in wanted:
+        if self._pilots is None and self._engaged_s is not None and mode in wanted:
             self._pilots = mode
         if self._pilots is not None and mode in GUIDED:
             self.wrong("a pilot is not fought", now_s, 1.0, mode)
