@@ -1,0 +1,89 @@
+"""One evader or two under one name: what one source may do without being taken for two, what gives a second away."""
+
+import math
+import random
+
+import pytest
+
+from guidance.estimation.rivals import LASTS_S, Rivals, Told, listen
+
+SPEED_M_S, MARGIN_M, PERIOD_S = 3.0, 2.0, 0.1
+FOR_S = 30.0
+
+
+def own(number, **changes):
+    """The report of that number: an evader that runs north at ten reports a second, its clock ours."""
+    at_s = PERIOD_S * number
+    said = Told(
+        at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, apart_s=0.0, sequence=number % 256, peer="a"
+    )
+    return said._replace(**changes)
+
+
+def heard(reports):
+    rivals = Rivals()
+    for one in sorted(reports, key=lambda one: one.received_s):
+        rivals = listen(rivals, one, speed_m_s=SPEED_M_S, margin_m=MARGIN_M)
+    return rivals
+
+
+def those(**changes):
+    return [own(number, **changes) for number in range(int(FOR_S / PERIOD_S))]
+
+
+def late():
+    draw = random.Random(1)
+    return [one._replace(received_s=one.received_s + draw.uniform(0.0, 0.4)) for one in those()]
+
+
+ONE_SOURCE = {
+    "as it should be": those(),
+    "a number that never changes": those(sequence=0),
+    "no numbers": those(sequence=None),
+    "late and out of order": late(),
+    "told twice": [one for each in those() for one in (each, each._replace(received_s=each.received_s + 0.02))],
+    "silent for a while": [one for one in those() if not 8.0 < one.received_s < 15.0],
+    "in bursts": [one._replace(received_s=math.ceil(one.received_s)) for one in those(sent_s=math.nan)],
+    "one jump": [one._replace(fits=one.received_s < 10.0 or one.received_s > 10.6) for one in those()],
+    "no word on who sent it": those(peer=None),
+}
+
+
+@pytest.mark.parametrize("reports", ONE_SOURCE.values(), ids=ONE_SOURCE)
+def test_one_source_is_one(reports):
+    assert heard(reports).seen_s == -math.inf
+
+
+def second(**changes):
+    """A second source half a period after each report of the first one, from the middle on."""
+    again = [one._replace(received_s=one.received_s + 0.05, true_s=one.true_s + 0.05) for one in those(**changes)]
+    return [one for one in again if one.received_s > FOR_S / 2]
+
+
+TWO_SOURCES = {
+    "place": second(fits=False, place_m=(-200.0, 0.0), sequence=None),
+    "clock": second(apart_s=400.0, fits=None, sequence=None),
+    "sequence": second(sequence=0),
+    "sender": second(peer="b", sequence=None),
+}
+
+
+@pytest.mark.parametrize("by", TWO_SOURCES)
+def test_a_second_source_is_told_by_what_it_cannot_help_showing(by):
+    rivals = heard(those() + TWO_SOURCES[by])
+    assert rivals.why == by
+    assert rivals.there(FOR_S)
+    assert not rivals.there(FOR_S + 0.2 + LASTS_S)
+
+
+def test_without_a_time_of_its_own_a_second_source_is_told_by_the_rate():
+    untimed = {"sent_s": math.nan, "sequence": None, "peer": None}
+    more = [one._replace(received_s=one.received_s + 0.01 * share) for one in second(**untimed) for share in range(3)]
+    assert heard(those(**untimed) + more).why == "rate"
+
+
+@pytest.mark.parametrize("by", TWO_SOURCES)
+def test_a_second_source_is_told_within_two_seconds(by):
+    began_s = FOR_S / 2
+    soon = [one for one in those() + TWO_SOURCES[by] if one.received_s <= began_s + 2.0]
+    assert heard(soon).why == by
