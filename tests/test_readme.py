@@ -39,12 +39,19 @@ def test_every_command_it_names_explains_itself(program, command):
 
 
 def test_every_file_and_picture_it_names_is_there():
-    named = re.findall(r"\]\(([^)h][^)]*)\)", README) + re.findall(
+    named = re.findall(r"\]\(([^)h#][^)]*)\)", README) + re.findall(
         r"`((?:guidance|sitl_mock|config|tests)/[\w./-]+)`", README
     )
     assert len(named) > 8
     missing = [name for name in named if not (ROOT / name).exists()]
     assert missing == []
+
+
+def test_every_section_it_points_to_is_there():
+    sections = {title.lower().replace(" ", "-") for title in re.findall(r"^## (.+)$", README, re.MULTILINE)}
+    pointed = set(re.findall(r"\]\(#([^)]+)\)", README))
+    assert pointed
+    assert pointed <= sections
 
 
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
