@@ -152,8 +152,8 @@ def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:
     """Leave what was opened beside the flight open until a person ends it."""
     if not beside:
         return
-    typer.echo("the view stays: Ctrl-C ends it")
     with contextlib.suppress(KeyboardInterrupt):
+        typer.echo("the view stays: Ctrl-C ends it")
         for one in beside:
             one.wait()
 

@@ -68,6 +68,7 @@ def test_follow_target_is_amsl_north_east_down_and_milliseconds_since_boot():
         2.0,
         report.velocity_sd_m_s,
         said=AltitudeSaid(520.0, Datum.AMSL),
+        sequence=0,
     )
     assert math.isnan(report.velocity_sd_m_s)
 

@@ -424,8 +424,8 @@ def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base)
 
 def test_a_broken_guarantee_is_said_and_counted(base):
     base = base().engaged()
-    run = base.daemon._linked.run
-    base.daemon._linked.run = lambda *given: run(*given)._replace(alarm=Alarm(Violation.CAPTURE_LATER, 1.5))
+    run, alarm = base.daemon._linked.run, Alarm(Violation.CAPTURE_LATER, 1.5)
+    base.daemon._linked.run = lambda *given, **more: run(*given, **more)._replace(alarm=alarm)
     base.run(0.1)
     said = base.log.messages(logging.WARNING).count(str(Violation.CAPTURE_LATER))
     labels = {"vehicle": "uav1", "broken": str(Violation.CAPTURE_LATER)}
