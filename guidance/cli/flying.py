@@ -1,16 +1,19 @@
 """What `guidance fly` shows around a flight, of the mock or of a vehicle that runs already."""
 
+import contextlib
 import json
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 
 from rich.console import Console
 
 from guidance.cli.showing import live_line, report
 from guidance.errors import FlightError
 from guidance.screen import console as screen
+from guidance.session.mission import Progress
 from guidance.session.mocked import fly_mock, next_folder
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.session.vehicle import Asked, fly_url, left_out
@@ -61,9 +64,35 @@ def fly_scenario(
         console.print(f"{title}, {asked.link}, {asked.url})", highlight=False)
         return _fly_url(name, scenario, asked, console, folder, on_record, control, as_json=as_json)
     console.print(f"{title}, {'virtual time' if fast else link})")
-    with live_line(console) as show:
-        result = fly_mock(scenario, folder, show, fast=fast, link=link, port=port, on_record=on_record, control=control)
+    with live_line(console) as show, noted_ctrl_c() as check:
+
+        def look(progress: Progress) -> None:
+            check()
+            show(progress)
+
+        result = fly_mock(scenario, folder, look, fast=fast, link=link, port=port, on_record=on_record, control=control)
     return _report(console, result, "fast" if fast else "live", folder, as_json=as_json)
+
+
+@contextlib.contextmanager
+def noted_ctrl_c() -> Iterator[Callable[[], None]]:
+    """Raise a Ctrl-C where it comes, and again where the function given is called: libraries may swallow the first."""
+    noted = False
+
+    def note(*_: object) -> NoReturn:
+        nonlocal noted
+        noted = True
+        raise KeyboardInterrupt
+
+    def check() -> None:
+        if noted:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield check
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _fly_url(

@@ -99,7 +99,7 @@ class ProcessExecutor:
                 chunk = again.popleft() if again else next(waiting, None)
                 if chunk is None:
                     break
-                running[self._pool.submit(_computed, plan, chunk[1])] = chunk
+                running[self._submitted(plan, chunk[1])] = chunk
             if not running:
                 return
             finished, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
@@ -124,6 +124,15 @@ class ProcessExecutor:
         self._pool.shutdown(wait=False, cancel_futures=True)
         for process in multiprocessing.active_children():
             process.terminate()
+
+    def _submitted(self, plan: Plan, rows: range) -> Future[bytes]:
+        """Hand a chunk out; where a worker has died since we looked, it comes back as those that are out do."""
+        try:
+            return self._pool.submit(_computed, plan, rows)
+        except BrokenProcessPool as error:
+            failed: Future[bytes] = Future()
+            failed.set_exception(error)
+            return failed
 
     def _started(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(self._workers, mp_context=_SPAWN, initializer=_begin_worker, initargs=(self._ended,))

@@ -192,7 +192,7 @@ def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
     with running([{"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0}], over=["udp"]) as fleet:
         at = ("--vehicle", fleet["uav1"].udp, "--link", link)
         refused = guidance("check", *at, "--apply", said="n\n")
-        assert refused.returncode == 1
+        assert refused.returncode == 4
         assert "Set these" in refused.stdout
         assert ("GF_MAX_HOR_DIST" if autopilot == "px4" else "FENCE_ENABLE") in refused.stdout
         set_up = guidance("check", *at, "--apply", "--advised", "--yes", "--json")

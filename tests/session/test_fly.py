@@ -182,7 +182,7 @@ def test_the_live_line_is_told_of_every_cycle():
     result = flown(SHORT, watch=seen.append)
     assert len(seen) == result.cycles
     engaged = [progress for progress in seen if progress.state is State.ENGAGED]
-    assert all(progress.certificate is not None and progress.mode == "guided" for progress in engaged)
+    assert all(progress.certificate is not None and progress.mode == "OFFBOARD" for progress in engaged)
 
 
 def test_the_picture_is_drawn_also_of_a_game_that_never_began(pe, tad, tmp_path):

@@ -181,9 +181,9 @@ def test_a_whole_flight_by_the_buttons_and_what_is_gone_is_said_and_comes_back(p
     assert not page.locator("#banner").is_visible()
     daemon.kill()
     daemon.wait()
-    parts.daemon()  # with another token
     page.locator("#banner", has_text="NO CONTACT WITH THE DAEMON").wait_for()
     assert "old" in page.locator("body").get_attribute("class")
+    parts.daemon()  # with another token
     page.locator("#banner").wait_for(state="hidden")
     page.locator("[data-order=start]").wait_for()
     twenty_pages_see_it(browser, page)

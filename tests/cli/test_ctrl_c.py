@@ -1,0 +1,21 @@
+"""Ctrl-C while a mocked flight lasts."""
+
+import contextlib
+import os
+import signal
+
+import pytest
+
+from guidance.cli.flying import noted_ctrl_c
+
+
+def test_a_ctrl_c_that_a_library_swallows_is_raised_again_at_the_next_cycle():
+    before = signal.getsignal(signal.SIGINT)
+    with noted_ctrl_c() as check:
+        check()
+        with contextlib.suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+            signal.sigtimedwait([], 1.0)
+        with pytest.raises(KeyboardInterrupt):
+            check()
+    assert signal.getsignal(signal.SIGINT) is before
