@@ -51,7 +51,7 @@ STEPS = {
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow"),
+        (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow"),
         marked="flight",
         gives_way=True,
     ),
@@ -64,7 +64,7 @@ STEPS = {
     ),
     "faults": Step(
         "flights in which things go wrong, held against the mock's truth (docs/faults.md)",
-        (sys.executable, "-m", "tests.faults", "--flights", "40"),
+        (sys.executable, "-m", "tests.faults", "--flights", "12", "--jobs", "1"),
         arguments="--flights 1000 --seed 7",
         gives_way=True,
     ),
@@ -87,7 +87,7 @@ ASKED_FOR = {
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
     "arrays": Step(
-        "the games on PyTorch and JAX, in an environment that has both; CI calls it",
+        "the games on PyTorch and JAX, in an environment that has both",
         (sys.executable, "-m", "tests.arrays"),
     ),
     "install": Step(

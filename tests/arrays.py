@@ -1,4 +1,4 @@
-"""The games on the arrays of PyTorch and JAX: `python -m tests arrays`, which CI calls.
+"""The games on the arrays of PyTorch and JAX: `python -m tests arrays`.
 
 Where both are installed beside the package, they are used. Otherwise an environment `arrays` within this one gets them
 (about 900 MB), sees all packages of this one, and stays for the next time. PyTorch is named to the patch, because a pip

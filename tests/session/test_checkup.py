@@ -193,7 +193,7 @@ def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
         at = ("--vehicle", fleet["uav1"].udp, "--link", link)
         refused = guidance("check", *at, "--apply", said="n\n")
         assert refused.returncode == 4
-        assert "Set these" in refused.stdout
+        assert "Set these" in refused.stderr
         assert ("GF_MAX_HOR_DIST" if autopilot == "px4" else "FENCE_ENABLE") in refused.stdout
         set_up = guidance("check", *at, "--apply", "--advised", "--yes", "--json")
         assert set_up.returncode == 0, set_up.stdout + set_up.stderr

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import threading
 import time
 
 import pytest
@@ -79,15 +80,23 @@ def bridged(mavsdk, vehicle):
         handle = mavsdk.subscribe_raw_bytes_to_be_sent(
             lambda data, *_: publisher.put(bytes(getattr(data, "bytes", data)))
         )
+        passing = threading.Lock()
+        there = True
+
+        def pass_on(sample):
+            with passing:  # one that is under way ends before the instance does
+                if there:
+                    mavsdk.pass_received_raw_bytes(bytes(sample.payload))
+
         subscriber = session.declare_subscriber(
-            f"{vehicle.namespace}/mavlink_raw/out",
-            lambda sample: mavsdk.pass_received_raw_bytes(bytes(sample.payload)),
-            allowed_origin=zenoh.Locality.REMOTE,
+            f"{vehicle.namespace}/mavlink_raw/out", pass_on, allowed_origin=zenoh.Locality.REMOTE
         )
         mavsdk.add_any_connection("raw://")
         try:
             yield
         finally:
+            with passing:
+                there = False
             subscriber.undeclare()
             mavsdk.unsubscribe_raw_bytes_to_be_sent(handle)
 
