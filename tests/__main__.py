@@ -51,7 +51,7 @@ STEPS = {
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time",
-        (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow"),
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow"),
         marked="flight",
         gives_way=True,
     ),
@@ -71,9 +71,9 @@ STEPS = {
 }
 TOGETHER = (
     ("format", "lint"),
-    ("types", "layers", "docs"),
+    ("types", "layers", "docs", "faults"),
     ("tests",),
-    ("flights", "real time", "acceptance", "faults"),
+    ("flights", "real time", "acceptance"),
 )
 """Which steps run at the same time."""
 
