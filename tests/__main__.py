@@ -15,6 +15,7 @@ ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
 PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
 QUICK = "not slow and not flight and not arrays"
+LONG = "not five_minutes and not px4_goto"
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ STEPS = {
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow"),
+        (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow", "-k", LONG),
         marked="flight",
         gives_way=True,
     ),
