@@ -5,9 +5,9 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from guidance.errors import ConfigError
 from guidance.toml_text import Location, as_toml, line_of
@@ -25,6 +25,11 @@ RENAMED_EVENTS: Final[Mapping[str, str]] = {
     "target too fast for this vehicle": "evader too fast for this vehicle",
 }
 """Events in scenario files, likewise."""
+
+
+Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
+Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
+Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
 
 
 class Section(BaseModel):

@@ -46,7 +46,7 @@ STEPS = {
     "layers": Step("imports point down only", (BIN / "lint-imports",)),
     "docs": Step(
         "the documentation as a site, where any warning is an error",
-        (BIN / "mkdocs", "build", "--strict", "--site-dir", "site"),
+        (BIN / "mkdocs", "build", "--strict", "--config-file", ".mkdocs.yml", "--site-dir", "site"),
         environment=(("NO_MKDOCS_2_WARNING", "1"),),  # its theme says at every start where it is headed
     ),
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),

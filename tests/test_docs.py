@@ -168,7 +168,7 @@ def test_a_page_that_is_run_elsewhere_is_run_there(page):
 
 
 def test_every_page_and_example_is_in_the_contents():
-    contents = (DOCS.parent / "mkdocs.yml").read_text(encoding="utf-8")
+    contents = (DOCS.parent / ".mkdocs.yml").read_text(encoding="utf-8")
     absent = [page for page in PAGES if page.relative_to(DOCS).as_posix() not in contents]
     assert absent == []
     listed = (EXAMPLES / "index.md").read_text(encoding="utf-8")

@@ -58,7 +58,7 @@ def test_every_section_it_points_to_is_there():
 def test_every_file_and_module_that_a_page_of_the_docs_names_is_there(page):
     text = page.read_text(encoding="utf-8")
     named = re.findall(r"\]\(([^)#:]+)\)", text)
-    generated = re.findall(r"reference/[\w-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    generated = re.findall(r"reference/[\w-]+\.md", (ROOT / ".mkdocs.yml").read_text(encoding="utf-8"))
     missing = [name for name in named if not (page.parent / name).exists() and name not in generated]
     text = re.sub(r"guidance/\w+/(?:ctl|live)/", "", text)  # keys on Zenoh
     paths = re.findall(r"`(?:python )?((?:guidance|sitl_mock|config|tests|docs)/[\w./-]+)", text)

@@ -23,7 +23,8 @@ from guidance.links.wires.zenoh import open_session
 from guidance.links.wires.zenoh_access import Credentials, credentials_of
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import OwnerToken
-from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
+from guidance.session.evader_section import ON_ZENOH, EvaderSection
+from guidance.session.vehicle_file import Config
 from guidance.sim.evader import EvaderPlayer
 
 _WIRE_LIMIT_S = 5.0

@@ -21,8 +21,10 @@ from guidance.flight.settings import LIMITS_S
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
 from guidance.preflight import Wants
+from guidance.session.evader_section import EvaderSection
+from guidance.session.game_sections import LimitsSection
 from guidance.session.merging import merged
-from guidance.session.vehicle_file import Config, EvaderSection, FlightSection, LimitsSection, Preflight
+from guidance.session.vehicle_file import Config, FlightSection, Preflight
 from guidance.sim import players
 from guidance.sim.scenario import Scenario
 from guidance.strategies import COURSES, PURSUER_STRATEGIES, Strategy

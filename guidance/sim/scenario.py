@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
 
-from guidance.config import Section
+from guidance.config import Latitude, Longitude, Section
 from guidance.control import SpeedLimits, Speeds
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
@@ -34,8 +34,8 @@ TrackRow = tuple[float, float, float, float]
 class Site(Section):
     """Where on Earth the game frame has its zero."""
 
-    latitude_deg: float = Field(47.397742, ge=-85.0, le=85.0, description="north is positive")
-    longitude_deg: float = Field(8.545594, ge=-180.0, le=180.0, description="east is positive")
+    latitude_deg: Latitude = Field(47.397742, description="north is positive")
+    longitude_deg: Longitude = Field(8.545594, description="east is positive")
     altitude_amsl_m: float = Field(488.0, ge=-500.0, le=6000.0, description="of the evader's plane, above sea level")
 
 
