@@ -128,21 +128,12 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     )
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
     fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
-    # The position is the estimate for now; its age says how long the evader may have been running elsewhere.
-    age_s = min(max(evader.age_s, 0.0), settings.evader_timeout_s)
     try:
-        game = settings.game.against(evader.speed_bound_m_s, age_s)
+        game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
         refused = certify_no_game(players, gaps, output.setpoint, evader_age_s=evader.age_s)
         return output._replace(certificate=refused)
-    too_old = age_s > guaranteed_age_s(game)
-    if settings.target_game_m is not None:
-        # With age the value can be beaten in TAD. Of the laws that tests/bench/bench_game_age.py sets against a worst
-        # evader, this one loses least: a pursuer that keeps to the disc about an old place lets the evader out of it.
-        game = game.within_spread()
-    elif too_old:
-        game = settings.game.against(evader.speed_bound_m_s, 0.0)
     answered = answer(game, players, settings.acceleration, memory.optimal_game_m_s)
     asked = answered.pursuer_m_s
     if settings.strategy.name != OPTIMAL:
@@ -169,6 +160,30 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         followed.memory, limited.memory, None, yaw_rad, strategy=played, optimal_game_m_s=answered.pursuer_m_s
     )
     return CycleOutput(limited.setpoint, certificate, kept)
+
+
+def game_played(settings: CycleSettings, evader_speed_m_s: float, evader_age_s: float) -> tuple[Game, bool]:
+    """Return the game that a cycle plays, and whether what is known of the evader is too old for a guarantee.
+
+    Args:
+        settings: Of the cycle.
+        evader_speed_m_s: The bound of the evader's speed at that cycle.
+        evader_age_s: Age of what its position rests on: it is the estimate for now, and the evader may have been
+            running elsewhere for so long.
+
+    Raises:
+        ConfigError: If the evader is too fast for this vehicle.
+    """
+    age_s = min(max(evader_age_s, 0.0), settings.evader_timeout_s)
+    game = settings.game.against(evader_speed_m_s, age_s)
+    too_old = age_s > guaranteed_age_s(game)
+    if settings.target_game_m is not None:
+        # With age the value can be beaten in TAD. Of the laws that tests/bench/bench_game_age.py sets against a worst
+        # evader, this one loses least: a pursuer that keeps to the disc about an old place lets the evader out of it.
+        game = game.within_spread()
+    elif too_old:
+        game = settings.game.against(evader_speed_m_s, 0.0)
+    return game, too_old
 
 
 def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:

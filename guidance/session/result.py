@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from guidance.certificate import Certificate
 from guidance.flight import Event, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.game import solve
@@ -40,10 +41,10 @@ class FlightSample(NamedTuple):
 class FlightResult:
     """What a flight came to.
 
-    `predicted` is what the first certificate said (s in PE, m in TAD), to the disc itself, `time_needed_s` when this
-    vehicle would be there, and `achieved` what was flown, NaN where it did not come to that. What is compared with
-    other runs is the `Outcome` made of it. `said` is the autopilot's last warning before it flew; `interrupted` whether
-    a person ended the run.
+    `engaged` is the first certificate, `predicted` what it said (s in PE, m in TAD), to the disc itself,
+    `time_needed_s` when this vehicle would be there, and `achieved` what was flown, NaN where it did not come to that.
+    What is compared with other runs is the `Outcome` made of it. `said` is the autopilot's last warning before it flew;
+    `interrupted` whether a person ended the run.
     """
 
     scenario: Scenario
@@ -52,9 +53,7 @@ class FlightResult:
     time_needed_s: float = math.nan
     achieved: float = math.nan
     capture_time_s: float = math.nan
-    meeting_point_m: Vector | None = None
-    engaged_pursuer_m: Vector | None = None
-    engaged_evader_m: Vector | None = None
+    engaged: Certificate | None = None
     captured: bool = False
     timed_out: bool = False
     setpoints_sent: int = 0
@@ -106,8 +105,7 @@ def note(
     result.limits.extend(name for name in certificate.active_limits if name not in result.limits)
     if math.isnan(result.predicted):
         result.predicted, result.time_needed_s = certificate.value, certificate.time_needed_s
-        result.meeting_point_m = certificate.meeting_point_game_m
-        result.engaged_pursuer_m, result.engaged_evader_m = certificate.pursuer_game_m, certificate.evader_game_m
+        result.engaged = certificate
     if certificate.captured and not result.captured:
         result.captured = True
         result.achieved = _distance_to_target(result.scenario, certificate.evader_game_m)
@@ -207,11 +205,11 @@ def _unfinished(result: FlightResult) -> str:
 
 def _predicted(result: FlightResult) -> tuple[float, str]:
     """Solve the game where it began; NaN where the evader was too fast for one."""
-    if result.engaged_pursuer_m is None or result.engaged_evader_m is None:
+    if result.engaged is None:
         return math.nan, "none"
     still: Scenario = result.scenario.model_copy(update={"wind": Wind()})
     batch = stack([still])
-    P, E = np.array([result.engaged_pursuer_m]), np.array([result.engaged_evader_m])
+    P, E = np.array([result.engaged.pursuer_game_m]), np.array([result.engaged.evader_game_m])
     solution = solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
     return float(solution.value[0]), winner_name(int(solution.winner[0]))
 

@@ -11,11 +11,11 @@ from guidance.files import private_file
 from guidance.flight import State
 from guidance.frames import Vector
 from guidance.session.result import FlightResult, ending_words
+from guidance.session.spec import plan_of
 from guidance.sim.outcome import Outcome
-from guidance.sim.players import game, target_game_m
 from guidance.viz.chase import Chase, draw_chase, draw_fence
 from guidance.viz.figures import label_plan, label_space, legend_below, literal, save, space_and_plan
-from guidance.viz.shapes import Array, circle, isochron
+from guidance.viz.shapes import Array, circle, isochron_at
 
 
 def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
@@ -46,19 +46,18 @@ def chase_of(result: FlightResult) -> Chase:
     samples = result.samples
     begun = next((place for place, one in enumerate(samples) if one.state in playing), len(samples))
     ended = next((place for place in range(begun, len(samples)) if samples[place].state not in playing), len(samples))
-    curve = None
-    if result.engaged_pursuer_m is not None and result.engaged_evader_m is not None:
-        curve = isochron(game(scenario), result.engaged_pursuer_m, result.engaged_evader_m)
+    settings = plan_of(scenario=scenario).flight.cycle
+    engaged = None if result.engaged is None or result.engaged.no_game else result.engaged
     home_x, home_y = scenario.home_m
     return Chase(
         (_places(one.pursuer_m for one in samples[:begun]), _places(one.pursuer_m for one in samples[ended:])),
         _places(one.pursuer_m for one in samples[begun:ended]),
         _places(one.evader_m for one in samples[begun:ended]),
-        game(scenario).standoff,
+        settings.standoff,
         reached_m=next((one.evader_m for one in samples if one.state is State.ON_STATION), None),
-        isochron=curve,
-        meeting_m=None if result.meeting_point_m is None else (*result.meeting_point_m[:2], 0.0),
-        target_m=target_game_m(scenario),
+        isochron=None if engaged is None else isochron_at(settings, engaged),
+        meeting_m=None if engaged is None else (*engaged.meeting_point_game_m[:2], 0.0),
+        target_m=settings.target_game_m,
         fence=(circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361),),
     )
 

@@ -1,13 +1,15 @@
 """What is drawn around a flight, in the game frame (m, x east, y north): discs, isochrons, the fence. Arrays only."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from guidance.certificate import Certificate
 from guidance.control import Envelope
-from guidance.cycle import CycleSettings
+from guidance.cycle import CycleSettings, game_played
 from guidance.frames import Vector
-from guidance.game import Game, solve
+from guidance.game import Game, horizontal_speed, solve
 
 Array = NDArray[np.float64]
 
@@ -27,19 +29,21 @@ def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181)
     Args:
         game: The game.
         pursuer_m: P, m.
-        evader_m: E, m; its height is not looked at.
+        evader_m: E, m.
         points: How many headings.
     """
     headings = np.linspace(0.0, 2.0 * np.pi, points)
     far = 1e6 * np.stack([np.cos(headings), np.sin(headings), np.zeros(points)], axis=-1)
     P = np.broadcast_to(np.array(pursuer_m), (points, 3)).copy()
-    E = np.broadcast_to(np.array([evader_m[0], evader_m[1], 0.0]), (points, 3)).copy()
+    E = np.broadcast_to(np.array(evader_m), (points, 3)).copy()
     return np.asarray(solve(game, P, E, E + far).meeting_point_m[:, :2])
 
 
 def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
-    """The isochron (points, 2) from where both are at this cycle, against an evader as fast as it declares."""
-    game = Game(settings.speed_set, settings.declared_evader_speed_m_s, standoff=settings.standoff)
+    """The isochron (points, 2) of the game that was played at this cycle: its meeting point lies on it."""
+    bound_m_s = float(horizontal_speed(settings.speed_set)) / certificate.speed_ratio
+    game, _ = game_played(settings, bound_m_s, certificate.evader_age_s)
+    game = replace(game, target_velocity_m_s=(0.0, 0.0))  # whoever runs straight runs so whatever its target does
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
 
 

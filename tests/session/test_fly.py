@@ -86,8 +86,8 @@ def test_the_papers_pe_game_is_flown_within_15_percent_of_its_value(pe):
 
 def test_the_predicted_value_is_the_closed_form_of_the_stand_off_game(pe):
     result, _ = pe
-    x, y, z = result.engaged_pursuer_m
-    d = math.hypot(x - result.engaged_evader_m[0], y - result.engaged_evader_m[1]) - 3.0
+    x, y, z = result.engaged.pursuer_game_m
+    d = math.dist((x, y), result.engaged.evader_game_m[:2]) - 3.0
     v, delta2 = 1.5, 4.0
     closed_form = (d + math.sqrt((delta2 - 1) * (z - 5.0) ** 2 + delta2 * d * d)) / (v * (delta2 - 1))
     # A little more: what is known of the evader is some hundredths of a second old, in which it may have run elsewhere.
@@ -186,9 +186,7 @@ def test_the_live_line_is_told_of_every_cycle():
 
 
 def test_the_picture_is_drawn_also_of_a_game_that_never_began(pe, tad, tmp_path):
-    never = dataclasses.replace(
-        pe[0], samples=pe[0].samples[:5], engaged_pursuer_m=None, meeting_point_m=None, captured=False
-    )
+    never = dataclasses.replace(pe[0], samples=pe[0].samples[:5], engaged=None, captured=False)
     for number, result in enumerate((pe[0], tad, never)):
         path = tmp_path / f"{number}.png"
         draw(result, outcome(result), path)

@@ -2,14 +2,17 @@
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from guidance.clock import VirtualClock
 from guidance.config import find
 from guidance.errors import LinkError
 from guidance.flight import State
+from guidance.game import Ball, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.log.reader import Item
@@ -20,6 +23,7 @@ from guidance.viz.panel.bus import Heard, Joined, Said
 from guidance.viz.panel.hub import HISTORY_S, MOST_DAEMONS, MOST_EVENTS, Hub
 from guidance.viz.panel.levels import Level
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
+from guidance.viz.shapes import isochron_at
 
 
 def folded(path, until=lambda row: False):
@@ -32,6 +36,14 @@ def folded(path, until=lambda row: False):
     return fold
 
 
+def beside(curve, place):
+    """Return how far a place lies from a closed curve, m."""
+    curve, place = np.array(curve), np.array(place[:2])
+    begun, along = curve[:-1], np.diff(curve, axis=0)
+    share = np.clip(((place - begun) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.linalg.norm(begun + share[:, None] * along - place, axis=1).min()
+
+
 class StubBus:
     """A bus that says what the test has it say."""
 
@@ -39,7 +51,7 @@ class StubBus:
 
     def __init__(self):
         self.waiting = []
-        self.ordered = []
+        self.ordered, self.vouched = [], []
 
     def news(self):
         taken, self.waiting = self.waiting, []
@@ -48,6 +60,9 @@ class StubBus:
     def order(self, name, order, by):
         self.ordered.append((name, order, by))
         return {"accepted": True, "order": order, "name": name}
+
+    def vouch(self, name):
+        self.vouched.append(name)
 
     def close(self):
         pass
@@ -85,11 +100,40 @@ def test_a_moment_of_the_chase_is_what_the_record_has(record):
     # Every point of the isochron is reached by the evader when the pursuer is: none lies beyond its own run.
     run_m = 1.001 * max(math.dist(place, certificate.evader_game_m[:2]) for place in game["isochron_m"])
     assert math.dist(game["meeting_m"][:2], certificate.evader_game_m[:2]) <= run_m
+    assert beside(game["isochron_m"], game["meeting_m"]) < 0.3  # its chords are that far within
     assert len(scene["fence_m"][0]) > 3
     home = scene["home_m"]
     reach = [math.dist(corner, home[:2]) for corner in scene["fence_m"][0]]
     assert max(reach) - min(reach) < 0.2
     assert len(fold.history_row()) == len(HISTORY)
+
+
+def test_the_meeting_point_lies_on_the_isochron_of_the_game_that_is_played(record):
+    settings = recorded_settings(metadata_of(record)).cycle
+    played = [row.certificate for row in cycles_of(record) if row.certificate is not None]
+    slowest = min(played, key=lambda one: one.speed_ratio)
+    # The estimate's bound of its speed counts, and its age.
+    assert settings.speed_set.speed_m_s / slowest.speed_ratio > 1.02 * settings.declared_evader_speed_m_s
+    for one in (slowest, *played[:: len(played) // 12]):
+        assert beside(isochron_at(settings, one, 721), one.meeting_point_game_m) < 0.01
+    # An evader on a hill, and one whose target moves: the same.
+    for standoff, target, drift in (
+        (StandOff(3.0, 2.0), None, (0.0, 0.0)),
+        (StandOff(), (90.0, 5.0, 4.0), (0.4, -0.3)),
+    ):
+        other = replace(
+            settings,
+            speed_set=Ball(6.0),
+            standoff=standoff,
+            target_game_m=target,
+            target_velocity_m_s=drift,
+        )
+        game = replace(other.game, evader_speed_m_s=3.1)
+        place = (0.0, 0.0, 30.0), (20.0, 8.0, 4.0)
+        there = solve(game, *map(np.array, place), None if target is None else np.array(target)).meeting_point_m
+        ratio = 6.0 / 3.1
+        one = played[0]._replace(pursuer_game_m=place[0], evader_game_m=place[1], speed_ratio=ratio, evader_age_s=0.0)
+        assert beside(isochron_at(other, one, 721), there) < 0.02
 
 
 def test_before_anything_was_heard_nothing_is_made_up(record):
@@ -196,6 +240,19 @@ def test_a_configuration_read_again_is_the_scene_from_then_on(told):
     (daemon,) = told.read(whole=True)["daemons"]
     assert daemon["scene"]["ceiling_m"] == 44.0
     assert daemon["events"] == [{"now_s": 2.0, "event": RELOADED, "detail": ""}]
+
+
+def test_an_operators_sign_of_life_goes_to_the_daemon_that_is_looked_at_and_its_age_is_judged(told):
+    (daemon,) = told.read(whole=True)["daemons"]
+    told.hub.vouch(daemon["key"])
+    told.hub.vouch("uav9@nowhere")
+    assert told.bus.vouched == ["uav1"]
+    for silence_s, level in ((0.2, "ok"), (6.0, "caution"), (11.0, "warning")):
+        told.tell(Said("uav1", 100.0, {"operator_silence_s": silence_s, "operator_timeout_s": 10.0}))
+        seen = told.read()["daemons"][0]["operator"]
+        assert seen == {"level": level, "silence_s": silence_s, "limit_s": 10.0}
+    told.tell(Said("uav1", 100.0, {"operator_silence_s": 0.2, "operator_timeout_s": None}))
+    assert told.read()["daemons"][0]["operator"] is None
 
 
 def test_orders_go_to_the_daemon_that_was_chosen(told):
