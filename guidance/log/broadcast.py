@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import zenoh
 
+from guidance.links.wires.zenoh import is_over
 from guidance.log.entries import CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, InputsEntry
 from guidance.messages import EvaderReport, Message
 
@@ -53,7 +54,7 @@ class Broadcast:
         self._publishers = {what: self._declare(session, what) for what in ("cycle", "event")}
         self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._asked.append)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="broadcast", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
@@ -92,7 +93,7 @@ class Broadcast:
             self._waiting.append((what, entry))
 
     def _run(self) -> None:
-        while not self._stop.wait(_LOOK_EVERY_S):
+        while not is_over(self._stop, _LOOK_EVERY_S):
             with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # what cannot be said is left unsaid
                 self._publish()
                 self._answer()

@@ -15,7 +15,7 @@ from typing import Any, Final
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.wires.zenoh import open_session
+from guidance.links.wires.zenoh import is_over, open_session
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.session import control_token
 from guidance.session.control_token import ControlToken
@@ -151,7 +151,7 @@ class ControlBus:
         self._mailbox = mailbox
         self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
         self._asked = threading.Event()
-        self._stop = False
+        self._stop = threading.Event()
         self._issued: ControlToken | None = None
         self._session = self._host(endpoint, token_file) if host else join_session(endpoint, token_file, credentials)
         self._closed = False
@@ -161,7 +161,7 @@ class ControlBus:
         except BaseException:
             self._session.close()  # type: ignore[no-untyped-call]
             raise
-        self._thread = threading.Thread(target=self._serve, name="control", daemon=True)
+        self._thread = threading.Thread(target=self._serve, name="control")
         self._thread.start()
 
     def _host(self, endpoint: str, token_file: Path | None) -> "zenoh.Session":
@@ -186,7 +186,7 @@ class ControlBus:
         self._asked.set()
 
     def _serve(self) -> None:
-        while not self._stop:
+        while not is_over(self._stop):
             self._asked.wait(_LOOK_EVERY_S)
             self._asked.clear()
             while self._waiting:
@@ -209,7 +209,7 @@ class ControlBus:
         if self._closed:
             return
         self._closed = True
-        self._stop = True
+        self._stop.set()
         self._asked.set()
         self._thread.join()
         self._token.close()

@@ -33,6 +33,7 @@ OVER: Final = (ZENOH, UDP)
 """What the vehicles can be reached over."""
 
 START_LIMIT_S: Final = 15.0
+_ANSWER_LIMIT_S: Final = 2.0
 STOP_LIMIT_S: Final = 2.0
 _PORT_IN_USE: Final = 3
 _ATTEMPTS: Final = 20
@@ -163,7 +164,7 @@ class MockProcess:
 
     def inject(self, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
         """Put faults in place, on a thread of its own: the loop waits for nobody."""
-        threading.Thread(target=_inject, args=(self.endpoint, list(faults)), daemon=True).start()
+        threading.Thread(target=_inject, args=(self.endpoint, list(faults))).start()
 
     def stop(self) -> None:
         """End the child: politely, then not."""
@@ -240,7 +241,9 @@ def _inject(endpoint: str, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> N
     session = open_session(endpoint)
     try:
         for name, keys in faults:
-            for _ in session.get(f"{name}/faults", payload=json.dumps({"do": "inject", **keys})):
+            for _ in session.get(
+                f"{name}/faults", payload=json.dumps({"do": "inject", **keys}), timeout=_ANSWER_LIMIT_S
+            ):
                 pass  # they were checked before the start
     finally:
         session.close()  # type: ignore[no-untyped-call]

@@ -26,6 +26,22 @@ session.declare_subscriber("guidance/uav1/live/*", lambda sample: None)
 print("ready", flush=True)
 signal.pause()
 """
+ENDING = """
+import json, sys, threading, time, zenoh
+from guidance.links.wires.zenoh import is_over
+nobody = {"mode": "peer", "listen": {"endpoints": []}, "scouting": {"multicast": {"enabled": False}}}
+session, asked = zenoh.open(zenoh.Config.from_json5(json.dumps(nobody))), threading.Event()
+class Last:
+    def __del__(self):
+        time.sleep(0.1)  # the interpreter's own end lasts longer than a question
+sys.last = Last()
+def ask():
+    while not is_over(threading.Event()):
+        list(session.get("nobody/there", timeout=0.02))
+        asked.set()
+threading.Thread(target=ask).start()
+asked.wait()
+"""
 
 
 @pytest.fixture
@@ -170,3 +186,9 @@ def test_who_joins_after_a_configuration_was_read_again_is_told_the_new_one(bus)
     with open_session(endpoint) as session:
         (reply,) = list(session.get(broadcast_key("uav1", FLIGHT), timeout=3.0))
     assert said(reply.ok)["metadata"] == {"seed": "3", "config": '{"name": "uav1"}'}
+
+
+def test_an_interpreter_that_ends_waits_for_a_thread_in_zenoh_and_tells_it_to_end():
+    # A daemon thread is cancelled there, and the process ends with "FATAL: exception not rethrown" and SIGABRT.
+    ended = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=30.0, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")

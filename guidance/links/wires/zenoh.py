@@ -25,6 +25,19 @@ _REFUSED: Final = (
 )
 
 
+def is_over(stop: threading.Event, wait_s: float = 0.0) -> bool:
+    """Whether a thread that calls Zenoh shall end: it was told to, or the interpreter is ending.
+
+    No such thread is a daemon thread: one that comes back from Zenoh while the interpreter ends is cancelled there,
+    through frames that do not let it, and the process aborts ("FATAL: exception not rethrown").
+
+    Args:
+        stop: Tells it to end.
+        wait_s: How long that is waited for.
+    """
+    return stop.wait(wait_s) or not threading.main_thread().is_alive()
+
+
 def encoding() -> "zenoh.Encoding":
     """`application/octet-stream;mavlink`."""
     return zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")

@@ -16,13 +16,14 @@ import zenoh
 
 from guidance.clock import Clock
 from guidance.errors import GuidanceError, LinkError
+from guidance.links.wires.zenoh import is_over
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.log.broadcast import FLIGHT, broadcast_key
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.live import TOPICS
 from guidance.log.reader import Item
 from guidance.session.control_bus import answers, control_key, join_session
-from guidance.session.orders import STATUS
+from guidance.session.orders import ALIVE, STATUS
 
 MOST_WAITING: Final = 1024
 """Cycles and events that are kept for the page: twenty seconds of one daemon's."""
@@ -32,6 +33,9 @@ ASKED_EVERY_S: Final = 0.5
 
 ANSWERED_WITHIN_S: Final = 1.5
 ORDERED_WITHIN_S: Final = 4.0
+VOUCHED_FOR_S: Final = 2.0
+"""How long a page that said that a person is there is believed: it says so every second."""
+
 SILENT_AFTER: Final = 3
 """So many questions in a row without any answer, and the bus is joined anew."""
 
@@ -85,8 +89,9 @@ class DaemonBus:
         self._session: zenoh.Session | None = None
         self._known: set[str] = set()
         self._silent = 0
+        self._vouched: dict[str, float] = {}
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"bus {endpoint}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"bus {endpoint}")
         self._thread.start()
 
     def news(self) -> Sequence[News]:
@@ -116,13 +121,18 @@ class DaemonBus:
             )
         return answered[0]
 
+    def vouch(self, name: str) -> None:
+        """A person is there and looks at this daemon: it is told so, for the next two seconds."""
+        self._vouched[name] = self._clock.now_s()
+
     def close(self) -> None:
         """Leave the bus. May be called twice."""
         self._ended.set()
+        self._leave()  # ends the question that is waited for
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._ended.wait(ASKED_EVERY_S):
+        while not is_over(self._ended, ASKED_EVERY_S):
             try:
                 self._look()
             except (GuidanceError, zenoh.ZError, OSError, ValueError, KeyError, TypeError) as error:
@@ -136,7 +146,10 @@ class DaemonBus:
         if session is None:
             session = join_session(self.endpoint, self._token_file, self._credentials)
             self._session, self._silent = session, 0
+            if self._ended.is_set():
+                return
             session.declare_subscriber(broadcast_key("*", "*"), self._hear)
+        self._vouch(session)
         said = answers(session, control_key("*", STATUS), ANSWERED_WITHIN_S)
         self._silent = 0 if said else self._silent + 1
         if self._silent >= SILENT_AFTER:
@@ -148,6 +161,15 @@ class DaemonBus:
             if name not in self._known:
                 self._join(session, name)
             self._news.append(Said(name, self._clock.now_s(), status))
+
+    def _vouch(self, session: "zenoh.Session") -> None:
+        """Give a person's sign of life where there is one."""
+        seen_after_s = self._clock.now_s() - VOUCHED_FOR_S
+        for name, at_s in list(self._vouched.items()):
+            if at_s < seen_after_s:
+                self._vouched.pop(name, None)
+            elif name in self._known:
+                answers(session, control_key(name, ALIVE), ANSWERED_WITHIN_S)
 
     def _join(self, session: "zenoh.Session", name: str) -> None:
         """Ask a daemon what it flies; one that still waits for its vehicle does not answer that yet."""
