@@ -1,6 +1,5 @@
 """`guidance view`: a flight to look at, live or from its record."""
 
-import os
 import signal
 import threading
 from pathlib import Path
@@ -44,6 +43,7 @@ def view(
     from guidance.cli.belonging import refuse_others  # noqa: PLC0415
     from guidance.errors import ConfigError  # noqa: PLC0415 - with numpy, for this only
     from guidance.session.recorded import recorded_settings  # noqa: PLC0415
+    from guidance.viz.beside import end_with_parent  # noqa: PLC0415
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
     from guidance.viz.view.command import require_rerun  # noqa: PLC0415
@@ -59,7 +59,7 @@ def view(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     if with_parent:
-        threading.Thread(target=_end_with_parent, args=(ended,), daemon=True).start()
+        end_with_parent(ended.set)
     require_rerun()
     source = RecordFile(file, follow=follow) if file is not None else _live(endpoint, name, token_file, zenoh)
     count = show(source, Destination(save, port, web_port), recorded_settings, typer.echo, ended)
@@ -72,10 +72,3 @@ def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path 
     from guidance.session.control_bus import join_session  # noqa: PLC0415
 
     return LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
-
-
-def _end_with_parent(ended: threading.Event) -> None:
-    # By its number: a thread that waits in a buffered reader keeps the interpreter from ending.
-    while os.read(0, 1024):
-        pass
-    ended.set()

@@ -193,6 +193,8 @@ def status(
             "position_age_s": vehicle.age_s(LocalPosition, now_s),
             "evader_silence_s": flight.tracking.silence_s(now_s),
             "battery_needed": flight.battery_needed,
+            "operator_silence_s": flight.operator_silence_s(now_s),
+            "operator_timeout_s": flight.settings.operator_timeout_s,
             "evader_second_source": flight.tracking.rival(now_s),
             **_flown(vehicle),
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],

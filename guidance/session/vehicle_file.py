@@ -77,7 +77,8 @@ class FlightSection(Section):
         None,
         ge=1.0,
         le=3600.0,
-        description="without an order or `guidance ctl alive` for so long it holds; no sign of life asked if not given",
+        description="without an order, `guidance ctl alive` or an operator's page in view for so long it holds; "
+        "no sign of life asked if not given",
     )
     operator_return_s: float = Field(30.0, gt=0.0, le=3600.0, description="for so much longer: it returns")
     longest_chase_s: float | None = Field(

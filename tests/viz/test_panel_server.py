@@ -24,7 +24,7 @@ class StubHub:
     """Something new at every look, and orders kept."""
 
     def __init__(self):
-        self.ordered, self.number, self.size = [], 0, 1
+        self.ordered, self.vouched, self.number, self.size = [], [], 0, 1
 
     def listen(self):
         self.number += 1
@@ -34,6 +34,9 @@ class StubHub:
 
     def message(self, *, whole=False):
         return json.dumps({"whole": whole, "number": self.number, "filling": "x" * self.size})
+
+    def vouch(self, daemon):
+        self.vouched.append(daemon)
 
     def order(self, daemon, order, by):
         if daemon == "gone":
@@ -144,6 +147,16 @@ async def test_a_panel_that_only_looks_takes_no_order(opened):
         assert answer.status == 403
         assert (await answer.json())["reason"] == "this panel only looks on (--look)"
     assert panel.hub.ordered == []
+
+
+@pytest.mark.parametrize(("look", "vouched"), [(False, ["uav1@x"]), (True, [])])
+async def test_a_page_gives_an_operators_sign_of_life_unless_it_only_looks(opened, look, vouched):
+    panel = await let_in(await opened(look=look))
+    socket = await panel.client.ws_connect("/live", headers=panel.origin)
+    await socket.send_bytes(b"uav1@x")  # no page says that
+    await socket.send_str("uav1@x")
+    await socket.close()  # by then it was read
+    assert panel.hub.vouched == vouched
 
 
 async def test_a_tile_server_is_the_one_host_that_pictures_may_come_from(opened):

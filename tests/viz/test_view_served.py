@@ -21,8 +21,8 @@ from guidance.log.entries import CYCLE
 from guidance.log.live import LiveFlight
 from guidance.log.reader import Item
 from guidance.session.control_bus import host_session, join_session
+from guidance.viz.beside import command
 from guidance.viz.view import ViewerBeside
-from guidance.viz.view.beside import command
 from guidance.viz.view.front import Front
 from guidance.viz.view.serving import free_port, recording_server
 
@@ -69,7 +69,9 @@ def until(true, limit_s=15.0):
 @pytest.fixture
 def served(record):
     """A viewer of a record, its page's address, and all of its processes."""
-    child = subprocess.Popen(command(record, FREE), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        command(("view", str(record), "--follow", *FREE)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
     words = child.stdout.readline().split()
     yield child, words[-1], children(child.pid)
     child.kill()
@@ -116,9 +118,9 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
     beside = ViewerBeside(*FREE, say=said.append)
     beside.wait()  # nothing was started
     beside.start(record)
-    pids = children(beside._child.pid)
+    pids = children(beside._beside.child.pid)
     until(lambda: any("http://127.0.0.1" in line for line in said))  # by us, and not into a live line
-    beside._child.kill()
+    beside._beside.child.kill()
     beside.wait()
     beside.close()
     beside.close()

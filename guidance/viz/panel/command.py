@@ -4,7 +4,6 @@ import asyncio
 import os
 import signal
 import socket
-import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -14,6 +13,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.extras import require
 from guidance.links.wires.zenoh_access import read_credentials
 from guidance.log import SettingsOf
+from guidance.viz.beside import end_with_parent
 from guidance.viz.panel.access import Access, origin_of, secured
 from guidance.viz.panel.bus import DaemonBus
 from guidance.viz.panel.hub import Hub
@@ -84,9 +84,7 @@ async def _serve(
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
     if with_parent:
-        threading.Thread(
-            target=_end_with_parent, args=(lambda: loop.call_soon_threadsafe(ended.set),), daemon=True
-        ).start()
+        end_with_parent(lambda: loop.call_soon_threadsafe(ended.set))
     records = None if options.records is None else RecordFolder(options.records)
     server = PanelServer(hub, access, look=options.look, records=records, tiles=options.tiles)
     runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
@@ -117,10 +115,3 @@ def _listen(host: str, port: int) -> socket.socket:
         raise LinkError(
             f"--host {host} --port {port}: {error.strerror}; choose another, or port 0 for a free one"
         ) from error
-
-
-def _end_with_parent(end: Callable[[], object]) -> None:
-    # By its number: a thread that waits in a buffered reader keeps the interpreter from ending.
-    while os.read(0, 1024):
-        pass
-    end()

@@ -14,7 +14,7 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
 from guidance.viz.panel.bus import Heard, Joined, News, Said
-from guidance.viz.panel.levels import of_age
+from guidance.viz.panel.levels import of_age, of_operator
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 
 HISTORY_S: Final = 300.0
@@ -40,6 +40,10 @@ class Bus(Protocol):
 
     def order(self, name: str, order: str, by: str) -> Mapping[str, Any]:
         """Give an order and return the answer; LinkError if there is none."""
+        ...
+
+    def vouch(self, name: str) -> None:
+        """Tell a daemon, for a little while, that a person is there."""
         ...
 
     def close(self) -> None:
@@ -115,6 +119,7 @@ class Watched:
         said |= {"silent_s": round(silent_s, 1), "contact": str(contact)}
         if whole or self._status_new:
             said["status"] = self._status
+            said["operator"] = of_operator(self._status)
         fold = self._fold
         if fold is not None:
             if whole or fold.scenes != self._scene_told:
@@ -193,6 +198,12 @@ class Hub:
         if watched is None:
             raise LinkError(f"no daemon {key!r} was heard")
         return watched.bus.order(watched.name, order, by)
+
+    def vouch(self, key: str) -> None:
+        """Tell one daemon that a person is there who looks at it; of one that was not heard nothing is said."""
+        watched = self._watched.get(key)
+        if watched is not None:
+            watched.bus.vouch(watched.name)
 
     def __iter__(self) -> Iterator[Watched]:
         return iter(self._watched.values())

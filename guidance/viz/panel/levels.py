@@ -50,6 +50,14 @@ def of_age(age_s: float, limit_s: float, caution_s: float | None = None) -> Leve
     return Level.CAUTION if age_s > (0.5 * limit_s if caution_s is None else caution_s) else Level.OK
 
 
+def of_operator(status: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Judge, of a daemon's answer, how long no person has given a sign of life; None where none is asked for."""
+    silence_s, limit_s = status.get("operator_silence_s"), status.get("operator_timeout_s")
+    if not (isinstance(silence_s, int | float) and isinstance(limit_s, int | float)):
+        return None
+    return {"level": str(of_age(silence_s, limit_s)), "silence_s": silence_s, "limit_s": limit_s}
+
+
 def of_battery(remaining: float, minimum: float) -> Level:
     """Judge what is left of the battery, 0 to 1."""
     if math.isnan(remaining):

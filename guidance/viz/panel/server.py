@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
 from typing import Any, Final
 
-from aiohttp import WSCloseCode, web
+from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 
 from guidance.errors import LinkError
 from guidance.viz.panel.access import Access, origin_of
@@ -216,14 +216,19 @@ class PanelServer:
         queue = self._pages.add(socket)
         telling = asyncio.create_task(_tell(socket, queue))
         try:
-            async for _ in socket:  # a page says nothing here; orders have an address of their own
-                pass
+            async for message in socket:  # orders have an address of their own
+                self._see(message)
         finally:
             self._pages.remove(queue)
             telling.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await telling
         return socket
+
+    def _see(self, message: WSMessage) -> None:
+        """Pass on which daemon a person looks at: it may ask for an operator's sign of life. Who only looks is none."""
+        if message.type is WSMsgType.TEXT and not self._look:
+            self._hub.vouch(str(message.data))
 
     async def _order(self, request: web.Request) -> web.StreamResponse:
         """Give an order; the daemon's own answer is what the page gets."""

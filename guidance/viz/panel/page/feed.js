@@ -39,6 +39,10 @@ export class Feed {
     }
   }
 
+  say(words) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(words);
+  }
+
   watch() {
     if (performance.now() - this.heardMs > SILENT_MS && this.heardMs > 0) this.lost("gone");
   }

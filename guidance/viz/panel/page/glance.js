@@ -12,7 +12,7 @@ const number = (value, digits, unit) => (value === null || value === undefined ?
 const aged = (value) => (value === null || value === undefined ? TEXTS.never : TEXTS.ago(value));
 
 // Each line: its name, its level (none: a plain figure) and its words; null leaves it out.
-function lines(seen, scene, status) {
+function lines({ snapshot: seen, scene, status, operator }) {
   const { age_s: age, game, levels, alarm } = seen;
   const battery = seen.battery === null ? TEXTS.unknown : `${Math.round(100 * seen.battery)} %`;
   const above = seen.pursuer_m && scene?.home_m ? seen.pursuer_m[2] - scene.home_m[2] : null;
@@ -28,6 +28,7 @@ function lines(seen, scene, status) {
   ];
   if (game) rows.push(...played(game, levels, scene));
   if (alarm) rows.push(["alarm", "warning", `${alarm.what} (${alarm.amount.toFixed(1)})`]);
+  if (operator) rows.push(["operator", operator.level, TEXTS.operatorSeen(operator.silence_s, operator.limit_s)]);
   if (status.recording) rows.push(["recording", recorded(status.recording), status.recording]);
   return rows;
 }
@@ -58,7 +59,7 @@ export class Glance {
   }
 
   show(daemon) {
-    const { snapshot: seen, status, scene } = daemon;
+    const { snapshot: seen, status } = daemon;
     const state = document.querySelector("#state");
     const mode = document.querySelector("#mode");
     if (!seen) {
@@ -68,7 +69,7 @@ export class Glance {
     } else {
       lamp(state, seen.levels.state, seen.state);
       mode.textContent = `${seen.armed ? TEXTS.armed : TEXTS.disarmed} · ${TEXTS.mode(seen.mode)}`;
-      this.fill(lines(seen, scene, status));
+      this.fill(lines(daemon));
     }
     this.tell(daemon.events);
   }

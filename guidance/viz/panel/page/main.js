@@ -13,6 +13,7 @@ import { TEXTS } from "./texts.js";
 
 const CHARTS_EVERY_MS = 500;
 const MOST_TIMED = 600;
+const VOUCH_EVERY_MS = 1000;
 const at = (name) => document.getElementById(name);
 
 // All pictures of one daemon, live or of a record.
@@ -52,6 +53,12 @@ class Live {
     at("mark").textContent = lookOnly ? TEXTS.look : "";
     this.feed = new Feed(() => this.told(), (reason) => this.lost(reason));
     window.panel = this;
+    if (!lookOnly) setInterval(() => this.vouch(), VOUCH_EVERY_MS);
+  }
+
+  // A person's sign of life, for a daemon that asks for one: this page is open, in view, and shows it.
+  vouch() {
+    if (this.daemon && document.visibilityState === "visible") this.feed.say(this.daemon.key);
   }
 
   get daemon() {
