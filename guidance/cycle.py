@@ -42,6 +42,7 @@ class CycleSettings:
         site: Latitude and longitude in degrees and altitude of the game frame's zero; None puts it at home.
         evader_timeout_s: Age of the evader's last report from which it counts as lost.
         game: What is played against the declared speed, checked once; a cycle takes the estimated one.
+        ground_speed_m_s: The pursuer's in the game, over the ground.
 
     Raises:
         ConfigError: If that is no game, for an evader that is too fast, say.
@@ -61,11 +62,13 @@ class CycleSettings:
     target_velocity_m_s: tuple[float, float] = (0.0, 0.0)
     speed_sigmas: float = 0.5
     game: Game = field(init=False, repr=False)
+    ground_speed_m_s: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         speed_m_s, target_m_s = self.declared_evader_speed_m_s, self.target_velocity_m_s
         game = Game(self.speed_set, speed_m_s, standoff=self.standoff, target_velocity_m_s=target_m_s)
         object.__setattr__(self, "game", game)
+        object.__setattr__(self, "ground_speed_m_s", float(horizontal_speed(self.speed_set)))
 
 
 class EvaderEstimate(NamedTuple):
@@ -139,7 +142,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     if settings.strategy.name != OPTIMAL:
         asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
     asked_ned_m_s = keep_inside(ned_from_game(asked), fence, envelope)
-    most = envelope.speed_m_s / float(horizontal_speed(settings.speed_set))
+    most = envelope.speed_m_s / settings.ground_speed_m_s
     followed = follow(asked_ned_m_s, here, gaps, settings.following, memory.follow, most=most, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)

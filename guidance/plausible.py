@@ -52,7 +52,9 @@ def _home(home: Home) -> bool:
 
 
 def _local(local: LocalPosition) -> bool:
-    place, rate = _within(FARTHEST_M, *local.position_ned_m), _within(FASTEST_M_S, *local.velocity_ned_m_s)
+    (north, east, down), (v_north, v_east, v_down) = local.position_ned_m, local.velocity_ned_m_s
+    place = abs(north) <= FARTHEST_M and abs(east) <= FARTHEST_M and abs(down) <= FARTHEST_M
+    rate = abs(v_north) <= FASTEST_M_S and abs(v_east) <= FASTEST_M_S and abs(v_down) <= FASTEST_M_S
     return place and rate and 0.0 <= local.time_boot_s <= _LATEST_S
 
 

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from types import MappingProxyType
+from typing import NamedTuple, TypeVar
 
 from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
 from guidance.messages import (
@@ -39,8 +39,7 @@ _HERE_M = 2.0
 Kind = TypeVar("Kind", bound=Message)
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleState:
+class VehicleState(NamedTuple):
     """What was heard of a vehicle.
 
     Attributes:
@@ -54,7 +53,7 @@ class VehicleState:
         acceleration_ned_m_s2: How its velocity changes, of the last tenth of a second or so.
     """
 
-    latest: Mapping[type, Message] = field(default_factory=dict)
+    latest: Mapping[type, Message] = MappingProxyType({})
     home_taken: bool = False
     resets: int = 0
     reset_s: float = -math.inf
@@ -99,95 +98,66 @@ def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     that comes in flight: an autopilot may move it about (PX4, by up to 2 m every two seconds), and heights and fences
     are counted from where it was when the vehicle armed.
     """
-    folding = _Folding(state)
     for message in messages:
-        folding.fold(message)
-    return folding.state()
+        if is_plausible(message):
+            state = _folded(state, message)
+    return state
 
 
-class _Folding:
-    """One fold under way."""
+def _folded(state: VehicleState, message: Message) -> VehicleState:
+    match message:
+        case CommandAck() | StatusText():
+            return state
+        case LocalPosition():
+            return _at_position(state, message)
+        case Home() if state.home_taken and state.armed:
+            return state
+        case Home():
+            state = state._replace(home_taken=state.armed)
+        case Odometry(received_s, counter):
+            held = state.last(Odometry)
+            if held is not None and held.reset_counter != counter:
+                state = state._replace(resets=state.resets + 1, reset_s=received_s)
+        case Heartbeat():
+            state = state._replace(home_taken=message.armed and (state.home_taken or _home_is_here(state, message)))
+    return _with(state, message)
 
-    def __init__(self, state: VehicleState) -> None:
-        self._before = state
-        self._latest = dict(state.latest)
-        self._home_taken = state.home_taken
-        self._resets, self._reset_s, self._reboots = state.resets, state.reset_s, state.reboots
-        self._jumped, self._jumped_boot_s = state.jumped_ned_m, state.jumped_boot_s
-        self._acceleration = state.acceleration_ned_m_s2
 
-    def fold(self, message: Message) -> None:
-        """Take in one message."""
-        if is_plausible(message) and self._is_kept(message):
-            self._latest[type(message)] = message
+def _with(state: VehicleState, message: Message) -> VehicleState:
+    return state._replace(latest={**state.latest, type(message): message})
 
-    def _is_kept(self, message: Message) -> bool:
-        match message:
-            case CommandAck() | StatusText():
-                return False
-            case LocalPosition():
-                return self._is_news(message)
-            case Home():
-                settled, self._home_taken = self._home_taken, self._armed
-                return not (settled and self._armed)
-            case Odometry():
-                held = self._latest.get(Odometry)
-                if isinstance(held, Odometry) and held.reset_counter != message.reset_counter:
-                    self._reset(message)
-            case Heartbeat():
-                self._home_taken = message.armed and (self._home_taken or self._home_is_here(message))
-        return True
 
-    def state(self) -> VehicleState:
-        """Return what it came to."""
-        return replace(
-            self._before,
-            latest=self._latest,
-            home_taken=self._home_taken,
-            resets=self._resets,
-            reset_s=self._reset_s,
-            jumped_ned_m=self._jumped,
-            jumped_boot_s=self._jumped_boot_s,
-            reboots=self._reboots,
-            acceleration_ned_m_s2=self._acceleration,
+def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
+    """Whether the home held is that of a vehicle that has just armed, or that we join armed."""
+    home, local = state.last(Home), state.last(LocalPosition)
+    if Heartbeat not in state.latest:
+        return home is not None  # joined in flight: there is no better one than the first
+    if state.armed or not now.armed or home is None or local is None:
+        return False
+    return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
+
+
+def _at_position(state: VehicleState, now: LocalPosition) -> VehicleState:
+    """Take in a position, if it is news, and count the jump or the reboot that it shows."""
+    held = state.last(LocalPosition)
+    if held is None:
+        return _with(state, now)
+    step_s = now.time_boot_s - held.time_boot_s
+    if -_REBOOT_S <= step_s <= 0.0:
+        return state
+    if step_s < 0.0:
+        return _with(state._replace(reboots=state.reboots + 1), now)
+    state = state._replace(acceleration_ned_m_s2=_smoothed(state.acceleration_ned_m_s2, held, now, step_s))
+    jump = _jump_ned_m(held, now, step_s)
+    if jump is not None:
+        north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
+        state = state._replace(
+            resets=state.resets + 1,
+            reset_s=now.received_s,
+            jumped_ned_m=(north, east, down),
+            jumped_boot_s=now.time_boot_s,
         )
-
-    @property
-    def _armed(self) -> bool:
-        heartbeat = self._latest.get(Heartbeat)
-        return isinstance(heartbeat, Heartbeat) and heartbeat.armed
-
-    def _home_is_here(self, now: Heartbeat) -> bool:
-        """Whether the home held is that of a vehicle that has just armed, or that we join armed."""
-        home, local = self._latest.get(Home), self._latest.get(LocalPosition)
-        if Heartbeat not in self._latest:
-            return home is not None  # joined in flight: there is no better one than the first
-        if self._armed or not now.armed or not isinstance(home, Home) or not isinstance(local, LocalPosition):
-            return False
-        return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
-
-    def _reset(self, seen_in: Message) -> None:
-        self._resets += 1
-        self._reset_s = seen_in.received_s
-
-    def _is_news(self, now: LocalPosition) -> bool:
-        """Whether to keep a position; counts the jump or the reboot that it shows."""
-        held = self._latest.get(LocalPosition)
-        if not isinstance(held, LocalPosition):
-            return True
-        step_s = now.time_boot_s - held.time_boot_s
-        if -_REBOOT_S <= step_s <= 0.0:
-            return False
-        if step_s < 0.0:
-            self._reboots += 1
-            return True
-        self._acceleration = _smoothed(self._acceleration, held, now, step_s)
-        jump = _jump_ned_m(held, now, step_s)
-        if jump is not None:
-            self._reset(now)
-            north, east, down = (total + part for total, part in zip(self._jumped, jump, strict=True))
-            self._jumped, self._jumped_boot_s = (north, east, down), now.time_boot_s
-        return True
+    return _with(state, now)
 
 
 def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step_s: float) -> Vector:

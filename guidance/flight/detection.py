@@ -1,8 +1,12 @@
-"""Event detection: one predicate an event, evaluated once a cycle on what was heard, without memory of its own."""
+"""Event detection: what happened, read once a cycle from what was heard, without memory of its own.
+
+One reading each of the vehicle itself, who else commands it, where it is, whether it may be trusted to fly on, what is
+missing, the game, and how far the phase has come: the most severe first.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 from guidance.autopilots import Mode
 from guidance.certificate import Certificate
@@ -26,8 +30,7 @@ LEFT_WITHIN_S = 5.0
 """How long after an order a pilot's mode may still be shown before it counts as kept: HEARTBEAT is up to 2 s late."""
 
 
-@dataclass(frozen=True, slots=True)
-class EventContext:
+class EventContext(NamedTuple):
     """Everything an event may be read from, at one cycle."""
 
     now_s: float
@@ -69,10 +72,8 @@ class EventContext:
 
 
 def events(context: EventContext) -> Iterator[Event]:
-    """Yield what happened, the most severe first; only events that the table answers in this state are tested."""
-    return (
-        event for event, happened in _DETECTORS.items() if (context.state, event) in TRANSITIONS and happened(context)
-    )
+    """Yield what happened, the most severe first; only events that the table answers in this state."""
+    return (event for read in _READINGS for event in read(context) if (context.state, event) in TRANSITIONS)
 
 
 def fit(context: EventContext) -> bool:
@@ -80,6 +81,33 @@ def fit(context: EventContext) -> bool:
     settings = context.settings
     rows = checks(context.vehicle, settings.autopilot, context.now_s, battery_minimum=context.battery_limit)
     return not context.refusals and all(row.passed for row in rows)
+
+
+def _vehicle(context: EventContext) -> Iterator[Event]:
+    """Read who flies the vehicle, and whether it is there at all."""
+    vehicle = context.vehicle
+    if _external_mode_change(context):
+        yield Event.PILOT
+    if vehicle.reboots != context.reboots_seen:
+        yield Event.REBOOTED
+    if _telemetry_lost(context):
+        yield Event.TELEMETRY_LOST
+    if not vehicle.armed and context.heard_since_entry:
+        yield Event.DISARMED
+
+
+def _external_mode_change(context: EventContext) -> bool:
+    ours = OUR_MODES.get(context.state)
+    if ours is None or context.mode is None or _waits_for_pilot(context):
+        return False  # who flies while a pilot is waited for, in whichever mode, is to choose the guided one
+    if context.mode is context.mode_left:
+        # The order is younger than what HEARTBEAT shows. But a pilot's mode that stays is the pilot's answer.
+        return context.mode is Mode.OTHER and context.now_s - context.since_s > LEFT_WITHIN_S
+    return context.mode not in ours
+
+
+def _waits_for_pilot(context: EventContext) -> bool:
+    return context.state is State.STANDING_BY and context.settings.engage_on is EngageOn.PILOT_MODE
 
 
 def _telemetry_lost(context: EventContext) -> bool:
@@ -94,23 +122,86 @@ def _telemetry_lost(context: EventContext) -> bool:
     return flying and age_s > TELEMETRY_LIMIT_S
 
 
-def _external_mode_change(context: EventContext) -> bool:
-    ours = OUR_MODES.get(context.state)
-    if _waiting_for_the_pilot(context):
-        return False  # who flies here, in whichever mode, is to choose the guided one
-    if context.mode is not None and context.mode is context.mode_left:
-        # The order is younger than what HEARTBEAT shows. But a pilot's mode that stays is the pilot's answer.
-        return context.mode is Mode.OTHER and context.now_s - context.since_s > LEFT_WITHIN_S
-    return ours is not None and context.mode is not None and context.mode not in ours
+def _commands(context: EventContext) -> Iterator[Event]:
+    """Read whether the autopilot still flies by what we send."""
+    if context.dt_s >= context.settings.autopilot.setpoint_timeout_s:
+        yield Event.LOOP_STOPPED
+    if context.foreign:
+        yield Event.FOREIGN
 
 
-def _waiting_for_the_pilot(context: EventContext) -> bool:
-    return context.state is State.STANDING_BY and context.settings.engage_on is EngageOn.PILOT_MODE
+def _place(context: EventContext) -> Iterator[Event]:
+    """Read where the vehicle is to everything that it should have kept within."""
+    here, envelope = context.position_ned_m, context.envelope
+    if context.fence is not None and context.fence.outside:
+        yield Event.FENCE
+    if here is None:
+        return
+    height_m = envelope.home_ned_m[2] - here[2]
+    if height_m < envelope.floor_m - BREACH_M:
+        yield Event.FLOOR
+    if height_m > envelope.ceiling_m + BREACH_M:
+        yield Event.CEILING
+    limit, evader = envelope.stand_off, context.evader_ned_m
+    if limit is None or evader is None:
+        return
+    beside_m, above_m = math.dist(here[:2], evader[:2]), evader[2] - here[2]
+    if beside_m < limit.radius_m - BREACH_M and above_m < limit.height_m - BREACH_M:
+        yield Event.STAND_OFF
 
 
-def _invited(context: EventContext) -> bool:
+def _trust(context: EventContext) -> Iterator[Event]:
+    """Read whether the flight may go on at all: by whom it is watched, and on what charge."""
+    settings, silence_s = context.settings, context.operator_silence_s
+    if context.rival and settings.hold_on_rival:
+        yield Event.RIVAL
+    if silence_s > settings.operator_timeout_s:
+        yield Event.OPERATOR_LOST
+    if silence_s > settings.operator_timeout_s + settings.operator_return_s:
+        yield Event.OPERATOR_GONE
+    status = context.vehicle.last(SystemStatus)
+    if status is not None and status.battery_remaining < context.battery_limit:
+        yield Event.BATTERY_LOW
+
+
+def _missing(context: EventContext) -> Iterator[Event]:
+    """Read what the game cannot be played without."""
+    if context.vehicle.resets != context.resets_seen:
+        yield Event.ESTIMATOR_RESET
+    if context.dt_s > LATE_LOOP_S:
+        yield Event.LOOP_LATE
+    if context.evader_silence_s > context.settings.cycle.evader_timeout_s:
+        yield Event.EVADER_LOST
+
+
+def _game(context: EventContext) -> Iterator[Event]:
+    """Read what the last certificate says, and who is to begin."""
+    certificate = context.certificate
+    if certificate is not None:
+        if certificate.no_game:
+            yield Event.NO_GAME
+        if certificate.evader_arrived:
+            yield Event.ESCAPED
+        if certificate.captured:
+            yield Event.CAPTURED
     # A change, not a mode that the vehicle was left in.
-    return _waiting_for_the_pilot(context) and context.other_mode_seen and context.mode is Mode.GUIDED
+    if context.other_mode_seen and context.mode is Mode.GUIDED and _waits_for_pilot(context):
+        yield Event.INVITED
+    if context.settings.after_capture is AfterCapture.RETURN:
+        yield Event.DONE
+    if certificate is not None and certificate.strayed:
+        yield Event.STRAYED
+
+
+def _phase(context: EventContext) -> Iterator[Event]:
+    """Read whether what the state waits for is there, or has not come for too long."""
+    ended = _PHASE_ENDS.get(context.state)
+    if ended is not None and ended[1](context):
+        yield ended[0]
+    if context.now_s - context.since_s > context.settings.limits_s.get(context.state, math.inf):
+        yield Event.TIMED_OUT
+    if context.chase_s > context.settings.longest_chase_s:
+        yield Event.CHASE_TIMED_OUT
 
 
 def _armed(context: EventContext) -> bool:
@@ -137,83 +228,27 @@ def _at_start(context: EventContext) -> bool:
     )
 
 
-def _operator_gone(context: EventContext) -> bool:
-    settings = context.settings
-    return context.operator_silence_s > settings.operator_timeout_s + settings.operator_return_s
-
-
-def _battery_low(context: EventContext) -> bool:
-    status = context.vehicle.last(SystemStatus)
-    return status is not None and status.battery_remaining < context.battery_limit
-
-
-def _evader_lost(context: EventContext) -> bool:
-    return context.evader_silence_s > context.settings.cycle.evader_timeout_s
-
-
 def _clear(context: EventContext) -> bool:
-    waited = context.now_s - context.since_s >= context.settings.settle_s
-    settled = context.now_s - context.vehicle.reset_s >= context.settings.settle_s
-    return waited and settled and not (_evader_lost(context) or _telemetry_lost(context))
+    settings = context.settings
+    waited = context.now_s - context.since_s >= settings.settle_s
+    settled = context.now_s - context.vehicle.reset_s >= settings.settle_s
+    heard = context.evader_silence_s <= settings.cycle.evader_timeout_s
+    return waited and settled and heard and not _telemetry_lost(context)
 
 
-def _reset(context: EventContext) -> bool:
-    return context.vehicle.resets != context.resets_seen
+_READINGS: Final = (_vehicle, _commands, _place, _trust, _missing, _game, _phase)
 
-
-def _timed_out(context: EventContext) -> bool:
-    return context.now_s - context.since_s > context.settings.limits_s.get(context.state, math.inf)
-
-
-def _height_m(context: EventContext) -> float:
-    """Height above home, NaN where the vehicle has not told where it is."""
-    return math.nan if context.position_ned_m is None else context.envelope.home_ned_m[2] - context.position_ned_m[2]
-
-
-def _inside_stand_off(context: EventContext) -> bool:
-    limit, here, evader = context.envelope.stand_off, context.position_ned_m, context.evader_ned_m
-    if limit is None or here is None or evader is None:
-        return False
-    beside_m, above_m = math.dist(here[:2], evader[:2]), evader[2] - here[2]
-    return beside_m < limit.radius_m - BREACH_M and above_m < limit.height_m - BREACH_M
-
-
-def _certified(context: EventContext, name: str) -> bool:
-    return context.certificate is not None and bool(getattr(context.certificate, name))
-
-
-_DETECTORS: Mapping[Event, Callable[[EventContext], bool]] = {
-    Event.PILOT: _external_mode_change,
-    Event.REBOOTED: lambda context: context.vehicle.reboots != context.reboots_seen,
-    Event.TELEMETRY_LOST: _telemetry_lost,
-    Event.DISARMED: lambda context: context.heard_since_entry and not context.vehicle.armed,
-    Event.LOOP_STOPPED: lambda context: context.dt_s >= context.settings.autopilot.setpoint_timeout_s,
-    Event.FOREIGN: lambda context: context.foreign,
-    Event.FENCE: lambda context: context.fence is not None and context.fence.outside,
-    Event.FLOOR: lambda context: _height_m(context) < context.envelope.floor_m - BREACH_M,
-    Event.CEILING: lambda context: _height_m(context) > context.envelope.ceiling_m + BREACH_M,
-    Event.STAND_OFF: _inside_stand_off,
-    Event.RIVAL: lambda context: context.settings.hold_on_rival and bool(context.rival),
-    Event.OPERATOR_LOST: lambda context: context.operator_silence_s > context.settings.operator_timeout_s,
-    Event.OPERATOR_GONE: _operator_gone,
-    Event.BATTERY_LOW: _battery_low,
-    Event.ESTIMATOR_RESET: _reset,
-    Event.LOOP_LATE: lambda context: context.dt_s > LATE_LOOP_S,
-    Event.EVADER_LOST: _evader_lost,
-    Event.NO_GAME: lambda context: _certified(context, "no_game"),
-    Event.ESCAPED: lambda context: _certified(context, "evader_arrived"),
-    Event.CAPTURED: lambda context: _certified(context, "captured"),
-    Event.INVITED: _invited,
-    Event.DONE: lambda context: context.settings.after_capture is AfterCapture.RETURN,
-    Event.STRAYED: lambda context: _certified(context, "strayed"),
-    Event.HEARD: lambda context: context.vehicle.age_s(Heartbeat, context.now_s) <= HEARTBEAT_LIMIT_S,
-    Event.FIT: fit,
-    Event.UNFIT: lambda context: not fit(context),
-    Event.ARMED: _armed,
-    Event.AT_HEIGHT: _at_height,
-    Event.AT_START: _at_start,
-    Event.GUIDED: lambda context: context.heard_since_entry and context.mode is Mode.GUIDED,
-    Event.CLEAR: _clear,
-    Event.TIMED_OUT: _timed_out,
-    Event.CHASE_TIMED_OUT: lambda context: context.chase_s > context.settings.longest_chase_s,
+_PHASE_ENDS: Final[Mapping[State, tuple[Event, Callable[[EventContext], bool]]]] = {
+    State.CONNECTING: (
+        Event.HEARD,
+        lambda context: context.vehicle.age_s(Heartbeat, context.now_s) <= HEARTBEAT_LIMIT_S,
+    ),
+    State.CHECKING: (Event.FIT, fit),
+    State.READY: (Event.UNFIT, lambda context: not fit(context)),
+    State.ARMING: (Event.ARMED, _armed),
+    State.CLIMBING: (Event.AT_HEIGHT, _at_height),
+    State.POSITIONING: (Event.AT_START, _at_start),
+    State.ENTERING: (Event.GUIDED, lambda context: context.heard_since_entry and context.mode is Mode.GUIDED),
+    State.PAUSED: (Event.CLEAR, _clear),
 }
+"""What ends each phase by itself."""

@@ -14,7 +14,7 @@ from typing import Final
 from guidance.control import Polygon
 from guidance.cycle import CycleMemory
 from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
-from guidance.messages import GlobalPosition, Home, LocalPosition, Origin
+from guidance.messages import GlobalPosition, Home, LocalPosition, Message, Origin
 from guidance.vehicle import VehicleState, local_frame
 
 NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)
@@ -35,7 +35,7 @@ class OriginEstimate:
     def __init__(self, projection: MapProjection) -> None:
         self._projection = projection
         self._frame: LocalFrame | None = None
-        self._telling: tuple[Home | None, Origin | None] = (None, None)
+        self._telling: tuple[Message | None, Message | None] = (None, None)
         self._told_frame: LocalFrame | None = None
         self._jumped: Vector = (0.0, 0.0, 0.0)
         self.held_back_ned_m: Vector = NOWHERE
@@ -45,7 +45,10 @@ class OriginEstimate:
         told = self._told(vehicle)
         if told is None:
             return self._frame
-        self._note_jump(vehicle)
+        if vehicle.jumped_ned_m != self._jumped:
+            self._note_jump(vehicle)
+        if told is self._frame and self.held_back_ned_m == NOWHERE:
+            return told
         if self._frame is None or _is_harmless(self._frame, told):
             self._frame = told
         if told != self._frame or self.held_back_ned_m != NOWHERE:
@@ -54,7 +57,7 @@ class OriginEstimate:
 
     def _told(self, vehicle: VehicleState) -> LocalFrame | None:
         """Return the frame that the vehicle tells, reckoned anew only once it tells another."""
-        telling = vehicle.last(Home), vehicle.last(Origin)
+        telling = vehicle.latest.get(Home), vehicle.latest.get(Origin)
         if telling != self._telling:
             self._telling, told = telling, local_frame(vehicle, self._projection)
             # Heights above home may change; the frame is the same.

@@ -4,9 +4,10 @@ import traceback
 from collections.abc import Sequence
 from typing import Final
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, Autopilot, Mode
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, Autopilot, Mode
+from guidance.flight.heard import Heard
 from guidance.flight.settings import EngageOn, FlightSettings
-from guidance.flight.table import State
+from guidance.flight.table import FINAL, SETPOINT_STATES, State
 from guidance.frames import Amsl
 from guidance.messages import Heartbeat, Home, Message, Request
 from guidance.vehicle import VehicleState
@@ -93,50 +94,6 @@ def _takeoff(settings: FlightSettings, vehicle: VehicleState) -> tuple[Request, 
     return (settings.autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
 
 
-class Pacing:
-    """When requests are made: of a state at first, and again; and HEARTBEATs that are waited for."""
-
-    def __init__(self) -> None:
-        self._since_s = 0.0
-        self._asked_s = self._beat_asked_s = float("-inf")
-
-    def begin(self, now_s: float) -> None:
-        """Begin a state, of which nothing has been asked yet."""
-        self._since_s, self._asked_s = now_s, float("-inf")
-
-    def is_due(
-        self, state: State, now_s: float, *, fresh_heartbeat: bool, asked_once: bool, streamed_first: bool
-    ) -> bool:
-        """Whether a state's requests are made in this cycle; if so, they count as made.
-
-        Args:
-            state: Where the flight stands.
-            now_s: The present.
-            fresh_heartbeat: Whether one came in this cycle.
-            asked_once: Whether the vehicle is in a pilot's mode, which is asked away only once.
-            streamed_first: Whether the autopilot grants the guided mode only to who streams.
-        """
-        if now_s - self._asked_s < REPEAT_S:
-            return False
-        entering, repeated = state is State.ENTERING, self._asked_s >= self._since_s
-        if repeated and (state is State.STANDING_BY or asked_once):
-            return False  # the pilot's next switch is an answer, not a fault
-        if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
-            return False
-        streamed_s = STREAM_FIRST_S if streamed_first else 0.0
-        if entering and now_s - self._since_s <= streamed_s + _SAME_S:
-            return False  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
-        self._asked_s = now_s
-        return True
-
-    def is_beat_due(self, now_s: float) -> bool:
-        """Whether a HEARTBEAT is asked for in this cycle; if so, it counts as asked for."""
-        if now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
-            return False
-        self._beat_asked_s = now_s
-        return True
-
-
 class HoldHandover:
     """Nothing but the hold is asked for any more, until a HEARTBEAT shows any mode but the guided one.
 
@@ -162,6 +119,71 @@ class HoldHandover:
             return ()
         self._asked_s = now_s
         return (self._autopilot.set_mode(Mode.HOLD),)
+
+
+class Asking:
+    """What is asked of the vehicle in each cycle: for its state, at first and again, and HEARTBEATs waited for."""
+
+    def __init__(self, settings: FlightSettings) -> None:
+        self._settings = settings
+        self._since_s = 0.0
+        self._asked_s = self._beat_asked_s = float("-inf")
+        self._handover: HoldHandover | None = None
+
+    def begin(self, now_s: float) -> None:
+        """Begin a state, of which nothing has been asked yet."""
+        self._since_s, self._asked_s = now_s, float("-inf")
+
+    def await_hold(self) -> None:
+        """Ask for the hold after a loss where the autopilot would else wait for our setpoints for ever."""
+        self._handover = HoldHandover(self._settings.autopilot)
+
+    def requests(self, state: State, heard: Heard, now_s: float, *, asked_once: bool) -> tuple[Request, ...]:
+        """Return what to ask in one cycle.
+
+        Args:
+            state: Where the flight stands.
+            heard: What the flight has heard.
+            now_s: The present.
+            asked_once: Whether the vehicle is in a pilot's mode, which is asked away only once.
+        """
+        asked: tuple[Request, ...] = ()
+        if state not in FINAL and self._is_due(state, now_s, fresh_heartbeat=bool(heard.beats), asked_once=asked_once):
+            asked = self._of_state(state, heard)
+        if state is State.ENTERING or (state in SETPOINT_STATES and heard.echo.suspicious):
+            asked = (*asked, *self._beat(now_s))
+        if self._handover is not None:
+            fresh = [message for message in heard.messages if message.received_s > self._since_s]
+            asked = (*asked, *self._handover.requests(now_s, fresh))
+        return asked
+
+    def _of_state(self, state: State, heard: Heard) -> tuple[Request, ...]:
+        place, frame = None, heard.tracking.local_frame
+        if heard.start_ned_m is not None and frame is not None:
+            place = frame.wgs84_from_ned(heard.start_ned_m)
+        return requests_in(state, self._settings, heard.vehicle, heard.mode, place)
+
+    def _is_due(self, state: State, now_s: float, *, fresh_heartbeat: bool, asked_once: bool) -> bool:
+        """Whether a state's requests are made in this cycle; if so, they count as made."""
+        if now_s - self._asked_s < REPEAT_S:
+            return False
+        entering, repeated = state is State.ENTERING, self._asked_s >= self._since_s
+        if repeated and (state is State.STANDING_BY or asked_once):
+            return False  # the pilot's next switch is an answer, not a fault
+        if (repeated or (entering and now_s - self._since_s < UNHEARD_S - _SAME_S)) and not fresh_heartbeat:
+            return False
+        streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
+        if entering and now_s - self._since_s <= streamed_s + _SAME_S:
+            return False  # nor at once: a HEARTBEAT of the order's own cycle may be from before it
+        self._asked_s = now_s
+        return True
+
+    def _beat(self, now_s: float) -> tuple[Request, ...]:
+        """Ask for a HEARTBEAT, no more often than `BEAT_EVERY_S`."""
+        if now_s - self._beat_asked_s < BEAT_EVERY_S - _SAME_S:
+            return ()
+        self._beat_asked_s = now_s
+        return (self._settings.autopilot.request_message(HEARTBEAT),)
 
 
 def _described(error: Exception) -> str:

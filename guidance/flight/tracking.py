@@ -9,7 +9,6 @@ from guidance.cycle import CycleSettings, EvaderEstimate
 from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
 from guidance.flight.local_frame import OriginEstimate
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
-from guidance.game import horizontal_speed
 from guidance.messages import EvaderReport, Home
 from guidance.vehicle import VehicleState
 
@@ -27,7 +26,7 @@ class Tracking:
         self._track = replace(
             self._free,
             jump_m_s=settings.declared_evader_speed_m_s,
-            way_m_s=max(settings.declared_evader_speed_m_s, float(horizontal_speed(settings.speed_set))),
+            way_m_s=max(settings.declared_evader_speed_m_s, settings.ground_speed_m_s),
         )
         self._observer = Observer()
         self._origin = OriginEstimate(profile.projection)

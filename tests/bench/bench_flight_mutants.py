@@ -42,7 +42,7 @@ CLOSED_LOOP = ("control/test_setpoint_limiter_any_input", "control/test_setpoint
 FLIGHT = {
     "flight/test_events": "flight/detection flight/readiness flight/settings",
     "flight/test_echo": "flight/echo",
-    "flight/test_playing": "flight/machine",
+    "flight/test_playing": "flight/machine flight/heard flight/playing",
     "flight/test_machine": "flight/requests",
     "flight/test_fence": "flight/local_frame",
     "flight/test_table": "flight/table",

@@ -122,7 +122,7 @@ def test_a_pilot_engages_by_a_change_to_the_guided_mode_where_that_is_configured
 
 
 def test_a_reboot_and_a_reset_are_counts_that_changed():
-    shaken = replace(well(), resets=3, reboots=2)
+    shaken = well()._replace(resets=3, reboots=2)
     assert happens(Event.REBOOTED, State.ENGAGED, vehicle=shaken, reboots_seen=1)
     assert not happens(Event.REBOOTED, State.ENGAGED, vehicle=shaken, reboots_seen=2)
     assert happens(Event.ESTIMATOR_RESET, State.ENGAGED, vehicle=shaken, resets_seen=4)
@@ -273,8 +273,8 @@ def test_the_start_is_reached_at_rest_within_a_metre(off_m, speed_m_s, there):
         ({}, True),
         ({"since_s": NOW_S - 0.99}, False),
         ({"evader_silence_s": 1.6}, False),
-        ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 1.0)}, True),
-        ({"vehicle": replace(GUIDED, resets=1, reset_s=NOW_S - 0.99)}, False),
+        ({"vehicle": GUIDED._replace(resets=1, reset_s=NOW_S - 1.0)}, True),
+        ({"vehicle": GUIDED._replace(resets=1, reset_s=NOW_S - 0.99)}, False),
         ({"vehicle": observe(VehicleState(), [heartbeat(mode=Mode.GUIDED), local(NOW_S - 1.2)])}, False),
     ],
 )
@@ -304,11 +304,9 @@ def test_a_phase_has_its_own_longest_time(state, limit_s):
 def test_of_all_that_happens_at_once_the_gravest_comes_first():
     flags = dict.fromkeys(("no_game", "evader_arrived", "captured", "strayed"), True)
     worst = {
-        "vehicle": replace(
-            observe(VehicleState(), [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)]),
-            resets=1,
-            reboots=1,
-        ),
+        "vehicle": observe(
+            VehicleState(), [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)]
+        )._replace(resets=1, reboots=1),
         "dt_s": 2.0,
         "since_s": NOW_S - 60.0,
         "evader_silence_s": 9.0,

@@ -79,11 +79,11 @@ def test_what_cannot_be_meant_is_told_from_what_is_only_not_known():
 
 def test_nonsense_leaves_what_was_known_as_it_was():
     flown = Flown().engaged()
-    before = flown.flight._cycle.envelope, flown.flight.tracking.local_frame
+    before = flown.flight._heard.cycle.envelope, flown.flight.tracking.local_frame
     for number in BAD:
         flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, (number, 0.0, 0.0))])
         flown.cycle(more=[LocalPosition(flown.now_s, flown.now_s + 0.001, (0.0, number, 0.0), (0.0, 0.0, 0.0))])
-    assert (flown.flight._cycle.envelope, flown.flight.tracking.local_frame) == before
+    assert (flown.flight._heard.cycle.envelope, flown.flight.tracking.local_frame) == before
     assert flown.state is State.ENGAGED
 
 

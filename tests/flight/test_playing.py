@@ -187,7 +187,7 @@ def test_a_mode_that_the_vehicle_was_left_in_is_no_invitation():
 
 def test_heights_count_from_where_home_is_now():
     flown = Flown().engaged()
-    assert flown.flight._cycle.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
+    assert flown.flight._heard.cycle.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
 
 
 def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cycle():

@@ -17,7 +17,7 @@ NAN = math.nan
 
 
 def vehicle_at_home(resets=0):
-    return replace(observe(VehicleState(), [home(0.0), Origin(0.0, *HERE, 488.0)]), resets=resets)
+    return observe(VehicleState(), [home(0.0), Origin(0.0, *HERE, 488.0)])._replace(resets=resets)
 
 
 def report(at_s, *, north_deg=0.0, velocity=(0.0, 0.0, 0.0), velocity_sd=0.1):
@@ -57,7 +57,7 @@ def test_a_reset_that_leaves_the_zero_where_it_was_leaves_the_track_alone():
     tracking = Tracking(SETTINGS.cycle, PX4)
     tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
     before = tracking.evader(1.5)
-    tracking.observe(replace(vehicle_at_home(resets=1), jumped_ned_m=(7.0, 0.0, 0.0)), [])
+    tracking.observe(vehicle_at_home(resets=1)._replace(jumped_ned_m=(7.0, 0.0, 0.0)), [])
     assert tracking.evader(1.5) == before
 
 

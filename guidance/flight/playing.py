@@ -1,0 +1,103 @@
+"""The setpoint of a cycle: the game is played or a place is held, and what the game promised is watched."""
+
+from typing import TYPE_CHECKING
+
+from guidance.control import Situation
+from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, hover, play
+from guidance.flight.heard import Heard
+from guidance.flight.local_frame import shifted
+from guidance.flight.settings import AfterCapture, FlightSettings
+from guidance.flight.table import SETPOINT_STATES, State
+from guidance.messages import Setpoint
+from guidance.monitor import Alarm, MonitorMemory, watch
+
+if TYPE_CHECKING:
+    from guidance.certificate import Certificate
+
+
+class Playing:
+    """What one cycle leaves to the next, and what the last one showed.
+
+    Attributes:
+        evader: The evader as estimated for this cycle; None where no setpoint was made.
+        certificate: The last one of the present state.
+        alarm: This cycle's.
+    """
+
+    def __init__(self, settings: FlightSettings) -> None:
+        self._settings = settings
+        self._memory = CycleMemory()
+        self._monitor = MonitorMemory()
+        self.evader: EvaderEstimate | None = None
+        self.certificate: Certificate | None = None
+        self.alarm: Alarm | None = None
+
+    def change(self, before: State, after: State) -> None:
+        """Begin a state: a certificate is of the state that it was made in."""
+        self.certificate = None
+        if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
+            self._memory, self._monitor = CycleMemory(), MonitorMemory()
+        if after is State.ON_STATION:
+            self._monitor = MonitorMemory()  # the promise is kept: an evader that gets away begins a new one
+
+    def begin_cycle(self, heard: Heard) -> None:
+        """Begin a cycle: what is remembered of places moves with the local frame."""
+        self.alarm = None
+        if any(heard.moved_ned_m):
+            self._memory = shifted(self._memory, heard.moved_ned_m)
+
+    def silent(self) -> None:
+        """Make no setpoint in this cycle."""
+        self.evader = None
+
+    def setpoint(self, heard: Heard, state: State, now_s: float, dt_s: float, *, battery_needed: float) -> Setpoint:
+        """Make this cycle's setpoint.
+
+        Args:
+            heard: What the flight has heard, the vehicle's position at least.
+            state: Where the flight stands.
+            now_s: The present.
+            dt_s: Since the last cycle.
+            battery_needed: The share of the charge that it takes to come home from here, NaN where it is not reckoned.
+
+        Raises:
+            ValueError: If the vehicle has not told where it is.
+        """
+        settings = self._settings
+        local, position_ned_m = heard.local, heard.position_ned_m
+        if local is None or position_ned_m is None:
+            raise ValueError("a setpoint needs the vehicle's position")
+        if state is State.STANDING_BY:
+            # Neutral: what a pilot flies into meanwhile must not be remembered as a height to go back to.
+            self._memory = CycleMemory(limits=self._memory.limits)
+        evader = self.evader = heard.tracking.evader(now_s)
+        here = Situation(
+            position_ned_m,
+            local.velocity_ned_m_s,
+            heard.vehicle.yaw_rad,
+            None if evader is None else evader.position_ned_m,
+            None if evader is None else evader.velocity_ned_m_s,
+            heard.vehicle.acceleration_ned_m_s2,
+        )
+        playing = state is State.ENGAGED or (
+            state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
+        )
+        played = play if playing and evader is not None else hover
+        inputs = CycleInputs(dt_s, here, evader, heard.tracking.game_frame, heard.fence)
+        output = played(inputs, heard.cycle, self._memory)
+        self._memory = output.memory
+        if output.certificate is not None:
+            self._certify(output.certificate._replace(battery_needed=battery_needed), state, now_s)
+        return output.setpoint
+
+    def _certify(self, certificate: "Certificate", state: State, now_s: float) -> None:
+        self.certificate = certificate
+        if state is State.ENGAGED:
+            self._monitor, self.alarm = watch(
+                self._monitor,
+                now_s,
+                certificate,
+                with_target=self._settings.cycle.target_game_m is not None,
+                speed_m_s=self._settings.cycle.ground_speed_m_s,
+                slack_s=self._settings.guarantee_slack_s,
+            )
