@@ -13,7 +13,7 @@ from sitl_mock.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Kind:
+class ConditionKind:
     """One condition: what it does, its value at rest, and how a value is checked."""
 
     meaning: str
@@ -52,32 +52,40 @@ def _text(value: Any) -> str:  # noqa: ANN401 - anything may come from a file
     return str(value)
 
 
-CONDITIONS: Mapping[str, Kind] = MappingProxyType(
+CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
     {
-        "pilot_mode": Kind("the pilot switches to this mode (its name)", "", _text, event=True),
-        "sticks": Kind(
+        "pilot_mode": ConditionKind("the pilot switches to this mode (its name)", "", _text, event=True),
+        "sticks": ConditionKind(
             "a radio is there, sticks at roll, pitch, throttle, yaw in [-1, 1]", (0.0, 0.0, 0.0, 0.0), _vector(4)
         ),
-        "rc": Kind("a radio is there, sticks centred; false: it is lost", None, _flag),
-        "gcs_lost": Kind("heartbeats of ground stations are not heard", False, _flag),
-        "arm_refused": Kind("arming is refused with this reason", "", _text),
-        "offboard_refused": Kind("OFFBOARD or GUIDED is refused", False, _flag),
-        "ekf_jump_m": Kind("the position estimate jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True),
-        "ekf_yaw_jump_deg": Kind("the heading estimate jumps", 0.0, _number(-180.0, 180.0), event=True),
-        "gps_lost": Kind("the receiver has no fix", False, _flag),
-        "eph_m": Kind("horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)),
-        "drift_m_s": Kind("the position estimate slides by north, east, down a second", (0.0, 0.0, 0.0), _vector(3)),
-        "thrust_share": Kind("the rotors give this share of what is asked", 1.0, _number(0.0, 1.0)),
-        "estimator_invalid": Kind("position and velocity estimates are invalid", False, _flag),
-        "fence_breach": Kind("the fence counts as breached", False, _flag),
-        "battery": Kind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
-        "wind_m_s": Kind("wind towards north, east, down", (0.0, 0.0, 0.0), _vector(3)),
-        "gust_m_s": Kind("gusts of this standard deviation", 0.0, _number(0.0, 30.0)),
-        "push_m_s": Kind("the vehicle's velocity jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True),
-        "telemetry_frozen": Kind("nothing but heartbeats is sent", False, _flag),
-        "silent": Kind("nothing is sent at all", False, _flag),
-        "reboot": Kind("the autopilot restarts, in flight too; its clock starts again", True, _flag, event=True),
-        "time_jump_s": Kind("time since boot jumps", 0.0, _number(-1e7, 1e7), event=True),
+        "rc": ConditionKind("a radio is there, sticks centred; false: it is lost", None, _flag),
+        "gcs_lost": ConditionKind("heartbeats of ground stations are not heard", False, _flag),
+        "arm_refused": ConditionKind("arming is refused with this reason", "", _text),
+        "offboard_refused": ConditionKind("OFFBOARD or GUIDED is refused", False, _flag),
+        "ekf_jump_m": ConditionKind(
+            "the position estimate jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True
+        ),
+        "ekf_yaw_jump_deg": ConditionKind("the heading estimate jumps", 0.0, _number(-180.0, 180.0), event=True),
+        "gps_lost": ConditionKind("the receiver has no fix", False, _flag),
+        "eph_m": ConditionKind("horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)),
+        "drift_m_s": ConditionKind(
+            "the position estimate slides by north, east, down a second", (0.0, 0.0, 0.0), _vector(3)
+        ),
+        "thrust_share": ConditionKind("the rotors give this share of what is asked", 1.0, _number(0.0, 1.0)),
+        "estimator_invalid": ConditionKind("position and velocity estimates are invalid", False, _flag),
+        "fence_breach": ConditionKind("the fence counts as breached", False, _flag),
+        "battery": ConditionKind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
+        "wind_m_s": ConditionKind("wind towards north, east, down", (0.0, 0.0, 0.0), _vector(3)),
+        "gust_m_s": ConditionKind("gusts of this standard deviation", 0.0, _number(0.0, 30.0)),
+        "push_m_s": ConditionKind(
+            "the vehicle's velocity jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True
+        ),
+        "telemetry_frozen": ConditionKind("nothing but heartbeats is sent", False, _flag),
+        "silent": ConditionKind("nothing is sent at all", False, _flag),
+        "reboot": ConditionKind(
+            "the autopilot restarts, in flight too; its clock starts again", True, _flag, event=True
+        ),
+        "time_jump_s": ConditionKind("time since boot jumps", 0.0, _number(-1e7, 1e7), event=True),
     }
 )
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from guidance.cli.groups import Group
+from guidance.cli.groups import CommandGroup
 
 if TYPE_CHECKING:
     from guidance.messages import EvaderReport
 
-log = typer.Typer(cls=Group, help="Look into a flight record, and export it for other tools.")
+log = typer.Typer(cls=CommandGroup, help="Look into a flight record, and export it for other tools.")
 
 File = Annotated[Path, typer.Argument(help="A record.mcap that a flight wrote.")]
 Json = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]

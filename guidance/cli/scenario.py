@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from guidance.cli.groups import Group
+from guidance.cli.groups import CommandGroup
 
 scenario = typer.Typer(
-    cls=Group, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
+    cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
 )
 
 Name = Annotated[str, typer.Argument(help="A scenario file, or the name of one that comes along.")]

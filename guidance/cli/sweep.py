@@ -7,11 +7,11 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from guidance.cli.groups import Group
+from guidance.cli.groups import CommandGroup
 from guidance.extras import require
 
 
-class _FileFirst(Group):
+class _FileFirst(CommandGroup):
     """`guidance sweep FILE` is `guidance sweep run FILE`, and its help is that of both."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from guidance.cli.groups import Group
+from guidance.cli.groups import CommandGroup
 
-zenoh = typer.Typer(cls=Group, help="Certificates and a router for Zenoh between machines.")
+zenoh = typer.Typer(cls=CommandGroup, help="Certificates and a router for Zenoh between machines.")
 
 
 @zenoh.command()

@@ -22,7 +22,7 @@ from guidance.links.wires.zenoh_access import AUTHORITY, ROUTER
 _CURVE: Final = ec.SECP256R1()
 
 
-class Pair(NamedTuple):
+class KeyPair(NamedTuple):
     """A private key and its certificate."""
 
     key: ec.EllipticCurvePrivateKey
@@ -70,7 +70,7 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
     return written
 
 
-def _authority(validity: Validity) -> Pair:
+def _authority(validity: Validity) -> KeyPair:
     key = ec.generate_private_key(_CURVE)
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "pursuit guidance test authority")])
     uses = x509.KeyUsage(
@@ -89,12 +89,12 @@ def _authority(validity: Validity) -> Pair:
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(uses, critical=True)
     )
-    return Pair(key, built.sign(key, hashes.SHA256()))
+    return KeyPair(key, built.sign(key, hashes.SHA256()))
 
 
 def _signed(
-    authority: Pair, common_name: str, hosts: Sequence[str], use: x509.ObjectIdentifier, validity: Validity
-) -> Pair:
+    authority: KeyPair, common_name: str, hosts: Sequence[str], use: x509.ObjectIdentifier, validity: Validity
+) -> KeyPair:
     key = ec.generate_private_key(_CURVE)
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
     called = [_general(host) for host in hosts or (common_name,)]
@@ -104,7 +104,7 @@ def _signed(
         .add_extension(x509.SubjectAlternativeName(called), critical=False)
         .add_extension(x509.ExtendedKeyUsage([use]), critical=False)
     )
-    return Pair(key, built.sign(authority.key, hashes.SHA256()))
+    return KeyPair(key, built.sign(authority.key, hashes.SHA256()))
 
 
 def _builder(
@@ -128,7 +128,7 @@ def _general(host: str) -> x509.GeneralName:
         return x509.DNSName(host)
 
 
-def _write(folder: Path, name: str, pair: Pair) -> list[Path]:
+def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:
     certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
     plain = serialization.NoEncryption()
     private_file(key).write_bytes(
@@ -147,7 +147,7 @@ def _identity(folder: Path, name: str) -> Path:
     return path
 
 
-def _read(folder: Path) -> Pair:
+def _read(folder: Path) -> KeyPair:
     path = folder / f"{AUTHORITY}.key"
     try:
         key = serialization.load_pem_private_key(path.read_bytes(), None)
@@ -160,4 +160,4 @@ def _read(folder: Path) -> Pair:
         raise ConfigError(f"{path} and its .pem: are no key and certificate in PEM ({error})") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey) or certificate.public_key() != key.public_key():
         raise ConfigError(f"{path}: is not the key of {AUTHORITY}.pem")
-    return Pair(key, certificate)
+    return KeyPair(key, certificate)

@@ -20,7 +20,7 @@ from guidance.game.stepping import NANOSECOND_S, Ahead, look_ahead
 from guidance.sim.batch import Array, Batch, keep, kind_of, stack, starts
 from guidance.sim.outcome import Outcome, final_distance_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
-from guidance.sim.sensor import PERFECT, TIMEOUT_S, Heard, Known, begin, known, listen, next_event_s
+from guidance.sim.sensor import PERFECT, TIMEOUT_S, Known, Received, begin, known, listen, next_event_s
 from guidance.strategies import OPTIMAL, StrategyMemory, evade, pursue
 
 CYCLE_S = 0.02
@@ -63,7 +63,7 @@ class Moment(NamedTuple):
     flown_m_s: Array
     run_m_s: Array
     step_s: Array
-    heard: Heard | None
+    heard: Received | None
     lost_s: Array
     standoff_m: Array
     altitude_m: Array
@@ -228,7 +228,7 @@ def _velocities(batch: Batch, moment: Moment, seen: Known, *, exact: bool) -> tu
     return flown, run
 
 
-def _changes_s(batch: Batch, moment: Moment, heard: Heard | None) -> Iterator[Array]:
+def _changes_s(batch: Batch, moment: Moment, heard: Received | None) -> Iterator[Array]:
     """In how long, (n,), a course turns or a report is due."""
     for strategy in (batch.pursuer, batch.evader):
         if strategy.course is not None:

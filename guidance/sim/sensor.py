@@ -45,7 +45,7 @@ class Noise(NamedTuple):
     dropout: Real
 
 
-class Heard(NamedTuple):
+class Received(NamedTuple):
     """The pursuer's knowledge, rows (n, …): the last report that arrived, and those on their way.
 
     Attributes:
@@ -65,22 +65,24 @@ class Heard(NamedTuple):
     on_the_way: Array
 
 
-def begin(sensor: Sensor, evader_m: Array) -> Heard:
+def begin(sensor: Sensor, evader_m: Array) -> Received:
     """Begin with the evader known to stand where it stands, evader_m being (n, 3)."""
     count = len(evader_m)
     none = np.zeros(count, dtype=np.int64)
     depth = math.floor(sensor.latency_s * _rate_hz(sensor)) + 2
     ring = np.zeros((count, depth, 6))
-    return Heard(evader_m.copy(), np.zeros_like(evader_m), np.zeros(count), none, none.copy(), ring)
+    return Received(evader_m.copy(), np.zeros_like(evader_m), np.zeros(count), none, none.copy(), ring)
 
 
-def next_event_s(sensor: Sensor, heard: Heard) -> Array:
+def next_event_s(sensor: Sensor, heard: Received) -> Array:
     """Return when, (n,), the next report is measured or arrives."""
     period_s = 1.0 / _rate_hz(sensor)
     return np.asarray(np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s))
 
 
-def listen(sensor: Sensor, noise: Noise, heard: Heard, now_s: Array, evader_m: Array, velocity_m_s: Array) -> Heard:
+def listen(
+    sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, velocity_m_s: Array
+) -> Received:
     """Make the measurements and receive the reports that are due now.
 
     Args:
@@ -116,8 +118,8 @@ def listen(sensor: Sensor, noise: Noise, heard: Heard, now_s: Array, evader_m: A
 
 
 def _arrive(
-    sensor: Sensor, noise: Noise, heard: Heard, arrived: NDArray[np.bool_], now_s: Array, period_s: float
-) -> Heard:
+    sensor: Sensor, noise: Noise, heard: Received, arrived: NDArray[np.bool_], now_s: Array, period_s: float
+) -> Received:
     rows = np.flatnonzero(arrived)
     number = heard.arrivals[rows]
     comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= _in(noise.dropout, rows)
@@ -140,7 +142,7 @@ class Known(NamedTuple):
     age_s: Array
 
 
-def known(noise: Noise, heard: Heard, declared_m_s: Real, now_s: Array) -> Known:
+def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> Known:
     """Carry the last report on to now.
 
     Args:

@@ -43,7 +43,7 @@ _READ: Final = [ROW, "end", *COLUMNS]
 
 
 @dataclass(slots=True)
-class Group:
+class RowGroup:
     """Rows of one pair of policies in A and of that in B which it is held against.
 
     Attributes:
@@ -108,9 +108,9 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
     names = [[f"{pair.pursuer} / {pair.evader}" for pair in folder.plan.pairs] for folder in (a, b)]
     largest: list[tuple[Any, ...]] = []
     if matched is None:
-        groups = {0: Group("all rows", "all rows")}
+        groups = {0: RowGroup("all rows", "all rows")}
     else:
-        groups = {number: Group(names[0][number], names[1][other]) for number, other in matched.items()}
+        groups = {number: RowGroup(names[0][number], names[1][other]) for number, other in matched.items()}
     if pairing:
         for side in paired(a, b, _READ):
             for number in np.unique(side.pair).tolist():
@@ -134,7 +134,7 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
     }
 
 
-def _add_apart(folder: Folder, groups: dict[int, Group], matched: dict[int, int] | None, *, first: bool) -> None:
+def _add_apart(folder: Folder, groups: dict[int, RowGroup], matched: dict[int, int] | None, *, first: bool) -> None:
     """Add a sweep's rows that pair with none."""
     for part in folder.parts:
         table = parquet.read_table(part, columns=_READ)
@@ -167,7 +167,7 @@ def _largest(a: pa.Table, b: pa.Table, column: str, count: int) -> Iterator[tupl
         yield (bool(otherwise[place]), float(apart[place]), *numbers, *shown)
 
 
-def _summed_up(group: Group) -> dict[str, Any]:
+def _summed_up(group: RowGroup) -> dict[str, Any]:
     return {
         "a": group.a,
         "b": group.b,

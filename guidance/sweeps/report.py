@@ -22,6 +22,12 @@ from guidance.sweeps.worst import Worst, write_worst
 def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
     """Print a sweep's table, write its report, and return the files.
 
+    Args:
+        path: Folder of the sweep.
+        out: Folder of the report.
+        worst: How many of the worst games of each pair of policies get a scenario file.
+        as_json: Whether the summary is printed as JSON instead of the table.
+
     Raises:
         ConfigError: If the folder is no sweep's, or empty.
         OutputError: If the report cannot be written.

@@ -115,7 +115,15 @@ class Curve:
 
 
 def curve(start_m: Vector, goal_m: Vector, begun_s: float, speed_m_s: float, parameters: Mapping[str, float]) -> Curve:
-    """The leg between two places under WPNAV_* (an own speed, NaN for none), each limit along its own direction."""
+    """The leg between two places under WPNAV_*, each limit along its own direction.
+
+    Args:
+        start_m: Where it begins, m NED.
+        goal_m: Where it ends, m NED.
+        begun_s: When.
+        speed_m_s: A speed that was asked for; NaN for WPNAV_SPEED.
+        parameters: By name.
+    """
     length_m = max(math.dist(start_m, goal_m), _LEAST_M)
     level, high = math.dist(start_m[:2], goal_m[:2]) / length_m, abs(goal_m[2] - start_m[2]) / length_m
     level, high = max(level, _LEAST_M), max(high, _LEAST_M)

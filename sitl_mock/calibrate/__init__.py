@@ -2,13 +2,13 @@
 
 from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
 from sitl_mock.calibrate.flight import fly_log, guess, replay, vehicle_of
-from sitl_mock.calibrate.step_log import COLUMNS, Flavour, StepLog, read_step_log
+from sitl_mock.calibrate.step_log import COLUMNS, FlavourName, StepLog, read_step_log
 
 __all__ = [
     "COLUMNS",
     "RMS_LIMIT_M_S",
     "Comparison",
-    "Flavour",
+    "FlavourName",
     "StepLog",
     "compare",
     "fly_log",

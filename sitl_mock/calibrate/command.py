@@ -11,7 +11,7 @@ from rich.table import Table
 
 from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
 from sitl_mock.calibrate.flight import fly_log, guess, replay, vehicle_of
-from sitl_mock.calibrate.step_log import Flavour, read_step_log
+from sitl_mock.calibrate.step_log import FlavourName, read_step_log
 from sitl_mock.errors import ConfigError
 
 
@@ -121,9 +121,9 @@ def calibrate_file(
     return 0 if comparison.passed else 1
 
 
-def _flavour(name: str) -> Flavour:
+def _flavour(name: str) -> FlavourName:
     try:
-        return Flavour(name)
+        return FlavourName(name)
     except ValueError as error:
-        msg = f"--flavour is {name!r}; it has to be one of {', '.join(Flavour)}"
+        msg = f"--flavour is {name!r}; it has to be one of {', '.join(FlavourName)}"
         raise ConfigError(msg) from error

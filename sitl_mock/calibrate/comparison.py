@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl_mock.calibrate.step_log import Flavour, StepLog
+from sitl_mock.calibrate.step_log import FlavourName, StepLog
 
 _STEP_LEAST_S = 1.0
 _STEADY_S = 2.0
@@ -114,7 +114,7 @@ class SegmentComparison:
 class Comparison:
     """A whole file."""
 
-    flavour: Flavour
+    flavour: FlavourName
     guessed_by: str
     segments: tuple[SegmentComparison, ...]
     rms_ned_m_s: tuple[float, float, float]
@@ -126,7 +126,7 @@ class Comparison:
         return max(self.rms_ned_m_s) <= RMS_LIMIT_M_S
 
 
-def compare(log: StepLog, flavour: Flavour, mock_velocity_ned_m_s: Samples, guessed_by: str = "") -> Comparison:
+def compare(log: StepLog, flavour: FlavourName, mock_velocity_ned_m_s: Samples, guessed_by: str = "") -> Comparison:
     """Measure a log and the mock's answers to its commands, segment by segment.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sitl_mock.calibrate.comparison import Samples
-from sitl_mock.calibrate.step_log import Flavour, StepLog
+from sitl_mock.calibrate.step_log import FlavourName, StepLog
 from sitl_mock.dynamics import CALM, Kind, Setpoint, Vehicle, arducopter_quadrotor, px4_quadrotor
 from sitl_mock.errors import MockError
 from sitl_mock.mavlink import Decoder, Encoder
@@ -39,20 +39,20 @@ def replay(log: StepLog, vehicle: Vehicle) -> Samples:
     return np.array(answers)
 
 
-def vehicle_of(flavour: Flavour) -> Vehicle:
+def vehicle_of(flavour: FlavourName) -> Vehicle:
     """The calibrated copter of a flavour."""
-    return px4_quadrotor() if flavour is Flavour.PX4 else arducopter_quadrotor()
+    return px4_quadrotor() if flavour is FlavourName.PX4 else arducopter_quadrotor()
 
 
-def guess(path: Path, log: StepLog) -> tuple[Flavour, str]:
+def guess(path: Path, log: StepLog) -> tuple[FlavourName, str]:
     """The flavour a file is of, by its name, else by which copter fits better; and how it was found."""
     name = path.name.lower()
     if "px4" in name:
-        return Flavour.PX4, "the file's name"
+        return FlavourName.PX4, "the file's name"
     if "ardu" in name or "copter" in name:
-        return Flavour.ARDUCOPTER, "the file's name"
-    misfit = {one: float(np.mean((replay(log, vehicle_of(one)) - log.velocity_ned_m_s) ** 2)) for one in Flavour}
-    return min(Flavour, key=misfit.__getitem__), "the better fit"
+        return FlavourName.ARDUCOPTER, "the file's name"
+    misfit = {one: float(np.mean((replay(log, vehicle_of(one)) - log.velocity_ned_m_s) ** 2)) for one in FlavourName}
+    return min(FlavourName, key=misfit.__getitem__), "the better fit"
 
 
 _STEP_S = 0.02
@@ -69,7 +69,7 @@ _SET_MODE, _ARM, _TAKE_OFF, _SET_MESSAGE_INTERVAL, _REQUEST_OF = 176, 400, 22, 5
 class _Client:
     """A companion on the vehicle's first link: one setpoint a step, a heartbeat a second."""
 
-    def __init__(self, flavour: Flavour) -> None:
+    def __init__(self, flavour: FlavourName) -> None:
         self.vehicle = MockVehicle(flavour.value, noise=False, ready_after_s=0.0)
         self.now_s = 0.0
         self.down_m = 0.0
@@ -104,7 +104,7 @@ class _Client:
             self.heard.append((message.time_boot_ms * 1e-3, message.vx, message.vy, message.vz))
 
 
-def fly_log(log: StepLog, flavour: Flavour) -> Samples:
+def fly_log(log: StepLog, flavour: FlavourName) -> Samples:
     """Velocities reported by a mock vehicle that is flown along a log, at the log's times, shape (rows, 3), m/s.
 
     The vehicle takes off high enough for every descent of the log, hovers until its integrators rest, and is then sent
@@ -116,7 +116,7 @@ def fly_log(log: StepLog, flavour: Flavour) -> Samples:
     client = _Client(flavour)
     down_m = log.position_ned_m[:, 2]
     height_m = float(down_m.max() - down_m[0]) + _ROOM_M
-    climb = _climb_px4 if flavour is Flavour.PX4 else _climb_arducopter
+    climb = _climb_px4 if flavour is FlavourName.PX4 else _climb_arducopter
     climb(client, height_m)
     for _ in range(round(_SETTLE_S / _STEP_S)):
         client.step((0.0, 0.0, 0.0))

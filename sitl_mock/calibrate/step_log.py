@@ -22,7 +22,7 @@ COLUMNS = (_TIME, *_COMMANDS, *_VELOCITIES, *_POSITIONS)
 _ROWS_LEAST = 10
 
 
-class Flavour(StrEnum):
+class FlavourName(StrEnum):
     """Autopilots with a calibrated copter."""
 
     PX4 = "px4"

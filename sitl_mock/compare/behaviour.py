@@ -16,7 +16,7 @@ _CLOCKS = frozenset({"time_boot_ms", "time_usec", "time_unix_usec", "seq", "ts1"
 
 
 @dataclass(slots=True)
-class Field:
+class FieldRange:
     """The values one field has had."""
 
     least: float = math.inf
@@ -43,7 +43,7 @@ class Stream:
     count: int = 0
     first_s: float = math.nan
     last_s: float = math.nan
-    fields: dict[str, dict[str, Field]] = field(default_factory=dict)
+    fields: dict[str, dict[str, FieldRange]] = field(default_factory=dict)
 
     @property
     def rate_hz(self) -> float:
@@ -73,9 +73,9 @@ def behaviour_of(messages: Iterable[tuple[float, Message]]) -> Behaviour:
     return streams
 
 
-def _take(values: dict[str, Field], label: str, value: object) -> None:
+def _take(values: dict[str, FieldRange], label: str, value: object) -> None:
     if isinstance(value, int | float):
-        values.setdefault(label, Field()).take(float(value))
+        values.setdefault(label, FieldRange()).take(float(value))
     elif isinstance(value, list | tuple):
         for index, each in enumerate(value):
             _take(values, f"{label}[{index}]", each)
@@ -148,14 +148,14 @@ def _of_stream(name: str, real: Stream, ours: Stream) -> Iterator[Difference]:
                 yield from _of_field(name, f"{label} ({phase})", values, other)
 
 
-def _of_field(name: str, label: str, real: Field, ours: Field) -> Iterator[Difference]:
+def _of_field(name: str, label: str, real: FieldRange, ours: FieldRange) -> Iterator[Difference]:
     if math.isnan(real.first) != math.isnan(ours.first):
         yield Difference("absent", name, label, span(real), span(ours))
     elif real.moves != ours.moves:
         yield Difference("constant", name, label, span(real), span(ours))
 
 
-def span(values: Field) -> str:
+def span(values: FieldRange) -> str:
     """The range of a field, in words."""
     if math.isnan(values.first):
         return "NaN"

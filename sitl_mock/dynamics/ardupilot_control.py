@@ -104,7 +104,15 @@ class ArduControl:
     def step(
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[ArduMemory, Demand]:
-        """One step of the law: the new memory and what is asked of the airframe."""
+        """One step of the law: the new memory and what is asked of the airframe.
+
+        Args:
+            memory: Of the step before.
+            body: As it is.
+            estimate: As the autopilot believes it is.
+            setpoint: Obeyed now.
+            dt_s: Length of the step.
+        """
         gains, kind = self.gains, setpoint.kind
         if kind is _STOPPED:
             return ArduMemory(Kind.STOPPED, Reference(estimate.position_ned_m, ZERO)), Demand(0.0, 0.0, 0.0, 0.0)

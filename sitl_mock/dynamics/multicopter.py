@@ -249,7 +249,14 @@ class Multicopter(Generic[MemoryT]):
         return _estimate(((p_n + q_n, p_e + q_e, p_d + q_d), (v_n * s_n + w_n, v_e * s_e + w_e, v_d * s_d + w_d)))
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
-        """The vehicle `dt_s` later under one setpoint, in equal steps of at most `step_max_s`."""
+        """The vehicle `dt_s` later under one setpoint, in equal steps of at most `step_max_s`.
+
+        Args:
+            motion: As it is.
+            setpoint: Given now, obeyed after `setpoint_delay_s`.
+            around: wind, ground, errors of the estimate, share of the thrust.
+            dt_s: How much later.
+        """
         body = motion.body
         estimate = self.estimate(body, around)
         pending, memory = self._memory(motion, estimate)

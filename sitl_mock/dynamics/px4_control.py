@@ -95,7 +95,15 @@ class Px4Control:
     def step(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
-        """One step of the law: the new memory and what is asked of the airframe."""
+        """One step of the law: the new memory and what is asked of the airframe.
+
+        Args:
+            memory: Of the step before.
+            body: As it is.
+            estimate: As the autopilot believes it is.
+            setpoint: Obeyed now.
+            dt_s: Length of the step.
+        """
         kind = setpoint.kind
         if kind is _STOPPED or kind is _IDLING:
             return self._idle(memory, estimate, kind, dt_s)

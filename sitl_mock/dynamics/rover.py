@@ -58,7 +58,14 @@ class Rover:
         )
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
-        """One step of `dt_s`: turn towards the wanted velocity, drive as far as the nose points along it."""
+        """Turn towards the wanted velocity, and drive as far as the nose points along it.
+
+        Args:
+            motion: As it is.
+            setpoint: Obeyed at once.
+            around: Errors of the estimate; the rest of it does not move a rover.
+            dt_s: Length of the step.
+        """
         body = motion.body
         wanted_n, wanted_e = self._wanted(body, setpoint, around)
         wanted = math.hypot(wanted_n, wanted_e)

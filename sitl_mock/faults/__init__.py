@@ -1,6 +1,6 @@
 """Faults of links, flights and evaders: seeded, scripted in TOML, put upon a vehicle that runs stepped or live."""
 
-from sitl_mock.faults.effect import Direction, Group, Kind, Option
+from sitl_mock.faults.effect import Direction, FaultKind, Group, Option
 from sitl_mock.faults.faulted import STATES, Faulted
 from sitl_mock.faults.script import KINDS, Fault, FaultScript, parse_fault, parse_script, read_script
 
@@ -9,10 +9,10 @@ __all__ = [
     "STATES",
     "Direction",
     "Fault",
+    "FaultKind",
     "FaultScript",
     "Faulted",
     "Group",
-    "Kind",
     "Option",
     "parse_fault",
     "parse_script",

@@ -10,8 +10,8 @@ from sitl_mock.faults.effect import (
     REQUIRED,
     Direction,
     Effect,
+    FaultKind,
     Group,
-    Kind,
     Making,
     Option,
     Passed,
@@ -85,31 +85,31 @@ def _foreign(making: Making) -> Effect:
 
 _COMMON: Final = {"commands": _COMMANDS, "probability": _SHARE}
 
-ACK_KINDS: Mapping[str, Kind] = MappingProxyType(
+ACK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "ack_lost": Kind(Group.LINK, "the COMMAND_ACK is lost; the command was obeyed", _lost, _COMMON, _ACKS),
-        "ack_late": Kind(
+        "ack_lost": FaultKind(Group.LINK, "the COMMAND_ACK is lost; the command was obeyed", _lost, _COMMON, _ACKS),
+        "ack_late": FaultKind(
             Group.LINK,
             "the COMMAND_ACK comes late",
             _late,
             {**_COMMON, "delay_s": Option("seconds", 1.0, number(0.0, 60.0))},
             _ACKS,
         ),
-        "ack_wrong": Kind(
+        "ack_wrong": FaultKind(
             Group.LINK,
             "the COMMAND_ACK says something else than what happened",
             _wrong,
             {**_COMMON, "result": Option("MAV_RESULT", REQUIRED, integer(0, 255))},
             _ACKS,
         ),
-        "ack_in_progress": Kind(
+        "ack_in_progress": FaultKind(
             Group.LINK,
             "the COMMAND_ACK says IN_PROGRESS, and nothing follows",
             _unfinished,
             {**_COMMON, "progress": Option("percent, 255 for unknown", 0, integer(0, 255))},
             _ACKS,
         ),
-        "ack_foreign": Kind(
+        "ack_foreign": FaultKind(
             Group.LINK,
             "the COMMAND_ACK comes from another component",
             _foreign,

@@ -13,8 +13,8 @@ from sitl_mock.faults.effect import (
     REQUIRED,
     Direction,
     Effect,
+    FaultKind,
     Group,
-    Kind,
     Making,
     Option,
     Passed,
@@ -38,7 +38,7 @@ _FLOATS: Final = {"nan": math.nan, "inf": math.inf, "zero": 0.0}
 _MOTION: Final = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "ODOMETRY", "ATTITUDE", "ATTITUDE_QUATERNION")
 
 
-def _new_value(found: frames.Field, sort: str) -> float | None:
+def _new_value(found: frames.PayloadField, sort: str) -> float | None:
     """Return what a field becomes, or None if a field of its type cannot hold that."""
     if found.format == "c":
         return None
@@ -112,9 +112,9 @@ def _time_wrap(making: Making) -> Effect:
     return Effect(begin=begin)
 
 
-CONTENT_KINDS: Mapping[str, Kind] = MappingProxyType(
+CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "bad_fields": Kind(
+        "bad_fields": FaultKind(
             Group.LINK,
             "fields hold NaN, infinity, zero or the largest number of their type",
             _bad_fields,
@@ -125,13 +125,13 @@ CONTENT_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             Scope(Direction.OUT, _MOTION, open=True),
         ),
-        "latlon_zero": Kind(
+        "latlon_zero": FaultKind(
             Group.LINK,
             "latitude and longitude are 0",
             _no_place,
             scope=Scope(Direction.OUT, ("GLOBAL_POSITION_INT", "GPS_RAW_INT")),
         ),
-        "param_echo": Kind(
+        "param_echo": FaultKind(
             Group.LINK,
             "a parameter is reported with another value than it has",
             _param_echo,
@@ -141,8 +141,8 @@ CONTENT_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             Scope(Direction.OUT, ("PARAM_VALUE",)),
         ),
-        "time_reset": Kind(Group.LINK, "time since boot begins again at 0 in flight", _time_reset, for_s=0.0),
-        "time_wrap": Kind(
+        "time_reset": FaultKind(Group.LINK, "time since boot begins again at 0 in flight", _time_reset, for_s=0.0),
+        "time_wrap": FaultKind(
             Group.LINK,
             "time_boot_ms is about to wrap around at 2^32",
             _time_wrap,

@@ -103,7 +103,7 @@ class Scope(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """One kind of fault.
 
     Attributes:

@@ -10,8 +10,8 @@ from sitl_mock.faults import frames
 from sitl_mock.faults.effect import (
     Direction,
     Effect,
+    FaultKind,
     Group,
-    Kind,
     Making,
     Option,
     Passed,
@@ -128,15 +128,15 @@ def _forger(making: Making) -> Effect:
     return Effect(begin=begin, advance=advance)
 
 
-def _as_evader(kind: str, meaning: str) -> Kind:
+def _as_evader(kind: str, meaning: str) -> FaultKind:
     """Return an impairment of links, on an evader's reports only."""
     link = LINK_KINDS[kind]
-    return Kind(Group.EVADER, meaning, link.make, link.options, _SCOPE)
+    return FaultKind(Group.EVADER, meaning, link.make, link.options, _SCOPE)
 
 
-EVADER_KINDS: Mapping[str, Kind] = MappingProxyType(
+EVADER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "evader_slow": Kind(
+        "evader_slow": FaultKind(
             Group.EVADER,
             "reports come in steps, once a second",
             _slow,
@@ -146,7 +146,7 @@ EVADER_KINDS: Mapping[str, Kind] = MappingProxyType(
         "evader_duplicates": _as_evader("duplicate", "reports come twice"),
         "evader_out_of_order": _as_evader("reorder", "reports are overtaken by later ones"),
         "evader_late": _as_evader("delay", "reports come late"),
-        "evader_clock": Kind(
+        "evader_clock": FaultKind(
             Group.EVADER,
             "the evader's clock has an offset and a drift",
             _clock,
@@ -156,14 +156,14 @@ EVADER_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             _SCOPE,
         ),
-        "evader_stale": Kind(
+        "evader_stale": FaultKind(
             Group.EVADER,
             "no news: the last report is repeated, old time and all, or nothing comes",
             _stale,
             {"as": Option("repeats or silence", "repeats", choice("repeats", "silence"))},
             _SCOPE,
         ),
-        "evader_forger": Kind(
+        "evader_forger": FaultKind(
             Group.EVADER,
             "somebody else reports as this vehicle as well",
             _forger,
@@ -176,7 +176,7 @@ EVADER_KINDS: Mapping[str, Kind] = MappingProxyType(
                 "component": Option("its component id", 1, integer(1, 255)),
             },
         ),
-        "evader_jump": Kind(
+        "evader_jump": FaultKind(
             Group.EVADER,
             "reported positions are displaced",
             _jump,

@@ -39,7 +39,7 @@ _FORMATS: Final = {
 _RANGE: Final = {"b": 8, "h": 16, "i": 32, "q": 64, "B": 8, "H": 16, "I": 32, "Q": 64}
 
 
-class Field(NamedTuple):
+class PayloadField(NamedTuple):
     """Where a field lies in a payload: offset, format of one element, elements (1 for a scalar)."""
 
     at: int
@@ -81,13 +81,13 @@ def message_id(frame: bytes) -> int:
 
 
 @cache
-def layout(message: int) -> Mapping[str, Field]:
+def layout(message: int) -> Mapping[str, PayloadField]:
     """Return the fields of a message by name."""
     cls = SPEC_BY_ID[message].message_class
     kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
     fields, at = {}, 0
     for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
-        one = Field(at, _FORMATS[kinds[name]], max(1, length))
+        one = PayloadField(at, _FORMATS[kinds[name]], max(1, length))
         fields[name] = one
         at += struct.calcsize(one.format) * one.length
     return fields
@@ -180,7 +180,7 @@ def _payload(frame: bytes, spec: MessageSpec) -> bytearray:
     return bytearray(frame[start : start + frame[1]].ljust(spec.size, b"\0"))
 
 
-def _fitting(found: Field, new: float) -> Any:  # noqa: ANN401 - as the format wants it
+def _fitting(found: PayloadField, new: float) -> Any:  # noqa: ANN401 - as the format wants it
     if not found.whole:
         return new
     bits = _RANGE[found.format]

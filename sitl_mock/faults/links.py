@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, integer, number
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Option, Passed, Scope, integer, number
 from sitl_mock.mavlink import Signing
 from sitl_mock.telemetry.status import heartbeat
 
@@ -137,10 +137,10 @@ def _port(making: Making) -> Effect:
     return Effect(transport="udp_port_change")
 
 
-LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
+LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "loss": Kind(Group.LINK, "frames are lost", _loss, {"probability": _SHARE}, ANY),
-        "burst_loss": Kind(
+        "loss": FaultKind(Group.LINK, "frames are lost", _loss, {"probability": _SHARE}, ANY),
+        "burst_loss": FaultKind(
             Group.LINK,
             "frames are lost in bursts",
             _burst_loss,
@@ -150,7 +150,7 @@ LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             ANY,
         ),
-        "duplicate": Kind(
+        "duplicate": FaultKind(
             Group.LINK,
             "frames come again",
             _duplicate,
@@ -161,7 +161,7 @@ LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             ANY,
         ),
-        "reorder": Kind(
+        "reorder": FaultKind(
             Group.LINK,
             "frames are overtaken by later ones",
             _reorder,
@@ -171,7 +171,7 @@ LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             ANY,
         ),
-        "delay": Kind(
+        "delay": FaultKind(
             Group.LINK,
             "frames come late",
             _delay,
@@ -182,22 +182,22 @@ LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             ANY,
         ),
-        "corrupt": Kind(
+        "corrupt": FaultKind(
             Group.LINK,
             "frames are damaged so that the CRC does not match",
             _corrupt,
             {"probability": _SHARE, "bits": Option("how many bits are flipped", 1, integer(1, 3))},
             ANY,
         ),
-        "heartbeat_gap": Kind(
+        "heartbeat_gap": FaultKind(
             Group.LINK,
             "one gap between two HEARTBEATs (MAVSDK: disconnected after 3 s)",
             _gap,
             {"gap_s": Option("seconds from the last one before to the first one after", 3.1, number(0.0, 1e6))},
             Scope(Direction.OUT, ("HEARTBEAT",)),
         ),
-        "v1_frames": Kind(Group.LINK, "frames are MAVLink 1; those it cannot carry are lost", _as_v1, scope=OUT),
-        "signed_frames": Kind(
+        "v1_frames": FaultKind(Group.LINK, "frames are MAVLink 1; those it cannot carry are lost", _as_v1, scope=OUT),
+        "signed_frames": FaultKind(
             Group.LINK,
             "frames are signed under a key that the receiver may not have",
             _sign,
@@ -207,14 +207,14 @@ LINK_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             OUT,
         ),
-        "router_restart": Kind(
+        "router_restart": FaultKind(
             Group.LINK,
             "the Zenoh router goes down and comes back; stepped, all frames are lost meanwhile",
             _cut,
             scope=Scope(Direction.BOTH),
             for_s=1.0,
         ),
-        "udp_port_change": Kind(
+        "udp_port_change": FaultKind(
             Group.LINK, "the vehicle sends from, and listens on, another UDP port from now on", _port, for_s=0.0
         ),
     }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, integer, number
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Option, Passed, Scope, integer, number
 from sitl_mock.faults.effect import text as a_text
 from sitl_mock.faults.places import along, vector
 from sitl_mock.mavlink import Encoder
@@ -127,9 +127,9 @@ def _statustext(making: Making) -> Effect:
     return Effect(begin=begin, advance=advance, alter=alter)
 
 
-OTHER_SENDER_KINDS: Mapping[str, Kind] = MappingProxyType(
+OTHER_SENDER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "foreign_heartbeat": Kind(
+        "foreign_heartbeat": FaultKind(
             Group.LINK,
             "another component of the same system sends HEARTBEAT with a custom mode (deceives MAVSDK 4.1)",
             _foreign_heartbeat,
@@ -139,7 +139,7 @@ OTHER_SENDER_KINDS: Mapping[str, Kind] = MappingProxyType(
                 "period_s": Option("seconds between two", 1.0, number(0.01, 60.0)),
             },
         ),
-        "sysid_clash": Kind(
+        "sysid_clash": FaultKind(
             Group.LINK,
             "a second autopilot with the same ids sends and answers on the first link",
             _sysid_clash,
@@ -149,7 +149,7 @@ OTHER_SENDER_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             Scope(Direction.IN),
         ),
-        "second_source": Kind(
+        "second_source": FaultKind(
             Group.LINK,
             "another program sends velocity setpoints to the vehicle",
             _second_source,
@@ -159,7 +159,7 @@ OTHER_SENDER_KINDS: Mapping[str, Kind] = MappingProxyType(
                 "system": Option("its system id", 254, integer(1, 255)),
             },
         ),
-        "statustext": Kind(
+        "statustext": FaultKind(
             Group.LINK,
             "a STATUSTEXT in chunks, of which one may be lost",
             _statustext,

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, Group, Kind, Making, Option, Passed, Scope, choice, number
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Option, Passed, Scope, choice, number
 from sitl_mock.mavlink import SPEC_BY_NAME
 
 if TYPE_CHECKING:
@@ -151,23 +151,23 @@ def _velocity_lie(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-PLACE_KINDS: Mapping[str, Kind] = MappingProxyType(
+PLACE_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "home_jump": Kind(
+        "home_jump": FaultKind(
             Group.LINK,
             "HOME_POSITION is told elsewhere, and may wander",
             _home_jump,
             {**along(_JUMP), "wander_m": Option("standard deviation of each step", 0.0, number(0.0, 1e3))},
             Scope(Direction.OUT, ("HOME_POSITION",)),
         ),
-        "origin_jump": Kind(
+        "origin_jump": FaultKind(
             Group.LINK,
             "GPS_GLOBAL_ORIGIN is told elsewhere than it is",
             _origin_jump,
             along(_JUMP),
             Scope(Direction.OUT, ("GPS_GLOBAL_ORIGIN",)),
         ),
-        "origin_move": Kind(
+        "origin_move": FaultKind(
             Group.LINK,
             "the local frame is moved, and all places in it; it is told or not",
             _origin_move,
@@ -183,7 +183,7 @@ PLACE_KINDS: Mapping[str, Kind] = MappingProxyType(
                 ),
             ),
         ),
-        "velocity_lie": Kind(
+        "velocity_lie": FaultKind(
             Group.LINK,
             "velocities are told with an error; positions are right",
             _velocity_lie,

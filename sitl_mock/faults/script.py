@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults.acks import ACK_KINDS
 from sitl_mock.faults.contents import CONTENT_KINDS
-from sitl_mock.faults.effect import REQUIRED, Direction, Kind, Option, choice, integer, number, text, words
+from sitl_mock.faults.effect import REQUIRED, Direction, FaultKind, Option, choice, integer, number, text, words
 from sitl_mock.faults.evader import EVADER_KINDS
 from sitl_mock.faults.links import LINK_KINDS
 from sitl_mock.faults.other_senders import OTHER_SENDER_KINDS
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-KINDS: Mapping[str, Kind] = MappingProxyType(
+KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
         **LINK_KINDS,
         **ACK_KINDS,
@@ -183,7 +183,7 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
     return Fault(str(name), _filled(values, kind.options, where), **_filled(values, common, where))
 
 
-def _common_options(kind: Kind) -> dict[str, Option]:
+def _common_options(kind: FaultKind) -> dict[str, Option]:
     """Return the keys that a kind shares with others, with the kind's own defaults."""
     options = {**_COMMON, "for_s": Option("seconds", kind.for_s, number(0.0, _FOREVER_S))}
     if kind.scope is None:

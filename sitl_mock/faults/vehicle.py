@@ -12,8 +12,8 @@ from sitl_mock.faults.effect import (
     REQUIRED,
     Direction,
     Effect,
+    FaultKind,
     Group,
-    Kind,
     Making,
     Option,
     Passed,
@@ -111,13 +111,13 @@ def _truncation(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _flight(meaning: str, condition: str, value: Any = True, for_s: float = math.inf) -> Kind:  # noqa: ANN401 - as above
-    return Kind(Group.FLIGHT, meaning, lambda making: _while(making, condition, value), for_s=for_s)
+def _flight(meaning: str, condition: str, value: Any = True, for_s: float = math.inf) -> FaultKind:  # noqa: ANN401 - as above
+    return FaultKind(Group.FLIGHT, meaning, lambda making: _while(making, condition, value), for_s=for_s)
 
 
-def _charge(meaning: str, share: float) -> Kind:
+def _charge(meaning: str, share: float) -> FaultKind:
     option = Option("charge left, a fraction", share, number(0.0, 1.0))
-    return Kind(
+    return FaultKind(
         Group.FLIGHT,
         meaning,
         lambda making: _once(making, "battery", making.options["share"]),
@@ -126,41 +126,41 @@ def _charge(meaning: str, share: float) -> Kind:
     )
 
 
-FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
+FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
         "telemetry_freeze": _flight("nothing but HEARTBEAT and answers is sent", "telemetry_frozen"),
         "silence": _flight("nothing at all is sent", "silent"),
-        "pilot_mode": Kind(
+        "pilot_mode": FaultKind(
             Group.FLIGHT,
             "the pilot switches to a mode; there is a radio from the start",
             _pilot_mode,
             {"mode": Option("its name", REQUIRED, text)},
             for_s=0.0,
         ),
-        "pilot_sticks": Kind(
+        "pilot_sticks": FaultKind(
             Group.FLIGHT,
             "the pilot moves the sticks; there is a radio from the start",
             _sticks,
             {"roll": _STICK, "pitch": _STICK, "throttle": _STICK, "yaw": _STICK},
             for_s=1.0,
         ),
-        "rc_loss": Kind(Group.FLIGHT, "the radio, there from the start, is lost", _rc_loss),
+        "rc_loss": FaultKind(Group.FLIGHT, "the radio, there from the start, is lost", _rc_loss),
         "gcs_loss": _flight("ground stations are not heard", "gcs_lost"),
-        "arm_refused": Kind(
+        "arm_refused": FaultKind(
             Group.FLIGHT,
             "arming is refused with a text",
             lambda making: _while(making, "arm_refused", making.options["text"]),
             {"text": Option("the reason", "Preflight Fail: Compass Sensor 0 missing", text)},
         ),
         "offboard_refused": _flight("OFFBOARD or GUIDED is refused, and left", "offboard_refused"),
-        "ekf_jump": Kind(
+        "ekf_jump": FaultKind(
             Group.FLIGHT,
             "the position estimate jumps, the reset counter rises",
             lambda making: _once(making, "ekf_jump_m", vector(making)),
             along(_JUMP),
             for_s=0.0,
         ),
-        "ekf_yaw_jump": Kind(
+        "ekf_yaw_jump": FaultKind(
             Group.FLIGHT,
             "the heading estimate jumps, the reset counter rises",
             lambda making: _once(making, "ekf_yaw_jump_deg", making.options["by_deg"]),
@@ -168,28 +168,28 @@ FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
             for_s=0.0,
         ),
         "gps_loss": _flight("no fix; the estimate slides away and becomes invalid", "gps_lost"),
-        "gps_drift": Kind(
+        "gps_drift": FaultKind(
             Group.FLIGHT,
             "the position estimate slides away while velocities stay right",
             lambda making: _while(making, "drift_m_s", vector(making)),
             along(_DRIFT),
             for_s=10.0,
         ),
-        "barometer_drift": Kind(
+        "barometer_drift": FaultKind(
             Group.FLIGHT,
             "the height estimate slides away",
             lambda making: _while(making, "drift_m_s", (0.0, 0.0, making.options["down_m_s"])),
             {"down_m_s": Option("metres a second, downwards", 0.2, number(-5.0, 5.0))},
             for_s=10.0,
         ),
-        "thrust_loss": Kind(
+        "thrust_loss": FaultKind(
             Group.FLIGHT,
             "the rotors give less than is asked of them",
             lambda making: _while(making, "thrust_share", making.options["share"]),
             {"share": Option("of the thrust that is left", 0.8, number(0.0, 1.0))},
         ),
         "estimator_invalid": _flight("position and velocity are invalid", "estimator_invalid"),
-        "eph_growth": Kind(
+        "eph_growth": FaultKind(
             Group.FLIGHT,
             "the horizontal uncertainty grows",
             _eph,
@@ -201,27 +201,27 @@ FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
         "fence_breach": _flight("the fence counts as breached", "fence_breach"),
         "battery_low": _charge("the battery is low", 0.12),
         "battery_critical": _charge("the battery is critical", 0.06),
-        "wind_gust": Kind(
+        "wind_gust": FaultKind(
             Group.FLIGHT,
             "a steady wind for a while",
             lambda making: _while(making, "wind_m_s", vector(making)),
             along(_WIND),
             for_s=3.0,
         ),
-        "gusts": Kind(
+        "gusts": FaultKind(
             Group.FLIGHT,
             "gusts of wind at random",
             lambda making: _while(making, "gust_m_s", making.options["sd_m_s"]),
             {"sd_m_s": Option("standard deviation, m/s", 3.0, number(0.0, 30.0))},
         ),
-        "push": Kind(
+        "push": FaultKind(
             Group.FLIGHT,
             "the vehicle's velocity jumps",
             lambda making: _once(making, "push_m_s", vector(making)),
             along(_WIND),
             for_s=0.0,
         ),
-        "velocity_truncation": Kind(
+        "velocity_truncation": FaultKind(
             Group.FLIGHT,
             "velocity setpoints are cut to less than was asked for",
             _truncation,
@@ -232,7 +232,7 @@ FLIGHT_KINDS: Mapping[str, Kind] = MappingProxyType(
             },
             Scope(Direction.IN, ("SET_POSITION_TARGET_LOCAL_NED",)),
         ),
-        "reboot": Kind(
+        "reboot": FaultKind(
             Group.FLIGHT,
             "the autopilot restarts, in flight too; its clock begins again",
             lambda making: _once(making, "reboot", value=True),

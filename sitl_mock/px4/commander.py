@@ -60,7 +60,7 @@ class Px4:
         self.home = HomeKeeper()
         self.intention = "HOLD"
         self.mode = "HOLD"
-        self.plan: flying.Plan = flying.Plan(state.position_m)
+        self.plan: flying.ModePlan = flying.ModePlan(state.position_m)
         self.there: frozenset[Need] = frozenset()
         self.setpoint = Setpoint(Kind.BRAKE)
         self.rates: BodyRates | None = None
@@ -271,7 +271,7 @@ class Px4:
             return
         self.mode = mode
         state = self.state
-        self.plan = flying.Plan(state.position_m, yaw_rad=state.yaw_rad)
+        self.plan = flying.ModePlan(state.position_m, yaw_rad=state.yaw_rad)
         if mode == "TAKEOFF":
             self.plan.height_m = self._takeoff_down_m()
         if mode == "MISSION":

@@ -18,7 +18,7 @@ _PLACE_REACHED_M = 1.0
 
 
 @dataclass(slots=True)
-class Plan:
+class ModePlan:
     """What the present mode works towards; set anew whenever a mode begins.
 
     Attributes:
@@ -48,7 +48,7 @@ class Plan:
     stick_place_m: tuple[float, float] | None = None
 
 
-def hold(state: VehicleState, plan: Plan) -> Setpoint:
+def hold(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Stop and stay, or go where DO_REPOSITION said."""
     if math.isnan(plan.goal_m[0]):
         return Setpoint(Kind.BRAKE, yaw_rad=plan.yaw_rad)
@@ -69,7 +69,7 @@ def facing(state: VehicleState, goal_m: Vector, kept_rad: float) -> float:
     return math.atan2(east, north) if far and int(state.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
 
 
-def takeoff(state: VehicleState, plan: Plan) -> Setpoint:
+def takeoff(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Climb straight up."""
     north, east, _ = plan.entered_m
     return Setpoint(Kind.TRAVEL, (north, east, plan.height_m), yaw_rad=plan.yaw_rad, climb_m_s=_lift_off_m_s(state))
@@ -81,12 +81,12 @@ def _lift_off_m_s(state: VehicleState) -> float:
     return float(state.parameters["MPC_TKO_SPEED"]) if low else _NAN
 
 
-def takeoff_done(state: VehicleState, plan: Plan) -> bool:
+def takeoff_done(state: VehicleState, plan: ModePlan) -> bool:
     """Whether the height is reached."""
     return state.flew and state.position_m[2] - plan.height_m < _HEIGHT_REACHED_M
 
 
-def land(state: VehicleState, plan: Plan) -> Setpoint:
+def land(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Come down over one place: fast, then slow near the ground (MPC_LAND_ALT1, ALT2, SPEED)."""
     north, east, _ = plan.goal_m if math.isfinite(plan.goal_m[0]) else plan.entered_m
     return Setpoint(
@@ -97,7 +97,7 @@ def land(state: VehicleState, plan: Plan) -> Setpoint:
     )
 
 
-def descend(state: VehicleState, plan: Plan) -> Setpoint:
+def descend(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Come down without a position."""
     speed = float(state.parameters["MPC_LAND_SPEED"])
     return Setpoint(Kind.TRAVEL, velocity_ned_m_s=(0.0, 0.0, speed), yaw_rad=plan.yaw_rad)
@@ -114,7 +114,7 @@ def _descent_m_s(state: VehicleState) -> float:
     return slow + (fast - slow) * share
 
 
-def return_home(state: VehicleState, plan: Plan) -> Setpoint:
+def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Climb, fly home, descend, land; `plan.stage` remembers how far it has come."""
     if not plan.stage:
         home = state.home_m or plan.entered_m
@@ -132,7 +132,7 @@ def return_home(state: VehicleState, plan: Plan) -> Setpoint:
     return _RETURN[plan.stage](state, plan)
 
 
-def _return_height(state: VehicleState, home: Vector, plan: Plan) -> float:
+def _return_height(state: VehicleState, home: Vector, plan: ModePlan) -> float:
     """RTL_RETURN_ALT; within RTL_MIN_DIST lower by the cone (RTL_CONE_ANG), at home lower still, never below itself."""
     parameters = state.parameters
     north, east, down = plan.entered_m
@@ -147,22 +147,22 @@ def _return_height(state: VehicleState, home: Vector, plan: Plan) -> float:
     return min(home[2] - min(high_m, most_m), down)
 
 
-def _climb(_state: VehicleState, plan: Plan) -> Setpoint:
+def _climb(_state: VehicleState, plan: ModePlan) -> Setpoint:
     return Setpoint(Kind.TRAVEL, (plan.entered_m[0], plan.entered_m[1], plan.height_m), yaw_rad=plan.yaw_rad)
 
 
-def _cross(state: VehicleState, plan: Plan) -> Setpoint:
+def _cross(state: VehicleState, plan: ModePlan) -> Setpoint:
     goal = (plan.goal_m[0], plan.goal_m[1], plan.height_m)
     plan.yaw_rad = facing(state, goal, plan.yaw_rad)
     return Setpoint(Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s))
 
 
-_RETURN: Mapping[str, Callable[[VehicleState, Plan], Setpoint]] = MappingProxyType(
+_RETURN: Mapping[str, Callable[[VehicleState, ModePlan], Setpoint]] = MappingProxyType(
     {"climb": _climb, "return": _cross, "land": land}
 )
 
 
-def mission(state: VehicleState, flight: MissionFlight, plan: Plan) -> Setpoint:
+def mission(state: VehicleState, flight: MissionFlight, plan: ModePlan) -> Setpoint:
     """Follow the mission's present leg; land where it says so."""
     leg = flight.leg(state, plan.entered_m)
     if leg.landing:

@@ -8,7 +8,7 @@ import math
 from typing import Final
 
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.px4.flying import Plan
+from sitl_mock.px4.flying import ModePlan
 from sitl_mock.setpoints import turned
 from sitl_mock.vehicle_state import VehicleState
 
@@ -16,7 +16,7 @@ _DEAD: Final = 0.1  # MPC_HOLD_DZ
 _CUBIC: Final = 0.6  # MPC_XY_MAN_EXPO, MPC_Z_MAN_EXPO, MPC_YAW_EXPO
 
 
-def by_stick(state: VehicleState, plan: Plan, dt_s: float, *, slow: bool = False) -> Setpoint:
+def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = False) -> Setpoint:
     """The setpoint of a manual mode; `plan` keeps the velocity that the sticks have led to.
 
     Args:
@@ -51,7 +51,7 @@ def _curved(stick: float) -> float:
 
 
 def _level(
-    state: VehicleState, plan: Plan, stick: tuple[float, float], dt_s: float, *, slow: bool
+    state: VehicleState, plan: ModePlan, stick: tuple[float, float], dt_s: float, *, slow: bool
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Velocity north and east one step on, and the acceleration it is changed by."""
     fast = float(state.parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])

@@ -29,7 +29,14 @@ _TRANSMISSION: Final = {
 def configuration(
     mode: str, endpoint: str, *, connect: bool, keys: Mapping[str, Any] = MappingProxyType({})
 ) -> zenoh.Config:
-    """A closed session: listens on one endpoint, or connects to it, as who the keys say (`zenoh_keys.read_keys`)."""
+    """A closed session: listens on one endpoint, or connects to it.
+
+    Args:
+        mode: Of Zenoh: "peer", "client" or "router".
+        endpoint: Such as tcp/127.0.0.1:7447.
+        connect: Whether it connects there instead of listening.
+        keys: Who we are (`zenoh_keys.read_keys`).
+    """
     listens, connects = ([], [endpoint]) if connect else ([endpoint], [])
     return zenoh.Config.from_json5(
         json.dumps(

@@ -43,6 +43,12 @@ def serve_panel(
 ) -> None:
     """Serve until SIGINT or SIGTERM, or until standard input closes where a parent holds it.
 
+    Args:
+        options: Of the command line.
+        settings_of: What a record's vehicle was set to.
+        say: Prints a line.
+        with_parent: Whether standard input is a parent's.
+
     Raises:
         ConfigError: If aiohttp is not installed, or the page may not be served there.
         LinkError: If the port is in use.

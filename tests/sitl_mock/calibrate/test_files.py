@@ -8,7 +8,7 @@ import pytest
 
 from sitl_mock.calibrate import (
     RMS_LIMIT_M_S,
-    Flavour,
+    FlavourName,
     StepLog,
     compare,
     fly_log,
@@ -21,18 +21,18 @@ from sitl_mock.calibrate.comparison import segments_of
 from sitl_mock.errors import MockError
 
 DATA = Path(__file__).parents[2] / "data"
-FILES = {Flavour.PX4: DATA / "px4_steps.csv", Flavour.ARDUCOPTER: DATA / "arducopter_steps.csv"}
-each_file = pytest.mark.parametrize("flavour", list(Flavour))
+FILES = {FlavourName.PX4: DATA / "px4_steps.csv", FlavourName.ARDUCOPTER: DATA / "arducopter_steps.csv"}
+each_file = pytest.mark.parametrize("flavour", list(FlavourName))
 each_way = pytest.mark.parametrize("whole_vehicle", [True, False], ids=["mavlink", "dynamics"])
 
 
 @cache
-def recorded(flavour: Flavour) -> StepLog:
+def recorded(flavour: FlavourName) -> StepLog:
     return read_step_log(FILES[flavour])
 
 
 @cache
-def answered(flavour: Flavour, whole_vehicle: bool) -> np.ndarray:
+def answered(flavour: FlavourName, whole_vehicle: bool) -> np.ndarray:
     log = recorded(flavour)
     return fly_log(log, flavour) if whole_vehicle else replay(log, vehicle_of(flavour))
 
@@ -46,7 +46,7 @@ def test_velocity_is_within_the_limit_on_every_axis(flavour, whole_vehicle):
 
 
 @each_way
-@pytest.mark.parametrize(("flavour", "margin_m_s"), [(Flavour.PX4, 0.095), (Flavour.ARDUCOPTER, 0.045)])
+@pytest.mark.parametrize(("flavour", "margin_m_s"), [(FlavourName.PX4, 0.095), (FlavourName.ARDUCOPTER, 0.045)])
 def test_velocity_is_well_inside_the_limit(flavour, margin_m_s, whole_vehicle):
     # PX4's own estimator noise is most of the 0.08 m/s that are left: its east axis, at rest, has 0.08 by itself.
     comparison = compare(recorded(flavour), flavour, answered(flavour, whole_vehicle))
@@ -56,8 +56,8 @@ def test_velocity_is_well_inside_the_limit(flavour, margin_m_s, whole_vehicle):
 @each_way
 def test_large_steps_over_the_corner_that_nothing_was_fitted_on_are_followed(whole_vehicle):
     log = read_step_log(DATA / "arducopter_diagonal_steps.csv")
-    answers = fly_log(log, Flavour.ARDUCOPTER) if whole_vehicle else replay(log, vehicle_of(Flavour.ARDUCOPTER))
-    assert max(compare(log, Flavour.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
+    answers = fly_log(log, FlavourName.ARDUCOPTER) if whole_vehicle else replay(log, vehicle_of(FlavourName.ARDUCOPTER))
+    assert max(compare(log, FlavourName.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
 
 
 @each_file
@@ -80,7 +80,7 @@ def test_both_halves_of_the_segments_fit_alike(flavour):
 
 
 def test_every_segment_and_axis_is_compared():
-    comparison = compare(recorded(Flavour.PX4), Flavour.PX4, answered(Flavour.PX4, False))
+    comparison = compare(recorded(FlavourName.PX4), FlavourName.PX4, answered(FlavourName.PX4, False))
     assert len(comparison.segments) == 16
     assert all([axis.axis for axis in segment.axes] == ["N", "E", "D"] for segment in comparison.segments)
     assert not any(segment.varying for segment in comparison.segments)
@@ -88,7 +88,7 @@ def test_every_segment_and_axis_is_compared():
 
 @each_way
 def test_arducopter_rise_times_agree_to_a_tenth_of_a_second(whole_vehicle):
-    log, flavour = recorded(Flavour.ARDUCOPTER), Flavour.ARDUCOPTER
+    log, flavour = recorded(FlavourName.ARDUCOPTER), FlavourName.ARDUCOPTER
     comparison = compare(log, flavour, answered(flavour, whole_vehicle))
     rises = [
         (axis.real.rise_s, axis.mock.rise_s)
@@ -103,7 +103,7 @@ def test_arducopter_rise_times_agree_to_a_tenth_of_a_second(whole_vehicle):
 @each_file
 def test_the_other_flavours_copter_is_far_above_the_limit(flavour):
     log = recorded(flavour)
-    other = next(one for one in Flavour if one is not flavour)
+    other = next(one for one in FlavourName if one is not flavour)
     comparison = compare(log, other, replay(log, vehicle_of(other)))
     assert not comparison.passed
     assert max(comparison.rms_ned_m_s) > 0.4
@@ -128,4 +128,4 @@ def test_a_mock_that_never_takes_off_ends_the_flight_with_its_mode(monkeypatch):
     # 2 s of climbing are too few for 20 m, and stand for a take-off that was refused.
     monkeypatch.setattr("sitl_mock.calibrate.flight._CLIMB_S", 2.0)
     with pytest.raises(MockError, match="did not take off: mode OFFBOARD, armed True"):
-        fly_log(recorded(Flavour.PX4), Flavour.PX4)
+        fly_log(recorded(FlavourName.PX4), FlavourName.PX4)

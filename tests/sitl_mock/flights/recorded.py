@@ -10,7 +10,7 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sitl_mock.compare import Field, Stream, behaviour_of, read_tlog
+from sitl_mock.compare import FieldRange, Stream, behaviour_of, read_tlog
 from sitl_mock.mavlink import Decoder
 
 FOLDER = Path(__file__).parents[2] / "data" / "flights"
@@ -82,7 +82,7 @@ def streams_of(name):
             stream = streams.setdefault(row["message"], Stream(count, 0.0, last_s))
             if not row["field"]:
                 continue
-            values = Field(moves=row["moves"] == "1")
+            values = FieldRange(moves=row["moves"] == "1")
             if row["least"]:
                 values.least, values.most, values.first = float(row["least"]), float(row["most"]), float(row["least"])
             stream.fields.setdefault(row["phase"], {})[row["field"]] = values
