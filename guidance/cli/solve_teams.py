@@ -70,7 +70,7 @@ def _of_rows(game: Game, row: NDArray[np.intp]) -> Game:
     """Return the game of some rows; a speed ratio of each is that of all its pursuers."""
     if not isinstance(game.pursuer, Ball) or not np.ndim(game.pursuer.speed_m_s):
         return game
-    return replace(game, pursuer=Ball(game.pursuer.speed_m_s[row][:, None, None]))
+    return replace(game, pursuer=Ball(np.asarray(game.pursuer.speed_m_s)[row][:, None, None]))
 
 
 def _places(player: str, names: set[str], column: Column) -> NDArray[np.float64]:

@@ -25,23 +25,32 @@ Its play:
     PURSUER_POLICIES, EVADER_POLICIES: every strategy without a memory, by name; each is a `Policy`.
 
 `guidance.game.team` has several pursuers and several evaders. Arrays are those of NumPy, PyTorch or JAX, positions
-(..., 3) in m; lists of numbers do, too.
+(..., 3) in m; lists of numbers do, too (`numpy.typing.ArrayLike`). What comes back is annotated as an `Array`.
 """
 
 from guidance.game.apollonius import Apollonius, apollonius_circle, apollonius_sphere, barrier
-from guidance.game.game import Game, Reason, StandOff, Winner, guaranteed_age_s
-from guidance.game.gradient import Gradient, value_gradient
-from guidance.game.hji import hji_residual
+from guidance.game.arrays import Array
+from guidance.game.game import (
+    Ball,
+    Cylinder,
+    Game,
+    Reason,
+    SpeedSet,
+    StandOff,
+    Winner,
+    guaranteed_age_s,
+    horizontal_speed,
+)
+from guidance.game.gradient import Gradient, hji_residual, value_gradient
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
-from guidance.game.rollout import Rollout, rollout
+from guidance.game.rollout import End, Exact, Paper, Rollout, rollout
 from guidance.game.solution import Solution, solve
-from guidance.game.speeds import Ball, Cylinder, SpeedSet, horizontal_speed
-from guidance.game.stepping import End, Exact, Paper
 
 __all__ = [
     "EVADER_POLICIES",
     "PURSUER_POLICIES",
     "Apollonius",
+    "Array",
     "Ball",
     "Cylinder",
     "End",

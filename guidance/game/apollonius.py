@@ -6,6 +6,8 @@ by v², so that δ² − 1 = (u − v)(u + v)/v² keeps its digits as δ → 1.
 
 from typing import NamedTuple
 
+from numpy.typing import ArrayLike
+
 from guidance.errors import ConfigError
 from guidance.game.arrays import (
     Array,
@@ -51,7 +53,7 @@ class Race(NamedTuple):
     run: Plane
 
 
-def apollonius_circle(pursuer: Array, evader: Array, speed_ratio: Real) -> Apollonius:
+def apollonius_circle(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> Apollonius:
     """Return the circle in the evader's plane, of the points (x, y, 0) with ‖X − P‖ = δ‖X − E‖, eq. (5).
 
     Its centre is (δ² E − P_xy)/(δ² − 1), eq. (6), its radius √(z²/(δ² − 1) + δ² d²/(δ² − 1)²), eq. (7): the section of
@@ -74,7 +76,7 @@ def apollonius_circle(pursuer: Array, evader: Array, speed_ratio: Real) -> Apoll
     return Apollonius(foot, radius)
 
 
-def apollonius_sphere(pursuer: Array, evader: Array, speed_ratio: Real) -> Apollonius:
+def apollonius_sphere(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> Apollonius:
     """Return the sphere for an evader in space: c = (δ² E − P)/(δ² − 1), r = δ‖P − E‖/(δ² − 1).
 
     Args:
@@ -92,10 +94,16 @@ def apollonius_sphere(pursuer: Array, evader: Array, speed_ratio: Real) -> Apoll
     return Apollonius(_centre(P, E, ratio), ratio * root(xp, x * x + y * y + z * z) / hand)
 
 
-def barrier(pursuer: Array, evader: Array, target: Array, speed_ratio: Real) -> Array:
+def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_ratio: Real) -> Array:
     """Return B = δ²‖E − T‖² − ‖P − T‖², m², of eqs. (33) and (34): positive where the pursuer wins, else the evader.
 
     It belongs to the paper's own game; `Solution.margin_s` is the same line drawn in every game, in seconds.
+
+    Args:
+        pursuer: position P, (..., 3), m.
+        evader: position E, (..., 3), m.
+        target: position T, (..., 3), m.
+        speed_ratio: δ = u/v.
     """
     _, taken = vectors({"pursuer": pursuer, "evader": evader, "target": target})
     to_evader, to_pursuer = taken["evader"] - taken["target"], taken["pursuer"] - taken["target"]
@@ -141,7 +149,7 @@ def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_t
     return Race(b / (u * v * select(xp, b == 0, 1.0, both)), final, run)
 
 
-def _given(pursuer: Array, evader: Array, speed_ratio: Real) -> tuple[Library, Array, Array, Real]:
+def _given(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> tuple[Library, Array, Array, Real]:
     xp, taken = vectors({"pursuer": pursuer, "evader": evader})
     if not is_array(speed_ratio):
         if not (is_finite(speed_ratio) and speed_ratio > 1):
@@ -150,7 +158,7 @@ def _given(pursuer: Array, evader: Array, speed_ratio: Real) -> tuple[Library, A
     return xp, taken["pursuer"], taken["evader"], speed_ratio
 
 
-def _centre(P: Array, E: Array, ratio: Real) -> Array:
+def _centre(P: Array, E: Array, ratio: Array) -> Array:
     hand = (ratio - 1.0) * (ratio + 1.0)
     if is_array(hand):
         ratio, hand = ratio[..., None], hand[..., None]

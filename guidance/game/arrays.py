@@ -8,28 +8,37 @@ those of NumPy's scalars. A sum over the last axis, `hypot`, `sin` or a BLAS dot
 
 import math
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
 from array_api_compat import array_namespace, is_array_api_obj, is_jax_array, is_numpy_namespace
 from array_api_compat import device as device_of
+from numpy.typing import NDArray
 
 from guidance.errors import ConfigError
 
-Array: TypeAlias = Any
-"""An array of any library of the Python array API: NumPy, PyTorch, JAX. For a given vector a list does, too."""
+Array: TypeAlias = NDArray[Any] | Any
+"""An array as it is handed back: NumPy's, or that of the library whose arrays were given (PyTorch, JAX).
+
+What is given may be any `numpy.typing.ArrayLike`: numbers of every kind, lists of them, arrays of these libraries. A
+type checker takes an answer for NumPy's, and lets it be used where an array of another library is asked for.
+"""
 
 Library: TypeAlias = Any
 """The functions of such a library."""
 
-Real: TypeAlias = Any
-"""A number, or an array with one number for each game of a batch."""
+Real: TypeAlias = float | Any
+"""A number, or an array with one number for each game of a batch; read from a game it may be used as a float."""
 
-Plane: TypeAlias = tuple[Any, Any]
+Truth: TypeAlias = bool | Any
+"""Whether something holds, or for which games of a batch."""
+
+Plane: TypeAlias = tuple[Real, Real]
 """The x and y components of a vector in the evader's plane."""
 
-Space: TypeAlias = tuple[Any, Any, Any]
+Space: TypeAlias = tuple[Real, Real, Real]
 """The x, y and z components of a vector."""
 
 FLOATS: Library = SimpleNamespace(sqrt=math.sqrt)
@@ -92,18 +101,24 @@ def is_numpy(xp: Library) -> bool:
     return xp is np or bool(is_numpy_namespace(xp))
 
 
-def component(array: Array, index: int) -> Array:
+def component(array: Array, index: int) -> Real:
     """Take one component, (..., 3) → (...); of a single state a scalar."""
     if type(array) is list:
         return array[index]
     return array[..., index][()] if isinstance(array, np.ndarray) else array[..., index]
 
 
-def select(xp: Library, condition: Array, yes: Real, no: Real) -> Array:
+def select(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
     """Choose elementwise, as `where` does, except that the answer is only as long as it has to be.
 
     A single NumPy state picks the very same number, and a NumPy batch of one mind the very same array or number,
     without the copy: most conditions are about rare states.
+
+    Args:
+        xp: array library.
+        condition: whether to take the first, (...).
+        yes: what is taken where that holds.
+        no: what is taken elsewhere.
     """
     if condition is True:
         return yes
@@ -120,24 +135,31 @@ def select(xp: Library, condition: Array, yes: Real, no: Real) -> Array:
     return xp.where(condition, yes, no)
 
 
-def choose(xp: Library, condition: Array, yes: Real, no: Real) -> Array:
-    """Choose elementwise, as `where` does, in the full shape; a single NumPy state picks the number without it."""
+def choose(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
+    """Choose elementwise, as `where` does, in the full shape; a single NumPy state picks the number without it.
+
+    Args:
+        xp: array library.
+        condition: whether to take the first, (...).
+        yes: what is taken where that holds.
+        no: what is taken elsewhere.
+    """
     if isinstance(condition, (np.bool_, bool)):
         return yes if condition else no
     return xp.where(condition, yes, no)
 
 
-def positive_part(value: Array) -> Array:
+def positive_part(value: Real) -> Real:
     """Return max(value, 0), exactly and without a library call; NaN stays NaN."""
     return 0.5 * (value + abs(value))
 
 
-def larger(xp: Library, a: Array, b: Array) -> Array:
+def larger(xp: Library, a: Real, b: Real) -> Real:
     """Return the larger of two numbers elementwise."""
     return select(xp, a > b, a, b)
 
 
-def root(xp: Library, square: Array) -> Array:
+def root(xp: Library, square: Real) -> Real:
     """Return a square root; at zero with a derivative that is finite, in the libraries that differentiate."""
     if xp is np or xp is FLOATS:
         return xp.sqrt(square)
@@ -145,6 +167,11 @@ def root(xp: Library, square: Array) -> Array:
         return math.sqrt(square)
     some = square > 0
     return select(xp, some, xp.sqrt(select(xp, some, square, 1.0)), square)
+
+
+def quiet(xp: Library) -> AbstractContextManager[object]:
+    """Keep NumPy from warning about the rows that `Reason` reports."""
+    return np.errstate(all="ignore") if is_numpy(xp) else nullcontext()
 
 
 def is_array(value: Real) -> bool:
@@ -190,33 +217,40 @@ def half_of_digits(value: Real) -> float:
     return math.sqrt(array_namespace(value).finfo(value.dtype).eps)
 
 
-def dot2(a: Plane, b: Plane) -> Array:
+def dot2(a: Plane, b: Plane) -> Real:
     """Scalar product of two plane vectors."""
     return a[0] * b[0] + a[1] * b[1]
 
 
-def norm2(xp: Library, v: Plane) -> Array:
+def norm2(xp: Library, v: Plane) -> Real:
     """Length of a plane vector."""
     if xp is FLOATS:
         return math.sqrt(v[0] * v[0] + v[1] * v[1])
     return root(xp, v[0] * v[0] + v[1] * v[1])
 
 
-def norm3(xp: Library, vectors: Array) -> Array:
+def norm3(xp: Library, vectors: Array) -> Real:
     """Length of vectors, (..., 3) → (...)."""
     x, y, z = (component(vectors, index) for index in range(3))
     return root(xp, x * x + y * y + z * z)
 
 
-def unit2(xp: Library, v: Plane, length: Array) -> Plane:
+def unit2(xp: Library, v: Plane, length: Real) -> Plane:
     """Direction of a plane vector of known length; the x axis where that is zero, so that it stays finite."""
     some = length > 0
     inverse = 1.0 / select(xp, some, length, 1.0)
     return select(xp, some, v[0] * inverse, 1.0), v[1] * inverse
 
 
-def select2(xp: Library, condition: Array, yes: Plane, no: Plane) -> Plane:
-    """Choose between two plane vectors."""
+def select2(xp: Library, condition: Truth, yes: Plane, no: Plane) -> Plane:
+    """Choose between two plane vectors.
+
+    Args:
+        xp: array library.
+        condition: whether to take the first, (...).
+        yes: what is taken where that holds.
+        no: what is taken elsewhere.
+    """
     return select(xp, condition, yes[0], no[0]), select(xp, condition, yes[1], no[1])
 
 
@@ -227,9 +261,14 @@ def bounded2(xp: Library, v: Plane, bound: Real) -> Plane:
 
 
 def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[Real], plus: Real = 0.0) -> Array:
-    """Put components together into (*shape, n), in the precision and on the device of `like`.
+    """Put components together into (*shape, n).
 
-    `plus`, (...), is added to each of them on the way: 0, or NaN where a row shall be lost.
+    Args:
+        xp: array library.
+        shape: the leading shape.
+        like: an array whose precision and device the answer has.
+        components: n numbers or arrays that broadcast to the shape.
+        plus: added to each of them on the way, (...): 0, or NaN where a row shall be lost.
     """
     if is_numpy(xp):
         packed = np.empty((*shape, len(components)), dtype=like.dtype)
@@ -240,7 +279,15 @@ def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[
 
 
 def spread(xp: Library, shape: tuple[int, ...], like: Array, value: Real, plus: Real = 0.0) -> Array:
-    """Spread a number or an array, `plus` added, over the leading shape, in the precision and place of `like`."""
+    """Spread a number or an array, `plus` added, over the leading shape, in the precision and place of `like`.
+
+    Args:
+        xp: array library.
+        shape: the leading shape.
+        like: an array whose precision and device the answer has.
+        value: a number, or an array that broadcasts to the shape.
+        plus: added to it, (...): 0, or NaN where a row shall be lost.
+    """
     if is_numpy(xp):
         filled = np.empty(shape, dtype=like.dtype)
         fill(filled, value, plus)
@@ -257,7 +304,14 @@ def fill(place: Array, value: Real, plus: Real) -> None:
 
 
 def codes(xp: Library, shape: tuple[int, ...], like: Array, value: Real) -> Array:
-    """Spread small integers over the leading shape, on the device of `like`."""
+    """Spread small integers over the leading shape, on the device of `like`.
+
+    Args:
+        xp: array library.
+        shape: the leading shape.
+        like: an array whose device the answer has.
+        value: an integer of eight bits, or an array of them that broadcasts to the shape.
+    """
     return xp.broadcast_to(xp.asarray(value, dtype=xp.int8, **_place(like)), shape)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Plane, Real, is_array, less_length, pair_length
@@ -24,9 +24,53 @@ from guidance.game.records import (
     take_fields,
     take_pair,
 )
-from guidance.game.speeds import Ball, Cylinder, SpeedSet, horizontal_speed
 
 STILL = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ball:
+    """The paper's speed set, eq. (2): the pursuer flies in any direction at up to `speed_m_s`.
+
+    Raises:
+        ConfigError: the speed is not a positive, finite number.
+    """
+
+    speed_m_s: Real
+    __eq__ = same_record
+    __hash__ = record_hash
+
+    def __post_init__(self) -> None:
+        take_fields(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cylinder:
+    """A multicopter's speed set: horizontal and vertical speed bounded each by itself, climb and descent apart.
+
+    PX4 calls the bounds MPC_XY_VEL_MAX (12 m/s), MPC_Z_VEL_MAX_UP (3 m/s) and MPC_Z_VEL_MAX_DN (1.5 m/s). The capture
+    radius of a game on this set is measured in the same way: horizontal and vertical distance each by itself.
+
+    Raises:
+        ConfigError: a speed is not a positive, finite number.
+    """
+
+    horizontal_m_s: Real
+    climb_m_s: Real
+    descent_m_s: Real
+    __eq__ = same_record
+    __hash__ = record_hash
+
+    def __post_init__(self) -> None:
+        take_fields(self)
+
+
+SpeedSet: TypeAlias = Ball | Cylinder
+
+
+def horizontal_speed(pursuer: SpeedSet) -> Real:
+    """Return the largest horizontal speed of a speed set, m/s; δ compares this one with the evader's."""
+    return pursuer.speed_m_s if isinstance(pursuer, Ball) else pursuer.horizontal_m_s
 
 
 class Winner(IntEnum):
@@ -256,5 +300,5 @@ def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
         return game
     pursuer = replace(game.pursuer, **rows_of(game.pursuer, rows))
     standoff = replace(game.standoff, **rows_of(game.standoff, rows))
-    wind = tuple(rows(part) if is_array(part) else part for part in game.wind_m_s)
-    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=wind, **rows_of(game, rows))
+    x, y = (rows(part) if is_array(part) else part for part in game.wind_m_s)
+    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=(x, y), **rows_of(game, rows))

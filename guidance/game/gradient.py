@@ -1,13 +1,28 @@
-"""Gradients of the values, for every game in the plane: what a metre of either player, or of the target, is worth.
+"""Gradients of the values: what a metre of either player, or of the target, is worth; and which values are a game's.
 
-With t_P(X) the pursuer's time to have an evader at X captured and t_E(X) the evader's time to X, a value is the
-extremum of an objective over the edge t_P = t_E of the evader's region, and its multiplier λ gives the gradient at once
-(the envelope theorem). PE, objective t_E: ∇_P V = λ ∇_P t_P and ∇_E V = (1 − λ) ∇_E t_E, with λ = 1/(1 − v n·∇_X t_P).
-TAD, objective ‖X − T‖: ∇_P V = λ ∇_P t_P and ∇_E V = −λ ∇_E t_E. In the paper's game these are its derivatives
-∂V/∂x_P … ∂V/∂y_E, eqs. (23) to (27) and (54) to (58).
+Every game in the plane has its gradient here in closed form. With t_P(X) the pursuer's time to have an evader at X
+captured and t_E(X) the evader's time to X, a value is the extremum of an objective over the edge t_P = t_E of the
+evader's region, and its multiplier λ gives the gradient at once (the envelope theorem). PE, objective t_E:
+∇_P V = λ ∇_P t_P and ∇_E V = (1 − λ) ∇_E t_E, with λ = 1/(1 − v n·∇_X t_P). TAD, objective ‖X − T‖: ∇_P V = λ ∇_P t_P
+and ∇_E V = −λ ∇_E t_E. In the paper's game these are its derivatives ∂V/∂x_P … ∂V/∂y_E, eqs. (23) to (27) and (54) to
+(58).
+
+Any value function is the game's where its Hamilton-Jacobi-Isaacs residual is zero (eq. (10) of the paper):
+
+    min over one player, max over the other, of  V̇ + running cost,   V̇ = ∇_P V·(u + w) + ∇_E V·v + ∇_T V·v_T
+
+PE: the pursuer minimises, the evader maximises, the running cost is 1 (seconds per second). TAD, the pursuer wins: it
+maximises the final distance and the evader minimises it, without running cost; the evader wins: the other way round,
+the value being what the pursuer is short of. The extreme point of a speed set in a direction is known in closed form,
+so that the residual needs nothing but the gradient, by finite differences or by automatic differentiation.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+from array_api_compat import array_namespace, is_jax_array, is_torch_array
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import (
@@ -16,19 +31,26 @@ from guidance.game.arrays import (
     Plane,
     Space,
     component,
+    constant,
     dot2,
     norm2,
     pack,
     positive_part,
+    quiet,
+    root,
     select,
     select2,
     unit2,
     vectors,
 )
-from guidance.game.game import Game
-from guidance.game.reach import State, level_time, take_apart, vertical_speed
-from guidance.game.solution import Solution, leading_shape, quiet, solve
-from guidance.game.speeds import Cylinder
+from guidance.game.game import Ball, Cylinder, Game
+from guidance.game.reach import Geometry, level_time, take_apart, vertical_speed
+from guidance.game.solution import Solution, leading_shape, solve
+
+ValueFunction: TypeAlias = Callable[[Array, Array, Array | None], Array]
+"""Value of the positions of P, E and T, (..., 3) each, or of P, E and None; (...)."""
+
+METHODS = ("finite", "automatic")
 
 
 class Gradient(NamedTuple):
@@ -39,7 +61,7 @@ class Gradient(NamedTuple):
     target: Array
 
 
-def value_gradient(game: Game, pursuer: Array, evader: Array, target: Array | None = None) -> Gradient:
+def value_gradient(game: Game, pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike | None = None) -> Gradient:
     """Return the gradient of `solve(...).value`; zero for the target in PE, and for what the value does not depend on.
 
     On the barrier it is that of the evader's side: from the other, the meeting point lies in no direction from T.
@@ -54,10 +76,12 @@ def value_gradient(game: Game, pursuer: Array, evader: Array, target: Array | No
         ConfigError: as `solve`; or the evader moves in space.
     """
     if game.evader_space == "space":
-        raise ConfigError("evader_space = 'space': differentiate this one with guidance.game.hji")
+        raise ConfigError(
+            "evader_space = 'space': differentiate this one with guidance.game.gradient.finite_differences"
+        )
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
     shape, like = leading_shape(game, given), given["pursuer"]
-    solution = solve(game, **given)
+    solution = solve(game, like, given["evader"], given.get("target"))
     with quiet(xp):
         state = take_apart(xp, game, like, given["evader"], None)
         by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, given.get("target"))
@@ -69,7 +93,7 @@ def value_gradient(game: Game, pursuer: Array, evader: Array, target: Array | No
 
 
 def _by_regime(
-    xp: Library, game: Game, state: State, solution: Solution, target: Array | None
+    xp: Library, game: Game, state: Geometry, solution: Solution, target: Array | None
 ) -> tuple[Space, Plane, Plane]:
     meeting = (component(solution.meeting_point_m, 0), component(solution.meeting_point_m, 1))
     run = (meeting[0] - state.evader[0], meeting[1] - state.evader[1])
@@ -111,7 +135,7 @@ def _sign(xp: Library, z: Array) -> Array:
     return select(xp, z > 0, 1.0, -1.0)
 
 
-def _by_meeting_point(xp: Library, game: Game, state: State, run: Plane, t: Array) -> tuple[Plane, Array]:
+def _by_meeting_point(xp: Library, game: Game, state: Geometry, run: Plane, t: Array) -> tuple[Plane, Array]:
     """Return ∇_X t_P in the plane and ∂t_P/∂z_P, s/m, at the end of the evader's run."""
     wind = game.wind_m_s
     y = (state.to_evader[0] + run[0] - wind[0] * t, state.to_evader[1] + run[1] - wind[1] * t)
@@ -128,7 +152,7 @@ def _by_meeting_point(xp: Library, game: Game, state: State, run: Plane, t: Arra
     return (rate * reach * e[0], rate * reach * e[1]), rate * state.z
 
 
-def _short(xp: Library, game: Game, state: State, goal: Plane, t: Array) -> tuple[Space, Plane, Plane]:
+def _short(xp: Library, game: Game, state: Geometry, goal: Plane, t: Array) -> tuple[Space, Plane, Plane]:
     """Return the gradients of the distance that the pursuer is short of where the evader wins, at its arrival t."""
     wind, adrift, v = game.wind_m_s, game.target_velocity_m_s, game.evader_speed_m_s
     y = (state.to_evader[0] + goal[0] - wind[0] * t, state.to_evader[1] + goal[1] - wind[1] * t)
@@ -153,3 +177,122 @@ def _short(xp: Library, game: Game, state: State, goal: Plane, t: Array) -> tupl
         (-later * n[0], -later * n[1]),
         (share * e[0] + later * n[0], share * e[1] + later * n[1]),
     )
+
+
+def hji_residual(
+    game: Game,
+    pursuer: ArrayLike,
+    evader: ArrayLike,
+    target: ArrayLike | None = None,
+    *,
+    value: ValueFunction | None = None,
+    method: Literal["finite", "automatic"] = "finite",
+    step_m: float = 1e-3,
+) -> Array:
+    """Return the residual at every state, (...): in PE a pure number, in TAD in m/s.
+
+    Args:
+        game: what is played.
+        pursuer: position P, (..., 3), m.
+        evader: position E, (..., 3), m.
+        target: position T, (..., 3), m, or None for PE.
+        value: any function of the positions; the value of `solve` by default. Who wins is always asked of `solve`.
+        method: "finite" differences, or "automatic" differentiation (PyTorch, JAX).
+        step_m: step of the finite differences.
+
+    Raises:
+        ConfigError: as `solve`; the method is unknown, or the array library cannot differentiate.
+    """
+    if method not in METHODS:
+        raise ConfigError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+    xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
+    P, E, T = given["pursuer"], given["evader"], given.get("target")
+    asked = value or (lambda P, E, T: solve(game, P, E, T).value)
+    if method == "automatic":
+        gradient = automatic_gradient(asked, P, E, T)
+    else:
+        gradient = finite_differences(asked, P, E, T, step_m=step_m)
+    if T is None:
+        return 1.0 + _drift(game, gradient) + _saddle(xp, game, gradient, 1.0)
+    minimises = select(xp, solve(game, P, E, T).winner > 0, -1.0, 1.0)
+    return _drift(game, gradient) + minimises * _saddle(xp, game, gradient, minimises)
+
+
+def finite_differences(
+    value: ValueFunction, pursuer: Array, evader: Array, target: Array | None, *, step_m: float
+) -> Gradient:
+    """Differentiate by central differences of fourth order, whose error falls with `step_m`⁴.
+
+    Args:
+        value: any function of the positions.
+        pursuer: position P, (..., 3), m.
+        evader: position E, (..., 3), m.
+        target: position T, (..., 3), m, or None for PE.
+        step_m: step of the differences, m.
+    """
+    xp = array_namespace(pursuer, evader)
+
+    def along(place: int) -> Array:
+        given: list[Any] = [pursuer, evader, target]
+        if given[place] is None:
+            return 0.0 * pursuer
+        slopes = []
+        for axis in range(3):
+            shift = constant(xp, pursuer, [step_m if axis == index else 0.0 for index in range(3)])
+
+            def moved(steps: float, shift: Array = shift) -> Array:
+                return value(*(array + steps * shift if index == place else array for index, array in enumerate(given)))
+
+            slopes.append((8.0 * (moved(1.0) - moved(-1.0)) - (moved(2.0) - moved(-2.0))) / (12.0 * step_m))
+        return xp.stack(slopes, axis=-1)
+
+    return Gradient(along(0), along(1), along(2))
+
+
+def automatic_gradient(value: ValueFunction, pursuer: Array, evader: Array, target: Array | None) -> Gradient:
+    """Differentiate by the array library.
+
+    Args:
+        value: any function of the positions, in operations of the library.
+        pursuer: position P, (..., 3), m, an array of PyTorch or JAX.
+        evader: position E, (..., 3), m.
+        target: position T, (..., 3), m, or None for PE.
+
+    Raises:
+        ConfigError: the library is neither PyTorch nor JAX.
+    """
+    given: list[Any] = [array for array in (pursuer, evader, target) if array is not None]
+    if is_torch_array(pursuer):
+        leaves = [array.detach().requires_grad_() for array in given]
+        value(*leaves, *([] if target is not None else [None])).sum().backward()
+        slopes = [leaf.grad for leaf in leaves]
+    elif is_jax_array(pursuer):
+        total = lambda *arrays: value(*arrays, *([] if target is not None else [None])).sum()  # noqa: E731
+        slopes = list(import_module("jax").grad(total, argnums=tuple(range(len(given))))(*given))
+    else:
+        raise ConfigError(
+            f"method = 'automatic': {type(pursuer).__module__} arrays cannot be differentiated; use 'finite'"
+        )
+    return Gradient(slopes[0], slopes[1], slopes[2] if target is not None else 0.0 * pursuer)
+
+
+def _drift(game: Game, gradient: Gradient) -> Array:
+    """What wind and moving target do to the value, whatever the players do."""
+    return dot2(_plane(gradient.pursuer), game.wind_m_s) + dot2(_plane(gradient.target), game.target_velocity_m_s)
+
+
+def _saddle(xp: Library, game: Game, gradient: Gradient, minimises: Array) -> Array:
+    """What the best of both adds, turned so that the pursuer minimises."""
+    x, y, z = (-minimises * component(gradient.pursuer, index) for index in range(3))
+    if isinstance(game.pursuer, Ball):
+        pursuer = game.pursuer.speed_m_s * root(xp, x * x + y * y + z * z)
+    else:
+        vertical = select(xp, z > 0, game.pursuer.climb_m_s * z, -game.pursuer.descent_m_s * z)
+        pursuer = game.pursuer.horizontal_m_s * norm2(xp, (x, y)) + vertical
+    a, b, c = (component(gradient.evader, index) for index in range(3))
+    free = c if game.evader_space == "space" else 0.0 * c
+    return game.evader_speed_m_s * root(xp, a * a + b * b + free * free) - pursuer
+
+
+def _plane(vectors: Array) -> Plane:
+    return component(vectors, 0), component(vectors, 1)

@@ -15,10 +15,10 @@ lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E)), so |s
 from typing import NamedTuple
 
 from guidance.game.arrays import (
-    Array,
     Library,
     Plane,
     Real,
+    Truth,
     dot2,
     norm2,
     positive_part,
@@ -26,10 +26,9 @@ from guidance.game.arrays import (
     select,
     unit2,
 )
-from guidance.game.game import STILL, Game, is_calm
-from guidance.game.reach import State, ball_time, head_wind, least_square_in_hand
+from guidance.game.game import STILL, Cylinder, Game, horizontal_speed, is_calm
+from guidance.game.reach import Geometry, ball_time, head_wind, least_square_in_hand
 from guidance.game.records import is_zero
-from guidance.game.speeds import Cylinder, horizontal_speed
 
 
 class Hunt(NamedTuple):
@@ -62,7 +61,7 @@ class Hunt(NamedTuple):
 class Aim(NamedTuple):
     """A heading s, and the direction from the pursuer to the end of its run, as far as it is known."""
 
-    s: Array
+    s: Real
     disc: Plane
 
 
@@ -70,8 +69,8 @@ class Way(NamedTuple):
     """A heading followed to its end, vectors by their components along and across it."""
 
     n: Plane
-    t: Array
-    rho: Array
+    t: Real
+    rho: Real
     """Length of the run."""
     left: Plane
     """From the target to the end."""
@@ -83,15 +82,23 @@ class Way(NamedTuple):
     """Direction from the pursuer to the end, through the air ..."""
     to: Plane
     """... in the plane."""
-    bent: Array
+    bent: Real
     """Radius of the stand-off disc over the length of that way; zero without a disc."""
-    hand: Array
-    delta: Array
+    hand: Real
+    delta: Real
     """The root of `ball_time`; infinite where the evader is captured before it can leave the disc, whatever it does."""
 
 
-def hunt_for(xp: Library, game: Game, state: State, to_target: Plane, goal: Plane) -> Hunt:
-    """Gather what headings are judged by, counted from that to `goal`."""
+def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: Plane) -> Hunt:
+    """Gather what headings are judged by, counted from that to `goal`.
+
+    Args:
+        xp: array library.
+        game: speeds, capture radius, stand-off, age, wind and drift.
+        state: the state.
+        to_target: vector from the evader to the target now, m.
+        goal: vector from the evader to where it could meet its target, m.
+    """
     u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
     radius, capture = game.standoff.radius_m, game.capture_radius_m
     if isinstance(game.pursuer, Cylinder):
@@ -120,7 +127,14 @@ def hunt_for(xp: Library, game: Game, state: State, to_target: Plane, goal: Plan
 
 
 def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
-    """Follow a heading to the capture; with `held` also where the pursuer's height alone decides when that is."""
+    """Follow a heading to the capture; with `held` also where the pursuer's height alone decides when that is.
+
+    Args:
+        xp: array library.
+        hunt: what headings are judged by.
+        aim: the heading.
+        held: whether the end is also looked for where the pursuer's height alone decides when it comes.
+    """
     v, wind, drift, s = hunt.v, hunt.wind, hunt.drift, aim.s
     square = s * s
     scale = 1.0 / (1.0 + square)
@@ -159,17 +173,17 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     return Way(n, t, rho, left, air, flown, disc, to, bent, hand, delta)
 
 
-def _along(hunt: Hunt, air: Plane, p: Plane) -> Array:
+def _along(hunt: Hunt, air: Plane, p: Plane) -> Real:
     """Return p·air; where the air is calm the evader moves along its heading alone."""
     return air[0] * p[0] if hunt.wind is None else dot2(p, air)
 
 
-def _after(hunt: Hunt, air: Plane, t: Array, p: Plane) -> Plane:
+def _after(hunt: Hunt, air: Plane, t: Real, p: Plane) -> Plane:
     """Return p + air·t."""
     return p[0] + air[0] * t, p[1] if hunt.wind is None else p[1] + air[1] * t
 
 
-def judge(hunt: Hunt, way: Way) -> tuple[Array, Array, Array]:
+def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
     """Return Newton's turn towards the least distance, rad, that distance's slope, and whether the turn can be it.
 
     The first and second derivative of t by the heading are those of H = (‖y + m t − q‖² + z² − (u t + l)²)/2 = 0, for
@@ -196,17 +210,17 @@ def judge(hunt: Hunt, way: Way) -> tuple[Array, Array, Array]:
     return -slope / rate, slope, (rate > 0) & (before <= 0)
 
 
-def turned(aim: Aim, way: Way, turn: Array) -> Aim:
+def turned(aim: Aim, way: Way, turn: Real) -> Aim:
     """Turn a heading by a small angle, rad."""
     return Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), way.to)
 
 
-def bounded(xp: Library, s: Array) -> Array:
+def bounded(xp: Library, s: Real) -> Real:
     """Keep a heading within 90° of straight ahead."""
     return select(xp, s > 1.0, 1.0, select(xp, s < -1.0, -1.0, s))
 
 
-def across(v: Plane, n: Plane) -> Array:
+def across(v: Plane, n: Plane) -> Real:
     """Component of a plane vector across a direction, to its left."""
     return v[1] * n[0] - v[0] * n[1]
 

@@ -11,13 +11,12 @@ observed velocity there and spends the rest of its speed on the descent, √(u²
 still, or whose velocity is unknown, it goes straight down. The evader keeps its observed heading, or takes the x axis.
 """
 
-from guidance.game.arrays import Array, Library, Plane, Space, dot2, norm2, root, select, select2, unit2
-from guidance.game.game import Game, Reason, Winner, is_calm, speed_in_hand
-from guidance.game.reach import Play, State, climb, cover_time, head_wind, steer
-from guidance.game.speeds import Ball, Cylinder, horizontal_speed
+from guidance.game.arrays import Library, Plane, Real, Space, Truth, dot2, norm2, root, select, select2, unit2
+from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm, speed_in_hand
+from guidance.game.reach import Geometry, Play, climb, cover_time, head_wind, steer
 
 
-def pursuit(xp: Library, game: Game, state: State) -> Play:
+def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     """Play the PE game from a state taken apart; see `solve` for what the answer means."""
     v, age = game.evader_speed_m_s, game.information_age_s
     t, direction, free = _flee(xp, game, state)
@@ -44,7 +43,7 @@ def pursuit(xp: Library, game: Game, state: State) -> Play:
     )
 
 
-def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
+def _flee(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Truth]:
     """Find the capture time, the evader's heading, and whether any other heading were as good."""
     v, wind = game.evader_speed_m_s, game.wind_m_s
     lead = v * game.information_age_s - game.standoff.radius_m
@@ -55,7 +54,7 @@ def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
     else:
         least = speed_in_hand(game)
 
-        def cover(n: Plane) -> Array:
+        def cover(n: Plane) -> Real:
             return cover_time(xp, game, dot2(n, state.to_evader) + lead, least + head_wind(wind, n), state.z)
 
         t, direction, distance = climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
@@ -65,7 +64,7 @@ def _flee(xp: Library, game: Game, state: State) -> tuple[Array, Plane, Array]:
     return t, direction, free
 
 
-def _follow(xp: Library, game: Game, pursuer: Ball, state: State, overhead: Array, flown: Space) -> Space:
+def _follow(xp: Library, game: Game, pursuer: Ball, state: Geometry, overhead: Truth, flown: Space) -> Space:
     """Above the evader: copy its velocity, and spend the rest of the speed on the height, if there is any."""
     rest = pursuer.speed_m_s
     if state.seen is not None:

@@ -30,6 +30,7 @@ from guidance.game.arrays import (
     Plane,
     Real,
     Space,
+    Truth,
     bounded2,
     component,
     dot2,
@@ -43,9 +44,8 @@ from guidance.game.arrays import (
     select2,
     unit2,
 )
-from guidance.game.game import Game, is_calm, speed_in_hand, wind_speed
+from guidance.game.game import Ball, Cylinder, Game, horizontal_speed, is_calm, speed_in_hand, wind_speed
 from guidance.game.records import is_zero
-from guidance.game.speeds import Ball, Cylinder, horizontal_speed
 
 TOUCH_M = 1e-9
 """What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""
@@ -54,18 +54,18 @@ NEWTON_STEPS = 10
 """Eight reach the last bit even at δ = 1.02; wider speed ratios need four or five."""
 
 
-class State(NamedTuple):
+class Geometry(NamedTuple):
     """A state of the game by components, each of the leading shape, with what every kernel needs of it."""
 
     evader: Plane
     """Position of the evader, m."""
-    ground: Array
+    ground: Real
     """Height of the evader's plane, m."""
     to_evader: Plane
     """Horizontal vector from the pursuer to the evader, m."""
-    distance: Array
+    distance: Real
     """Its length d, m."""
-    z: Array
+    z: Real
     """Height of the pursuer above the stand-off disc, m."""
     seen: Plane | None
     """Observed velocity of the evader, at most v, m/s; None where it is unknown."""
@@ -79,18 +79,26 @@ class State(NamedTuple):
 class Play(NamedTuple):
     """A kernel's answer by components; see `Solution`."""
 
-    winner: Array
-    value: Array
-    margin: Array
+    winner: Real
+    value: Real
+    margin: Real
     meeting: Space
-    time: Array
+    time: Real
     pursuer: Space
     evader: Space
-    reason: Array
+    reason: Real
 
 
-def take_apart(xp: Library, game: Game, P: Array, E: Array, seen: Array | None) -> State:
-    """Take a state apart, `seen` being the evader's observed velocity (..., 3) or None."""
+def take_apart(xp: Library, game: Game, P: Array, E: Array, seen: Array | None) -> Geometry:
+    """Take a state apart, `seen` being the evader's observed velocity (..., 3) or None.
+
+    Args:
+        xp: array library.
+        game: the stand-off's height, and the evader's speed bound.
+        P: position of the pursuer, (..., 3), m.
+        E: position of the evader, (..., 3), m.
+        seen: the evader's observed velocity, (..., 3), m/s, or None.
+    """
     evader = (component(E, 0), component(E, 1))
     ground = component(E, 2)
     to_evader = (evader[0] - component(P, 0), evader[1] - component(P, 1))
@@ -98,10 +106,10 @@ def take_apart(xp: Library, game: Game, P: Array, E: Array, seen: Array | None) 
     velocity = None
     if seen is not None:
         velocity = bounded2(xp, (component(seen, 0), component(seen, 1)), game.evader_speed_m_s)
-    return State(evader, ground, to_evader, norm2(xp, to_evader), z, velocity)
+    return Geometry(evader, ground, to_evader, norm2(xp, to_evader), z, velocity)
 
 
-def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Array:
+def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real:
     """Return the time from now, s, until the capture circle spans `gap + run · t`; zero if it does now.
 
     Args:
@@ -127,19 +135,26 @@ def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Arra
     return positive_part(select(xp, gap + run * above > 0, t, above))
 
 
-def _positive_root(xp: Library, hand: Real, half: Real, delta: Real, beyond: Real) -> Array:
+def _positive_root(xp: Library, hand: Real, half: Real, delta: Real, beyond: Real) -> Real:
     """Solve hand·t² − 2 half·t − beyond = 0, `delta` being √(half² + hand·beyond), by the form that does not cancel."""
     kept = half >= 0
     other = select(xp, kept, 1.0, delta - half)
     return select(xp, kept, (half + delta) / hand, beyond / other)
 
 
-def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Array:
-    """Return the time, s, in which a Cylinder gains the height of the disc; negative if it has more than that."""
+def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
+    """Return the time, s, in which a Cylinder gains the height of the disc; negative if it has more than that.
+
+    Args:
+        xp: array library.
+        game: the capture radius.
+        pursuer: its speed set.
+        z: height of the pursuer above the stand-off disc, m, of either sign.
+    """
     return (abs(z) - game.capture_radius_m) / vertical_speed(xp, pursuer, z)
 
 
-def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Array:
+def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Real:
     """Return the vertical speed in the direction that is needed: descent from above the disc, climb from below."""
     return select(xp, z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
 
@@ -164,8 +179,16 @@ def least_square_in_hand(game: Game) -> Real:
     return speed_in_hand(game) * (u + v + wind_speed(game))
 
 
-def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Array:
-    """Return the time from now, s, until an evader at `y` from the pursuer, moving at `m` in the air, is captured."""
+def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Real:
+    """Return the time from now, s, until an evader at `y` from the pursuer, moving at `m` in the air, is captured.
+
+    Args:
+        xp: array library.
+        game: speed set, capture radius, stand-off disc.
+        y: horizontal vector from the pursuer to the evader, m.
+        m: the evader's velocity less the wind, m/s.
+        z: height of the pursuer above the stand-off disc, m, of either sign.
+    """
     pursuer, radius, capture = game.pursuer, game.standoff.radius_m, game.capture_radius_m
     if isinstance(pursuer, Cylinder):
         level = catch_in_ball(xp, pursuer.horizontal_m_s, radius + capture, y, m, 0.0)
@@ -176,20 +199,26 @@ def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Array:
     return climb(xp, y, m, lambda n: cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z))[0]
 
 
-def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Array]) -> tuple[Array, Plane, Array]:
+def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]) -> tuple[Real, Plane, Real]:
     """Find the largest t = cover(n) over all directions n, that of y + m t; return t, n and ‖y + m t‖.
 
     A row keeps the time of its first step after which none is needed, whatever the others of the batch go on with. A
     library that may be tracing is not asked for that.
+
+    Args:
+        xp: array library.
+        y: a plane vector now, m.
+        m: its rate, m/s.
+        cover: time, s, as a function of the direction that the vector's length is measured in.
     """
 
-    def towards(t: Array) -> tuple[Plane, Array]:
+    def towards(t: Real) -> tuple[Plane, Real]:
         then = (y[0] + m[0] * t, y[1] + m[1] * t)
         distance = norm2(xp, then)
         return unit2(xp, then, distance), distance
 
     t = cover(unit2(xp, y, norm2(xp, y)))
-    done: Array = False
+    done: Truth = False
     for _ in range(NEWTON_STEPS - 1):
         further = cover(towards(t)[0])
         if xp is np or xp is FLOATS:
@@ -201,16 +230,31 @@ def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Array]) -> t
     return t, *towards(t)
 
 
-def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Real) -> Array:
-    """Solve ‖(y + m t, z)‖ = u t + capture for its root t ≥ 0, with ‖m‖ < u; zero if it is captured now."""
+def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Real) -> Real:
+    """Solve ‖(y + m t, z)‖ = u t + capture for its root t ≥ 0, with ‖m‖ < u; zero if it is captured now.
+
+    Args:
+        xp: array library.
+        u: the pursuer's speed, m/s.
+        capture: what it has within its reach now, m.
+        y: horizontal vector from the pursuer to the evader, m.
+        m: the evader's velocity less the wind, m/s.
+        z: height of the pursuer above the disc, m, of either sign.
+    """
     pace = norm2(xp, m)
     return ball_time(xp, (u - pace) * (u + pace), dot2(y, m) - u * capture, dot2(y, y) + z * z - capture * capture)[0]
 
 
-def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Array, Array]:
+def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, Real]:
     """Solve hand·t² − 2 half·t − beyond = 0 for its root t ≥ 0, and return √(half² + hand·beyond) with it.
 
     Where `beyond`, the square of what is out of reach now, is not positive, the time is zero.
+
+    Args:
+        xp: array library.
+        hand: u² − ‖m‖², m²/s², positive.
+        half: half of the linear coefficient, m²/s.
+        beyond: the square of what is out of reach now, m².
     """
     inside, kept = beyond <= 0, half >= 0
     out = select(xp, inside, 0.0, beyond)

@@ -38,7 +38,7 @@ def _key(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
     return (value.shape, (np.asarray(value) + 0.0).tobytes()) if is_array(value) else value
 
 
-def rows_of(record: "DataclassInstance", rows: Callable[[Array], Array]) -> dict[str, Real]:
+def rows_of(record: "DataclassInstance", rows: Callable[[Array], Array]) -> dict[str, Any]:
     """Return every number of a record that is an array, as `rows` takes its rows from it."""
     values = {part.name: getattr(record, part.name) for part in fields(record) if part.init}
     return {name: rows(value) for name, value in values.items() if is_array(value)}
@@ -73,7 +73,14 @@ def take_pair(record: "DataclassInstance", name: str, *, rows_allowed: bool = Fa
 
 
 def require_kind(name: str, value: object, kinds: tuple[type, ...], allowed: str) -> None:
-    """Refuse a value that is none of some kinds, by its name and with what is allowed."""
+    """Refuse a value that is none of some kinds, by its name and with what is allowed.
+
+    Args:
+        name: of the field.
+        value: as given.
+        kinds: the types that are allowed.
+        allowed: what is allowed, for people.
+    """
     if not isinstance(value, kinds):
         raise ConfigError(f"{name} = {value!r}: must be {allowed}")
 

@@ -19,6 +19,7 @@ from guidance.game.arrays import (
     Library,
     Plane,
     Real,
+    Truth,
     dot2,
     half_of_digits,
     is_array,
@@ -30,7 +31,7 @@ from guidance.game.arrays import (
 )
 from guidance.game.game import STILL, Game, guaranteed_age_s, is_calm
 from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
-from guidance.game.reach import State
+from guidance.game.reach import Geometry
 from guidance.game.records import is_zero
 
 STEPS = 3
@@ -52,28 +53,28 @@ FAN = tuple(index / 4.0 - 1.0 for index in range(9))
 """Headings from −90° to 90°, exact in binary."""
 
 
-class Edge(NamedTuple):
+class Closest(NamedTuple):
     """Where the evader ends, from where it is: a horizontal vector, m; when, s; how far from its target, m."""
 
     run: Plane
-    time: Array
-    left: Array
+    time: Real
+    left: Real
 
 
-def is_circle(game: Game) -> bool | Array:
+def is_circle(game: Game) -> Truth:
     """Say whether the region, of a Cylinder its planar part, is the paper's disc; row by row where that differs."""
     if not is_calm(game) or game.target_velocity_m_s != STILL:
         return False
     lengths = (game.capture_radius_m, game.standoff.radius_m, game.information_age_s)
     if all(is_zero(length) for length in lengths):
         return True
-    plain: bool | Array = True
+    plain: Truth = True
     for length in lengths:
         plain = plain & (length == 0)
     return plain
 
 
-def closest_point(xp: Library, game: Game, state: State, to_target: Plane, goal: Plane, wanted: Array) -> Edge:
+def closest_point(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: Plane, wanted: Truth) -> Closest:
     """Find the closest point of the evader's region to its target, of a Cylinder's the planar part.
 
     Args:
@@ -85,17 +86,17 @@ def closest_point(xp: Library, game: Game, state: State, to_target: Plane, goal:
         wanted: which rows are asked for; in the others the answer means nothing.
     """
     if wanted is False:
-        return Edge(to_target, 0.0, 0.0)
+        return Closest(to_target, 0.0, 0.0)
     hunt = hunt_for(xp, game, state, to_target, goal)
     old = game.information_age_s > guaranteed_age_s(game)
     if not isinstance(wanted, np.ndarray) or wanted.all():
         return _closest(xp, hunt, old)
     rows = np.nonzero(wanted)
     found = _closest(xp, _rows(hunt, wanted.shape, rows), _rows(old, wanted.shape, rows))
-    return Edge(*_put((to_target, 0.0, 0.0), wanted.shape, rows, tuple(found)))
+    return Closest(*_put((to_target, 0.0, 0.0), wanted.shape, rows, tuple(found)))
 
 
-def _closest(xp: Library, hunt: Hunt, old: bool | Array) -> Edge:
+def _closest(xp: Library, hunt: Hunt, old: Truth) -> Closest:
     """Find it: by Newton's method where the run is not stopped by the pursuer's height alone."""
     met = hunt.to_target if hunt.drift is None else _plus(hunt.to_target, hunt.met_s, hunt.drift)
     far = norm2(xp, met)
@@ -107,14 +108,14 @@ def _closest(xp: Library, hunt: Hunt, old: bool | Array) -> Edge:
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
     way = follow(xp, hunt, _search(xp, hunt, old, within))
     run = (way.rho * way.n[0], way.rho * way.n[1])
-    return Edge(
+    return Closest(
         select2(xp, within, (rho * straight[0], rho * straight[1]), run),
         select(xp, within, hunt.met_s, way.t),
         select(xp, within, abs(far - rho), norm2(xp, way.left)),
     )
 
 
-def _search(xp: Library, hunt: Hunt, old: bool | Array, within: Array) -> Aim:
+def _search(xp: Library, hunt: Hunt, old: Truth, within: Truth) -> Aim:
     """Return the heading that ends closest to the target, for the rows that are not `within`."""
     start = _touch(xp, hunt)
     reach: Real = 2.0
@@ -135,7 +136,7 @@ def _search(xp: Library, hunt: Hunt, old: bool | Array, within: Array) -> Aim:
     return found
 
 
-def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Array, steps: int, most: int) -> tuple[Aim, Array]:
+def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: int) -> tuple[Aim, Truth]:
     """Take some steps, then one at a time in the rows that are not `there` yet, up to `most`; say which are."""
     for _ in range(steps):
         way = follow(xp, hunt, aim)
@@ -201,7 +202,7 @@ def _plus(a: Plane, factor: Real, b: Plane) -> Plane:
     return a[0] + factor * b[0], a[1] + factor * b[1]
 
 
-def _best_of_fan(xp: Library, hunt: Hunt, start: Aim, old: bool | Array) -> Aim:
+def _best_of_fan(xp: Library, hunt: Hunt, start: Aim, old: Truth) -> Aim:
     """Begin with the best heading of a fan instead, where the region may have a dent."""
     best, least = start, None
     for s in FAN:

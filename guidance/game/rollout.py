@@ -1,18 +1,111 @@
-"""Two policies closed over point masses, for one game or a batch, to the end of the game."""
+"""Two policies closed over point masses, for one game or a batch, to the end of the game.
+
+A step of `Exact` is never longer than a share of the time in which the end could possibly come: the distance to the
+capture, or from the evader to its target, over the speed at which it can shrink at most. So no end is stepped over,
+however short the encounter, and the steps close in on it until it is a nanosecond away; "the first sample below ε"
+would carry the error of a whole step. Between, a Runge-Kutta step of fourth order follows the curve of a pure pursuit.
+
+`Paper` is the stepping behind the published tables: explicit Euler at 0.01 s, capture at the first sample with
+‖P − E‖ < 0.01 m, time counted in samples (one more than the steps), the final distance read at the pursuer.
+"""
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, NamedTuple, TypeAlias
+
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, choose, norm3, spread, vectors
-from guidance.game.game import Game
+from guidance.game.arrays import (
+    Array,
+    Library,
+    choose,
+    component,
+    constant,
+    larger,
+    norm2,
+    norm3,
+    positive_part,
+    quiet,
+    root,
+    select,
+    spread,
+    vectors,
+)
+from guidance.game.game import Ball, Game, horizontal_speed, wind_speed
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
+from guidance.game.reach import TOUCH_M, take_apart, vertical_speed
 from guidance.game.records import is_zero, require
-from guidance.game.solution import leading_shape, quiet, solve
-from guidance.game.stepping import End, Exact, Paper, Sample, Velocities, exact_samples, published_samples
+from guidance.game.solution import leading_shape, solve
+
+SHARE = {1: 1.0, 4: 0.5}
+"""Share of the least time to the end that a step of an order may take; Runge-Kutta must not look past the end."""
+
+NANOSECOND_S = 1e-9
+
+SPARE_STEPS = 10_000
+"""Steps that a game may take to close in on its end, beyond those of its duration."""
+
+
+class End(IntEnum):
+    """How a game ended."""
+
+    RUNNING = 0
+    CAPTURED = 1
+    ARRIVED = 2
+    TIME_UP = 3
+    NO_ANSWER = 4
+    """A state or a velocity is not finite."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Adaptive steps of at most `step_s`, by Runge-Kutta (order 4) or with the velocity kept over the step (order 1).
+
+    Raises:
+        ConfigError: the step is not positive, or the order neither 1 nor 4.
+    """
+
+    step_s: float = 0.01
+    order: Literal[1, 4] = 4
+
+    def __post_init__(self) -> None:
+        require("step_s", self.step_s)
+        if self.order not in (1, 4):
+            raise ConfigError(f"order = {self.order!r}: must be 1 or 4")
+
+
+@dataclass(frozen=True, slots=True)
+class Paper:
+    """The stepping of the published tables.
+
+    Raises:
+        ConfigError: a number is not positive.
+    """
+
+    step_s: float = 0.01
+    capture_m: float = 0.01
+
+    def __post_init__(self) -> None:
+        require("step_s", self.step_s)
+        require("capture_m", self.capture_m)
+
+
+class Sample(NamedTuple):
+    """A moment of a batch of games: time (...), positions (..., 3) of P, E and T, and how each game has ended."""
+
+    time_s: Array
+    pursuer_m: Array
+    evader_m: Array
+    target_m: Array | None
+    end: Array
+
 
 EXACT = Exact()
+
+Velocities: TypeAlias = Callable[[Array, Array, Array | None, Array], tuple[Array, Array]]
 
 
 class Rollout(NamedTuple):
@@ -37,9 +130,9 @@ class Rollout(NamedTuple):
 
 def rollout(
     game: Game,
-    pursuer: Array,
-    evader: Array,
-    target: Array | None = None,
+    pursuer: ArrayLike,
+    evader: ArrayLike,
+    target: ArrayLike | None = None,
     *,
     pursuer_policy: str | Policy = "optimal",
     evader_policy: str | Policy = "optimal",
@@ -69,23 +162,23 @@ def rollout(
             f"information_age_s = {game.information_age_s!r}: a rollout keeps no past to look at; must be 0"
         )
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
-    pursuer, evader, target = given["pursuer"], given["evader"], given.get("target")
+    P, E, T = given["pursuer"], given["evader"], given.get("target")
     shape = leading_shape(game, given)
     velocities = _velocities(game, pursuer_policy, evader_policy)
-    nought = spread(xp, shape, pursuer, 0.0)
+    nought = spread(xp, shape, P, 0.0)
     start = Sample(
         nought,
-        pursuer + nought[..., None],
-        evader + nought[..., None],
-        None if target is None else target + nought[..., None],
+        P + nought[..., None],
+        E + nought[..., None],
+        None if T is None else T + nought[..., None],
         choose(xp, nought == 0, int(End.RUNNING), int(End.NO_ANSWER)),
     )
     path = []
     with quiet(xp):
         samples = (
-            exact_samples(xp, game, start, velocities, stepping, duration_s)
+            _exact_samples(xp, game, start, velocities, stepping, duration_s)
             if isinstance(stepping, Exact)
-            else published_samples(xp, game, start, velocities, stepping, duration_s)
+            else _published_samples(xp, game, start, velocities, stepping, duration_s)
         )
         for last in samples:
             if keep_path:
@@ -122,3 +215,129 @@ def _policy(name: str, policy: str | Policy, catalogue: Mapping[str, Policy]) ->
             "`Policy`; strategies with a memory and courses are played by scenarios"
         )
     return catalogue[policy]
+
+
+def _exact_samples(
+    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Exact, duration_s: float
+) -> Iterator[Sample]:
+    """Step up to the end and no further."""
+    seen, share = 0.0 * sample.evader_m, SHARE[stepping.order]
+    for _ in range(math.ceil(duration_s / stepping.step_s) + SPARE_STEPS):
+        ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
+        sample = sample._replace(end=_judge(xp, sample, ahead.capture_s, ahead.arrival_s, duration_s))
+        yield sample
+        running = sample.end == End.RUNNING
+        if not bool(xp.any(running)):
+            return
+        h = duration_s - sample.time_s
+        for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s):
+            h = choose(xp, limit < h, limit, h)
+        h = choose(xp, running, choose(xp, h < stepping.step_s, h, stepping.step_s), 0.0)
+        sample, seen = _advance(xp, game, sample, velocities, h, seen, stepping.order)
+    yield sample._replace(end=choose(xp, sample.end == End.RUNNING, int(End.TIME_UP), sample.end))
+
+
+def _judge(xp: Library, sample: Sample, capture_s: Array, arrival_s: Array, duration_s: float) -> Array:
+    """Say which games have ended now; capture comes before arrival where both are now."""
+    now = choose(xp, sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
+    now = choose(xp, arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
+    now = choose(xp, capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
+    now = choose(xp, capture_s - capture_s == 0, now, int(End.NO_ANSWER))
+    return choose(xp, sample.end == End.RUNNING, now, sample.end)
+
+
+def _published_samples(
+    xp: Library, game: Game, sample: Sample, velocities: Velocities, stepping: Paper, duration_s: float
+) -> Iterator[Sample]:
+    """Step and look afterwards, as the published simulation does."""
+    seen = 0.0 * sample.evader_m
+    count = math.ceil(duration_s / stepping.step_s)
+    index = 0
+    while True:
+        index += 1
+        near = norm3(xp, sample.pursuer_m - sample.evader_m) < stepping.capture_m
+        now = choose(xp, near, int(End.CAPTURED), int(End.TIME_UP if index >= count else End.RUNNING))
+        running = sample.end == End.RUNNING
+        time = choose(xp, running, index * stepping.step_s, sample.time_s)
+        sample = sample._replace(end=choose(xp, running, now, sample.end), time_s=time)
+        yield sample
+        running = sample.end == End.RUNNING
+        if not bool(xp.any(running)):
+            return
+        h = choose(xp, running, stepping.step_s, 0.0)
+        sample, seen = _advance(xp, game, sample, velocities, h, seen, 1)
+
+
+def _advance(
+    xp: Library, game: Game, sample: Sample, velocities: Velocities, h: Array, seen: Array, order: int
+) -> tuple[Sample, Array]:
+    """Advance every game by its own h, and return what was then seen of the evader's velocity."""
+    drift = constant(xp, sample.pursuer_m, (*game.target_velocity_m_s, 0.0))
+    step = h[..., None] if hasattr(h, "shape") else h
+    P, E, T = sample.pursuer_m, sample.evader_m, sample.target_m
+
+    def at(share: float, slope: tuple[Array, Array]) -> tuple[Array, Array]:
+        then = None if T is None else T + share * step * drift
+        return velocities(P + share * step * slope[0], E + share * step * slope[1], then, seen)
+
+    first = velocities(P, E, T, seen)
+    mean: tuple[Array, ...] = first
+    if order != 1:
+        second = at(0.5, first)
+        third = at(0.5, second)
+        last = at(1.0, third)
+        mean = tuple((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, last, strict=True))
+    moved = sample._replace(
+        time_s=sample.time_s + h,
+        pursuer_m=P + step * mean[0],
+        evader_m=E + step * mean[1],
+        target_m=None if T is None else T + step * drift,
+    )
+    return moved, first[1]
+
+
+class Ahead(NamedTuple):
+    """The least time, s, that must pass whatever the players do, before ...
+
+    Attributes:
+        capture_s: the evader can be captured.
+        arrival_s: the evader can be at its target; infinite without one.
+        turn_s: a Cylinder that is not level with its disc is so, and holds its height; infinite for a Ball.
+    """
+
+    capture_s: Array
+    arrival_s: Array
+    turn_s: Array
+
+
+def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: Array | None) -> Ahead:
+    """Return the least times to the ends of a game, from positions (..., 3).
+
+    A Cylinder's parts are met a little outside of where its pursuer holds, for it to come there.
+
+    Args:
+        xp: array library.
+        game: speeds, capture radius, stand-off, wind and drift.
+        pursuer: position P, (..., 3), m.
+        evader: position E, (..., 3), m.
+        target: position T, (..., 3), m, or None for PE.
+    """
+    state = take_apart(xp, game, pursuer, evader, None)
+    closing = horizontal_speed(game.pursuer) + game.evader_speed_m_s + wind_speed(game)
+    capture, turn = game.capture_radius_m, math.inf
+    beside = state.distance - game.standoff.radius_m
+    if isinstance(game.pursuer, Ball):
+        ahead = positive_part(norm2(xp, (positive_part(beside), state.z)) - capture) / closing
+    else:
+        met = capture + 2.0 * TOUCH_M
+        above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
+        ahead = positive_part(larger(xp, (beside - met) / closing, above))
+        over = abs(state.z) - capture
+        inside = (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z)
+        turn = select(xp, over > TOUCH_M, inside, math.inf)
+    if target is None:
+        return Ahead(ahead, math.inf, turn)
+    x, y, z = (component(target, index) - component(evader, index) for index in range(3))
+    rise = z if game.evader_space == "space" else 0.0 * z
+    speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
+    return Ahead(ahead, root(xp, x * x + y * y + rise * rise) / speed, turn)

@@ -5,12 +5,12 @@ and one is solved in Python's own floats; the answer is the same to the bit.
 """
 
 import math
-from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from array_api_compat import is_jax_namespace
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import (
@@ -19,22 +19,32 @@ from guidance.game.arrays import (
     Library,
     Real,
     Space,
+    Truth,
     codes,
     component,
     fill,
     is_array,
     is_numpy,
     pack,
+    quiet,
     select,
     spread,
     vectors,
 )
-from guidance.game.game import Game, Reason, Winner, for_rows, guaranteed_age_s, parameters, speed_in_hand
+from guidance.game.game import (
+    Game,
+    Reason,
+    Winner,
+    for_rows,
+    guaranteed_age_s,
+    horizontal_speed,
+    parameters,
+    speed_in_hand,
+)
 from guidance.game.pe import pursuit
 from guidance.game.reach import Play, take_apart
 from guidance.game.records import is_finite, is_zero
 from guidance.game.space import play_in_space
-from guidance.game.speeds import horizontal_speed
 from guidance.game.tad import defence
 
 NAN = float("nan")
@@ -75,11 +85,11 @@ class Solution(NamedTuple):
 
 def solve(
     game: Game,
-    pursuer: Array,
-    evader: Array,
-    target: Array | None = None,
+    pursuer: ArrayLike,
+    evader: ArrayLike,
+    target: ArrayLike | None = None,
     *,
-    evader_velocity_m_s: Array | None = None,
+    evader_velocity_m_s: ArrayLike | None = None,
     out: Solution | None = None,
 ) -> Solution:
     """Solve a game: PE without a target, TAD with one.
@@ -202,11 +212,6 @@ def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
         raise ConfigError(f"the leading shapes do not fit each other: {shapes}") from None
 
 
-def quiet(xp: Library) -> AbstractContextManager[object]:
-    """Keep NumPy from warning about the rows that `Reason` reports."""
-    return np.errstate(all="ignore") if is_numpy(xp) else nullcontext()
-
-
 def _play(xp: Library, game: Game, given: dict[str, Array]) -> Play:
     P, E, T, seen = (given.get(name) for name in ("pursuer", "evader", "target", "evader_velocity_m_s"))
     if game.evader_space == "space":
@@ -217,13 +222,13 @@ def _play(xp: Library, game: Game, given: dict[str, Array]) -> Play:
     return defence(xp, game, state, (component(T, 0), component(T, 1)))
 
 
-def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Array:
+def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real:
     """Return 0, or the reason why a row can have no answer."""
     answered: Real = sum((play.value, play.time, *play.meeting, *play.pursuer, *play.evader))
     if "target" in given:
         answered = answered + play.margin
     sound = _is_finite(answered + _largest_square(game, _most_squares(given) if xp is np else _squares(given)))
-    fault = int(Reason.SOLVED)
+    fault: Real = int(Reason.SOLVED)
     if not (xp is np or xp is FLOATS) or not _all(sound):
         sound = _is_finite(answered + _largest_square(game, _squares(given)))
         nought = sum(0.0 * component(array, index) for array in given.values() for index in range(3))
@@ -265,22 +270,22 @@ def _largest_square(game: Game, sizes: Real) -> Real:
     return (sizes + length * length) * square * square
 
 
-def _is_finite(value: Array) -> Array:
+def _is_finite(value: Real) -> Truth:
     return value - value == 0
 
 
-def _all(sound: Array) -> bool:
+def _all(sound: Truth) -> bool:
     return sound if isinstance(sound, bool) else bool(sound.all())
 
 
-def _refuse(fault: int, given: dict[str, Array]) -> None:
+def _refuse(fault: Real, given: dict[str, Array]) -> None:
     """Refuse a single state that is not finite, by name."""
     if fault == Reason.NOT_FINITE:
         wrong = [f"{name} = {array!r}" for name, array in given.items() if not all(map(is_finite, array.tolist()))]
         raise ConfigError(f"{', '.join(wrong)}: must be finite numbers")
 
 
-def _as_is(value: float | Space) -> Array:
+def _as_is(value: Real | Space) -> Array:
     """Make an array of a number or three, none of them minus zero: what `_put_together` does where none is lost."""
     if isinstance(value, tuple):
         return np.array((value[0] + 0.0, value[1] + 0.0, value[2] + 0.0))
@@ -288,7 +293,7 @@ def _as_is(value: float | Space) -> Array:
 
 
 def _put_together(
-    xp: Library, game: Game, shape: tuple[int, ...], like: Array, play: Play, fault: Array, out: Solution | None
+    xp: Library, game: Game, shape: tuple[int, ...], like: Array, play: Play, fault: Real, out: Solution | None
 ) -> Solution:
     """Put the components of an answer together, with NaN in the rows that have none."""
     sound = fault == 0
@@ -319,7 +324,7 @@ def _put_together(
     return out
 
 
-def _doubted(xp: Library, game: Game, play: Play) -> Array:
+def _doubted(xp: Library, game: Game, play: Play) -> Real:
     """Say of what would be solved that the information is too old for it; a fact of this moment stays what it is.
 
     PE is known by its margin, infinite.

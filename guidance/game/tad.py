@@ -22,13 +22,24 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game.apollonius import race
-from guidance.game.arrays import FLOATS, Array, Library, Plane, Space, norm2, positive_part, select, select2, unit2
-from guidance.game.game import STILL, Game, Reason, Winner, is_calm
+from guidance.game.arrays import (
+    FLOATS,
+    Library,
+    Plane,
+    Real,
+    Space,
+    Truth,
+    norm2,
+    positive_part,
+    select,
+    select2,
+    unit2,
+)
+from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm
 from guidance.game.pe import pursuit
-from guidance.game.reach import Play, State, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
+from guidance.game.reach import Geometry, Play, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
 from guidance.game.records import is_zero
-from guidance.game.region import Edge, closest_point, is_circle
-from guidance.game.speeds import Ball, Cylinder, horizontal_speed
+from guidance.game.region import Closest, closest_point, is_circle
 
 
 class Contest(NamedTuple):
@@ -44,15 +55,22 @@ class Contest(NamedTuple):
     """
 
     goal: Plane
-    arrival: Array
-    guard: Array
-    margin: Array
-    short: Array
-    edge: Edge
+    arrival: Real
+    guard: Real
+    margin: Real
+    short: Real
+    edge: Closest
 
 
-def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
-    """Play the TAD game from a state taken apart; see `solve` for what the answer means."""
+def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> Play:
+    """Play the TAD game from a state taken apart; see `solve` for what the answer means.
+
+    Args:
+        xp: array library.
+        game: what is played.
+        state: the state.
+        target: where the target is now, m.
+    """
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
     contest = _compare(xp, game, state, to_target)
     goal, margin, lead = contest.goal, contest.margin, contest.edge
@@ -78,7 +96,7 @@ def defence(xp: Library, game: Game, state: State, target: Plane) -> Play:
     )
 
 
-def _close_in(xp: Library, game: Game, state: State, over: Array, flown: Space) -> Space:
+def _close_in(xp: Library, game: Game, state: Geometry, over: Truth, flown: Space) -> Space:
     """Play PE where nothing is left to gain on the way to the meeting point, and yet the evader is not captured.
 
     Only of old information that can be: the pursuer is where the evader would be met, had it run there unseen. A
@@ -90,14 +108,14 @@ def _close_in(xp: Library, game: Game, state: State, over: Array, flown: Space) 
     return *select2(xp, over, chased[:2], flown[:2]), select(xp, over, chased[2], flown[2])
 
 
-def _gap(xp: Library, game: Game, to: Plane) -> Array:
+def _gap(xp: Library, game: Game, to: Plane) -> Real:
     """Return what is left to gain horizontally of a way; only a Cylinder is asked for it."""
     if isinstance(game.pursuer, Ball):
         return 0.0
     return norm2(xp, to) - (game.standoff.radius_m + game.capture_radius_m)
 
 
-def _compare(xp: Library, game: Game, state: State, to_target: Plane) -> Contest:
+def _compare(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Contest:
     """Compare the times to the target, by the paper's formulas wherever the game is the paper's."""
     circle = is_circle(game)
     whole = circle is True
@@ -126,23 +144,23 @@ def _compare(xp: Library, game: Game, state: State, to_target: Plane) -> Contest
     return Contest(goal, arrival, guard, margin, short, edge)
 
 
-def _paper(xp: Library, game: Game, state: State, to_target: Plane, z: Array) -> Contest:
+def _paper(xp: Library, game: Game, state: Geometry, to_target: Plane, z: Real) -> Contest:
     u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
     ended = race(xp, (u, v), state.to_evader, z, to_target)
     arrival = norm2(xp, to_target) / v
-    edge = Edge(ended.run, norm2(xp, ended.run) / v, ended.final_distance)
+    edge = Closest(ended.run, norm2(xp, ended.run) / v, ended.final_distance)
     return Contest(to_target, arrival, arrival - ended.margin, ended.margin, -u * ended.margin, edge)
 
 
-def _choose_edge(xp: Library, condition: Array, yes: Edge, no: Edge) -> Edge:
-    return Edge(
+def _choose_edge(xp: Library, condition: Truth, yes: Closest, no: Closest) -> Closest:
+    return Closest(
         select2(xp, condition, yes.run, no.run),
         select(xp, condition, yes.time, no.time),
         select(xp, condition, yes.left, no.left),
     )
 
 
-def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Array, Plane]:
+def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
     """Return when the evader can be at its target, and where that is then, from the evader."""
     v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
     if adrift == STILL:
@@ -151,15 +169,22 @@ def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Array, Plane]:
     return arrival, (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)
 
 
-def guard_time(xp: Library, game: Game, state: State, goal: Plane) -> Array:
-    """Return how soon, s, the pursuer could hold captured whoever is at `goal`, a vector from the evader."""
+def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
+    """Return how soon, s, the pursuer could hold captured whoever is at `goal`, a vector from the evader.
+
+    Args:
+        xp: array library.
+        game: speed set, capture radius, stand-off disc, wind.
+        state: the state.
+        goal: vector from the evader to the point that is guarded, m.
+    """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if is_calm(game):
         return cover_time(xp, game, norm2(xp, y) - game.standoff.radius_m, horizontal_speed(game.pursuer), state.z)
     return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
 
 
-def is_caught(xp: Library, game: Game, state: State) -> Array:
+def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
     """Say whether the evader is captured now, wherever within v τ it may be."""
     beside = state.distance + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
     capture = game.capture_radius_m
@@ -169,29 +194,31 @@ def is_caught(xp: Library, game: Game, state: State) -> Array:
     return norm2(xp, (beside, state.z)) <= capture
 
 
-def _with_falling(xp: Library, game: Game, pursuer: Cylinder, state: State, to_target: Plane, level: Edge) -> Edge:
+def _with_falling(
+    xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest
+) -> Closest:
     """Join the disc that the evader has while the pursuer's height is not spent to the planar region."""
     falling, adrift = positive_part(level_time(xp, game, pursuer, state.z)), game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
     goal = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
     far = norm2(xp, goal)
     towards = unit2(xp, goal, far)
-    fallen = Edge((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
+    fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
     return _choose_edge(xp, far - radius < level.left, fallen, level)
 
 
-def _winner(xp: Library, margin: Array) -> Array:
+def _winner(xp: Library, margin: Real) -> Real:
     ahead = select(xp, margin > 0, int(Winner.PURSUER), int(Winner.UNDECIDED))
     return select(xp, margin < 0, int(Winner.EVADER), ahead)
 
 
-def _reason(xp: Library, margin: Array, arrived: Array, caught: Array) -> Array:
+def _reason(xp: Library, margin: Real, arrived: Truth, caught: Truth) -> Real:
     reason = select(xp, margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
     reason = select(xp, arrived, int(Reason.ARRIVED), reason)
     return select(xp, caught, int(Reason.CAPTURED), reason)
 
 
-def _shortfall(xp: Library, game: Game, state: State, goal: Plane, arrival: Array, lost: Array) -> Array:
+def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: Real, lost: Truth) -> Real:
     """Return the distance, m, that the pursuer is short of a capture at `goal` when the evader arrives there.
 
     Where the evader does not win, one metre stands in: the derivative of a square root at zero would spoil the gradient

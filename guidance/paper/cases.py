@@ -4,10 +4,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
 from guidance.game import Ball, Game, Rollout, rollout
-from guidance.game.stepping import Paper, Sample
+from guidance.game.rollout import Paper, Sample
 
 GAME = Game(Ball(2.0), evader_speed_m_s=1.0)
 """δ = 2. The paper gives no speeds; its times are those of v = 1 m/s."""
@@ -107,8 +105,9 @@ def tables() -> tuple[Table, Table]:
 def _case(
     cell: TableRow, pursuer: tuple[float, ...], evader: tuple[float, ...], target: tuple[float, ...] | None
 ) -> Case:
-    state = [np.asarray(pursuer), np.asarray(evader), None if target is None else np.asarray(target)]
-    play = partial(rollout, GAME, *state, pursuer_policy=cell.pursuer_policy, evader_policy=cell.evader_policy)
+    play = partial(
+        rollout, GAME, pursuer, evader, target, pursuer_policy=cell.pursuer_policy, evader_policy=cell.evader_policy
+    )
     stepped, exact = play(stepping=Paper()), play(keep_path=True)
     digits = len(cell.published.partition(".")[2])
 

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
 from guidance.game import Game, Solution, solve
-from guidance.game.arrays import Real
-from guidance.game.solution import quiet
-from guidance.game.stepping import NANOSECOND_S, Ahead, look_ahead
+from guidance.game.arrays import Real, quiet
+from guidance.game.rollout import NANOSECOND_S, Ahead, look_ahead
 from guidance.sim.batch import Array, Batch, keep, kind_of, stack, starts
 from guidance.sim.outcome import Outcome, final_distance_m, outcome_of, winner_name
 from guidance.sim.scenario import Scenario

@@ -7,7 +7,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game, SpeedSet
-from guidance.game.arrays import Array
+from guidance.game.arrays import Array, Real
 from guidance.strategies.course import Course, bounded
 from guidance.strategies.navigation import proportional_navigation
 
@@ -47,7 +47,7 @@ class StrategyMemory(NamedTuple):
     """What a strategy remembers: its last command (..., 3), None at the begin, and for how long it has played (...)."""
 
     velocity_m_s: Array | None = None
-    played_s: Array | float = 0.0
+    played_s: Real = 0.0
 
 
 def pursue(
@@ -59,7 +59,7 @@ def pursue(
     seen_m_s: Array,
     memory: StrategyMemory,
     *,
-    dt_s: Array | float,
+    dt_s: Real,
 ) -> Array:
     """Return the pursuer's velocity, (..., 3), m/s.
 

@@ -22,16 +22,16 @@ from guidance.game.arrays import (
     dot2,
     pack,
     positive_part,
+    quiet,
     root,
     select,
     select2,
     unit2,
     vectors,
 )
-from guidance.game.game import Game
-from guidance.game.reach import State, steer, take_apart
-from guidance.game.solution import leading_shape, quiet
-from guidance.game.speeds import Ball
+from guidance.game.game import Ball, Game
+from guidance.game.reach import Geometry, steer, take_apart
+from guidance.game.solution import leading_shape
 from guidance.game.tad import guard_time
 
 
@@ -42,7 +42,7 @@ def proportional_navigation(
     evader_velocity_m_s: Array,
     previous_m_s: Array | None,
     *,
-    dt_s: Array | float,
+    dt_s: Real,
     gain: float,
 ) -> Array:
     """Turn `gain` times as fast as the line of sight does: (..., 3), m/s.
@@ -62,9 +62,8 @@ def proportional_navigation(
     shape, pursuer = leading_shape(game, given), given["pursuer"]
     with quiet(xp):
         state = take_apart(xp, game, *given.values())
-        previous = (
-            (0.0, 0.0, 0.0) if previous_m_s is None else tuple(component(previous_m_s, index) for index in range(3))
-        )
+        x, y, z = (0.0 if previous_m_s is None else component(previous_m_s, index) for index in range(3))
+        previous = (x, y, z)
         if isinstance(game.pursuer, Ball):
             flown = _in_space(xp, game, game.pursuer, state, previous, dt_s * gain)
         else:
@@ -72,7 +71,7 @@ def proportional_navigation(
         return pack(xp, shape, pursuer, flown)
 
 
-def _in_space(xp: Library, game: Game, pursuer: Ball, state: State, previous: Space, gained_s: Real) -> Space:
+def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, gained_s: Real) -> Space:
     """Turn a Ball's velocity towards the nearest point of the disc."""
     e, reach = unit2(xp, state.to_evader, state.distance), positive_part(state.distance - game.standoff.radius_m)
     sight = (reach * e[0], reach * e[1], -state.z)
@@ -85,7 +84,7 @@ def _in_space(xp: Library, game: Game, pursuer: Ball, state: State, previous: Sp
     return *level, select(xp, met, 0.0, pace * course[2])
 
 
-def _in_the_plane(xp: Library, game: Game, state: State, previous: Space, gained_s: Real) -> Space:
+def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, gained_s: Real) -> Space:
     """Turn a Cylinder's horizontal velocity towards the evader, and meet its height."""
     nought = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, nought), (previous[0], previous[1], nought), state.hold, gained_s)

@@ -14,7 +14,8 @@ more) has noticed the change: it timed out; the clock on the wall does not matte
 Printed: how many were drawn, killed, listed, survived and timed out, and every survivor. One that changes no result is
 listed in `game_mutants.toml` with the reason, and is not run again without `--listed`; any other fails the run. What
 only PyTorch or JAX can notice survives where they are not installed. A file given with `--keep` holds what was noticed,
-by the text of the changed statement, and beside it which test reaches what: a later run judges the others alone.
+by the changed statement without its docstrings and annotations, and beside it which test reaches what: a later run
+judges the others alone.
 """
 
 import argparse

@@ -119,7 +119,7 @@ def _wordings(tree: ast.AST) -> Iterator[ast.AST]:
     """Yield the nodes of annotations, messages and guards."""
     for node in ast.walk(tree):
         apart: list[Any] = [getattr(node, "annotation", None), getattr(node, "returns", None)]
-        if getattr(getattr(node, "annotation", None), "value", "") == "TypeAlias" or isinstance(node, ast.JoinedStr):
+        if getattr(getattr(node, "annotation", None), "id", "") == "TypeAlias" or isinstance(node, ast.JoinedStr):
             apart.append(node)
         if isinstance(node, ast.ClassDef):
             apart += node.decorator_list
@@ -150,7 +150,10 @@ def _head(statement: ast.stmt) -> range:
 
 
 class Mutant(NamedTuple):
-    """A change to a file, and what it is called: file, function, change, and a number where several are alike."""
+    """A change to a file, and what it is called: file, function, change, and a number where several are alike.
+
+    `digest` is what is kept of it: of what it does, so that docstrings and annotations may change.
+    """
 
     stem: str
     function: str
@@ -159,11 +162,7 @@ class Mutant(NamedTuple):
     lines: range
     place: int
     text: str
-
-    @property
-    def digest(self) -> str:
-        """What is kept of it."""
-        return hashlib.blake2b(f"{self.stem}\n{self.text}".encode(), digest_size=8).hexdigest()
+    digest: str
 
     @property
     def named(self) -> str:
@@ -192,7 +191,33 @@ def drawn_from(stem: str) -> Iterator[Mutant]:
         if code not in known:
             known.add(code)
             said = one.said if number == 1 else f"{one.said} ({number})"
-            yield Mutant(stem, one.function, said, one.line, one.lines, one.place, ast.unparse(one.tree))
+            text = ast.unparse(one.tree)
+            digest = hashlib.blake2b(f"{stem}\n{_undressed(text)}".encode(), digest_size=8).hexdigest()
+            yield Mutant(stem, one.function, said, one.line, one.lines, one.place, text, digest)
+
+
+def _undressed(text: str) -> str:
+    """Return a statement without its docstrings and annotations."""
+    return ast.unparse(ast.fix_missing_locations(_Undress().visit(ast.parse(text))))
+
+
+class _Undress(ast.NodeTransformer):
+    """Takes docstrings and annotations away."""
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        node.returns = None
+        return self.generic_visit(node)
+
+    def visit_arg(self, node: ast.arg) -> ast.AST:
+        node.annotation = None
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
+        return self.generic_visit(ast.Assign([node.target], node.value or ast.Constant(...)))
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST:
+        words = isinstance(getattr(node.value, "value", None), str)
+        return ast.Expr(ast.Constant("")) if words else self.generic_visit(node)
 
 
 def bare(code: CodeType) -> tuple[object, ...]:

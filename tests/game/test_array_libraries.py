@@ -20,7 +20,7 @@ from guidance.game import (
     value_gradient,
 )
 from guidance.game.arrays import codes, constant, spread, vectors
-from guidance.game.hji import automatic_gradient
+from guidance.game.gradient import automatic_gradient
 
 pytestmark = pytest.mark.arrays
 NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")

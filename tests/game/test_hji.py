@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, hji_residual, solve, value_gradient
-from guidance.game.hji import finite_differences
+from guidance.game.gradient import finite_differences
 from tests.harness.examples import drawn
 
 few = settings(max_examples=drawn(2), deadline=None)

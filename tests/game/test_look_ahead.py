@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from guidance.game import Ball, Cylinder, Game, StandOff
-from guidance.game.stepping import look_ahead
+from guidance.game.rollout import look_ahead
 
 NANOMETRE_M = 1e-9
 

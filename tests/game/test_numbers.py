@@ -25,7 +25,6 @@ from guidance.game import (
     solve,
     value_gradient,
 )
-from guidance.game.policies import lead_pursuit
 from guidance.game.records import is_zero
 from guidance.strategies.navigation import proportional_navigation
 
@@ -69,7 +68,6 @@ def test_every_function_takes_whole_numbers():
     assert same(value_gradient(PAPER, *whole), value_gradient(PAPER, *real))
     assert hji_residual(PAPER, *whole) == hji_residual(PAPER, *real)
     assert rollout(PAPER, *whole).time_s == rollout(PAPER, *real).time_s
-    np.testing.assert_array_equal(lead_pursuit(PAPER, *whole[:2]), lead_pursuit(PAPER, *real[:2]))
     steered = [proportional_navigation(PAPER, *three, None, dt_s=0.1, gain=3.0) for three in (whole, real)]
     np.testing.assert_array_equal(*steered)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Game, StandOff, solve
-from guidance.game.policies import lead_pursuit
 
 PAPER = Game(Ball(2.0), 1.0)
+lead_pursuit = PURSUER_POLICIES["lead_pursuit"]
 P, E, T = np.array([3.0, 4.0, 12.0]), np.zeros(3), np.array([-6.0, 8.0, 0.0])
 
 

@@ -1,11 +1,12 @@
 """Two policies closed over point masses: ends located exactly, and the paper's own stepping."""
 
 import math
+from importlib import import_module
 
 import numpy as np
 import pytest
 
-from guidance.game import Ball, Cylinder, End, Exact, Game, Paper, StandOff, rollout, solve, stepping
+from guidance.game import Ball, Cylinder, End, Exact, Game, Paper, StandOff, rollout, solve
 
 PAPER = Game(Ball(2.0), 1.0)
 P, E = np.array([8.0, 1.42, 9.41]), np.array([7.92, 9.6, 0.0])
@@ -78,7 +79,7 @@ def test_time_is_up_when_it_is():
 
 def test_a_game_that_takes_too_many_steps_is_given_up(monkeypatch):
     """So close beside the evader that the least time to a capture never lets a step be long."""
-    monkeypatch.setattr(stepping, "SPARE_STEPS", 5)
+    monkeypatch.setattr(import_module("guidance.game.rollout"), "SPARE_STEPS", 5)
     side_by_side = {"pursuer_policy": "hold", "evader_policy": "hold"}
     end = rollout(PAPER, np.array([1e-6, 0.0, 0.0]), np.zeros(3), **side_by_side, duration_s=0.05, keep_path=True)
     assert end.end == End.TIME_UP

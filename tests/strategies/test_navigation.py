@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Cylinder, Game, StandOff, solve
-from guidance.game.policies import lead_pursuit
+from guidance.game import PURSUER_POLICIES, Ball, Cylinder, Game, StandOff, solve
 from guidance.strategies import OPTIMAL, Course, Strategy, StrategyMemory, evade, pursue
 from guidance.strategies.navigation import proportional_navigation
 
+lead_pursuit = PURSUER_POLICIES["lead_pursuit"]
 POINT = Game(Ball(2.0), 1.0)
 COPTER = Game(Cylinder(4.0, 2.0, 1.0), 2.0, standoff=StandOff(3.0, 5.0))
 

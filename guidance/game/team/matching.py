@@ -17,6 +17,7 @@ Pursuers that are left still go where they come closest to a capture of their ow
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game import Game, Reason, Solution, Winner, solve
@@ -66,11 +67,11 @@ class Matching(NamedTuple):
 
 def match_teams(
     game: Game,
-    pursuers: Array,
-    evaders: Array,
-    target: Array | None = None,
+    pursuers: ArrayLike,
+    evaders: ArrayLike,
+    target: ArrayLike | None = None,
     *,
-    in_play: Array | None = None,
+    in_play: ArrayLike | None = None,
     previous: Matching | None = None,
     hysteresis: float = 0.0,
 ) -> Matching:
@@ -136,7 +137,9 @@ class _Table(NamedTuple):
     alone: Solution
 
 
-def _table(game: Game, pursuers: Array, evaders: Array, target: Array | None, in_play: Array | None) -> _Table:
+def _table(
+    game: Game, pursuers: ArrayLike, evaders: ArrayLike, target: ArrayLike | None, in_play: ArrayLike | None
+) -> _Table:
     """Bring the arguments to one shape, and solve each pair."""
     u, v = each_speed(game)
     P, E = vectors("pursuers", pursuers, "(..., n, 3)"), vectors("evaders", evaders, "(..., m, 3)")

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game, Policy, Reason
@@ -61,7 +62,7 @@ class TeamRollout(NamedTuple):
     path: tuple[TeamSample, ...]
 
 
-class _Team(NamedTuple):
+class _Sides(NamedTuple):
     """What does not change while a batch is played: speeds (..., n) and (..., m), targets, and how they play."""
 
     game: Game
@@ -74,9 +75,9 @@ class _Team(NamedTuple):
 
 def rollout_teams(
     game: Game,
-    pursuers: Array,
-    evaders: Array,
-    target: Array | None = None,
+    pursuers: ArrayLike,
+    evaders: ArrayLike,
+    target: ArrayLike | None = None,
     *,
     pursuer_policy: Policies = OPTIMAL,
     evader_policy: Policies = OPTIMAL,
@@ -113,7 +114,7 @@ def rollout_teams(
     first = match_teams(game, pursuers, evaders, target)
     shape, (n, m) = first.guaranteed.shape, first.beats.shape[-2:]
     u, v = each_speed(game)
-    team = _Team(
+    team = _Sides(
         game,
         np.broadcast_to(u, (*shape, n)),
         np.broadcast_to(v, (*shape, m)),
@@ -153,7 +154,7 @@ def rollout_teams(
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 
-def _ahead(team: _Team, P: Array, E: Array, capture_m: float) -> tuple[Array, Array]:
+def _ahead(team: _Sides, P: Array, E: Array, capture_m: float) -> tuple[Array, Array]:
     """Return the least times, s, in which each pursuer could capture each evader, and an evader be at its target."""
     w = P[..., :, None, :] - E[..., None, :, :]
     height = w[..., 2] - team.game.standoff.height_m
@@ -163,7 +164,7 @@ def _ahead(team: _Team, P: Array, E: Array, capture_m: float) -> tuple[Array, Ar
     return capture, arrival
 
 
-def _velocities(team: _Team, P: Array, E: Array, matching: Matching) -> tuple[Array, Array]:
+def _velocities(team: _Sides, P: Array, E: Array, matching: Matching) -> tuple[Array, Array]:
     """Return the velocities of all players, (..., n, 3) and (..., m, 3)."""
     chased = np.maximum(matching.evader_of, 0)
     w = P[..., :, None, :] - E[..., None, :, :]

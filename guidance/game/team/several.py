@@ -20,6 +20,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, Reason, Solution, solve
@@ -91,11 +92,11 @@ class TeamSolution(NamedTuple):
 
 def solve_team(
     game: Game,
-    pursuers: Array,
-    evader: Array,
-    target: Array | None = None,
+    pursuers: ArrayLike,
+    evader: ArrayLike,
+    target: ArrayLike | None = None,
     *,
-    evader_velocity_m_s: Array | None = None,
+    evader_velocity_m_s: ArrayLike | None = None,
 ) -> TeamSolution:
     """Solve a game of several pursuers against one evader: PE without a target, TAD with one.
 
@@ -152,7 +153,7 @@ def with_speeds(game: Game, u: Any, v: Any) -> Game:  # noqa: ANN401 - numbers o
     return replace(game, pursuer=Ball(u), evader_speed_m_s=v)
 
 
-def vectors(name: str, array: Array, shape: str) -> Array:
+def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     """Return an argument as an array of real numbers.
 
     Raises:
