@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
+import tomli_w
+
 from sitl_mock.errors import ConfigError, TransportError
 from sitl_mock.serving import udp_ports
 
@@ -70,10 +72,12 @@ class RunningFleet(Mapping[str, RunningVehicle]):
     Attributes:
         vehicles: Where each can be reached.
         process: The child; `running` ends it.
+        log: The file that takes what it says on its standard error.
     """
 
     vehicles: Mapping[str, RunningVehicle]
     process: subprocess.Popen[str]
+    log: Path
 
     def __getitem__(self, name: str) -> RunningVehicle:
         return self.vehicles[name]
@@ -84,6 +88,17 @@ class RunningFleet(Mapping[str, RunningVehicle]):
     def __len__(self) -> int:
         return len(self.vehicles)
 
+    def check(self) -> None:
+        """See that it still runs.
+
+        Raises:
+            TransportError: It has ended, with its exit code and its last words.
+        """
+        code = self.process.poll()
+        if code is not None:
+            words = _last_words(self.log) or "it said nothing"
+            raise TransportError(f"the mock autopilot ended in flight (exit code {code}): {words}")
+
 
 @contextlib.contextmanager
 def running(
@@ -91,15 +106,17 @@ def running(
     *,
     over: Sequence[Over] = ("udp", "zenoh"),
     faults: Mapping[str, Any] | None = None,
+    port: int = 0,
     seed: int = 0,
     **fleet: Any,  # noqa: ANN401 - further keys of a fleet file
 ) -> Iterator[RunningFleet]:
-    """Run a fleet in a child process on free ports of 127.0.0.1; it ends with the block, or with this process.
+    """Run a fleet in a child process on 127.0.0.1; it ends with the block, or with this process.
 
     Args:
         vehicles: The `[[vehicle]]` tables of a fleet file: name, flavour, ready_after_s, parameters, ...
         over: What it is reached over.
         faults: The tables of a faults file.
+        port: First UDP port of the onboard links, or without UDP the port of the Zenoh session; 0 picks what is free.
         seed: Of all randomness.
         fleet: Other keys of a fleet file, such as home.
 
@@ -113,22 +130,23 @@ def running(
     flavours = {str(each.get("name")): str(each.get("flavour", "px4")) for each in vehicles}
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        (folder / "fleet.toml").write_text(_toml({"seed": seed, **fleet, "vehicle": list(vehicles)}), encoding="utf-8")
-        (folder / "faults.toml").write_text(_toml(faults or {}), encoding="utf-8")
-        for attempt in range(_ATTEMPTS):
-            port = _free_ports(flavours, stack) if "udp" in over else None
-            process = _start(folder, port, zenoh="zenoh" in over)
+        tables = {"seed": seed, **fleet, "vehicle": [_given(each) for each in vehicles]}
+        (folder / "fleet.toml").write_text(tomli_w.dumps(tables), encoding="utf-8")
+        (folder / "faults.toml").write_text(tomli_w.dumps(faults or {}), encoding="utf-8")
+        for _ in range(1 if port else _ATTEMPTS):
+            udp = port or _free_ports(flavours, stack) if "udp" in over else None
+            zenoh = (port if udp is None else 0) if "zenoh" in over else None
+            process = _start(folder, udp, zenoh)
             stack.callback(end, process)
             line = _first_line(process)
             if line:
-                yield RunningFleet(_told(json.loads(line), _targets(port, flavours)), process)
+                yield RunningFleet(_told(json.loads(line), _targets(udp, flavours)), process, folder / _ERRORS)
                 return
             end(process)
-            reason = (folder / _ERRORS).read_text(encoding="utf-8").strip()
-            if process.returncode != _PORT_TAKEN or attempt == _ATTEMPTS - 1:
+            if process.returncode != _PORT_TAKEN:
                 break
         error = ConfigError if process.returncode == ConfigError.exit_code else TransportError
-        raise error(reason.removeprefix("error: ") or "the mock did not come up")
+        raise error(_last_words(folder / _ERRORS) or "the mock did not come up")
 
 
 def end(process: subprocess.Popen[str]) -> None:
@@ -145,15 +163,27 @@ def end(process: subprocess.Popen[str]) -> None:
         process.stdout.close()
 
 
-def _start(folder: Path, port: int | None, *, zenoh: bool) -> subprocess.Popen[str]:
+def _start(folder: Path, udp: int | None, zenoh: int | None) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
     command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
-    command += ["--udp", str(port)] if port is not None else []
-    command += ["--zenoh", "tcp/127.0.0.1:0"] if zenoh else []
+    command += ["--udp", str(udp)] if udp is not None else []
+    command += ["--zenoh", f"tcp/127.0.0.1:{zenoh}"] if zenoh is not None else []
     with (folder / _ERRORS).open("w", encoding="utf-8") as errors:  # a pipe that nobody reads would fill up
         return subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True, encoding="utf-8"
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            encoding="utf-8",
+            start_new_session=True,  # Ctrl-C is for the parent: the child ends when its standard input closes
         )
+
+
+def _last_words(log: Path) -> str:
+    """The end of what a child has said."""
+    said = log.read_text(encoding="utf-8", errors="replace").strip()
+    return said.rpartition("error: ")[2] if "error: " in said else said.rpartition("\n")[2]
 
 
 def _first_line(process: subprocess.Popen[str]) -> str:
@@ -176,6 +206,16 @@ def _told(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, Run
         listens = next((int(place.rsplit(":", 1)[1]) for place in places if place.startswith("udp:")), None)
         vehicles[name] = RunningVehicle(name, each["flavour"], each["system_id"], targets.get(name), listens, zenoh)
     return vehicles
+
+
+def free_udp_port(flavours: Mapping[str, str]) -> int:
+    """Return a first port with which every vehicle's ports, its own and its client's, are free now.
+
+    Raises:
+        TransportError: None is found.
+    """
+    with contextlib.ExitStack() as held:
+        return _free_ports(flavours, held)
 
 
 def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int:
@@ -223,16 +263,6 @@ def _is_free(port: int) -> bool:
         return True
 
 
-def _toml(table: Mapping[str, Any], path: str = "") -> str:
-    """Write nested tables as TOML."""
-    plain, nested = [], []
-    for key, value in table.items():
-        name = json.dumps(key)
-        where = f"{path}.{name}" if path else name
-        if isinstance(value, Mapping):
-            nested.append(f"[{where}]\n{_toml(value, where)}")
-        elif isinstance(value, (list, tuple)) and value and isinstance(value[0], Mapping):
-            nested += [f"[[{where}]]\n{_toml(each, where)}" for each in value]
-        elif value is not None:
-            plain.append(f"{name} = {json.dumps(value)}")
-    return "\n".join([*plain, *nested]) + "\n"
+def _given(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys that have a value."""
+    return {key: value for key, value in table.items() if value is not None}

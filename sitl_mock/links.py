@@ -103,10 +103,10 @@ class Link:
         if messages:
             self._hear(now_s, messages[-1])
         for message in messages:
-            if message.get_type() == "HEARTBEAT" and message.type == _GROUND_STATION:
-                self._ground_s = now_s
             replies = self.session.handle(now_s, message)
             if replies is None:
+                if message.get_type() == "HEARTBEAT" and message.type == _GROUND_STATION:
+                    self._ground_s = now_s
                 self.autopilot.take(now_s, message)
             elif replies or self._requested:
                 frames += self.pack(replies)

@@ -7,6 +7,7 @@ import math
 from typing import Any, Final, NamedTuple
 
 from sitl_mock.dynamics import IGNORED
+from sitl_mock.dynamics.values import maker_of
 from sitl_mock.world import LocalFrame, Vector
 
 LOCAL_NED: Final = 1
@@ -37,8 +38,12 @@ class Target(NamedTuple):
     yaw_rate_rad_s: float
 
 
-def _kept(values: Vector, mask: int, first_bit: int) -> Vector:
-    bits = mask >> first_bit & 7
+_target = maker_of(Target)
+
+
+def _kept(values: Vector, mask: int) -> Vector:
+    """The axes that the lowest three bits do not ignore."""
+    bits = mask & 7
     if not bits:
         return values
     if bits == 7:
@@ -66,14 +71,18 @@ def read_global(message: Any, frame: LocalFrame, home_m: Vector | None) -> Targe
 
 def _read(message: Any, position_m: Vector) -> Target:  # noqa: ANN401 - as above
     mask = message.type_mask
-    return Target(
-        message.coordinate_frame,
-        mask,
-        _kept(position_m, mask, 0),
-        _kept((message.vx, message.vy, message.vz), mask, 3),
-        _kept((message.afx, message.afy, message.afz), mask, 6),
-        math.nan if mask & IGNORE_YAW else message.yaw,
-        math.nan if mask & IGNORE_YAW_RATE else message.yaw_rate,
+    return _target(
+        (
+            message.coordinate_frame,
+            mask,
+            IGNORED if mask & IGNORE_POSITION == IGNORE_POSITION else _kept(position_m, mask),
+            _kept((message.vx, message.vy, message.vz), mask >> 3),
+            IGNORED
+            if mask & IGNORE_ACCELERATION == IGNORE_ACCELERATION
+            else _kept((message.afx, message.afy, message.afz), mask >> 6),
+            math.nan if mask & IGNORE_YAW else message.yaw,
+            math.nan if mask & IGNORE_YAW_RATE else message.yaw_rate,
+        )
     )
 
 

@@ -22,6 +22,9 @@ class Home(NamedTuple):
     alt_amsl_m: float
 
 
+_home = tuple.__new__
+"""Makes a point unchecked, for what is told with every message, at a third of the price of calling its type."""
+
 DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 """The field in Zurich where PX4's simulations start."""
 
@@ -48,9 +51,12 @@ class LocalFrame:
     def to_geodetic(self, north_m: float, east_m: float, down_m: float) -> Home:
         """Turn local metres into latitude, longitude (degrees) and height above mean sea level (metres)."""
         lat_deg, lon_deg, alt_amsl_m = self.origin
-        return Home(
-            lat_deg + north_m / self._north_m_per_deg, lon_deg + east_m / self._east_m_per_deg, alt_amsl_m - down_m
+        place = (
+            lat_deg + north_m / self._north_m_per_deg,
+            lon_deg + east_m / self._east_m_per_deg,
+            alt_amsl_m - down_m,
         )
+        return _home(Home, place)
 
     def to_local(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Vector:
         """Turn latitude, longitude (degrees) and height above mean sea level (metres) into local metres."""

@@ -2,18 +2,9 @@
 
 import contextlib
 import json
-import socket
-import subprocess
-import sys
-import tempfile
 import threading
-import time
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any, Final
-
-import tomli_w
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
@@ -26,17 +17,16 @@ from guidance.sim.evader import EvaderPilot
 from guidance.sim.mock_files import check_faults, faults_after, fleet, script
 from guidance.sim.players import evader_settings
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
-from sitl_mock.serving import udp_ports
+from sitl_mock.child import RunningFleet, running
+from sitl_mock.errors import ConfigError as MockConfigError
+from sitl_mock.errors import TransportError
 
-ZENOH, UDP = "zenoh", "udp"
+ZENOH: Final = "zenoh"
+UDP: Final = "udp"
 OVER: Final = (ZENOH, UDP)
 """What the vehicles can be reached over."""
 
-START_LIMIT_S: Final = 15.0
 _ANSWER_LIMIT_S: Final = 2.0
-STOP_LIMIT_S: Final = 2.0
-_PORT_IN_USE: Final = 3
-_ATTEMPTS: Final = 20
 
 
 class LiveWorld:
@@ -55,10 +45,8 @@ class LiveWorld:
         self._taps: list[TappedWire] = []
         self._closing = contextlib.ExitStack()
         try:
-            folder = Path(self._closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-")))
             check_faults(scenario)
-            self._mock = MockProcess(folder, scenario, over, port)
-            self._closing.callback(self._mock.stop)
+            self._mock = _mock(self._closing, scenario, over, port)
             commands, reports = self._wires(EVADER)
             self.link = self._open_link(link, self._wire(PURSUER), PURSUER, PURSUER_ID)
             rover = self._open_link("pymavlink", commands, EVADER, EVADER_ID)
@@ -75,12 +63,16 @@ class LiveWorld:
         Raises:
             LinkError: If it has ended.
         """
-        self._mock.check()
+        try:
+            self._mock.check()
+        except TransportError as error:
+            raise LinkError(f"{error}; the record holds everything until then") from error
 
     def engage(self) -> None:
         """Put the faults in place that count from engagement."""
         if faults := list(faults_after(self._scenario, "engaged")):
-            self._mock.inject(faults)
+            # on a thread of its own: the loop waits for nobody
+            threading.Thread(target=_inject, args=(self._mock[PURSUER].zenoh, faults)).start()
 
     def drain(self) -> Sequence[Passed]:
         """All frames that passed since the last call, of one vehicle after the other."""
@@ -91,13 +83,14 @@ class LiveWorld:
         self._closing.close()
 
     def _wire(self, name: str) -> Wire:
-        if name in self._mock.udp:
-            return open_wire(f"udpin://127.0.0.1:{self._mock.udp[name]}", clock=self._clock.now_s)
-        return ZenohWire(self._clock.now_s, namespace=name, endpoint=self._mock.endpoint)
+        vehicle = self._mock[name]
+        if vehicle.udp_port is not None:
+            return open_wire(vehicle.udp, clock=self._clock.now_s)
+        return ZenohWire(self._clock.now_s, namespace=name, endpoint=vehicle.zenoh or "")
 
     def _wires(self, name: str) -> tuple[Wire, Wire]:
         """Two for one vehicle; a UDP port can be had once only."""
-        if name in self._mock.udp:
+        if self._mock[name].udp_port is not None:
             one, other = share(self._wire(name), 2)
             return one, other
         return self._wire(name), self._wire(name)
@@ -111,130 +104,23 @@ class LiveWorld:
         return link
 
 
-class MockProcess:
-    """The child. Its Zenoh session is there over UDP too: faults are injected by it.
-
-    Args:
-        folder: For its files.
-        scenario: What it flies.
-        over: One of `OVER`.
-        port: Of the Zenoh session, or the first of the UDP ports; 0 picks what is free.
-
-    Raises:
-        ConfigError: If the mock refuses its configuration.
-        LinkError: If it does not come up.
-    """
-
-    def __init__(self, folder: Path, scenario: Scenario, over: str, port: int) -> None:
-        for name, document in (("fleet", fleet(scenario)), ("faults", script(scenario))):
-            (folder / f"{name}.toml").write_text(tomli_w.dumps(document), encoding="utf-8")
-        command = [sys.executable, "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
-        command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
-        self._log = (folder / "mock.log").open("w+b")
-        flavours = {PURSUER: scenario.pursuer.autopilot, EVADER: "rover"}
-        self.udp: Mapping[str, int] = {}
-        if over == UDP:
-            first = port or free_udp_port(flavours)
-            self.udp = {name: told for name, (_, told) in udp_ports(first, flavours).items()}
-            command += ["--udp", str(first)]
-            port = 0
-        self._child = subprocess.Popen(
-            [*command, "--zenoh", f"tcp/127.0.0.1:{port}"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            start_new_session=True,  # Ctrl-C is for us: the child is ended by closing its standard input
-        )
-        self._lines: SimpleQueue[bytes] = SimpleQueue()
-        threading.Thread(target=self._read, daemon=True).start()
-        try:
-            self.endpoint = self._wait_until_ready()
-        except BaseException:
-            self.stop()
-            raise
-
-    def check(self) -> None:
-        """Raise LinkError if the child has ended."""
-        code = self._child.poll()
-        if code is not None:
-            raise LinkError(
-                f"the mock autopilot ended in flight (exit code {code}): {self._last_words()}; "
-                "the record holds everything until then"
-            )
-
-    def inject(self, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
-        """Put faults in place, on a thread of its own: the loop waits for nobody."""
-        threading.Thread(target=_inject, args=(self.endpoint, list(faults))).start()
-
-    def stop(self) -> None:
-        """End the child: politely, then not."""
-        if self._child.stdin is not None:
-            with contextlib.suppress(OSError):
-                self._child.stdin.close()
-        try:
-            self._child.wait(STOP_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            self._child.kill()
-            self._child.wait()
-        if self._child.stdout is not None:
-            self._child.stdout.close()
-        self._log.close()
-
-    def _read(self) -> None:
-        stdout = self._child.stdout
-        if stdout is not None:
-            with contextlib.suppress(ValueError, OSError):  # closed under the reader at the end
-                for line in stdout:
-                    self._lines.put(line)
-
-    def _wait_until_ready(self) -> str:
-        deadline_s = time.monotonic() + START_LIMIT_S
-        while time.monotonic() < deadline_s:
-            with contextlib.suppress(Empty):
-                ready = json.loads(self._lines.get(timeout=0.05))
-                places = [str(place) for place in ready["vehicles"][0]["endpoints"]]
-                return next(place.split()[0] for place in places if "mavlink_raw" in place)
-            code = self._child.poll()
-            if code is not None:
-                raise self._refusal(code)
-        raise LinkError(f"the mock autopilot was not ready within {START_LIMIT_S:g} s: {self._last_words()}")
-
-    def _refusal(self, code: int) -> ConfigError | LinkError:
-        words = self._last_words()
-        if code == _PORT_IN_USE:
-            return LinkError(f"{words}; choose another with --port, or --port 0 for a free one")
-        return ConfigError(f"the mock autopilot did not start (exit code {code}): {words}")
-
-    def _last_words(self) -> str:
-        self._log.flush()
-        self._log.seek(0)
-        lines = self._log.read().decode(errors="replace").strip().splitlines()
-        return lines[-1].removeprefix("error: ") if lines else "it said nothing"
-
-
-def free_udp_port(flavours: Mapping[str, str]) -> int:
-    """Return a first port with which every vehicle's ports, its own and its client's, are free now.
-
-    Raises:
-        LinkError: If none is found.
-    """
-    for _ in range(_ATTEMPTS):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            first = min(int(probe.getsockname()[1]), 60_000)
-        ports = {port for pair in udp_ports(first, flavours).values() for port in pair if port}
-        if all(_is_free(port) for port in ports):
-            return first
-    raise LinkError("no free UDP ports on 127.0.0.1; choose the first with --port")
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            return False
-    return True
+def _mock(closing: contextlib.ExitStack, scenario: Scenario, over: str, port: int) -> RunningFleet:
+    """Start the mock; the stack ends it. Its Zenoh session is there over UDP too: faults are injected by it."""
+    tables = fleet(scenario)
+    started = running(
+        tables.pop("vehicle"),
+        over=(UDP, ZENOH) if over == UDP else (ZENOH,),
+        faults=script(scenario),
+        port=port,
+        **tables,
+    )
+    try:
+        return closing.enter_context(started)
+    except MockConfigError as error:
+        raise ConfigError(f"the mock autopilot did not start: {error}") from error
+    except TransportError as error:
+        hint = "; choose another with --port, or --port 0 for a free one" if port else ""
+        raise LinkError(f"the mock autopilot did not start: {error}{hint}") from error
 
 
 def _inject(endpoint: str, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> None:

@@ -9,10 +9,8 @@ import math
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.ardupilot import guided, safety
-from sitl_mock.ardupilot.avoidance import avoiding
+from sitl_mock.ardupilot.flight import ModeFlight
 from sitl_mock.ardupilot.guided import read_attitude
-from sitl_mock.ardupilot.legs import Legs
-from sitl_mock.ardupilot.maneuvers import Speeds
 from sitl_mock.ardupilot.totals import tell_totals
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
@@ -24,20 +22,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sitl_mock.ardupilot.firmware import Firmware
-    from sitl_mock.ardupilot.maneuvers import Circle, Turn
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
     from sitl_mock.world import Vector
 
 CHECK_S: Final = 0.1
-DECIDE_S: Final = 0.02
 AT_REST: Final = Sticks(throttle=-1.0)
 GUIDED_MODES: Final = frozenset({"GUIDED", "GUIDED_NOGPS"})
-_TRAVEL, _STREAM = Kind.TRAVEL, Kind.STREAM
 _STOPPED: Final = Setpoint(Kind.STOPPED)
-_IDLING: Final = Setpoint(Kind.IDLING)
 _FLY_THERE: Final = 2
-_LANDED_S: Final = 1.1
-_TEXTS: Final = {"fence breached": (Severity.NOTICE, "Fence Breached")}
 
 
 class ArduPilot:
@@ -45,18 +37,10 @@ class ArduPilot:
 
     Attributes:
         mode: Name of the mode that is flown.
-        guided: Last setpoint in GUIDED, None while there is none.
-        takeoff_m: Down coordinate of the take-off in GUIDED, NaN when it is over.
-        takeoff_s: When it was asked for.
-        just_taken_off: Nothing has been asked for since the take-off in GUIDED.
-        paused: DO_PAUSE_CONTINUE has stopped the flight.
-        turn: Where CONDITION_YAW turns the nose, None where the flight decides.
-        speeds: What DO_CHANGE_SPEED asked for, until the kind of guided flight changes.
-        entered_m: Where the mode began.
-        stage: Part of RTL, which is flown in AUTO as well.
-        goal_m: Where RTL leads: north and east, and the down coordinate it flies there at.
-        may_lift: MISSION_START has let AUTO take off; else it waits for the throttle stick.
-        handled: Failsafe triggers that have acted; they act again after they have gone.
+        flight: What that mode works towards.
+        failsafes: Which failsafes have acted.
+        there: What modes need and was there at the last look.
+        switched: The mode switch's last position.
     """
 
     def __init__(self, state: VehicleState, plans: PlanStore, firmware: Firmware[ArduPilot]) -> None:
@@ -64,30 +48,14 @@ class ArduPilot:
         self.plans = plans
         self.firmware = firmware
         self.mission = MissionFlight(plans, skip_home=True, clocked=firmware.flies)
-        self.legs = Legs()
         self.by_name = firmware.modes.by_name()
         self.by_number = firmware.modes.by_number()
         self.after = firmware.modes.after()
         self.mode = firmware.first_mode
-        self.guided: Setpoint | None = None
-        self.stream_s = -math.inf
-        self.takeoff_m = math.nan
-        self.takeoff_s = -math.inf
-        self.just_taken_off = False
-        self.paused = False
-        self.turn: Turn | None = None
-        self.speeds = Speeds()
-        self.switched: int | None = None
-        self.entered_m: Vector = state.position_m
-        self.entered_yaw_rad = state.yaw_rad
-        self.stage = ""
-        self.stage_s = 0.0
-        self.goal_m: Vector = state.position_m
-        self.circle: Circle | None = None
-        self.may_lift = False
+        self.flight = ModeFlight(state.position_m, state.yaw_rad)
+        self.failsafes = safety.FailsafeLatch()
         self.there: frozenset[Need] = frozenset()
-        self.handled: set[str] = set()
-        self.in_failsafe = False
+        self.switched: int | None = None
         self._check_s = -math.inf
 
     # What the others see
@@ -110,7 +78,7 @@ class ArduPilot:
     @property
     def system_status(self) -> int:
         """HEARTBEAT.system_status: standby on the ground (a rover: disarmed), active, critical."""
-        if self.in_failsafe:
+        if self.failsafes.acting:
             return 5
         if not self.firmware.flies:
             return 4 if self.state.armed else 3
@@ -121,9 +89,9 @@ class ArduPilot:
         """EXTENDED_SYS_STATE.landed_state."""
         if self.state.on_ground:
             return Landed.ON_GROUND
-        if self.mode == "GUIDED" and math.isfinite(self.takeoff_m):
+        if self.mode == "GUIDED" and self.flight.taking_off:
             return Landed.TAKEOFF
-        return Landed.LANDING if self.mode == "LAND" or self.stage == "land" else Landed.IN_AIR
+        return Landed.LANDING if self.mode == "LAND" or self.flight.stage == "land" else Landed.IN_AIR
 
     @property
     def ready_to_arm(self) -> bool:
@@ -153,17 +121,8 @@ class ArduPilot:
         elif self.mode == "GUIDED":
             setpoint = guided.read(self.state, message)
         if setpoint is not None:
-            self.follow(setpoint)
-            self.stream_s = now_s
-
-    def follow(self, setpoint: Setpoint) -> None:
-        """Fly a guided setpoint; another kind of one forgets the speeds that were asked for (`pva_control_start`)."""
-        if self.guided is None or self.guided.kind is not setpoint.kind or self.just_taken_off:
-            self.speeds = Speeds()
-        self.just_taken_off = False
-        self.guided = setpoint
-        self.turn = None
-        self.takeoff_m = math.nan
+            self.flight.follow(setpoint)
+            self.flight.stream_s = now_s
 
     def guide(self, _now_s: float, item: PlanItem) -> bool:
         """Take a mission item with current 2, older clients' way to fly somewhere; 3 has no effect."""
@@ -172,7 +131,7 @@ class ArduPilot:
         setpoint = guided.item_setpoint(self.state, item) if self.mode == "GUIDED" else None
         if setpoint is None:
             return False
-        self.follow(setpoint)
+        self.flight.follow(setpoint)
         return True
 
     def switch(self, _now_s: float, mode: str) -> None:
@@ -210,17 +169,7 @@ class ArduPilot:
         if mode == self.mode:
             return
         self.mode = mode
-        self.guided = None
-        self.takeoff_m = math.nan
-        self.paused = False
-        self.turn = None
-        self.circle = None
-        self.may_lift = False
-        self.speeds = Speeds()
-        self.stage = ""
-        self.entered_m = self.state.position_m
-        self.entered_yaw_rad = self.state.yaw_rad
-        self.legs = Legs()
+        self.flight = ModeFlight(self.state.position_m, self.state.yaw_rad)
         if mode == "AUTO":
             self.mission.start()
 
@@ -234,9 +183,7 @@ class ArduPilot:
         if not self.state.armed:
             return _STOPPED
         setpoint = self.firmware.flights[self.mode](self)
-        if self.turn is None:
-            return setpoint
-        return setpoint._replace(yaw_rad=self.turn.advance(DECIDE_S), yaw_rate_rad_s=math.nan)
+        return self.flight.with_turn(setpoint)
 
     @property
     def sticks(self) -> Sticks:
@@ -245,23 +192,8 @@ class ArduPilot:
         return pilot.sticks if pilot.fresh(self.state.now_s, OVERRIDE_S) else AT_REST
 
     def guided_setpoint(self) -> Setpoint:
-        """GUIDED: the last setpoint, or a stop when it is older than the timeout."""
-        firmware, state = self.firmware, self.state
-        if self.guided is None:
-            return Setpoint(Kind.BRAKE)
-        if self.paused:
-            return guided.STOP
-        kind = self.guided.kind
-        if kind is _TRAVEL:
-            return self.speeds.applied(self.guided)
-        timeout_s = (
-            float(state.parameters[firmware.guided_timeout]) if firmware.guided_timeout else firmware.guided_timeout_s
-        )
-        if state.now_s - self.stream_s > timeout_s:
-            return guided.STOP if kind is _STREAM else guided.LEVEL
-        if kind is _STREAM and firmware.flies and self.plans.fence.items:
-            return avoiding(state, self.plans, self.guided)
-        return self.guided
+        """What GUIDED flies."""
+        return self.flight.guided_setpoint(self.state, self.plans, self.firmware)
 
     def mission_over(self) -> None:
         """A rover's AUTO has come to its end."""
@@ -278,9 +210,8 @@ class ArduPilot:
     def disarm(self) -> None:
         """Motors off."""
         self.state.disarm()
-        self.handled.clear()
-        self.in_failsafe = False
-        self.takeoff_m = math.nan
+        self.failsafes.clear()
+        self.flight.takeoff_m = math.nan
 
     def _look(self) -> None:
         self.there = safety.available(self.state, self.plans)
@@ -297,24 +228,17 @@ class ArduPilot:
             self._hear_switch()
         if state.armed:
             self._act_on_failsafes()
-            self._disarm_by_itself()
+            if self.firmware.flies and safety.disarms_by_itself(state, self.mode, taking_off=self.flight.taking_off):
+                self.disarm()
 
     def _act_on_failsafes(self) -> None:
         """Let new triggers change the mode, once each until they have gone."""
         state = self.state
-        present = dict(safety.wrong(state, self.plans, flies=self.firmware.flies))
-        self.handled &= present.keys()
-        self.in_failsafe = bool(self.handled)
-        for name, parameter in present.items():
-            choice = int(state.parameters[parameter])
-            if name in self.handled or choice == 0:
-                continue
-            self.handled.add(name)
-            after = self.after.get(("any", f"{name}, {parameter} = {choice}"))
+        for name, event in self.failsafes.new(state, self.plans, flies=self.firmware.flies):
+            after = self.after.get(("any", event))
             if after is None:
                 continue
-            self.in_failsafe = True
-            state.say(*_TEXTS.get(name, (Severity.CRITICAL, f"Failsafe: {name}")))
+            self.failsafes.act(state, name)
             if state.on_ground and self.firmware.flies:
                 self.disarm()
                 return
@@ -326,19 +250,6 @@ class ArduPilot:
             mode = self.after.get((mode, "cannot run"), self.firmware.hold_mode)
         return mode
 
-    def _disarm_by_itself(self) -> None:
-        state = self.state
-        if not self.firmware.flies or not state.on_ground:
-            return
-        landing = self.mode in {"LAND", "RTL", "SMART_RTL", "AUTO"}
-        if state.flew and landing and state.standing_s > _LANDED_S:
-            self.disarm()
-            return
-        delay_s = float(state.parameters["DISARM_DELAY"])
-        idle_s = state.now_s - max(state.armed_s, state.landed_s)
-        if delay_s > 0.0 and idle_s > delay_s and not math.isfinite(self.takeoff_m):
-            self.disarm()
-
     def _hear_switch(self) -> None:
         """The mode switch of the transmitter: a new position of its channel asks for that position's mode."""
         channel = int(self.state.parameters["FLTMODE_CH"])
@@ -349,8 +260,3 @@ class ArduPilot:
         mode = self.by_number.get(int(self.state.parameters[f"FLTMODE{slot}"]))
         if mode is not None:
             self.request(mode.name)
-
-    @property
-    def idling(self) -> Setpoint:
-        """Motors turning on the ground."""
-        return _IDLING

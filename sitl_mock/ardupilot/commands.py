@@ -102,10 +102,7 @@ def _takeoff(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     if not (ready and 0.0 < height_m < HIGHEST_M):
         return FAILED
     home = state.home_m or state.position_m
-    commander.takeoff_m = home[2] - height_m
-    commander.takeoff_s = commander.state.now_s
-    commander.guided = None
-    commander.entered_m = state.position_m
+    commander.flight.take_off(state.now_s, state.position_m, home[2] - height_m)
     return ACCEPTED
 
 
@@ -120,8 +117,8 @@ def _to(mode: str) -> Callable[[ArduPilot, float, Command], Answers]:
 
 def _start_mission(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """MISSION_START: AUTO, which may then take off without the throttle stick."""
-    commander.may_lift = commander.request("AUTO")
-    return _done(commander.may_lift)
+    commander.flight.may_lift = commander.request("AUTO")
+    return _done(commander.flight.may_lift)
 
 
 def _enable_fence(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
@@ -154,7 +151,7 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
     north, east, down = state.frame.to_local(lat, lon, alt)
     if command.frame in _RELATIVE:
         down = (state.home_m or (0.0, 0.0, 0.0))[2] - alt
-    commander.follow(Setpoint(Kind.TRAVEL, (north, east, down)))
+    commander.flight.follow(Setpoint(Kind.TRAVEL, (north, east, down)))
     return ACCEPTED
 
 
@@ -163,7 +160,7 @@ def _change_speed(commander: ArduPilot, _now_s: float, command: Command) -> Answ
     kind, speed_m_s = command.params[:2]
     if not speed_m_s > 0.0 or commander.mode not in _SPEED_MODES:
         return FAILED
-    commander.speeds.change(kind, speed_m_s)
+    commander.flight.speeds.change(kind, speed_m_s)
     if kind <= 1.9:
         commander.mission.speed_m_s = speed_m_s
     return ACCEPTED
@@ -175,8 +172,9 @@ def _yaw(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     if not 0.0 <= angle <= 360.0 or relative not in {0.0, 1.0}:
         return FAILED
     slew = float(commander.state.parameters.get("ATC_SLEW_YAW", 6000.0)) * 0.01
-    yaw_rad = commander.state.yaw_rad if commander.turn is None else commander.turn.heading_rad
-    commander.turn = turn_from(yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew)
+    flight = commander.flight
+    yaw_rad = commander.state.yaw_rad if flight.turn is None else flight.turn.heading_rad
+    flight.turn = turn_from(yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew)
     return ACCEPTED
 
 
@@ -189,7 +187,7 @@ def _pause(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     if not under_way:
         commander.state.say(Severity.INFO, f"Failed to {'pause' if pause else 'resume'}")
         return FAILED
-    commander.paused = pause
+    commander.flight.paused = pause
     return ACCEPTED
 
 

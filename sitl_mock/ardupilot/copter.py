@@ -1,12 +1,13 @@
-"""What each ArduCopter mode flies, as a setpoint for the dynamics (default parameters, `mode_*.cpp`)."""
+"""What each ArduCopter mode flies, as a setpoint for the dynamics (default parameters)."""
 
 import math
 from typing import Final
 
 from sitl_mock.ardupilot import guided
-from sitl_mock.ardupilot.commander import DECIDE_S, ArduPilot
+from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.commands import execute
 from sitl_mock.ardupilot.firmware import Firmware
+from sitl_mock.ardupilot.flight import DECIDE_S, IDLING
 from sitl_mock.ardupilot.legs import Legs
 from sitl_mock.ardupilot.maneuvers import circle_from
 from sitl_mock.ardupilot.modes import COPTER_MODES
@@ -36,28 +37,26 @@ _STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
 
 def _guided(commander: ArduPilot) -> Setpoint:
     """A take-off first, then the stream; a velocity alone does not leave the ground."""
-    state = commander.state
-    lifts_s = max(state.armed_s + _ARMING_DELAY_S, commander.takeoff_s) + _THRUST_RISES_S
-    if math.isfinite(commander.takeoff_m) and state.on_ground and state.now_s < lifts_s:
-        return commander.idling
-    if math.isfinite(commander.takeoff_m):
-        north, east, _ = commander.entered_m
-        if state.flew and abs(state.position_m[2] - commander.takeoff_m) < _REACHED_M:
-            commander.guided = Setpoint(
-                Kind.TRAVEL, (north, east, commander.takeoff_m), yaw_rad=commander.entered_yaw_rad
-            )
-            commander.takeoff_m = _NAN
-            commander.just_taken_off = True
+    state, flight = commander.state, commander.flight
+    lifts_s = max(state.armed_s + _ARMING_DELAY_S, flight.takeoff_s) + _THRUST_RISES_S
+    if flight.taking_off and state.on_ground and state.now_s < lifts_s:
+        return IDLING
+    if flight.taking_off:
+        north, east, _ = flight.entered_m
+        if state.flew and abs(state.position_m[2] - flight.takeoff_m) < _REACHED_M:
+            flight.guided = Setpoint(Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad)
+            flight.takeoff_m = _NAN
+            flight.just_taken_off = True
         else:
-            return Setpoint(Kind.TRAVEL, (north, east, commander.takeoff_m), yaw_rad=commander.entered_yaw_rad)
+            return Setpoint(Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad)
     if not state.on_ground:
         return commander.guided_setpoint()
-    return _lifting(commander) or commander.idling
+    return _lifting(commander) or IDLING
 
 
 def _lifting(commander: ArduPilot) -> Setpoint | None:
     """An attitude target with a climb, or a thrust, takes off; no other setpoint does."""
-    wanted = commander.guided
+    wanted = commander.flight.guided
     if wanted is None or wanted.kind is not Kind.ATTITUDE:
         return None
     lifts = wanted.velocity_ned_m_s[2] < 0.0 or wanted.thrust > 0.0
@@ -67,17 +66,17 @@ def _lifting(commander: ArduPilot) -> Setpoint | None:
 def _attitude_only(commander: ArduPilot) -> Setpoint:
     """GUIDED_NOGPS: level until something is asked for."""
     if commander.state.on_ground:
-        return _lifting(commander) or commander.idling
-    return guided.LEVEL if commander.guided is None else commander.guided_setpoint()
+        return _lifting(commander) or IDLING
+    return guided.LEVEL if commander.flight.guided is None else commander.guided_setpoint()
 
 
 def _circle(commander: ArduPilot) -> Setpoint:
-    state = commander.state
+    state, flight = commander.state, commander.flight
     if state.on_ground:
-        return commander.idling
-    if commander.circle is None:
-        commander.circle = circle_from(state.position_m, state.yaw_rad, state.parameters)
-    return commander.circle.setpoint(_stick_climb(commander), DECIDE_S)
+        return IDLING
+    if flight.circle is None:
+        flight.circle = circle_from(state.position_m, state.yaw_rad, state.parameters)
+    return flight.circle.setpoint(_stick_climb(commander), DECIDE_S)
 
 
 def _stick_climb(commander: ArduPilot) -> float:
@@ -98,45 +97,46 @@ def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
     fast = float(parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]) * 0.01
     above_m = max(height - float(parameters["LAND_ALT_LOW"]) * 0.01, 0.0)
     speed = min(max(root_law(above_m, 1.0, _SLOWING_M_S2), float(parameters["LAND_SPEED"]) * 0.01), fast)
-    return Setpoint(Kind.TRAVEL, (north_m, east_m, _NAN), (_NAN, _NAN, speed), yaw_rad=commander.entered_yaw_rad)
+    return Setpoint(Kind.TRAVEL, (north_m, east_m, _NAN), (_NAN, _NAN, speed), yaw_rad=commander.flight.entered_yaw_rad)
 
 
 def _land(commander: ArduPilot) -> Setpoint:
+    flight = commander.flight
     if commander.state.on_ground:
-        return commander.idling
-    return _land_over(commander, commander.entered_m[0], commander.entered_m[1])
+        return IDLING
+    return _land_over(commander, flight.entered_m[0], flight.entered_m[1])
 
 
 def _return(commander: ArduPilot) -> Setpoint:
     """Climb to RTL_ALT, fly home or to a rally point, wait RTL_LOIT_TIME, land."""
-    state = commander.state
+    state, flight = commander.state, commander.flight
     if state.on_ground:
-        return commander.idling
-    if not commander.stage:
-        commander.stage, commander.stage_s = "climb", state.now_s
-        commander.goal_m, commander.legs = refuge(state, commander.plans), Legs()
-        commander.entered_m = commander.legs.begin(state)
-    home = commander.goal_m
-    height_m = min(home[2], commander.entered_m[2])
+        return IDLING
+    if not flight.stage:
+        flight.stage, flight.stage_s = "climb", state.now_s
+        flight.goal_m, flight.legs = refuge(state, commander.plans), Legs()
+        flight.entered_m = flight.legs.begin(state)
+    home = flight.goal_m
+    height_m = min(home[2], flight.entered_m[2])
     near_m = float(state.parameters["WPNAV_RADIUS"]) * 0.01
-    left_m, since_s = commander.legs.left_m(state.now_s), state.now_s - commander.stage_s
-    if commander.stage == "climb" and left_m < near_m and since_s > _CLIMB_LEAST_S:
-        commander.stage = "return"
-    elif commander.stage == "return" and left_m <= 0.0:
-        commander.stage, commander.stage_s = "wait", state.now_s
-    if commander.stage == "wait" and state.now_s - commander.stage_s > float(state.parameters["RTL_LOIT_TIME"]) * 1e-3:
-        commander.stage = "land"
-    if commander.stage == "land":
+    left_m, since_s = flight.legs.left_m(state.now_s), state.now_s - flight.stage_s
+    if flight.stage == "climb" and left_m < near_m and since_s > _CLIMB_LEAST_S:
+        flight.stage = "return"
+    elif flight.stage == "return" and left_m <= 0.0:
+        flight.stage, flight.stage_s = "wait", state.now_s
+    if flight.stage == "wait" and state.now_s - flight.stage_s > float(state.parameters["RTL_LOIT_TIME"]) * 1e-3:
+        flight.stage = "land"
+    if flight.stage == "land":
         return _land_over(commander, home[0], home[1])
-    place = commander.entered_m if commander.stage == "climb" else home
-    yaw_rad = commander.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
+    place = flight.entered_m if flight.stage == "climb" else home
+    yaw_rad = flight.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
     speed = float(state.parameters["RTL_SPEED"]) * 0.01 or _NAN
     goal = (place[0], place[1], height_m)
-    return commander.legs.onwards(state, goal, speed)._replace(yaw_rad=yaw_rad)
+    return flight.legs.onwards(state, goal, speed)._replace(yaw_rad=yaw_rad)
 
 
 def _brake(commander: ArduPilot) -> Setpoint:
-    return commander.idling if commander.state.on_ground else Setpoint(Kind.BRAKE)
+    return IDLING if commander.state.on_ground else Setpoint(Kind.BRAKE)
 
 
 def _by_stick(commander: ArduPilot) -> Setpoint:
@@ -144,7 +144,7 @@ def _by_stick(commander: ArduPilot) -> Setpoint:
     state = commander.state
     sticks, climb = commander.sticks, _stick_climb(commander)
     if state.on_ground and climb <= 0.0:
-        return commander.idling
+        return IDLING
     level = turned((sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0), state.yaw_rad)
     return Setpoint(
         Kind.TRAVEL,
@@ -155,34 +155,36 @@ def _by_stick(commander: ArduPilot) -> Setpoint:
 
 def _after_the_mission(commander: ArduPilot) -> Setpoint:
     """AUTO goes on: a mission that returns does so from where its last place was."""
+    flight = commander.flight
     if commander.mission.over != "return":
         return _brake(commander)
-    if not commander.stage:
-        commander.entered_m, commander.entered_yaw_rad = commander.state.position_m, commander.state.yaw_rad
+    if not flight.stage:
+        flight.entered_m, flight.entered_yaw_rad = commander.state.position_m, commander.state.yaw_rad
     return _return(commander)
 
 
 def _auto(commander: ArduPilot) -> Setpoint:
-    state = commander.state
-    if state.on_ground and not (state.flew or commander.may_lift or commander.sticks.throttle > _THROTTLE_DOWN):
-        return commander.idling
-    leg = commander.mission.leg(state, commander.entered_m)
+    state, flight = commander.state, commander.flight
+    if state.on_ground and not (state.flew or flight.may_lift or commander.sticks.throttle > _THROTTLE_DOWN):
+        return IDLING
+    leg = commander.mission.leg(state, flight.entered_m)
     if commander.mission.over:
         return _after_the_mission(commander)
     if leg.landing:
-        return commander.idling if state.on_ground else _land_over(commander, leg.position_m[0], leg.position_m[1])
+        return IDLING if state.on_ground else _land_over(commander, leg.position_m[0], leg.position_m[1])
     if state.on_ground and not leg.taking_off:
-        return commander.idling
+        return IDLING
     return _along(commander, leg)
 
 
 def _along(commander: ArduPilot, leg: Leg) -> Setpoint:
-    if commander.paused:
-        commander.legs = Legs()
+    flight = commander.flight
+    if flight.paused:
+        flight.legs = Legs()
         return guided.STOP
     if leg.taking_off:
         return Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
-    return commander.legs.setpoint(commander.state, commander.mission, leg)
+    return flight.legs.setpoint(commander.state, commander.mission, leg)
 
 
 COPTER: Final = Firmware[ArduPilot](

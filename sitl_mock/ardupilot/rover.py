@@ -16,7 +16,7 @@ def _stand(_commander: ArduPilot) -> Setpoint:
 
 
 def _stay(commander: ArduPilot) -> Setpoint:
-    north, east, _ = commander.entered_m
+    north, east, _ = commander.flight.entered_m
     return Setpoint(Kind.TRAVEL, (north, east, math.nan))
 
 
@@ -30,7 +30,7 @@ def _manual(commander: ArduPilot) -> Setpoint:
 
 
 def _speed(commander: ArduPilot) -> float:
-    set_m_s = commander.speeds.level_m_s
+    set_m_s = commander.flight.speeds.level_m_s
     return (
         set_m_s
         if set_m_s > 0.0
@@ -39,13 +39,13 @@ def _speed(commander: ArduPilot) -> float:
 
 
 def _return(commander: ArduPilot) -> Setpoint:
-    home = commander.state.home_m or commander.entered_m
+    home = commander.state.home_m or commander.flight.entered_m
     return Setpoint(Kind.TRAVEL, (home[0], home[1], math.nan), speed_m_s=_speed(commander))
 
 
 def _auto(commander: ArduPilot) -> Setpoint:
     commander.state.flew = True
-    leg = commander.mission.leg(commander.state, commander.entered_m)
+    leg = commander.mission.leg(commander.state, commander.flight.entered_m)
     if commander.mission.over:
         commander.mission_over()
         return Setpoint(Kind.BRAKE)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
 
 from sitl_mock.missions import flyable, violated
 from sitl_mock.modes import Mode, Need
+from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,6 +17,54 @@ if TYPE_CHECKING:
     from sitl_mock.vehicle_state import VehicleState
 
 _LOW_CELL_SHARE, _CRITICAL_SHARE = 0.15, 0.07
+_TEXTS: Final = {"fence breached": (Severity.NOTICE, "Fence Breached")}
+_LANDING_MODES: Final = frozenset({"LAND", "RTL", "SMART_RTL", "AUTO"})
+_LANDED_S: Final = 1.1
+
+
+@dataclass(slots=True)
+class FailsafeLatch:
+    """Which failsafes have acted; they act again after their trigger has gone.
+
+    Attributes:
+        handled: Names of the triggers that are present and have acted.
+        acting: One of them has changed what is flown.
+    """
+
+    handled: set[str] = field(default_factory=set)
+    acting: bool = False
+
+    def new(self, state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tuple[str, str]]:
+        """Yield each trigger that has come, with what the table of modes calls it."""
+        present = dict(wrong(state, plans, flies=flies))
+        self.handled &= present.keys()
+        self.acting = bool(self.handled)
+        for name, parameter in present.items():
+            choice = int(state.parameters[parameter])
+            if choice and name not in self.handled:
+                self.handled.add(name)
+                yield name, f"{name}, {parameter} = {choice}"
+
+    def act(self, state: VehicleState, name: str) -> None:
+        """Note and say that a trigger acts."""
+        self.acting = True
+        state.say(*_TEXTS.get(name, (Severity.CRITICAL, f"Failsafe: {name}")))
+
+    def clear(self) -> None:
+        """Disarmed: nothing acts."""
+        self.handled.clear()
+        self.acting = False
+
+
+def disarms_by_itself(state: VehicleState, mode: str, *, taking_off: bool) -> bool:
+    """Whether a copter on the ground disarms: after a landing that was asked for, or idle for DISARM_DELAY."""
+    if not state.on_ground:
+        return False
+    if state.flew and mode in _LANDING_MODES and state.standing_s > _LANDED_S:
+        return True
+    delay_s = float(state.parameters["DISARM_DELAY"])
+    idle_s = state.now_s - max(state.armed_s, state.landed_s)
+    return 0.0 < delay_s < idle_s and not taking_off
 
 
 def available(state: VehicleState, plans: PlanStore) -> frozenset[Need]:

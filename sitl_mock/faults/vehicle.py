@@ -26,7 +26,7 @@ from sitl_mock.faults.places import along, vector
 from sitl_mock.pilot import Sticks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
 _STICK: Final = Option("from -1 to 1", 0.0, number(-1.0, 1.0))
 _WIND: Final = Option("m/s", 0.0, number(-40.0, 40.0))
@@ -115,15 +115,26 @@ def _flight(meaning: str, condition: str, value: Any = True, for_s: float = math
     return FaultKind(Group.FLIGHT, meaning, lambda making: _while(making, condition, value), for_s=for_s)
 
 
+def _valued(
+    meaning: str,
+    condition: str,
+    options: Mapping[str, Option],
+    value: Callable[[Making], Any],
+    *,
+    for_s: float = math.inf,
+) -> FaultKind:
+    """What gives a condition the value that its options make; for no time at all, it happens once."""
+    put = _while if for_s else _once
+    return FaultKind(Group.FLIGHT, meaning, lambda making: put(making, condition, value(making)), options, for_s=for_s)
+
+
+def _option(name: str) -> Callable[[Making], Any]:
+    return lambda making: making.options[name]
+
+
 def _charge(meaning: str, share: float) -> FaultKind:
-    option = Option("charge left, a fraction", share, number(0.0, 1.0))
-    return FaultKind(
-        Group.FLIGHT,
-        meaning,
-        lambda making: _once(making, "battery", making.options["share"]),
-        {"share": option},
-        for_s=0.0,
-    )
+    options = {"share": Option("charge left, a fraction", share, number(0.0, 1.0))}
+    return _valued(meaning, "battery", options, _option("share"), for_s=0.0)
 
 
 FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
@@ -146,47 +157,43 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "rc_loss": FaultKind(Group.FLIGHT, "the radio, there from the start, is lost", _rc_loss),
         "gcs_loss": _flight("ground stations are not heard", "gcs_lost"),
-        "arm_refused": FaultKind(
-            Group.FLIGHT,
+        "arm_refused": _valued(
             "arming is refused with a text",
-            lambda making: _while(making, "arm_refused", making.options["text"]),
+            "arm_refused",
             {"text": Option("the reason", "Preflight Fail: Compass Sensor 0 missing", text)},
+            _option("text"),
         ),
         "offboard_refused": _flight("OFFBOARD or GUIDED is refused, and left", "offboard_refused"),
-        "ekf_jump": FaultKind(
-            Group.FLIGHT,
-            "the position estimate jumps, the reset counter rises",
-            lambda making: _once(making, "ekf_jump_m", vector(making)),
-            along(_JUMP),
-            for_s=0.0,
+        "ekf_jump": _valued(
+            "the position estimate jumps, the reset counter rises", "ekf_jump_m", along(_JUMP), vector, for_s=0.0
         ),
-        "ekf_yaw_jump": FaultKind(
-            Group.FLIGHT,
+        "ekf_yaw_jump": _valued(
             "the heading estimate jumps, the reset counter rises",
-            lambda making: _once(making, "ekf_yaw_jump_deg", making.options["by_deg"]),
+            "ekf_yaw_jump_deg",
             {"by_deg": Option("degrees, clockwise", 30.0, number(-180.0, 180.0))},
+            _option("by_deg"),
             for_s=0.0,
         ),
         "gps_loss": _flight("no fix; the estimate slides away and becomes invalid", "gps_lost"),
-        "gps_drift": FaultKind(
-            Group.FLIGHT,
+        "gps_drift": _valued(
             "the position estimate slides away while velocities stay right",
-            lambda making: _while(making, "drift_m_s", vector(making)),
+            "drift_m_s",
             along(_DRIFT),
+            vector,
             for_s=10.0,
         ),
-        "barometer_drift": FaultKind(
-            Group.FLIGHT,
+        "barometer_drift": _valued(
             "the height estimate slides away",
-            lambda making: _while(making, "drift_m_s", (0.0, 0.0, making.options["down_m_s"])),
+            "drift_m_s",
             {"down_m_s": Option("metres a second, downwards", 0.2, number(-5.0, 5.0))},
+            lambda making: (0.0, 0.0, making.options["down_m_s"]),
             for_s=10.0,
         ),
-        "thrust_loss": FaultKind(
-            Group.FLIGHT,
+        "thrust_loss": _valued(
             "the rotors give less than is asked of them",
-            lambda making: _while(making, "thrust_share", making.options["share"]),
+            "thrust_share",
             {"share": Option("of the thrust that is left", 0.8, number(0.0, 1.0))},
+            _option("share"),
         ),
         "estimator_invalid": _flight("position and velocity are invalid", "estimator_invalid"),
         "eph_growth": FaultKind(
@@ -201,26 +208,14 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "fence_breach": _flight("the fence counts as breached", "fence_breach"),
         "battery_low": _charge("the battery is low", 0.12),
         "battery_critical": _charge("the battery is critical", 0.06),
-        "wind_gust": FaultKind(
-            Group.FLIGHT,
-            "a steady wind for a while",
-            lambda making: _while(making, "wind_m_s", vector(making)),
-            along(_WIND),
-            for_s=3.0,
-        ),
-        "gusts": FaultKind(
-            Group.FLIGHT,
+        "wind_gust": _valued("a steady wind for a while", "wind_m_s", along(_WIND), vector, for_s=3.0),
+        "gusts": _valued(
             "gusts of wind at random",
-            lambda making: _while(making, "gust_m_s", making.options["sd_m_s"]),
+            "gust_m_s",
             {"sd_m_s": Option("standard deviation, m/s", 3.0, number(0.0, 30.0))},
+            _option("sd_m_s"),
         ),
-        "push": FaultKind(
-            Group.FLIGHT,
-            "the vehicle's velocity jumps",
-            lambda making: _once(making, "push_m_s", vector(making)),
-            along(_WIND),
-            for_s=0.0,
-        ),
+        "push": _valued("the vehicle's velocity jumps", "push_m_s", along(_WIND), vector, for_s=0.0),
         "velocity_truncation": FaultKind(
             Group.FLIGHT,
             "velocity setpoints are cut to less than was asked for",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from itertools import chain
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +17,7 @@ from pymavlink.dialects.v20 import all as dialect
 from sitl_mock.mavlink.newer import NEWER
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
 
 Message = Any
@@ -56,7 +57,7 @@ class MessageSpec:
     crc_extra: bytes
     size: int
     count: int
-    arrange: Callable[[Sequence[Any]], Sequence[Any]] | None
+    arrange: Callable[[Sequence[Any]], Iterable[Any]] | None
     pack: Callable[..., bytes]
     unpack_payload: Callable[[bytes], Sequence[Any]]
 
@@ -68,7 +69,7 @@ def _text_bytes(value: str | bytes | bytearray | memoryview) -> bytes:
 
 def _arranger(
     to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
-) -> Callable[[Sequence[Any]], Sequence[Any]] | None:
+) -> Callable[[Sequence[Any]], Iterable[Any]] | None:
     """What puts fields in the order of declaration into the flat order of the wire; None where that is the same.
 
     Args:
@@ -104,7 +105,7 @@ def _text_arranger(
 
 def _array_arranger(
     to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
-) -> Callable[[Sequence[Any]], Sequence[Any]]:
+) -> Callable[[Sequence[Any]], Iterable[Any]]:
     """Join numbers and arrays of numbers run by run."""
     runs: list[slice | int] = []
     for index, (_, length) in zip(to_wire, kinds, strict=True):
@@ -114,15 +115,10 @@ def _array_arranger(
             runs[-1] = slice(runs[-1].start, index + 1)
         else:
             runs.append(slice(index, index + 1))
-    plan = tuple(runs)
-
-    def arranged(values: Sequence[Any]) -> Sequence[Any]:
-        flat: list[Any] = []
-        for run in plan:
-            flat += values[run]
-        return flat
-
-    return arranged
+    if len(runs) == 1:
+        return itemgetter(runs[0])
+    taken, joined = itemgetter(*runs), chain.from_iterable
+    return lambda values: joined(taken(values))
 
 
 def _unpacker(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink.dialect import MessageSpec
     from sitl_mock.mavlink.signing import Signing
 
-_HEADER = struct.Struct("<BBBBBB3s").pack
+_HEADER = struct.Struct("<BBxBBB3s").pack
 _HEADER_V1 = struct.Struct("<BBBBB").pack
 _CRC = struct.Struct("<H").pack
 _HEADER_LENGTH = 10
@@ -65,15 +65,14 @@ class Encoder:
                 raise struct.error(f"{spec.count} values expected, {len(values)} given")
         except _UNFIT as error:
             raise EncodeError(f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}") from error
-        if not payload[-1]:
-            payload = payload.rstrip(b"\0") or b"\0"
+        payload = payload.rstrip(b"\0") or b"\0"
         sequence = self.sequence
         self.sequence = (sequence + 1) & 0xFF
         signing = self.signing
         if signing is None or signing.secret_key is None:
-            body = _HEADER(len(payload), 0, 0, sequence, self.system_id, self.component_id, spec.id_bytes) + payload
+            body = _HEADER(len(payload), 0, sequence, self.system_id, self.component_id, spec.id_bytes) + payload
             return b"\xfd" + body + _CRC(mcrf4xx(body + spec.crc_extra))
-        body = _HEADER(len(payload), 1, 0, sequence, self.system_id, self.component_id, spec.id_bytes) + payload
+        body = _HEADER(len(payload), 1, sequence, self.system_id, self.component_id, spec.id_bytes) + payload
         frame = b"\xfd" + body + _CRC(mcrf4xx(body + spec.crc_extra))
         return frame + signing.block(frame, self.link_id)
 

@@ -12,18 +12,18 @@ from functools import cache
 from importlib.resources import files
 from typing import Final
 
-from sitl_mock.protocols import Parameter, ParamKind
+from sitl_mock.protocols import Parameter, ParameterTable, ParamKind
 
 _PACKAGE: Final = "sitl_mock.parameters"
 
 
 @cache
-def parameters_of(flavour: str) -> tuple[Parameter, ...]:
+def parameters_of(flavour: str) -> ParameterTable:
     """Return the parameters of a flavour in the order of its list: px4, arducopter or rover."""
     text = files(_PACKAGE).joinpath(f"{flavour}.csv").read_text(encoding="utf-8")
     rows = csv.reader(text.splitlines())
     next(rows)
-    return tuple(_parameter(*row) for row in rows)
+    return ParameterTable(_parameter(*row) for row in rows)
 
 
 def _parameter(name: str, kind: str, value: str, unit: str, minimum: str, maximum: str, meaning: str) -> Parameter:

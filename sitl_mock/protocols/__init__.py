@@ -33,6 +33,7 @@ from sitl_mock.protocols.parameter import (
     ParameterProtocol,
     ParameterRules,
     ParameterStore,
+    ParameterTable,
     ParamKind,
     named,
 )
@@ -106,6 +107,7 @@ __all__ = [
     "ParameterProtocol",
     "ParameterRules",
     "ParameterStore",
+    "ParameterTable",
     "Piece",
     "Place",
     "Plan",

@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
@@ -68,6 +69,30 @@ class Parameter(NamedTuple):
     meaning: str
 
 
+class ParameterTable(tuple[Parameter, ...]):
+    """The definitions of one kind of vehicle, which all its vehicles share; their order gives the indices."""
+
+    @cached_property
+    def definitions(self) -> Mapping[str, Parameter]:
+        """By name."""
+        return {item.name: item for item in self}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """In their order."""
+        return tuple(self.definitions)
+
+    @cached_property
+    def places(self) -> Mapping[str, int]:
+        """Place in that order by name."""
+        return {name: index for index, name in enumerate(self.names)}
+
+    @cached_property
+    def values(self) -> Mapping[str, float]:
+        """Defaults as their types hold them, by name."""
+        return {name: rounded(item.kind, item.default) for name, item in self.definitions.items()}
+
+
 class ParameterStore(Mapping[str, float]):
     """The values of one vehicle, read like a dict.
 
@@ -80,11 +105,12 @@ class ParameterStore(Mapping[str, float]):
     """
 
     def __init__(self, parameters: Iterable[Parameter], overrides: Mapping[str, float] | None = None) -> None:
-        self.definitions: Final = {item.name: item for item in parameters}
-        self.names: Final = tuple(self.definitions)
-        self.index: Final = {name: index for index, name in enumerate(self.names)}
+        table = parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
+        self.definitions: Final = table.definitions
+        self.names: Final = table.names
+        self.index: Final = table.places
         self.revision = 0
-        self._values = {name: rounded(item.kind, item.default) for name, item in self.definitions.items()}
+        self._values = dict(table.values)
         for name, value in (overrides or {}).items():
             self.set(name, value, check_range=True)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from sitl_mock.dynamics import IGNORED, PX4_AIRFRAME, Kind, Setpoint
-from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of, rotated
+from sitl_mock.dynamics.values import GRAVITY_M_S2, maker_of, quaternion_of, rotated
 from sitl_mock.setpoints import (
     BODY_NED,
     FORCE,
@@ -31,6 +31,8 @@ from sitl_mock.world import Vector
 
 _STREAM: Final = Kind.STREAM
 STAND: Final = Setpoint(Kind.BRAKE)
+_UNSET: Final = STAND[6:]
+_setpoint = maker_of(Setpoint)
 
 
 def read(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
@@ -46,6 +48,9 @@ def _judged(state: VehicleState, target: Target, name: str, frame_known: bool) -
     if not frame_known:
         return f"{name} coordinate frame {target.frame} unsupported"
     frame, mask, position, velocity, acceleration, yaw_rad, yaw_rate_rad_s = target
+    alone = position is IGNORED and acceleration is IGNORED and frame != BODY_NED
+    if alone and math.isfinite(velocity[0] + velocity[1] + velocity[2]):  # what most clients send
+        return _setpoint((_STREAM, IGNORED, velocity, IGNORED, yaw_rad, yaw_rate_rad_s, *_UNSET))
     if mask & FORCE and any_finite(acceleration):
         return f"{name} force not supported"
     if not (any_finite(velocity) or any_finite(position) or any_finite(acceleration)):
@@ -73,8 +78,6 @@ def _finite(vector: Vector) -> Vector:
 def _followable(position: Vector, velocity: Vector, acceleration: Vector) -> bool:
     """Whether every axis is controlled by something and the horizontal axes come in pairs."""
     finite = math.isfinite
-    if position is IGNORED and acceleration is IGNORED and finite(velocity[0] + velocity[1] + velocity[2]):
-        return True
     if not (_paired(position) and _paired(velocity) and _paired(acceleration)):
         return False
     if finite(velocity[0] + velocity[2]):

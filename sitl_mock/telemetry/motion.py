@@ -44,12 +44,13 @@ def global_position_int(report: Report) -> Fields:
     lat, lon, alt = state.frame.to_geodetic(north, east, down)
     home = state.home_m
     v_n, v_e, v_d = state.velocity_m_s
+    above_m = -down if home is None else home[2] - down
     return (
         report.boot_ms,
         round(lat * 1e7),
         round(lon * 1e7),
         round(alt * 1e3),
-        round(((home[2] if home is not None else 0.0) - down) * 1e3),
+        round(above_m * 1e3),
         int16(v_n * 100.0),
         int16(v_e * 100.0),
         int16(v_d * 100.0),

@@ -6,9 +6,8 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Final
 
-from sitl_mock.dynamics import Kind
+from sitl_mock.dynamics import IGNORED, Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
-from sitl_mock.telemetry.motion import attitude as common_attitude
 from sitl_mock.telemetry.motion import pressure_hpa
 from sitl_mock.telemetry.report import Report
 
@@ -25,6 +24,7 @@ _IDLING: Final = int(Kind.IDLING)
 _OWN: Final = (Kind.TRAVEL, Kind.BRAKE)
 _STILL: Final = (_NAN,) * 6 + (0.0, 0.0, 100.0)
 """What an idling PX4 asks for: an acceleration downwards that no motor can follow."""
+_BITS: Final = tuple(1 << index for index in range(9))
 _FIELD_GAUSS: Final = (0.21, 0.006, 0.43)
 _PULSE_OFF, _PULSE_IDLE, _PULSE_FULL = 900, 1000, 2000
 _FULL_M_S2: Final = 20.0
@@ -36,22 +36,21 @@ _AUTOMATIC: Final = frozenset({"HOLD", "TAKEOFF", "MISSION", "RTL", "LAND", "PRE
 
 def attitude(report: Report) -> Fields:
     """ATTITUDE: on the ground nothing moves but the sensors' noise."""
-    fields = common_attitude(report)
     state = report.state
-    noise = state.sensors.noise
-    if not (state.on_ground and noise.attitude_sd_rad):
-        return fields
-    gauss, lean, spin = state.sensors.random.gauss, noise.attitude_sd_rad, noise.gyro_sd_rad_s
-    time_ms, roll, pitch, yaw, *rates = fields
+    lean = state.sensors.noise.attitude_sd_rad
+    if not (lean and state.body.on_ground):
+        return (report.boot_ms, *state.attitude)
+    gauss, spin = state.sensors.random.gauss, state.sensors.noise.gyro_sd_rad_s
+    roll, pitch, yaw, *rates = state.attitude
     shaken = (rate + gauss(0.0, spin) for rate in rates)
-    return (time_ms, roll + gauss(0.0, lean), pitch + gauss(0.0, lean), yaw + gauss(0.0, 3.0 * lean), *shaken)
+    return (report.boot_ms, roll + gauss(0.0, lean), pitch + gauss(0.0, lean), yaw + gauss(0.0, 3.0 * lean), *shaken)
 
 
 def odometry(report: Report) -> Fields:
     """ODOMETRY: everything in the local frame, variances on the diagonals, quality never filled."""
     state = report.state
-    roll, pitch, yaw, *rates = state.attitude
-    level, high = state.estimator.eph_m**2 * 0.27, 0.0052 if state.on_ground else 0.1
+    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
+    level, high = state.estimator.eph_m**2 * 0.27, 0.0052 if state.body.on_ground else 0.1
     return (
         report.boot_us,
         _LOCAL_NED,
@@ -59,9 +58,11 @@ def odometry(report: Report) -> Fields:
         *state.position_m,
         quaternion_of(roll, pitch, yaw),
         *state.velocity_m_s,
-        *rates,
+        roll_rate,
+        pitch_rate,
+        yaw_rate,
         _diagonal(level, level, high, 1e-4, 1e-4, 4e-3),
-        _diagonal(0.02, 0.02, 0.01, _NAN, _NAN, _NAN),
+        _VELOCITY_COVARIANCE,
         (state.estimator.reset_counter + _RESETS_AT_START) & 0xFF,
         3,
         0,
@@ -79,6 +80,9 @@ def _diagonal(x: float, y: float, z: float, roll: float, pitch: float, yaw: floa
     for index, value in zip((0, 6, 11, 15, 18, 20), (x, y, z, roll, pitch, yaw), strict=True):
         row[index] = value
     return tuple(row)
+
+
+_VELOCITY_COVARIANCE: Final = _diagonal(0.02, 0.02, 0.01, _NAN, _NAN, _NAN)
 
 
 def sys_status(report: Report) -> Fields:
@@ -111,13 +115,21 @@ def _trajectory(report: Report) -> tuple[float, ...]:
     if setpoint.kind in _OWN and reference is not None:
         return (*reference.position_ned_m, *reference.velocity_ned_m_s, *reference.acceleration_ned_m_s2)
     asked = report.state.body.acceleration_ned_m_s2
-    push = tuple(real if math.isnan(given) else given for given, real in zip(setpoint[3], asked, strict=True))
+    push: tuple[float, ...] = setpoint.acceleration_ned_m_s2
+    if push is IGNORED:
+        push = asked
+    elif math.isnan(sum(push)):
+        push = tuple(real if math.isnan(given) else given for given, real in zip(push, asked, strict=True))
     return (*setpoint.position_ned_m, *setpoint.velocity_ned_m_s, *push)
 
 
 def _mask(values: tuple[float, ...]) -> int:
     """Bits of POSITION_TARGET_TYPEMASK for what is NaN."""
-    return sum(1 << index for index, value in enumerate(values) if math.isnan(value))
+    bits = 0
+    for bit, value in zip(_BITS, values, strict=False):
+        if math.isnan(value):
+            bits |= bit
+    return bits
 
 
 def position_target_global_int(report: Report) -> Fields | None:
@@ -143,7 +155,7 @@ def highres_imu(report: Report) -> Fields:
     noise = sensors.noise
     s_0, s_1, s_2, s_3, s_4, s_5, s_6, s_7, s_8 = sensors.scatter()
     m_n, m_e, m_d = _FIELD_GAUSS
-    push = -(GRAVITY_M_S2 if state.on_ground else state.body.thrust_m_s2)
+    push = -(GRAVITY_M_S2 if state.body.on_ground else state.body.thrust_m_s2)
     a_sd, w_sd, m_sd = noise.accelerometer_sd_m_s2, noise.gyro_sd_rad_s, noise.magnetometer_sd_gauss
     _, _, _, p, q, r = state.attitude
     height = state.frame.origin[2] - sensors.barometer_down_m

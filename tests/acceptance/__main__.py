@@ -20,8 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.errors import GuidanceError
-from guidance.sim.live import free_udp_port
-from sitl_mock.child import running
+from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
 from tests.acceptance.cases import Case, cases, toml
 from tests.acceptance.flying import GUIDANCE, Line, fly

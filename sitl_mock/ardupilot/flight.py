@@ -1,0 +1,110 @@
+"""What the present mode of an ArduPilot flies towards, and what GUIDED makes of the setpoints that come."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from sitl_mock.ardupilot import guided
+from sitl_mock.ardupilot.avoidance import avoiding
+from sitl_mock.ardupilot.legs import Legs
+from sitl_mock.ardupilot.maneuvers import Speeds
+from sitl_mock.dynamics import Kind, Setpoint
+
+if TYPE_CHECKING:
+    from sitl_mock.ardupilot.firmware import Firmware
+    from sitl_mock.ardupilot.maneuvers import Circle, Turn
+    from sitl_mock.protocols import PlanStore
+    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.world import Vector
+
+DECIDE_S: Final = 0.02
+IDLING: Final = Setpoint(Kind.IDLING)
+"""Motors turning on the ground."""
+_TRAVEL, _STREAM = Kind.TRAVEL, Kind.STREAM
+
+
+@dataclass(slots=True)
+class ModeFlight:
+    """One mode's flight; new whenever a mode begins.
+
+    Attributes:
+        entered_m: Where the mode began.
+        entered_yaw_rad: The heading then.
+        guided: Last setpoint in GUIDED, None while there is none.
+        stream_s: When it came, if it came as a stream.
+        takeoff_m: Down coordinate of the take-off in GUIDED, NaN when it is over.
+        takeoff_s: When it was asked for.
+        just_taken_off: Nothing has been asked for since the take-off in GUIDED.
+        paused: DO_PAUSE_CONTINUE has stopped the flight.
+        turn: Where CONDITION_YAW turns the nose, None where the flight decides.
+        speeds: What DO_CHANGE_SPEED asked for, until the kind of guided flight changes.
+        legs: The legs of AUTO and RTL under way.
+        stage: Part of RTL, which is flown in AUTO as well.
+        stage_s: When it began.
+        goal_m: Where RTL leads: north and east, and the down coordinate it flies there at.
+        circle: What CIRCLE flies.
+        may_lift: MISSION_START has let AUTO take off; else it waits for the throttle stick.
+    """
+
+    entered_m: Vector
+    entered_yaw_rad: float
+    guided: Setpoint | None = None
+    stream_s: float = -math.inf
+    takeoff_m: float = math.nan
+    takeoff_s: float = -math.inf
+    just_taken_off: bool = False
+    paused: bool = False
+    turn: Turn | None = None
+    speeds: Speeds = field(default_factory=Speeds)
+    legs: Legs = field(default_factory=Legs)
+    stage: str = ""
+    stage_s: float = 0.0
+    goal_m: Vector = (math.nan, math.nan, math.nan)
+    circle: Circle | None = None
+    may_lift: bool = False
+
+    @property
+    def taking_off(self) -> bool:
+        """Whether a take-off that GUIDED was asked for is not over."""
+        return math.isfinite(self.takeoff_m)
+
+    def take_off(self, now_s: float, here_m: Vector, down_m: float) -> None:
+        """Begin a take-off in GUIDED from here to a down coordinate."""
+        self.takeoff_m, self.takeoff_s = down_m, now_s
+        self.guided = None
+        self.entered_m = here_m
+
+    def follow(self, setpoint: Setpoint) -> None:
+        """Fly a guided setpoint; another kind of one forgets the speeds that were asked for, as the real one does."""
+        if self.guided is None or self.guided.kind is not setpoint.kind or self.just_taken_off:
+            self.speeds = Speeds()
+        self.just_taken_off = False
+        self.guided = setpoint
+        self.turn = None
+        self.takeoff_m = math.nan
+
+    def guided_setpoint(self, state: VehicleState, plans: PlanStore, firmware: Firmware[Any]) -> Setpoint:
+        """GUIDED: the last setpoint, or a stop when it is older than the timeout."""
+        if self.guided is None:
+            return Setpoint(Kind.BRAKE)
+        if self.paused:
+            return guided.STOP
+        kind = self.guided.kind
+        if kind is _TRAVEL:
+            return self.speeds.applied(self.guided)
+        timeout_s = (
+            float(state.parameters[firmware.guided_timeout]) if firmware.guided_timeout else firmware.guided_timeout_s
+        )
+        if state.now_s - self.stream_s > timeout_s:
+            return guided.STOP if kind is _STREAM else guided.LEVEL
+        if kind is _STREAM and firmware.flies and plans.fence.items:
+            return avoiding(state, plans, self.guided)
+        return self.guided
+
+    def with_turn(self, setpoint: Setpoint) -> Setpoint:
+        """The setpoint with the heading of a turn under way."""
+        if self.turn is None:
+            return setpoint
+        return setpoint._replace(yaw_rad=self.turn.advance(DECIDE_S), yaw_rate_rad_s=math.nan)
