@@ -15,7 +15,6 @@ ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
 PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
 QUICK = "not slow and not flight and not arrays"
-LONG = "not five_minutes and not px4_goto"
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ STEPS = {
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time",
-        (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow", "-k", LONG),
+        (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow and not long"),
         marked="flight",
         gives_way=True,
     ),
@@ -91,6 +90,7 @@ ASKED_FOR = {
         "the games on PyTorch and JAX, in an environment that has both",
         (sys.executable, "-m", "tests.arrays"),
     ),
+    "long": Step("flights of minutes in virtual time, too long for every change", (*PYTEST, "-m", "long")),
     "install": Step(
         "the wheel in an empty environment of every Python that is found, and a flight there",
         (sys.executable, "-m", "tests.install"),

@@ -3,6 +3,7 @@
 A share of them by default, all in the profile `all`; `HYPOTHESIS_PROFILE=search python -m tests tests` draws new ones.
 """
 
+import pytest
 from hypothesis import settings
 
 from tests.harness.examples import PROFILE, drawn
@@ -11,3 +12,12 @@ settings.register_profile("same", derandomize=True, deadline=None, max_examples=
 settings.register_profile("all", derandomize=True, deadline=None)
 settings.register_profile("search", deadline=None)
 settings.load_profile(PROFILE)
+
+
+@pytest.fixture(scope="session")
+def short_flight(tmp_path_factory):
+    """A short chase, flown once for all who read of it: its result, and its record, which nobody changes."""
+    from tests.harness.flights import SHORT, flown  # what draws no flight need not load one
+
+    path = tmp_path_factory.mktemp("short") / "record.mcap"
+    return flown(SHORT, path), path

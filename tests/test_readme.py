@@ -7,12 +7,17 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
+from typer.main import get_command
 
+from guidance.cli import app as guidance
+from sitl_mock.cli import app as sitl_mock
 from tests.__main__ import STEPS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BIN = Path(sys.executable).parent
+PROGRAMS = {"guidance": get_command(guidance), "sitl-mock": get_command(sitl_mock)}
 COMMANDS = sorted(set(re.findall(r"`(guidance|sitl-mock) ([a-z]+)", README)))
 
 
@@ -33,9 +38,16 @@ def test_its_first_two_commands_are_one_line_each_and_the_second_is_what_ci_runs
 
 @pytest.mark.parametrize(("program", "command"), COMMANDS)
 def test_every_command_it_names_explains_itself(program, command):
-    done = subprocess.run([BIN / program, command, "--help"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-    assert "Usage" in done.stdout
+    done = CliRunner().invoke(PROGRAMS[program], [command, "--help"])
+    assert done.exit_code == 0
+    assert "Usage" in done.output
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_its_programs_are_installed(program):
+    done = subprocess.run([BIN / program, "--help"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert {command for name, command in COMMANDS if name == program} <= set(done.stdout.split())
 
 
 def test_every_file_and_picture_it_names_is_there():

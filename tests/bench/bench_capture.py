@@ -22,7 +22,7 @@ from guidance.autopilots import AUTOPILOTS
 from guidance.flight import FlightSettings
 from guidance.messages import Setpoint
 from guidance.strategies import Strategy
-from tests.bench.chase import Chased, altered, chase, hover_chase
+from tests.harness.chase import Chased, altered, chase, hover_chase
 
 Change = Callable[[FlightSettings], FlightSettings]
 

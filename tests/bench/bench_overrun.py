@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.sim.scenario import Scenario
-from tests.bench.chase import chase, hover_chase
+from tests.harness.chase import chase, hover_chase
 
 TURNS = {"stops dead": 0.0, "turns on the pursuer": -1.0}
 GAPS_M = (12.0, 8.0, 5.0, 3.0, 1.5, 0.7)

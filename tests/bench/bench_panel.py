@@ -1,4 +1,4 @@
-"""What the operator's page costs, and how late it is: `python tests/bench/bench_panel.py [--seconds 12] [--minutes 0]`.
+"""What the operator's page costs, and how late it is: `python -m tests.bench.bench_panel [--seconds 12] [--minutes 0]`.
 
 A mock PX4 and a rover in a process of their own, `guidance run` engaged and in the shadow of the rover, over Zenoh. The
 same daemon is flown without a panel, with one that no page is open on, with one page in Chromium, with nineteen sockets
@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 
 import aiohttp
 import numpy as np
-from bench_view import PROGRAM, daemon, memory_mb, mock
 from playwright.sync_api import Page, sync_playwright
 
 from guidance.log import cycles_of
@@ -34,6 +33,8 @@ from guidance.log.broadcast import broadcast_key
 from guidance.log.replay import compare
 from guidance.session.control_bus import join_session
 from guidance.session.recorded import recorded_settings
+from sitl_mock.child import running
+from tests.bench.bench_view import PROGRAM, VEHICLES, daemon, memory_mb
 
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 SOCKETS = 19
@@ -196,7 +197,7 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with mock(folder) as at, daemon(folder, at) as (pid, control):
+        with running(VEHICLES, over=["zenoh"]) as fleet, daemon(folder, fleet) as (pid, control):
             bench = Bench(given.seconds, pid, control)
             measure(bench, control, given.minutes)
         (record,) = folder.glob("*.mcap")

@@ -1,4 +1,4 @@
-"""What an onlooker costs the daemon: `python tests/bench/bench_view.py [--seconds 12]`.
+"""What an onlooker costs the daemon: `python -m tests.bench.bench_view [--seconds 12]`.
 
 A mock PX4 and a rover in a process of their own, `guidance run` engaged and in the shadow of the rover, over Zenoh.
 The same daemon is flown with nobody looking on, with `guidance view --live`, with that process stopped (SIGSTOP: it
@@ -8,10 +8,8 @@ own record.
 
 import argparse
 import contextlib
-import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -26,81 +24,36 @@ import numpy as np
 from guidance.errors import GuidanceError
 from guidance.log import cycles_of, survey_of
 from guidance.session.control_bus import ask
+from sitl_mock.child import RunningFleet, running
+from tests.harness.vehicle import mocked, write_file
 
 PROGRAM = [sys.executable, "-c", "from guidance.cli import main; main()"]
-FLEET = """
-[[vehicle]]
-name = "bench"
-flavour = "px4"
-system_id = 1
-ready_after_s = 0.5
-[vehicle.parameters]
-GF_MAX_HOR_DIST = 210.0
-GF_MAX_VER_DIST = 70.0
-[[vehicle]]
-name = "evader"
-flavour = "rover"
-system_id = 2
-start_ned_m = [30.0, 0.0, 0.0]
-ready_after_s = 0.5
-"""
-CONFIG = """
-name = "bench"
-[vehicle]
-autopilot = "px4"
-link = "pymavlink"
-url = "zenoh://{mock}/bench"
-[evader]
-kind = "global_position"
-url = "zenoh://{mock}/evader"
-system_id = 2
-request_rate_hz = 20.0
-[game]
-speed_m_s = 6.0
-evader_speed_m_s = 3.0
-[flight]
-takeoff_height_m = 15.0
-after_capture = "shadow"
-on_terminate = "land"
-[control]
-endpoint = "{control}"
-[log]
-level = "error"
-[record]
-folder = "{folder}"
-"""
+VEHICLES = [
+    mocked("bench", parameters={"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}),
+    mocked("evader", "rover", start_ned_m=[30.0, 0.0, 0.0]),
+]
 
 
 @contextlib.contextmanager
-def mock(folder: Path) -> Iterator[str]:
-    """Start the mock; yield host:port of its Zenoh endpoint."""
-    (folder / "fleet.toml").write_text(FLEET)
-    command = [sys.executable, "-m", "sitl_mock", "run", "--fleet", str(folder / "fleet.toml"), "--json"]
-    command += ["--parent-pipe", "--zenoh", "tcp/127.0.0.1:0"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
-        assert child.stdin is not None
-        assert child.stdout is not None
-        yield json.loads(child.stdout.readline())["vehicles"][0]["endpoints"][0].split()[0].removeprefix("tcp/")
-        child.stdin.close()
-
-
-@contextlib.contextmanager
-def daemon(folder: Path, at: str) -> Iterator[tuple[int, str]]:
+def daemon(folder: Path, fleet: RunningFleet) -> Iterator[tuple[int, str]]:
     """Bring `guidance run` up and engage; yield its process id and its control endpoint."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        control = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    path = folder / "bench.toml"
-    path.write_text(CONFIG.format(mock=at, control=control, folder=folder))
-    with subprocess.Popen([*PROGRAM, "run", str(path)]) as running:
+    path, control = write_file(
+        folder,
+        fleet,
+        "bench",
+        vehicle={"link": "pymavlink"},
+        flight={"takeoff_height_m": 15.0, "after_capture": "shadow"},
+        log={"level": "error"},
+    )
+    with subprocess.Popen([*PROGRAM, "run", str(path)]) as flying:
         try:
             for order, state in (("start", "standing by"), ("engage", "on station")):
                 insist(order, "accepted", True, control)
                 insist("status", "state", state, control)
-            yield running.pid, control
+            yield flying.pid, control
         finally:
-            running.send_signal(signal.SIGTERM)
-            running.wait(30.0)
+            flying.send_signal(signal.SIGTERM)
+            flying.wait(30.0)
 
 
 def insist(order: str, key: str, value: object, control: str) -> None:
@@ -162,7 +115,7 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with mock(folder) as at, daemon(folder, at) as (pid, control):
+        with running(VEHICLES, over=["zenoh"]) as fleet, daemon(folder, fleet) as (pid, control):
             taken = list(phases(given.seconds, pid, control))
         (record,) = folder.glob("*.mcap")
         show(record, taken)

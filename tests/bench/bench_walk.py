@@ -23,7 +23,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.linked_flight import LinkedFlight
 from guidance.session.spec import plan_of
 from sitl_mock.vehicle import MockVehicle
-from tests.bench.chase import CYCLE_S, ORDERS, Runner, hover_chase
+from tests.harness.chase import CYCLE_S, ORDERS, Runner, hover_chase
 
 ROOT = str(Path(guidance.__file__).parent)
 ENGAGED_S = 4.0

@@ -1,4 +1,4 @@
-"""An envelope wide open but for what a test closes, and a command that has been flown all along."""
+"""An envelope wide open but for what a test closes, a multicopter's, and a command that has been flown all along."""
 
 from guidance.control import Envelope, LimitMemory, Situation, limit
 from guidance.messages import Setpoint
@@ -17,6 +17,20 @@ OPEN = Envelope(
     braking_m_s2=2.0,
     vertical_braking_m_s2=1.0,
     reaction_s=0.5,
+)
+MULTICOPTER = Envelope(
+    floor_m=3.0,
+    ceiling_m=40.0,
+    speed_m_s=8.0,
+    climb_m_s=3.0,
+    descent_m_s=1.5,
+    acceleration_m_s2=4.0,
+    vertical_acceleration_m_s2=2.0,
+    jerk_m_s3=20.0,
+    yaw_rate_rad_s=1.0,
+    braking_m_s2=2.5,
+    vertical_braking_m_s2=1.2,
+    reaction_s=0.6,
 )
 HOVER = Situation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.bench.chase import altered, chase, hover_chase
+from tests.harness.chase import altered, chase, hover_chase
 
 pytestmark = pytest.mark.flight
 

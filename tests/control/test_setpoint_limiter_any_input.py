@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from guidance.control import (
     AltitudeHold,
-    Envelope,
     Limiter,
     LimitMemory,
     Polygon,
@@ -20,21 +19,14 @@ from guidance.control import (
 )
 from guidance.control.setpoint_limiter import NOTED
 from guidance.messages import Setpoint
+from tests.control.scenes import MULTICOPTER
 from tests.harness.examples import drawn
 
 TOLERANCE = 1e-6
 # A polygon with an inward corner, a circle that cuts its far corners, and a stand-off.
 CORNERS = ((-40.0, -40.0), (60.0, -40.0), (60.0, 50.0), (10.0, 5.0), (-40.0, 50.0))
-ENVELOPE = Envelope(
-    floor_m=3.0,
-    ceiling_m=40.0,
-    speed_m_s=8.0,
-    climb_m_s=3.0,
-    descent_m_s=1.5,
-    acceleration_m_s2=4.0,
-    vertical_acceleration_m_s2=2.0,
-    jerk_m_s3=20.0,
-    yaw_rate_rad_s=1.0,
+ENVELOPE = replace(
+    MULTICOPTER,
     braking_m_s2=2.0,
     vertical_braking_m_s2=1.0,
     reaction_s=0.5,

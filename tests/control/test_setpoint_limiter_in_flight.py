@@ -7,26 +7,13 @@ from itertools import pairwise
 
 import pytest
 
-from guidance.control import Envelope, Limiter, Polygon, Situation, StandOffLimit, hold_altitude, limit
+from guidance.control import Limiter, Polygon, Situation, StandOffLimit, hold_altitude, limit
 from guidance.messages import Setpoint
+from tests.control.scenes import DT_S
+from tests.control.scenes import MULTICOPTER as ENVELOPE
 
-DT_S = 0.02
 ROUNDING_M = 1e-6
 SQUARE = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)))
-ENVELOPE = Envelope(
-    floor_m=3.0,
-    ceiling_m=40.0,
-    speed_m_s=8.0,
-    climb_m_s=3.0,
-    descent_m_s=1.5,
-    acceleration_m_s2=4.0,
-    vertical_acceleration_m_s2=2.0,
-    jerk_m_s3=20.0,
-    yaw_rate_rad_s=1.0,
-    braking_m_s2=2.5,
-    vertical_braking_m_s2=1.2,
-    reaction_s=0.6,
-)
 
 
 @dataclass

@@ -95,6 +95,7 @@ def test_14_the_heading_at_engagement_is_held(sortie, autopilot, yaw_deg, monkey
     assert not any(sent.message.type_mask & 0x400 for sent in flight.setpoints)
 
 
+@pytest.mark.long
 def test_15_a_hover_of_five_minutes_keeps_its_height(sortie, autopilot):
     flight = sortie.on_station(autopilot).run(5.0)
     start_m = flight.flight.vehicle.last(LocalPosition).position_ned_m[2]

@@ -21,25 +21,10 @@ from guidance.session.orders import Mailbox
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
+from tests.harness.vehicle import FENCED, document
 
 CYCLE_S = 0.02
 HERE = Home(47.397742, 8.545594, 488.0)
-FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}
-
-
-def document(**sections):
-    """Return a whole configuration; sections given replace keys of the default ones."""
-    base = {
-        "name": "uav1",
-        "vehicle": {"autopilot": "px4", "url": "udpin://127.0.0.1:14540"},
-        "evader": {"kind": "global_position", "url": "udpin://127.0.0.1:14541", "system_id": 2},
-        "game": {"speed_m_s": 6.0, "evader_speed_m_s": 3.0, "standoff_radius_m": 6.0, "standoff_height_m": 5.0},
-        "limits": {"floor_m": 3.0, "ceiling_m": 60.0, "fence_radius_m": 100.0},
-        "flight": {"takeoff_height_m": 5.0},
-    }
-    for name, keys in sections.items():
-        base[name] = {**base.get(name, {}), **keys} if isinstance(keys, dict) else keys
-    return base
 
 
 @pytest.fixture(scope="session")

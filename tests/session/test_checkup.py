@@ -1,8 +1,6 @@
 """`guidance check --apply`: set on the ground, read back, judged again, and refused wherever it could do harm."""
 
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -24,6 +22,7 @@ from guidance.session.vehicle_file import Config
 from sitl_mock import MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
+from tests.harness.command import guidance
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 
@@ -176,14 +175,6 @@ def test_a_vehicle_that_does_not_say_where_it_is_is_left_alone(world):
     there.checkup.rows()
     with pytest.raises(FlightError, match="does not say whether it is on the ground"):
         there.checkup.apply(there.checkup.changes(advised=False), lambda one: pytest.fail(f"{one} was set"))
-
-
-def guidance(*arguments, said=""):
-    environment = {**os.environ, "COLUMNS": "200"}
-    return subprocess.run(
-        [GUIDANCE, *map(str, arguments)], capture_output=True, text=True, timeout=90, check=False, input=said,
-        env=environment,
-    )  # fmt: skip
 
 
 @pytest.mark.slow

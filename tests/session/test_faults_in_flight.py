@@ -6,16 +6,14 @@ import tomllib
 import pytest
 import tomli_w
 
-from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.session.fly import fly
 from guidance.session.mocked import fly_mock
 from guidance.session.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.mock_files import faulted_fleet, fleet, script
 from guidance.sim.scenario import Scenario
-from guidance.sim.stepped import SteppedWorld
+from tests.harness import flights
 
 CHASE = {
     "title": "a chase",
@@ -31,12 +29,7 @@ def scenario(**sections):
 
 
 def flown(**sections):
-    chase, clock = scenario(**sections), VirtualClock()
-    world = SteppedWorld(chase, clock)
-    try:
-        result = fly(chase, world, clock, None, lambda _: None)
-    finally:
-        world.close()
+    result = flights.flown(scenario(**sections))
     return result, outcome_of_flight(result, "fast")
 
 

@@ -10,37 +10,17 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from guidance.clock import VirtualClock
-from guidance.config import load
 from guidance.flight import Event, State
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
-from guidance.log.writer import Recorder
-from guidance.session.fly import fly
 from guidance.session.mocked import next_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.files import load_scenario
 from guidance.sim.players import game
-from guidance.sim.scenario import Scenario
-from guidance.sim.stepped import SteppedWorld
 from guidance.viz.picture import draw
 from guidance.viz.shapes import isochron
+from tests.harness.flights import SHORT, flown
 
 pytestmark = pytest.mark.flight
-
-
-SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
-
-
-def flown(scenario, path=None, watch=lambda _: None):
-    clock = VirtualClock()
-    world = SteppedWorld(scenario, clock)
-    recorder = Recorder(path, {"seed": str(scenario.seed)}) if path else None
-    try:
-        return fly(scenario, world, clock, recorder, watch)
-    finally:
-        world.close()
-        if recorder:
-            recorder.close()
 
 
 def outcome(result):
@@ -74,6 +54,14 @@ def test_a_disk_that_fills_up_is_said_at_once_and_in_the_summary_and_the_game_is
 @pytest.fixture(scope="module")
 def tad():
     return flown(load_scenario("tad")[1])
+
+
+@pytest.mark.parametrize("name", ["pe", "tad"])
+def test_what_the_papers_scenarios_expect_holds_in_flight(name, pe, tad):
+    result = {"pe": pe[0], "tad": tad}[name]
+    verdicts = load_scenario(name)[1].expect.of(outcome(result)._asdict())
+    assert verdicts
+    assert [verdict for verdict in verdicts if not verdict.held] == []
 
 
 def test_the_papers_pe_game_is_flown_within_15_percent_of_its_value(pe):

@@ -13,6 +13,8 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
+from tests.harness.command import guidance
+
 NEAR = Path(__file__).parents[1] / "data" / "near_chase.toml"
 GUIDANCE = Path(sys.executable).parent / "guidance"
 
@@ -129,8 +131,9 @@ def test_a_port_in_use_is_one_message_and_nothing_is_left_running(tmp_path):
         (["fly", "--port", "70000"], "--port 70000"),
     ],
 )
-def test_bad_arguments_end_with_one_clear_message(arguments, words, tmp_path):
-    done = subprocess.run([GUIDANCE, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
+def test_bad_arguments_end_with_one_clear_message(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = guidance(*arguments)
     assert done.returncode == 2
     assert words in done.stderr
     assert "Traceback" not in done.stderr

@@ -14,113 +14,53 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from guidance.errors import LinkError
+from guidance.session.control_bus import ask
+from guidance.session.orders import STATUS
+from sitl_mock.child import running
+from tests.harness.command import guidance
+from tests.harness.vehicle import FENCED, mocked, write_file
+
 GUIDANCE = Path(sys.executable).parent / "guidance"
-FLEET = """
-[[vehicle]]
-name = "uav1"
-flavour = "px4"
-system_id = 1
-ready_after_s = 0.5
-[vehicle.parameters]
-GF_MAX_HOR_DIST = 120.0
-GF_MAX_VER_DIST = 70.0
-[[vehicle]]
-name = "copter"
-flavour = "arducopter"
-system_id = 1
-ready_after_s = 0.5
-[vehicle.parameters]
-GUID_TIMEOUT = 1.0
-FENCE_ENABLE = 1
-[[vehicle]]
-name = "unfenced"
-flavour = "px4"
-system_id = 1
-ready_after_s = 0.5
-[[vehicle]]
-name = "evader"
-flavour = "rover"
-system_id = 2
-start_ned_m = [30.0, 0.0, 0.0]
-ready_after_s = 0.5
-"""
+VEHICLES = [
+    mocked("uav1", parameters=FENCED),
+    mocked("copter", "arducopter", parameters={"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0}),
+    mocked("unfenced"),
+    mocked("evader", "rover", start_ned_m=[30.0, 0.0, 0.0]),
+]
 
 
 @pytest.fixture(scope="module")
-def mock(tmp_path_factory):
-    """Start the mock; it ends when its standard input closes. Returns host:port of its Zenoh endpoint."""
-    fleet = tmp_path_factory.mktemp("fleet") / "fleet.toml"
-    fleet.write_text(FLEET)
-    command = [sys.executable, "-m", "sitl_mock", "run", "--fleet", fleet, "--json", "--parent-pipe"]
-    child = subprocess.Popen(
-        [*command, "--zenoh", "tcp/127.0.0.1:0"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    ready = json.loads(child.stdout.readline())
-    yield ready["vehicles"][0]["endpoints"][0].split()[0].removeprefix("tcp/")
-    child.stdin.close()
-    child.wait(timeout=10)
-    child.stdout.close()
+def fleet():
+    """The vehicles, in a process of their own."""
+    with running(VEHICLES, over=["zenoh"]) as fleet:
+        yield fleet
 
 
 @pytest.fixture
-def vehicle_file(tmp_path, mock):
+def vehicle_file(tmp_path, fleet):
     """Write a vehicle file; every one gets a control port of its own."""
 
     def write(name="uav1", *, autopilot="px4", link="pymavlink", timeout_s=10.0):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            control = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-        path = tmp_path / f"{name}.toml"
-        path.write_text(
-            f"""
-name = "{name}"
-[vehicle]
-autopilot = "{autopilot}"
-link = "{link}"
-url = "zenoh://{mock}/{name}"
-connect_timeout_s = {timeout_s}
-[evader]
-kind = "global_position"
-url = "zenoh://{mock}/evader"
-system_id = 2
-request_rate_hz = 20.0
-[game]
-speed_m_s = 6.0
-evader_speed_m_s = 3.0
-standoff_radius_m = 6.0
-standoff_height_m = 5.0
-[limits]
-floor_m = 3.0
-fence_radius_m = 100.0
-[flight]
-takeoff_height_m = 5.0
-on_terminate = "land"
-[control]
-endpoint = "{control}"
-[log]
-format = "json"
-[record]
-folder = "{tmp_path}"
-"""
-        )
-        return path, control
+        vehicle = {"autopilot": autopilot, "link": link, "connect_timeout_s": timeout_s}
+        return write_file(tmp_path, fleet, name, vehicle=vehicle, log={"format": "json"})
 
     return write
 
 
 def ctl(control, order):
-    done = subprocess.run(
-        [GUIDANCE, "ctl", order, "--json", "--endpoint", control], capture_output=True, text=True, check=False
-    )
-    return done.returncode, json.loads(done.stdout) if done.stdout else done.stderr
+    return guidance("ctl", order, "--json", "--endpoint", control).returncode
 
 
 def until(control, *states, limit_s=30.0):
-    deadline_s = time.monotonic() + limit_s
+    """Ask where the flight stands until it stands there: not by a process for each question, which flies slower."""
+    deadline_s, answer = time.monotonic() + limit_s, {}
     while time.monotonic() < deadline_s:
-        _, answer = ctl(control, "status")
-        if isinstance(answer, dict) and answer.get("state") in states:
+        with contextlib.suppress(LinkError):  # not there yet
+            answer = ask(STATUS, endpoint=control, name=None)
+        if answer.get("state") in states:
             return answer
+        time.sleep(0.1)
     pytest.fail(f"not {states} within {limit_s} s, but {answer}")
 
 
@@ -179,10 +119,10 @@ def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
         second = subprocess.run([GUIDANCE, "run", rival], capture_output=True, text=True, timeout=20, check=False)
         assert second.returncode == 3
         assert "another daemon owns this vehicle" in second.stderr
-        assert ctl(control, "engage")[0] == 4
-        assert ctl(control, "start")[0] == 0
+        assert ctl(control, "engage") == 4
+        assert ctl(control, "start") == 0
         until(control, "standing by")
-        assert ctl(control, "engage")[0] == 0
+        assert ctl(control, "engage") == 0
         until(control, "engaged", "on station")
         daemon.send_signal(signal.SIGHUP)
         status = until(control, "on station")
@@ -249,8 +189,9 @@ def test_a_vehicle_that_is_not_there_is_waited_for_by_a_daemon_that_says_so_and_
         (["ctl", "hold", "--endpoint", "tcp/127.0.0.1:9"], 3, "no session within"),
     ],
 )
-def test_what_cannot_be_done_ends_with_one_clear_message(arguments, code, words, tmp_path):
-    done = subprocess.run([GUIDANCE, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
+def test_what_cannot_be_done_ends_with_one_clear_message(arguments, code, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = guidance(*arguments)
     assert done.returncode == code
     assert words in done.stderr
     assert "Traceback" not in done.stderr

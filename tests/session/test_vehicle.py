@@ -39,6 +39,7 @@ from guidance.sim.stepped import EvaderHere, SteppedMock
 from sitl_mock import Home, MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
+from tests.harness.command import guidance
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 SHORT_FILE = Path(__file__).parents[1] / "data" / "short_chase.toml"
@@ -385,14 +386,9 @@ def test_only_what_is_on_loopback_counts_as_a_simulator(url, here):
     assert parse(url).on_loopback is here
 
 
-def guidance(*arguments, **options):
-    return subprocess.run(
-        [GUIDANCE, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False, **options
-    )
-
-
-def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path):
-    done = guidance("fly", "--vehicle", "udpin://0.0.0.0:14999", input="n\n", cwd=tmp_path)
+def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = guidance("fly", "--vehicle", "udpin://0.0.0.0:14999", said="n\n")
     assert done.returncode == 4
     assert "may be a real vehicle. Arm and fly it?" in done.stdout + done.stderr
     assert list(tmp_path.iterdir()) == []
@@ -408,10 +404,12 @@ def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path):
         (("--vehicle", "udpin://127.0.0.1:14540", "--link", "ros"), "--link ros: allowed are mavsdk, pymavlink"),
     ],
 )
-def test_arguments_that_cannot_be_meant_are_refused(tmp_path, arguments, words):
-    done = guidance("fly", *arguments, cwd=tmp_path)
+def test_arguments_that_cannot_be_meant_are_refused(tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    done = guidance("fly", *arguments)
     assert done.returncode == 2
     assert words in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow
@@ -449,7 +447,8 @@ def test_ctrl_c_lands_the_vehicle_and_says_so(tmp_path):
     assert "interrupted: the vehicle was told to land, and is landing" in out
 
 
-def test_where_there_is_no_vehicle_it_is_said(tmp_path):
-    done = guidance("fly", "--vehicle", "tcpout://127.0.0.1:9", cwd=tmp_path)
+def test_where_there_is_no_vehicle_it_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = guidance("fly", "--vehicle", "tcpout://127.0.0.1:9")
     assert done.returncode == 3
     assert "127.0.0.1:9" in done.stderr

@@ -7,23 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from guidance.clock import VirtualClock
 from guidance.config import config_folder
-from guidance.session.fly import fly
 from guidance.session.result import outcome_of_flight
 from guidance.sim.files import FOLDER, load_any, load_scenario
 from guidance.sim.maths import play
-from guidance.sim.stepped import SteppedWorld
 from guidance.sim.team_maths import play_teams, summary_of
 from guidance.sim.teams import TeamScenario
+from tests.harness.flights import flown
 
 EVERY = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
 TEAMS = [name for name in EVERY if isinstance(load_any(name)[1], TeamScenario)]
 NAMES = [name for name in EVERY if name not in TEAMS]
-LONG = ("pe", "tad", "hover_chase")
-"""Flown elsewhere as well, and longer than the others."""
-
-FLOWN = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in NAMES]
+FLOWN_ELSEWHERE = ("pe", "tad")
+"""In tests/session/test_fly.py, which holds them to the same."""
 
 
 def failed(scenario, outcome):
@@ -63,15 +59,10 @@ def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("name", FLOWN)
+@pytest.mark.parametrize("name", sorted({*NAMES} - {*FLOWN_ELSEWHERE}))
 def test_what_a_scenario_expects_holds_in_flight(name):
-    scenario, clock = load_scenario(name)[1], VirtualClock()
-    world = SteppedWorld(scenario, clock)
-    try:
-        outcome = outcome_of_flight(fly(scenario, world, clock, None, lambda _: None), "fast")
-    finally:
-        world.close()
-    assert failed(scenario, outcome) == []
+    scenario = load_scenario(name)[1]
+    assert failed(scenario, outcome_of_flight(flown(scenario), "fast")) == []
 
 
 @pytest.mark.slow

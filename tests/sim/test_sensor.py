@@ -7,20 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.estimation import Observer, TrackSettings, observe, predict
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import compare
-from guidance.log.writer import Recorder
 from guidance.messages import EvaderReport
-from guidance.session.fly import fly
 from guidance.session.recorded import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
 from guidance.sim.sensor import Noise, SensedEvader, begin, listen
-from guidance.sim.stepped import SteppedWorld
 from tests.harness.examples import drawn
+from tests.harness.flights import flown
 
 HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))
 PERIOD_S = 0.1
@@ -187,13 +184,8 @@ def test_a_flight_that_hears_through_a_sensor_and_plays_any_strategy_replays_bit
         },
         source="test",
     )
-    clock, path = VirtualClock(), tmp_path / "record.mcap"
-    world, recorder = SteppedWorld(chase, clock), Recorder(path, {"scenario": chase.model_dump_json()})
-    try:
-        outcome = outcome_of_flight(fly(chase, world, clock, recorder, lambda _: None), "fast")
-    finally:
-        world.close()
-        recorder.close()
+    path = tmp_path / "record.mcap"
+    outcome = outcome_of_flight(flown(chase, path), "fast")
     assert outcome.end in {"captured", "time_up"}
     assert outcome.game_time_s > 2.0
     comparison, _ = compare(path, recorded_settings)

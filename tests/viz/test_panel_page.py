@@ -4,11 +4,9 @@ Where no browser is installed, the page is checked for its structure only.
 """
 
 import contextlib
-import json
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +16,8 @@ import psutil
 import pytest
 
 import guidance.viz.panel
+from sitl_mock.child import running
+from tests.harness.vehicle import FENCED, mocked, write_file
 
 PAGE = Path(guidance.viz.panel.__file__).parent / "page"
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -31,50 +31,6 @@ QUIET = [
     "--disable-sync",
 ]
 GUIDANCE = Path(sys.executable).parent / "guidance"
-FLEET = """
-[[vehicle]]
-name = "uav1"
-flavour = "px4"
-system_id = 1
-ready_after_s = 0.5
-[vehicle.parameters]
-GF_MAX_HOR_DIST = 120.0
-GF_MAX_VER_DIST = 70.0
-[[vehicle]]
-name = "evader"
-flavour = "rover"
-system_id = 2
-start_ned_m = [18.0, 8.0, 0.0]
-ready_after_s = 0.5
-"""
-CONFIG = """
-name = "uav1"
-[vehicle]
-autopilot = "px4"
-url = "zenoh://{mock}/uav1"
-[evader]
-kind = "global_position"
-url = "zenoh://{mock}/evader"
-system_id = 2
-request_rate_hz = 20.0
-[game]
-speed_m_s = 6.0
-evader_speed_m_s = 3.0
-standoff_radius_m = 6.0
-standoff_height_m = 2.5
-[limits]
-floor_m = 2.0
-fence_radius_m = 100.0
-[flight]
-takeoff_height_m = 3.0
-on_terminate = "land"
-[control]
-endpoint = "{control}"
-[log]
-level = "error"
-[record]
-folder = "{folder}"
-"""
 LIMIT_MS = 40_000
 
 
@@ -91,15 +47,15 @@ def parts(tmp_path):
             closing.callback(child.stdin.close)
             return child
 
-        (tmp_path / "fleet.toml").write_text(FLEET)
-        fleet = [sys.executable, "-m", "sitl_mock", "run", "--fleet", tmp_path / "fleet.toml", "--json"]
-        mock = start(*fleet, "--parent-pipe", "--zenoh", "tcp/127.0.0.1:0")
-        at = json.loads(mock.stdout.readline())["vehicles"][0]["endpoints"][0].split()[0].removeprefix("tcp/")
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            control = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-        vehicle = tmp_path / "uav1.toml"
-        vehicle.write_text(CONFIG.format(mock=at, control=control, folder=tmp_path))
+        vehicles = [mocked("uav1", parameters=FENCED), mocked("evader", "rover", start_ned_m=[18.0, 8.0, 0.0])]
+        vehicle, control = write_file(
+            tmp_path,
+            closing.enter_context(running(vehicles, over=["zenoh"])),
+            game={"standoff_height_m": 2.5},
+            limits={"floor_m": 2.0},
+            flight={"takeoff_height_m": 3.0},
+            log={"level": "error"},
+        )
 
         def panel(*options):
             command = [GUIDANCE, "panel", "--endpoint", control, "--port", "0", "--records", tmp_path, *options]

@@ -117,7 +117,7 @@ def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(rec
     heard = SimpleNamespace(cycles=0)
 
     def look(_):
-        heard.cycles += sum(isinstance(news, Heard) for news in bus._news)
+        heard.cycles += sum(isinstance(news, Heard) for news in list(bus._news))
         hub.listen()
         hub.message()
         if not heard.cycles:

@@ -66,6 +66,9 @@ FLIGHTS = {
 }
 """Stated as measured, and a third more."""
 
+NAMES = [pytest.param(name, marks=pytest.mark.long) if name == "px4_goto" else name for name in FLIGHTS]
+"""One lasts as long as three others."""
+
 
 @functools.cache
 def both(name):
@@ -74,7 +77,7 @@ def both(name):
     return flown(real.said), flown(fly_recording(real)), real.end_s
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_track_is_the_real_ones(name):
     real, mock, _ = both(name)
     bounds = FLIGHTS[name]
@@ -91,7 +94,7 @@ def _mean(values):
     return sum(values) / len(values)
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_modes_are_the_real_ones_at_their_times(name):
     """Neither was in a mode, armed or not, for longer than a HEARTBEAT that the other was not in at about that time."""
     real, mock, end_s = both(name)
@@ -102,14 +105,14 @@ def test_the_modes_are_the_real_ones_at_their_times(name):
         assert real.modes_between(*now) <= mock.modes_between(*around), second
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_order_is_answered_as_the_real_one_did(name):
     real, mock, _ = both(name)
     assert Counter(mock.answers) == Counter(real.answers)
     assert Counter(mock.plans) == Counter(real.plans)
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_places_of_a_mission_are_reached_when_the_real_one_did(name):
     real, mock, _ = both(name)
     assert mock.reached == pytest.approx(real.reached, abs=FLIGHTS[name].reached_s)

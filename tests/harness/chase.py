@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
+from typing import Any
 
 from guidance.certificate import Certificate
 from guidance.clock import VirtualClock
@@ -46,23 +47,6 @@ def hover_chase(
     evader = scenario.evader.model_copy(update={"speed_m_s": speeds_m_s[1]})
     game = {} if target_m is None else {"game": "tad", "target": Target(position_m=target_m)}
     return scenario.model_copy(update={"pursuer": pursuer, "evader": evader, "seed": seed, **game})
-
-
-@dataclass(frozen=True, slots=True)
-class Disturbance:
-    """What breaks the game's promise, some time after engagement.
-
-    Attributes:
-        after_s: When.
-        evader: The evader's speed as a share of the one declared.
-        silent: Whether its reports stop.
-        alter: What becomes of the vehicle.
-    """
-
-    after_s: float = math.inf
-    evader: float = 1.0
-    silent: bool = False
-    alter: Callable[[MockVehicle], None] = lambda _vehicle: None
 
 
 class Runner:
@@ -241,19 +225,8 @@ class Chased:
             self.height_m.append(certificate.height_gap_m)
 
 
-def chase(
-    scenario: Scenario,
-    *,
-    change: Callable[[FlightSettings], FlightSettings] = lambda settings: settings,
-    alter: Callable[[MockVehicle], None] = lambda _vehicle: None,
-    send: Callable[[Setpoint], Setpoint] = lambda setpoint: setpoint,
-    station_s: float = 8.0,
-    turn_at_m: float = -math.inf,
-    turned: float = 1.0,
-    disturbance: Disturbance = Disturbance(),
-    longest_s: float = LONGEST_S,
-) -> Chased:
-    """Fly a scenario until some time after the capture, the evader still running; the pursuer keeps station.
+class Chase:
+    """A chase that is under way; the pursuer keeps station after the capture, the evader still running.
 
     In TAD the evader goes for the game's meeting point, as it stands at each moment.
 
@@ -262,50 +235,71 @@ def chase(
         change: Of the flight's settings.
         alter: Of the mock, before it begins.
         send: Of every setpoint on its way to the wire.
-        station_s: How long station is kept.
         turn_at_m: See `Runner`.
         turned: See `Runner`.
-        disturbance: What breaks the promise.
-        longest_s: The game is broken off after this long.
     """
-    clock = VirtualClock()
-    settings = change(replace(plan_of(scenario=scenario).flight, after_capture=AfterCapture.SHADOW))
-    vehicle = _vehicle(scenario)
-    alter(vehicle)
-    ours, theirs = MemoryWire.pair(clock.now_s)
-    link = PymavlinkLink(ours, clock.now_s, system_id=1)
-    runner = Runner(scenario, settings, turn_at_m=turn_at_m, turned=turned)
-    linked = LinkedFlight(Flight(settings), Altering(link, send), runner, None)
-    chased, state, engaged_s = Chased(), State.CONNECTING, math.nan
-    height_m = settings.cycle.standoff.height_m
-    disturbed = False
-    while (now_s := clock.now_s()) < LONGEST_S and not now_s > engaged_s + min(longest_s, chased.flown_s + station_s):
-        if not disturbed and now_s >= engaged_s + disturbance.after_s:
-            disturbed, runner.share, runner.silent = True, disturbance.evader, disturbance.silent
-            disturbance.alter(vehicle)
-        for frame in vehicle.step(now_s, [frame for _, frame in theirs.receive()]):
-            theirs.send(frame)
-        (north, east, down), speed = _truth(vehicle, scenario)
-        runner.advance(now_s, (north, east), running=now_s > engaged_s)
-        outputs = linked.run(now_s, ORDERS.get(state, ()))
-        state, certificate = outputs.state, outputs.certificate
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        change: Callable[[FlightSettings], FlightSettings] = lambda settings: settings,
+        alter: Callable[[MockVehicle], None] = lambda _vehicle: None,
+        send: Callable[[Setpoint], Setpoint] = lambda setpoint: setpoint,
+        turn_at_m: float = -math.inf,
+        turned: float = 1.0,
+    ) -> None:
+        settings = change(replace(plan_of(scenario=scenario).flight, after_capture=AfterCapture.SHADOW))
+        self.chased = Chased()
+        self.vehicle = _vehicle(scenario)
+        alter(self.vehicle)
+        self.runner = Runner(scenario, settings, turn_at_m=turn_at_m, turned=turned)
+        self._scenario, self._disc = scenario, settings.cycle.standoff
+        self._clock = VirtualClock()
+        ours, self._end = MemoryWire.pair(self._clock.now_s)
+        link = PymavlinkLink(ours, self._clock.now_s, system_id=1)
+        self._linked = LinkedFlight(Flight(settings), Altering(link, send), self.runner, None)
+        self._state, self._engaged_s = State.CONNECTING, math.nan
+
+    @property
+    def since_s(self) -> float:
+        """Since engagement; NaN before."""
+        return self._clock.now_s() - self._engaged_s
+
+    def fly(self, *, station_s: float = 8.0, longest_s: float = LONGEST_S) -> Chased:
+        """Fly on until `station_s` after the capture, and no longer than `longest_s` after engagement."""
+        while self._clock.now_s() < LONGEST_S and not self.since_s > min(longest_s, self.chased.flown_s + station_s):
+            self._cycle()
+        return self.chased
+
+    def _cycle(self) -> None:
+        now_s, chased = self._clock.now_s(), self.chased
+        for frame in self.vehicle.step(now_s, [frame for _, frame in self._end.receive()]):
+            self._end.send(frame)
+        (north, east, down), speed = _truth(self.vehicle, self._scenario)
+        self.runner.advance(now_s, (north, east), running=self.since_s > 0.0)
+        outputs = self._linked.run(now_s, ORDERS.get(self._state, ()))
+        self._state, certificate = outputs.state, outputs.certificate
         if outputs.alarm is not None:
-            chased.alarms.append((now_s - engaged_s, outputs.alarm))
-        if certificate is not None and scenario.target is not None and not certificate.no_game:
+            chased.alarms.append((self.since_s, outputs.alarm))
+        if certificate is not None and self._scenario.target is not None and not certificate.no_game:
             east_m, north_m, _ = certificate.meeting_point_game_m
-            runner.goal_m = (north_m, east_m)
+            self.runner.goal_m = (north_m, east_m)
         if certificate is not None and outputs.setpoint is not None:
-            engaged_s = now_s if math.isnan(engaged_s) else engaged_s
-            gap_m = math.dist((north, east), runner.place_m) - settings.cycle.standoff.radius_m
-            slip_m_s = math.dist(speed, runner.velocity_m_s)
-            chased.note(now_s - engaged_s, certificate, gap_m, -down - height_m, slip_m_s)
+            self._engaged_s = now_s if math.isnan(self._engaged_s) else self._engaged_s
+            gap_m = math.dist((north, east), self.runner.place_m) - self._disc.radius_m
+            slip_m_s = math.dist(speed, self.runner.velocity_m_s)
+            chased.note(self.since_s, certificate, gap_m, -down - self._disc.height_m, slip_m_s)
             chased.fastest_m_s = max(chased.fastest_m_s, math.hypot(*speed))
             chased.commands.append(
                 (*outputs.setpoint.velocity_ned_m_s, *(outputs.setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0)))
             )
-        clock.sleep_until(now_s + CYCLE_S)
-    link.close()
-    return chased
+        self._clock.sleep_until(now_s + CYCLE_S)
+
+
+def chase(scenario: Scenario, *, station_s: float = 8.0, **changes: Any) -> Chased:
+    """Fly a chase from the ground to its end; see `Chase`."""
+    return Chase(scenario, **changes).fly(station_s=station_s)
 
 
 def _vehicle(scenario: Scenario) -> MockVehicle:
@@ -337,7 +331,7 @@ def altered(*, drag: float = 1.0, lag: float = 1.0, noise: float = 1.0) -> Calla
         flavour = autopilot.flavour
 
         def plant(parameters: Mapping[str, float]):
-            made = flavour.plant(parameters)
+            made: Any = flavour.plant(parameters)  # of a multicopter
             airframe = replace(
                 made.airframe,
                 drag_1_s=made.airframe.drag_1_s * drag,

@@ -1,0 +1,37 @@
+"""Whole flights of scenarios in virtual time: the real core and the real mock, whole MAVLink frames between them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from guidance.clock import VirtualClock
+from guidance.config import load
+from guidance.log.writer import Recorder
+from guidance.session.fly import fly
+from guidance.session.mission import Progress
+from guidance.session.result import FlightResult
+from guidance.sim.scenario import Scenario
+from guidance.sim.stepped import SteppedWorld
+
+SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
+
+
+def flown(
+    scenario: Scenario, path: Path | None = None, watch: Callable[[Progress], None] = lambda _: None
+) -> FlightResult:
+    """Fly a scenario to its end.
+
+    Args:
+        scenario: What is flown.
+        path: Of its record; None keeps none.
+        watch: Is told of every cycle.
+    """
+    clock = VirtualClock()
+    world = SteppedWorld(scenario, clock)
+    metadata = {"scenario": scenario.model_dump_json(), "seed": str(scenario.seed), "guidance": "0.1.0"}
+    recorder = None if path is None else Recorder(path, metadata)
+    try:
+        return fly(scenario, world, clock, recorder, watch)
+    finally:
+        world.close()
+        if recorder is not None:
+            recorder.close()
