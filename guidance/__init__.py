@@ -3,11 +3,11 @@
 `from guidance import game` is the mathematics; `guidance.__version__` is the version that is installed.
 """
 
-from importlib.metadata import version
-
 
 def __getattr__(name: str) -> str:
     """Return `__version__`, looked up only when it is asked for."""
     if name == "__version__":
+        from importlib.metadata import version  # noqa: PLC0415 - what reads packages takes a tenth of a second
+
         return version("pursuit-guidance")
     raise AttributeError(f"module 'guidance' has no attribute {name!r}")

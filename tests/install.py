@@ -1,8 +1,11 @@
 """The package as a newcomer gets it: a wheel, installed into an environment where nothing else is.
 
 `python -m tests install` does it with every Python that it finds, from 3.11 on; the tests with the one they run on.
+It says what the base weighs, package by package, what its four foundations weigh alone, and what is left of it once
+what nothing reads is gone (the page about Raspberry Pi and Jetson, whose commands are run here), and flies that, too.
 """
 
+import json
 import os
 import re
 import shutil
@@ -10,11 +13,33 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 LARGEST_MB = 235
 """Of the base installation, without pip and without the bytecode that Python writes as it runs."""
+
+LARGEST_TRIMMED_MB = 150
+"""The same without what nothing reads."""
+
+TRIMMED_BY = ROOT / "docs" / "how-to" / "raspberry-pi-jetson.md"
+"""The page that says how."""
+
+FOUNDATIONS = ("numpy", "mavsdk", "pymavlink", "eclipse-zenoh")
+"""What the base stands on: games, both links, the mock's messages and the wires."""
+
+_WEIGHED = """
+import json, pathlib, re
+from importlib.metadata import distributions
+weighed = {}
+for one in distributions():
+    files = [pathlib.Path(one.locate_file(file)) for file in one.files or ()]
+    needs = [re.match(r"[\\w.-]+", need)[0] for need in one.requires or () if "extra ==" not in need]
+    name = one.metadata["Name"].lower().replace("_", "-")
+    weighed[name] = sum(file.stat().st_size for file in files if file.exists()) / 1e6, needs
+print(json.dumps(weighed))
+"""
 
 OF_EXTRAS = ("dask", "distributed", "matplotlib", "pandas", "pyarrow", "rerun", "scipy")
 
@@ -50,7 +75,12 @@ class Installed:
         quiet("venv", python, "-m", "venv", "--without-pip", str(folder / "env"))
         pip = (sys.executable, "-m", "pip", "--python", str(self.bin / "python"))
         quiet("pip", *pip, "install", "-q", "--no-compile", str(built))
-        self.megabytes = self._megabytes()
+
+    def trim(self) -> None:
+        """Remove what nothing reads, as the page says."""
+        (packages,) = self.folder.glob("env/lib/python*/site-packages")
+        for line in trimming():
+            quiet("trimming", "sh", "-c", line, folder=packages)
 
     def run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a command, without anything that the checkout's environment says."""
@@ -66,15 +96,63 @@ class Installed:
         code = f"import importlib.util as u; print(*[n for n in {OF_EXTRAS!r} if u.find_spec(n)])"
         return self.run("python", "-c", code).stdout.split()
 
-    def _megabytes(self) -> float:
+    def weights(self) -> dict[str, tuple[float, list[str]]]:
+        """Return the packages by name: MB, and the names of those they need."""
+        weighed: dict[str, tuple[float, list[str]]] = json.loads(self.run("python", "-c", _WEIGHED).stdout)
+        return weighed
+
+    @property
+    def megabytes(self) -> float:
+        """All of the environment."""
         return sum(path.lstat().st_size for path in (self.folder / "env").rglob("*") if not path.is_symlink()) / 1e6
 
 
-def quiet(what: str, *command: str) -> None:
+def trimming() -> list[str]:
+    """Return the commands that remove what nothing reads, in the folder of the packages."""
+    lines = TRIMMED_BY.read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line.startswith("find ")]
+
+
+def quiet(what: str, *command: str, folder: Path = ROOT) -> None:
     """Run a command that must work, and tell what it said where it does not."""
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"{what} failed: {done.stdout}{done.stderr}")
+
+
+def foundations_mb(weights: Mapping[str, tuple[float, list[str]]]) -> float:
+    """Return what the foundations weigh with all that they need in turn."""
+    held, wanted = set[str](), list(FOUNDATIONS)
+    while wanted:
+        name = wanted.pop().lower().replace("_", "-")
+        if name in weights and name not in held:
+            held.add(name)
+            wanted += weights[name][1]
+    return sum(weights[name][0] for name in held)
+
+
+def show(weights: Mapping[str, tuple[float, list[str]]]) -> None:
+    """Print what weighs more than a megabyte, and what cannot be less."""
+    heavy = sorted(((mb, name) for name, (mb, _) in weights.items() if mb >= 1.0), reverse=True)
+    light = [mb for mb, _ in weights.values() if mb < 1.0]
+    for mb, name in (*heavy, (sum(light), f"{len(light)} more")):
+        print(f"  {mb:6.1f} MB  {name}")
+    print(f"  {foundations_mb(weights):6.1f} MB of it are {', '.join(FOUNDATIONS)} with what they need", flush=True)
+
+
+def flies(base: Installed, most_mb: float) -> bool:
+    """Fly a mocked flight, and say in a line how large it is and how that went."""
+    started, megabytes = time.perf_counter(), base.megabytes
+    version = base.run("python", "--version").stdout.strip()
+    flown = base.run("guidance", "fly", "--fast")
+    ended = re.search(r"flight ended\s+(.*)", flown.stdout)
+    print(
+        f"{version}: {megabytes:.0f} MB, of extras {base.present() or 'nothing'}, "
+        f"guidance fly --fast ends with {flown.returncode} ({ended[1].strip() if ended else flown.stderr.strip()}), "
+        f"in {time.perf_counter() - started:.0f} s",
+        flush=True,
+    )
+    return not flown.returncode and not base.present() and megabytes <= most_mb
 
 
 def main() -> int:
@@ -82,21 +160,16 @@ def main() -> int:
         folder = Path(name)
         built = wheel(folder)
         for number, python in enumerate(pythons()):
-            started = time.perf_counter()
             (folder / str(number)).mkdir()
             base = Installed(built, python, folder / str(number))
-            version = base.run("python", "--version").stdout.strip()
-            flown = base.run("guidance", "fly", "--fast")
-            ended = re.search(r"flight ended\s+(.*)", flown.stdout)
-            print(
-                f"{version}: {base.megabytes:.0f} MB, of extras {base.present() or 'nothing'}, guidance fly --fast "
-                f"ends with {flown.returncode} ({ended[1].strip() if ended else flown.stderr.strip()}), "
-                f"in {time.perf_counter() - started:.0f} s",
-                flush=True,
-            )
-            if flown.returncode or base.present() or base.megabytes > LARGEST_MB:
+            if number == 0:
+                show(base.weights())
+            if not flies(base, LARGEST_MB):
                 return 1
-    return 0
+        print("without what nothing reads:", flush=True)
+        base.trim()
+        show(base.weights())
+        return 0 if flies(base, LARGEST_TRIMMED_MB) else 1
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import pytest
 
 from guidance.errors import ConfigError
 from guidance.extras import EXTRAS, require
-from tests.install import LARGEST_MB, OF_EXTRAS, ROOT, Installed, wheel
+from tests.install import LARGEST_MB, OF_EXTRAS, ROOT, Installed, trimming, wheel
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
@@ -76,6 +76,12 @@ def test_every_extra_that_a_message_names_is_declared_and_brings_what_is_missed(
         assert [name for name in packages if named.get(name, name) not in brought] == []
     assert {"sim", "plot", "viz", "torch", "jax", "all", "dev"} <= set(extras)
     require("here everything is", *EXTRAS)
+
+
+def test_a_container_leaves_out_what_the_page_about_small_computers_does():
+    made_of = (ROOT / "docs" / "how-to" / "Containerfile").read_text(encoding="utf-8").splitlines()
+    assert len(trimming()) == 2
+    assert [line for line in trimming() if f"RUN {line}" not in made_of] == []
 
 
 @pytest.mark.slow

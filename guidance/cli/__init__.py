@@ -11,7 +11,7 @@ from guidance.cli.compare import compare
 from guidance.cli.ctl import ctl
 from guidance.cli.doctor import doctor
 from guidance.cli.fly import fly
-from guidance.cli.groups import CommandGroup
+from guidance.cli.groups import Program
 from guidance.cli.init import init
 from guidance.cli.log import log
 from guidance.cli.panel import panel
@@ -32,7 +32,7 @@ FAULT = 70
 """Exit code where guidance itself is at fault (EX_SOFTWARE of sysexits.h)."""
 
 app = typer.Typer(
-    cls=CommandGroup,
+    cls=Program,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     help="Closed-form pursuit guidance: fly it, solve it, check it against the paper.",

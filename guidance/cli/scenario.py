@@ -104,11 +104,3 @@ def show(
         typer.echo(json.dumps(explained(name), indent=2))
     if out is not None or not as_json:
         show_scenario(name, console(stderr=as_json), out)
-
-
-@scenario.command()
-def schema() -> None:
-    """Print the JSON Schema of scenario files, for editors that complete and check TOML (Even Better TOML, Taplo)."""
-    from guidance.sim.files import json_schema  # noqa: PLC0415
-
-    typer.echo(json.dumps(json_schema(), indent=2))

@@ -1,6 +1,6 @@
 """The states of a CSV or Parquet file, solved and written chunk by chunk: memory holds one chunk, not the file.
 
-A cell that should be a number and is not costs its own row, whose reason says NOT_A_NUMBER, and is named at the end.
+A cell that should be a number and is not costs its own row, whose reason says not_a_number, and is named at the end.
 """
 
 from collections.abc import Iterator
@@ -13,13 +13,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv, parquet
-from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
+from guidance.cli.solve_progress import solving
 from guidance.cli.solve_teams import TEAM_COLUMNS, has_teams, team_answers
 from guidance.errors import ConfigError
 from guidance.files import writing
 from guidance.game import Ball, Game, Reason, Solution, Winner, solve
+from guidance.screen import console
 
 PURSUER = ("pursuer_x_m", "pursuer_y_m", "pursuer_z_m")
 EVADER = ("evader_x_m", "evader_y_m")
@@ -29,7 +29,7 @@ NUMBERS = (*PURSUER, *EVADER, *TARGET, RATIO, *TEAM_COLUMNS)
 """Columns that must hold numbers."""
 
 KINDS = (".csv", ".parquet")
-NOT_A_NUMBER = "NOT_A_NUMBER"
+NOT_A_NUMBER = "not_a_number"
 SHOWN = 5
 """Cells without a number that are named."""
 
@@ -67,11 +67,9 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
         raise ConfigError(f"--out {out}: must not be the file of the states")
     writer: Any = None
     strange: list[Cell] = []
-    done, console = 0, Console(stderr=True)
-    bar = Progress(BarColumn(), DownloadColumn(), TimeRemainingColumn(), console=console, transient=True)
+    done, there = 0, console(stderr=True)
     try:
-        with states.open("rb") as source, bar:
-            task = bar.add_task("solving", total=states.stat().st_size)
+        with states.open("rb") as source, solving(there, states.stat().st_size) as read:
             for chunk in _chunks(source, states, rows):
                 numbers, cells = _with_numbers(chunk, first_row=done + 1)
                 strange += cells
@@ -80,16 +78,18 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
                 writer = writer or _writer(out, answered.schema)
                 with writing(out):
                     writer.write_table(answered)
-                bar.update(task, completed=source.tell())
+                read(done, source.tell())
     except pa.ArrowInvalid as error:
         raise ConfigError(f"--states {states}: cannot be read: {error}") from None
     finally:
         _close(writer, out)
+    there.print(f"{out}: {done} rows", soft_wrap=True)
     if strange:
         shown = "; ".join(f"row {cell.row}, {cell.column} = {cell.text!r}" for cell in strange[:SHOWN])
         more = f"; and {len(strange) - SHOWN} more" if len(strange) > SHOWN else ""
         rows_lost = len({cell.row for cell in strange})
-        console.print(f"{states}: {rows_lost} of {done} rows have no answer, for want of a number: {shown}{more}")
+        lost = f"{rows_lost} of {done} rows have no answer, for want of a number: {shown}{more}"
+        there.print(f"{states}: {lost}", soft_wrap=True, markup=False)
 
 
 def _chunks(source: Any, path: Path, rows: int) -> Iterator[pa.Table]:  # noqa: ANN401 - a binary file
@@ -216,6 +216,6 @@ def _columns(answer: Solution) -> dict[str, Any]:
         else:
             stem, unit = name.removesuffix("_m_s").removesuffix("_m"), "_m_s" if name.endswith("_m_s") else "_m"
             columns |= {f"{stem}_{axis}{unit}": field[:, place] for place, axis in enumerate("xyz")}
-    columns["winner"] = [Winner(code).name for code in answer.winner.tolist()]
-    columns["reason"] = [Reason(code).name for code in answer.reason.tolist()]
+    columns["winner"] = [Winner(code).word for code in answer.winner.tolist()]
+    columns["reason"] = [Reason(code).word for code in answer.reason.tolist()]
     return columns

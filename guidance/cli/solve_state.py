@@ -34,7 +34,7 @@ def as_record(answer: Solution) -> dict[str, Any]:
     for name, field in answer._asdict().items():
         values = [float(part) if math.isfinite(part) else None for part in np.ravel(field)]
         record[name] = values if np.ndim(field) else values[0]
-    return record | {"winner": Winner(int(answer.winner)).name, "reason": Reason(int(answer.reason)).name}
+    return record | {"winner": Winner(int(answer.winner)).word, "reason": Reason(int(answer.reason)).word}
 
 
 def _grid(answer: Solution, *, with_target: bool) -> Table:
@@ -42,14 +42,14 @@ def _grid(answer: Solution, *, with_target: bool) -> Table:
     escapes = int(answer.winner) < 0
     meaning = ("pursuer short of a capture by" if escapes else "final distance to the target") + ", m"
     rows = [
-        ("winner", Winner(int(answer.winner)).name.lower()),
+        ("winner", Winner(int(answer.winner)).word),
         (meaning if with_target else "time to capture, s", f"{float(answer.value):.4f}"),
         ("margin, s", f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"),
         ("meeting point, m", _vector(answer.meeting_point_m)),
         ("meeting time, s", f"{float(answer.meeting_time_s):.4f}"),
         ("pursuer's velocity, m/s", _vector(answer.pursuer_velocity_m_s)),
         ("evader's velocity, m/s", _vector(answer.evader_velocity_m_s)),
-        ("reason", Reason(int(answer.reason)).name.lower().replace("_", " ")),
+        ("reason", Reason(int(answer.reason)).word.replace("_", " ")),
     ]
     return pairs(rows)
 

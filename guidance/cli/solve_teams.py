@@ -95,11 +95,11 @@ def _blank(rows: int, pursuers: int, evaders: int) -> dict[str, tuple[int, Any, 
         columns[f"pursuer_{i}_evader"] = nobody
         columns |= {f"pursuer_{i}_velocity_{axis}_m_s": number for axis in "xyz"}
     for j in range(evaders):
-        columns |= {f"evader_{j}_winner": (rows, Winner.UNDECIDED.name, "<U32"), f"evader_{j}_first": nobody}
+        columns |= {f"evader_{j}_winner": (rows, Winner.UNDECIDED.word, "<U32"), f"evader_{j}_first": nobody}
         columns |= {f"evader_{j}_second": nobody, f"evader_{j}_value": number, f"evader_{j}_lower_bound": number}
         columns |= {f"evader_{j}_meeting_point_{axis}_m": number for axis in "xy"}
         columns |= {f"evader_{j}_velocity_{axis}_m_s": number for axis in "xy"}
-        columns[f"evader_{j}_reason"] = (rows, Reason.NOT_FINITE.name, "<U32")
+        columns[f"evader_{j}_reason"] = (rows, Reason.NOT_FINITE.word, "<U32")
     return columns
 
 
@@ -113,7 +113,7 @@ def _columns(found: Matching, pursuers: NDArray[np.intp], evaders: NDArray[np.in
         for axis, name in enumerate("xyz"):
             yield f"pursuer_{i}_velocity_{name}_m_s", found.pursuer_velocity_m_s[:, place, axis]
     for place, j in enumerate(evaders):
-        yield f"evader_{j}_winner", [Winner(code).name for code in found.winner[:, place].tolist()]
+        yield f"evader_{j}_winner", [Winner(code).word for code in found.winner[:, place].tolist()]
         yield f"evader_{j}_first", of_pursuers[found.first[:, place]]
         yield f"evader_{j}_second", of_pursuers[found.second[:, place]]
         yield f"evader_{j}_value", found.value[:, place]
@@ -121,4 +121,4 @@ def _columns(found: Matching, pursuers: NDArray[np.intp], evaders: NDArray[np.in
         for axis, name in enumerate("xy"):
             yield f"evader_{j}_meeting_point_{name}_m", found.meeting_point_m[:, place, axis]
             yield f"evader_{j}_velocity_{name}_m_s", found.evader_velocity_m_s[:, place, axis]
-        yield f"evader_{j}_reason", [Reason(code).name for code in found.reason[:, place].tolist()]
+        yield f"evader_{j}_reason", [Reason(code).word for code in found.reason[:, place].tolist()]

@@ -73,7 +73,16 @@ def horizontal_speed(pursuer: SpeedSet) -> Real:
     return pursuer.speed_m_s if isinstance(pursuer, Ball) else pursuer.horizontal_m_s
 
 
-class Winner(IntEnum):
+class Code(IntEnum):
+    """A number in arrays, a word for people and in files."""
+
+    @property
+    def word(self) -> str:
+        """The name as files, JSON and tables have it."""
+        return self.name.lower()
+
+
+class Winner(Code):
     """Who wins."""
 
     EVADER = -1
@@ -82,7 +91,7 @@ class Winner(IntEnum):
     PURSUER = 1
 
 
-class Reason(IntEnum):
+class Reason(Code):
     """What an answer is: solved, a degenerate state with its finite answer, or (from 10 on) NaN, and why."""
 
     SOLVED = 0

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, TRANSITIONS, Event, Flight, Outputs, State
-from guidance.game import Winner
+from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.preflight import Finding, Verdict, advice, refusals
@@ -207,7 +207,9 @@ def status(
     )
     if certificate is not None:
         range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
-        shown["certificate"] = rounded(shown["certificate"]) | {"winner": Winner(certificate.winner).name.lower()}
+        reason = None if certificate.reason is None else Reason(certificate.reason).word
+        words = {"winner": Winner(certificate.winner).word, "reason": reason}
+        shown["certificate"] = rounded(shown["certificate"]) | words
         shown |= {"range_m": round(range_m, 2), "value_unit": "m" if flight.settings.cycle.target_game_m else "s"}
     return shown
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from guidance.game import Winner
 from guidance.sim.scenario import Scenario
@@ -166,6 +166,10 @@ def rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
     return [outcome._asdict() for outcome in outcomes]
 
 
+_DIGITS: Final = 9
+"""After the point in JSON: nanoseconds and nanometres. What came after is the arithmetic's: 5.4199999999998845."""
+
+
 class OutcomeRow(Protocol):
     """A named tuple of columns."""
 
@@ -173,5 +177,11 @@ class OutcomeRow(Protocol):
 
 
 def outcome_json(outcome: OutcomeRow) -> dict[str, Any]:
-    """An outcome as JSON has it: null where there is no number."""
-    return {name: None if value != value else value for name, value in outcome._asdict().items()}  # noqa: PLR0124 - NaN
+    """An outcome as JSON has it: numbers to a billionth, null where there is none."""
+    return {name: _as_json(value) for name, value in outcome._asdict().items()}
+
+
+def _as_json(value: Any) -> Any:  # noqa: ANN401 - any column
+    if not isinstance(value, float):
+        return value
+    return None if math.isnan(value) else round(value, _DIGITS) + 0.0

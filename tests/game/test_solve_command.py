@@ -1,14 +1,17 @@
 """`guidance solve`: one state on the command line, or a file of them."""
 
+import io
 import json
 
 import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import csv, parquet
+from rich.console import Console
 from typer.testing import CliRunner
 
 from guidance.cli import app
+from guidance.cli.solve_progress import solving
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 
@@ -37,8 +40,8 @@ def read(path):
 def test_one_state_is_answered_in_json():
     answer = json.loads(run(*PAPER, "--json"))
     expected = solve(Game(Ball(2.0), 1.0), np.array([8, 1.42, 9.41]), np.array([7.92, 9.6, 0]))
-    assert answer["winner"] == "PURSUER"
-    assert answer["reason"] == "SOLVED"
+    assert answer["winner"] == "pursuer"
+    assert answer["reason"] == "solved"
     assert answer["value"] == float(expected.value)
     assert answer["margin_s"] is None
     assert answer["meeting_point_m"] == expected.meeting_point_m.tolist()
@@ -91,7 +94,7 @@ def test_a_file_of_states_is_answered_row_by_row(tmp_path, kind, chunk):
     np.testing.assert_allclose(answers.column("value").to_numpy(), expected.value, rtol=1e-12)
     np.testing.assert_allclose(answers.column("pursuer_velocity_z_m_s").to_numpy(), expected.pursuer_velocity_m_s[:, 2])
     np.testing.assert_allclose(answers.column("meeting_point_y_m").to_numpy(), expected.meeting_point_m[:, 1])
-    assert answers.column("winner").to_pylist() == [Winner(code).name for code in expected.winner]
+    assert answers.column("winner").to_pylist() == [Winner(code).word for code in expected.winner]
 
 
 def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
@@ -102,7 +105,7 @@ def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
     answers = read(out)
     assert answers.column("note").to_pylist() == list("abcde")
     assert answers.column("reason").to_pylist() == [
-        Reason.SOLVED.name, Reason.NOT_FINITE.name, Reason.PURSUER_TOO_SLOW.name, Reason.OUT_OF_RANGE.name, "SOLVED",
+        Reason.SOLVED.word, Reason.NOT_FINITE.word, Reason.PURSUER_TOO_SLOW.word, Reason.OUT_OF_RANGE.word, "solved",
     ]  # fmt: skip
     value = answers.column("value").to_numpy()
     assert np.isnan(value).tolist() == [False, True, True, True, False]
@@ -139,7 +142,7 @@ def test_a_cell_without_a_number_costs_its_own_row_and_is_named(tmp_path, kind, 
     answers = read(out)
     assert answers.column("note").to_pylist() == list("abcdef")
     assert answers.column("reason").to_pylist() == [
-        "SOLVED", "NOT_A_NUMBER", "SOLVED", "NOT_FINITE", "NOT_A_NUMBER", "OVERFLOW",
+        "solved", "not_a_number", "solved", "not_finite", "not_a_number", "overflow",
     ]  # fmt: skip
     value = answers.column("value").to_numpy()
     assert np.isnan(value).tolist() == [False, True, False, True, True, True]
@@ -228,3 +231,14 @@ def test_wrong_files_and_columns_are_named(tmp_path):
         with pytest.raises(ConfigError) as error:
             run(*arguments)
         assert said in str(error.value)
+
+
+def test_where_no_line_can_be_redrawn_progress_is_a_line_now_and_then():
+    written, times_s = io.StringIO(), iter([0.0, 2.0, 6.0, 7.0, 12.0])
+    with solving(Console(file=written, width=200), 1000, lambda: next(times_s)) as read:
+        for rows in (10, 20, 30, 40):
+            read(rows, 20 * rows)
+    assert written.getvalue().splitlines() == [
+        "20 rows, 40% of the file, about 9 s left",
+        "40 rows, 80% of the file, about 3 s left",
+    ]

@@ -63,8 +63,8 @@ def test_every_row_is_a_game_of_teams(tmp_path, kind, tad):
             assert answers[f"evader_{j}_{name}"].to_pylist() == getattr(known, name)[:, j].tolist()
         for name in ("value", "lower_bound"):
             np.testing.assert_allclose(answers[f"evader_{j}_{name}"], getattr(known, name)[:, j])
-        assert answers[f"evader_{j}_winner"].to_pylist() == [Winner(code).name for code in known.winner[:, j]]
-        assert answers[f"evader_{j}_reason"].to_pylist() == [Reason(code).name for code in known.reason[:, j]]
+        assert answers[f"evader_{j}_winner"].to_pylist() == [Winner(code).word for code in known.winner[:, j]]
+        assert answers[f"evader_{j}_reason"].to_pylist() == [Reason(code).word for code in known.reason[:, j]]
         for k, axis in enumerate("xy"):
             np.testing.assert_allclose(answers[f"evader_{j}_meeting_point_{axis}_m"], known.meeting_point_m[:, j, k])
             np.testing.assert_allclose(answers[f"evader_{j}_velocity_{axis}_m_s"], known.evader_velocity_m_s[:, j, k])
@@ -86,9 +86,9 @@ def test_rows_may_have_teams_of_different_sizes_and_speed_ratios_of_their_own(tm
     alone = match_teams(Game(Ball(6.0), 2.0), P[2], E[2, :1], target)
     assert answers["evader_0_value"][2].as_py() == pytest.approx(float(alone.value[0]))
     assert [answers[f"pursuer_{i}_evader"][2].as_py() for i in range(3)] == alone.evader_of.tolist()
-    assert answers["evader_1_winner"][2].as_py() == "UNDECIDED"
+    assert answers["evader_1_winner"][2].as_py() == "undecided"
     assert answers["guaranteed"][3].as_py() == 0
-    assert answers["evader_0_reason"][3].as_py() == "NOT_FINITE"
+    assert answers["evader_0_reason"][3].as_py() == "not_finite"
 
 
 def test_a_place_without_all_its_numbers_has_no_answer(tmp_path):
@@ -96,7 +96,7 @@ def test_a_place_without_all_its_numbers_has_no_answer(tmp_path):
     P[0, 1, 2] = np.nan
     run("--states", write(columns(P, E), tmp_path / "a.parquet"), "--out", tmp_path / "b.parquet", "--speed-ratio", 2)
     answers = read(tmp_path / "b.parquet")
-    assert answers["evader_0_reason"].to_pylist() == ["NOT_FINITE", "SOLVED"]
+    assert answers["evader_0_reason"].to_pylist() == ["not_finite", "solved"]
     assert answers["evader_0_first"][0].as_py() == -1
     assert np.isnan(answers["pursuer_0_velocity_x_m_s"][0].as_py())
 
@@ -133,6 +133,6 @@ def test_a_cell_of_text_costs_its_row_and_no_other(tmp_path):
     table = table.set_column(place, "pursuer_1_x_m", pa.array([str(P[0, 1, 0]), "north", str(P[2, 1, 0])]))
     run("--states", write(table, tmp_path / "a.csv"), "--out", tmp_path / "b.csv", "--speed-ratio", 2)
     answers, known = read(tmp_path / "b.csv"), match_teams(Game(Ball(2.0), 1.0), P, E, np.array([1.0, 2.0, 0.0]))
-    assert answers["evader_0_reason"].to_pylist() == ["SOLVED", "NOT_A_NUMBER", "SOLVED"]
+    assert answers["evader_0_reason"].to_pylist() == ["solved", "not_a_number", "solved"]
     assert answers["guaranteed"].to_pylist() == [known.guaranteed[0], 0, known.guaranteed[2]]
     assert answers["evader_0_first"].to_pylist() == [known.first[0, 0], -1, known.first[2, 0]]

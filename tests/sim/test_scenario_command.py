@@ -64,7 +64,3 @@ def test_wrong_options_are_refused_by_name(arguments, message):
     done = guidance("run", "hover_chase", *arguments)
     assert isinstance(done.exception, ConfigError)
     assert message in str(done.exception)
-
-
-def test_the_schema_is_printed():
-    assert json.loads(guidance("schema").output)["title"] == "Scenario"

@@ -299,7 +299,7 @@ def _judged(answer: Matching, table: _Table) -> Matching:
     if sound.all():
         return answer
     if sound.ndim == 0:
-        raise ConfigError(f"pursuers, evaders: have no answer: {Reason(int(worst)).name.lower().replace('_', ' ')}")
+        raise ConfigError(f"pursuers, evaders: have no answer: {Reason(int(worst)).word.replace('_', ' ')}")
     nobody = dict.fromkeys(("first", "second", "evader_of"), -1)
     parts = {
         name: np.where(_over(sound, part), part, nobody[name]) if name in nobody else spoiled(part, sound)

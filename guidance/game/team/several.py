@@ -33,7 +33,9 @@ ALLOWED: dict[str, Any] = {
     "target_velocity_m_s": (0.0, 0.0),
     "evader_space": "plane",
 }
-"""What a team's game leaves as it is: with anything else the evader's region is no disc."""
+"""What a team's game leaves as it is."""
+
+_NO_DISC = "whose closed form intersects discs: with anything else what the evader reaches first is no disc"
 
 
 class _Team(NamedTuple):
@@ -138,11 +140,11 @@ def speeds(game: Game) -> tuple[Any, Any]:
         ConfigError: If it is none, with the key, its value and what is allowed.
     """
     if not isinstance(game.pursuer, Ball):
-        raise ConfigError(f"pursuer = {game.pursuer!r}: must be a Ball, the paper's speed set, in a game of teams")
+        raise ConfigError(f"pursuer = {game.pursuer!r}: must be a Ball in a game of teams, {_NO_DISC}")
     given = {name: (getattr(game, name), allowed) for name, allowed in ALLOWED.items()}
     for name, (value, allowed) in {**given, "standoff.radius_m": (game.standoff.radius_m, 0.0)}.items():
         if any(map(np.ndim, value if isinstance(value, tuple) else (value,))) or value != allowed:
-            raise ConfigError(f"{name} = {value!r}: must be {allowed!r} in a game of teams, which is the paper's")
+            raise ConfigError(f"{name} = {value!r}: must be {allowed!r} in a game of teams, {_NO_DISC}")
     if np.ndim(game.standoff.height_m):
         raise ConfigError(f"standoff.height_m = {game.standoff.height_m!r}: must be one number in a game of teams")
     return game.pursuer.speed_m_s, game.evader_speed_m_s
@@ -198,7 +200,7 @@ def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> T
         return answer
     if sound.ndim == 0:
         wrong = [f"{name} = {array!r}" for name, array in given.items() if not np.isfinite(array).all()]
-        why = Reason(int(fault)).name.lower().replace("_", " ")
+        why = Reason(int(fault)).word.replace("_", " ")
         raise ConfigError(f"{', '.join(wrong) or 'the team'}: has no answer: {why}")
     parts = {name: spoiled(part, sound) for name, part in answer._asdict().items()}
     return TeamSolution(**parts)._replace(reason=np.where(sound, answer.reason, fault).astype(answer.reason.dtype))
