@@ -110,6 +110,10 @@ def _waits_for_pilot(context: EventContext) -> bool:
     return context.state is State.STANDING_BY and context.settings.engage_on is EngageOn.PILOT_MODE
 
 
+def _may_be_invited(context: EventContext) -> bool:
+    return _waits_for_pilot(context) and not context.refusals
+
+
 def _telemetry_lost(context: EventContext) -> bool:
     vehicle = context.vehicle
     if vehicle.age_s(Heartbeat, context.now_s) > HEARTBEAT_LIMIT_S:
@@ -185,7 +189,7 @@ def _game(context: EventContext) -> Iterator[Event]:
         if certificate.captured:
             yield Event.CAPTURED
     # A change, not a mode that the vehicle was left in.
-    if context.other_mode_seen and context.mode is Mode.GUIDED and _waits_for_pilot(context):
+    if context.other_mode_seen and context.mode is Mode.GUIDED and _may_be_invited(context):
         yield Event.INVITED
     if context.settings.after_capture is AfterCapture.RETURN:
         yield Event.DONE

@@ -211,7 +211,7 @@ class Flight:
             # A vehicle that is up already is taken over in its hold, without arming or climbing.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
             return Event.ALOFT if piloted or context.mode in OUR_MODES[State.STANDING_BY] else None
-        if order is Event.ENGAGE and (self.leaving_mode or not (self._checked or fit(context))):
+        if order is Event.ENGAGE and (self.leaving_mode or context.refusals or not (self._checked or fit(context))):
             return None
         if self.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order, order)

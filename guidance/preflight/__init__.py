@@ -4,6 +4,7 @@ What it offers:
     rows: judges `Facts` against `Wants`, a `Finding` with its `Verdict` each.
     PreflightMemory: asks for what is judged, and gathers the facts; `parameter_names` says what it asks for.
     another_autopilot: the row that refuses another autopilot than configured.
+    engage_rows: judges the parameters that are read again before the game begins, `engage_names`.
     refusals: names what keeps a vehicle on the ground. advice: says how to mend it.
     changes: what to set so that it passes, a `ParameterChange` each.
 """
@@ -14,6 +15,8 @@ from guidance.preflight.judging import (
     advice,
     another_autopilot,
     changes,
+    engage_names,
+    engage_rows,
     parameter_names,
     refusals,
     rows,
@@ -30,6 +33,8 @@ __all__ = [
     "advice",
     "another_autopilot",
     "changes",
+    "engage_names",
+    "engage_rows",
     "parameter_names",
     "refusals",
     "rows",

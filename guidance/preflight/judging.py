@@ -54,6 +54,21 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     )
 
 
+def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
+    """Name the parameters that are read again before the game begins: those that the vehicle may not fly without."""
+    return tuple(rule.name for rule in autopilot.rules if rule.needed)
+
+
+def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
+    """Judge them; one that is not known has not answered."""
+    wants = fence.about_home(wants, facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection))
+    judged = judge([rule for rule in autopilot.rules if rule.needed], _judged(facts), wants)
+    return tuple(
+        row if row.name in facts.parameters else row._replace(value="not answered", advice="is the link well?")
+        for row in judged
+    )
+
+
 def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
     """Return the row that refuses an autopilot of another kind than the configured one; None where there is none."""
     heartbeat = facts.vehicle.last(Heartbeat)

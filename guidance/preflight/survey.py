@@ -68,6 +68,12 @@ class PreflightMemory:
         self._asked_s = now_s
         return tuple(ParameterRequest(name) for name in self._names if name not in self._parameters)
 
+    def forget(self, names: Iterable[str]) -> None:
+        """Ask for these once more: they are unknown until they are answered."""
+        for name in names:
+            self._parameters.pop(name, None)
+        self._asked_s = None
+
     @property
     def complete(self) -> bool:
         """True once every parameter has been read. An autopilot need not have an uploaded fence to tell of."""

@@ -70,7 +70,7 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
         return f"{ended}: order reset to begin another"
     if state in BEFORE_FLIGHT:
         return _not_begun(order, flight, missing(flight, now_s, rows))
-    if order is Event.ENGAGE and state is State.HOLDING:
+    if order is Event.ENGAGE and state in {State.HOLDING, State.STANDING_BY}:
         if flight.leaving_mode:
             return f"its autopilot is still in {flight.mode_title}: order again once it holds"
         return f"not ready: {missing(flight, now_s, rows)}"

@@ -7,10 +7,11 @@ import contextlib
 import getpass
 import json
 import threading
+import time
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import zenoh
 
@@ -19,7 +20,7 @@ from guidance.links.wires.zenoh import is_over, open_session
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.session import control_token
 from guidance.session.control_token import ControlToken
-from guidance.session.orders import STATUS, WORDS, Mailbox
+from guidance.session.orders import STATUS, WORDS, Answer, Mailbox, Question
 
 ANSWER_LIMIT_S: Final = 2.0
 LONGEST_NAME: Final = 64
@@ -121,6 +122,14 @@ class OwnerToken:
             self._token.undeclare()  # type: ignore[no-untyped-call]
 
 
+class _Given(NamedTuple):
+    """An order that was asked for on the bus, and given to the loop at that time."""
+
+    query: Any
+    question: Question
+    since_s: float
+
+
 class ControlBus:
     """Takes orders to the mailbox, and answers back, on a thread of its own.
 
@@ -186,19 +195,31 @@ class ControlBus:
         self._asked.set()
 
     def _serve(self) -> None:
+        """Nobody waits for another's answer: an abort is not held up by an engage order that is being looked into."""
+        given: list[_Given] = []
         while not is_over(self._stop):
             self._asked.wait(_LOOK_EVERY_S)
             self._asked.clear()
             while self._waiting:
-                self._answer(self._waiting.popleft())
+                given.append(self._give(self._waiting.popleft()))
+            given = [one for one in given if not self._is_answered(one)]
 
-    def _answer(self, query: "zenoh.Query") -> None:
+    def _give(self, query: "zenoh.Query") -> _Given:
         order = str(query.key_expr).rpartition("/")[2]
         by = "" if query.payload is None else name_in(query.payload.to_bytes())
-        answer = self._mailbox.ask(order, by).wait(ANSWER_LIMIT_S)
+        return _Given(query, self._mailbox.ask(order, by, self._asked.set), time.monotonic())
+
+    def _is_answered(self, given: _Given) -> bool:
+        order, answer = given.question.order, given.question.wait(0.0)
+        if answer is None and time.monotonic() - given.since_s < ANSWER_LIMIT_S:
+            return False
         if answer is None:
             reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
             answer = {"accepted": False, "order": order, "name": self._name, "reason": reason}
+        self._reply(given.query, order, answer)
+        return True
+
+    def _reply(self, query: "zenoh.Query", order: str, answer: Answer) -> None:
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: answers to one question of several daemons are told apart by theirs.
             query.reply(control_key(self._name, order), json.dumps(answer), encoding=zenoh.Encoding.APPLICATION_JSON)

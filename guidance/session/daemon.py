@@ -11,8 +11,9 @@ from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ORDERED, RELOADED, STOPPED
 from guidance.log.writer import Record, Records
 from guidance.messages import LocalPosition, Message
-from guidance.preflight import Facts, Finding, PreflightMemory, Verdict, parameter_names, refusals, rows
+from guidance.preflight import Facts, Finding, PreflightMemory, Verdict, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, is_done, missing, not_engageable, refusal, status
+from guidance.session.engaging import Engaging
 from guidance.session.handover import ON_GROUND, ShutdownHandover
 from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger
@@ -75,6 +76,7 @@ class Daemon:
         self._plan = plan
         self.flight = Flight(plan.flight)
         self._survey = PreflightMemory(parameter_names(plan.flight.autopilot))
+        self._engaging = Engaging(self.flight, self._survey, plan.wants)
         kept = [one for one in (self._record, self._broadcast) if one is not None]
         self._linked = LinkedFlight(self.flight, self._link, self._evader, Records(kept) if kept else None)
         self._judged_s = float("-inf")
@@ -128,9 +130,11 @@ class Daemon:
         """Run one cycle; `timing` is how the loop kept time."""
         questions = self.mailbox.take()
         orders = {question: self._order(question, now_s) for question in questions}
+        engaging = self._engage(now_s)
+        orders |= dict.fromkeys(engaging, Event.ENGAGE)
         leaving = () if self._leaving is None else self._leaving.orders(self.flight)
         given = [order for order in (*orders.values(), *leaving) if order is not None]
-        barred = self._barred()
+        barred = self._barred() + (refusals(self._engaging.rows) if engaging else self._engaging.bars_the_pilot)
         alive, self._alive = self._alive, False
         outputs = self.outputs = self._linked.run(now_s, given, barred, timing, alive=alive)
         self._answer(orders, outputs, now_s)
@@ -143,6 +147,21 @@ class Daemon:
         self._notifier.alive(now_s)
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
+
+    def _engage(self, now_s: float) -> tuple[Question, ...]:
+        """Return the engage orders that are due: the parameters were read again, or did not answer."""
+        read, due = self._engaging.reading, self._engaging.due(now_s)
+        if read and not self._engaging.reading:
+            fresh = {row.name: row for row in self._engaging.rows}
+            self._rows = tuple(fresh.get(row.name, row) for row in self._rows)
+            if refusals(self._engaging.rows) and not due:
+                self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
+        against = not_engageable(self.flight, now_s) if due else None
+        if against is None:
+            return due
+        for question in due:
+            self._reply(question, now_s, against)
+        return ()
 
     def _barred(self) -> tuple[str, ...]:
         """Name what bars the vehicle from flying; what was not judged yet is refused."""
@@ -180,6 +199,7 @@ class Daemon:
         self._log.say(logging.INFO, "ending", by=order, state=self.flight.state)
         self._notifier.stopping()
         self._leaving = ShutdownHandover(order, now_s)
+        self._give_up_engaging("the daemon is ending", now_s)
 
     def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
         """Take another plan, on the ground only; in flight it is refused, and said so."""
@@ -198,6 +218,8 @@ class Daemon:
     def _order(self, question: Question, now_s: float) -> Event | None:
         """Answer what needs no cycle; return the order that does."""
         word = question.order
+        if word in WORDS and word not in {STATUS, ALIVE, Event.ENGAGE}:
+            self._give_up_engaging(f"{word} was ordered meanwhile", now_s)
         if word == STATUS:
             question.answer({"accepted": True, "order": word, **self._status(now_s)})
         elif word == ALIVE:
@@ -214,11 +236,20 @@ class Daemon:
         return None
 
     def _checked(self, question: Question, order: Event, now_s: float) -> Event | None:
-        against = not_engageable(self.flight, now_s) if order is Event.ENGAGE and self.in_flight else None
-        if against is None:
+        if order is not Event.ENGAGE or not self.in_flight:
             return order
-        self._reply(question, now_s, against)
+        against = not_engageable(self.flight, now_s)
+        if against is not None:
+            self._reply(question, now_s, against)
+        elif self._plan.wants is None or not self.flight.follows(order, now_s, self._barred()):
+            return order
+        else:
+            self._engaging.wait(question, now_s)
         return None
+
+    def _give_up_engaging(self, reason: str, now_s: float) -> None:
+        for question in self._engaging.give_up():
+            self._reply(question, now_s, reason)
 
     def _reset(self) -> str:
         if self.in_flight:
@@ -295,14 +326,15 @@ class Daemon:
         return "on" if self._record.failed is None else f"stopped: {self._record.failed}"
 
     def _preflight(self, now_s: float) -> None:
-        """Read and judge while on the ground; what a parameter says in flight comes too late."""
+        """Read and judge while on the ground, and read again what stands behind us before the game begins."""
         inputs, wants = self._linked.inputs, self._plan.wants
-        if wants is None or not self._judging:
+        if wants is None or not (self._judging or self._engaging.reading):
             return
         self._survey.observe(inputs.messages, inputs.reports)
-        for request in self._survey.requests(now_s):
-            self._link.request(request)
-        if now_s - self._judged_s < PREFLIGHT_EVERY_S:
+        if self._judging or not self._survey.complete:  # the uploaded fence is read on the ground
+            for request in self._survey.requests(now_s):
+                self._link.request(request)
+        if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
         self._rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self._record_row())

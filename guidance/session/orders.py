@@ -17,11 +17,12 @@ Answer = Mapping[str, Any]
 
 
 class Question:
-    """One order, until it is answered. `by` says who gave it, empty where nobody said."""
+    """One order, until it is answered. `by` says who gave it, empty where nobody said; `told` is called then."""
 
-    def __init__(self, order: str, by: str = "") -> None:
+    def __init__(self, order: str, by: str = "", told: Callable[[], None] = lambda: None) -> None:
         self.order = order
         self.by = by
+        self._told = told
         self._answer: Answer | None = None
         self._answered = threading.Event()
 
@@ -29,6 +30,7 @@ class Question:
         """Answer it; the loop does, or who stands in for it."""
         self._answer = answer
         self._answered.set()
+        self._told()
 
     def wait(self, timeout_s: float) -> Answer | None:
         """Wait for the answer; None if there is none in time."""
@@ -48,9 +50,9 @@ class Mailbox:
         """Let every order be answered by `answer`, on the asker's thread, while no loop runs; None: the loop does."""
         self._meanwhile = answer
 
-    def ask(self, order: str, by: str = "") -> Question:
+    def ask(self, order: str, by: str = "", told: Callable[[], None] = lambda: None) -> Question:
         """Put an order to the loop. It is answered at once where there is no room for it, or no loop yet."""
-        question = Question(order, by)
+        question = Question(order, by, told)
         meanwhile = self._meanwhile
         if meanwhile is not None:
             question.answer(meanwhile(order))

@@ -132,10 +132,13 @@ class Base:
         return self
 
     def order(self, word):
-        """Give an order, run the cycle that answers it, return the answer."""
+        """Give an order, run the cycles until it is answered, return the answer."""
         question = self.mailbox.ask(word)
-        self.cycle()
-        return question.wait(0.0)
+        deadline_s = self.now_s + 2.0
+        while (answer := question.wait(0.0)) is None:
+            assert self.now_s < deadline_s, f"{word} was not answered"
+            self.cycle()
+        return answer
 
     def standing_by(self):
         self.until(State.READY)

@@ -15,11 +15,16 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.errors import LinkError
+from guidance.links.opening import open_vehicle_link
+from guidance.messages import Parameter, ParameterRequest, ParameterSet
 from guidance.session.control_bus import ask
 from guidance.session.orders import STATUS
 from sitl_mock.child import running
 from tests.harness.command import guidance
 from tests.harness.vehicle import FENCED, mocked, write_file
+
+LOOSENED = {"px4": ("GF_ACTION", 0.0, 2.0), "arducopter": ("FENCE_ENABLE", 0.0, 1.0)}
+"""A parameter of the autopilot's fence, off and as it was."""
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 VEHICLES = [
@@ -50,6 +55,29 @@ def vehicle_file(tmp_path, fleet):
 
 def ctl(control, order):
     return guidance("ctl", order, "--json", "--endpoint", control).returncode
+
+
+def set_by_another(fleet, name, parameter, value):
+    """A ground station sets a parameter, and has it confirmed."""
+    url = f"zenoh://{fleet[name].zenoh.removeprefix('tcp/')}/{name}"
+    link = open_vehicle_link("pymavlink", url, system_id=1, clock=time.monotonic, own_system_id=255)
+    try:
+        link.request(ParameterRequest(parameter))
+        there = answer(link, parameter)
+        link.request(ParameterSet(parameter, value, there.param_type))
+        assert answer(link, parameter).value == value
+    finally:
+        link.close()
+
+
+def answer(link, parameter, limit_s=10.0):
+    deadline_s = time.monotonic() + limit_s
+    while time.monotonic() < deadline_s:
+        for message in link.receive():
+            if isinstance(message, Parameter) and message.name == parameter:
+                return message
+        time.sleep(0.01)
+    pytest.fail(f"{parameter} was not answered within {limit_s} s")
 
 
 def until(control, *states, limit_s=30.0):
@@ -107,7 +135,7 @@ def systemd(tmp_path):
     ("name", "autopilot", "link"), [("uav1", "px4", "mavsdk"), ("copter", "arducopter", "pymavlink")]
 )
 def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
-    vehicle_file, systemd, tmp_path, name, autopilot, link
+    fleet, vehicle_file, systemd, tmp_path, name, autopilot, link
 ):
     path, control = vehicle_file(name, autopilot=autopilot, link=link)
     environment = {**os.environ, "NOTIFY_SOCKET": systemd.path, "WATCHDOG_USEC": "3000000"}
@@ -122,6 +150,11 @@ def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
         assert ctl(control, "engage") == 4
         assert ctl(control, "start") == 0
         until(control, "standing by")
+        loosened, loose, sound = LOOSENED[autopilot]
+        set_by_another(fleet, name, loosened, loose)
+        refused = ask("engage", endpoint=control, name=None)
+        assert (refused["accepted"], f"{loosened} is " in refused["reason"]) == (False, True)
+        set_by_another(fleet, name, loosened, sound)
         assert ctl(control, "engage") == 0
         until(control, "engaged", "on station")
         daemon.send_signal(signal.SIGHUP)

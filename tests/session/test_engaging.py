@@ -1,0 +1,121 @@
+"""The autopilot's fence and loss parameters are read again before the game begins: somebody may have changed them."""
+
+import logging
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.autopilots import AUTOPILOTS
+from guidance.flight import State
+from guidance.preflight import engage_names
+from guidance.session.engaging import READ_WITHIN_S
+
+SET_UP = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}
+CHANGED = {
+    "px4": [("COM_OF_LOSS_T", 5.0), ("COM_OBL_RC_ACT", -1.0), ("GF_ACTION", 0.0), ("GF_MAX_HOR_DIST", 40.0)],
+    "arducopter": [("GUID_TIMEOUT", 5.0), ("FENCE_ENABLE", 0.0), ("FENCE_ACTION", 0.0), ("FENCE_RADIUS", 40.0)],
+}
+
+
+def made(base, autopilot, **sections):
+    given = {"parameters": SET_UP} if autopilot == "arducopter" else {}
+    return base(vehicle={"autopilot": autopilot}, **given, **sections)
+
+
+def change(one, name, value):
+    """Somebody sets it, and nobody is told: an announcement need not arrive."""
+    one.vehicle.autopilot.parameters.set(name, value)
+
+
+def read_since(one, since_s):
+    return {m.param_id for at_s, m in one.sent if at_s >= since_s and m.get_type() == "PARAM_REQUEST_READ"}
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_what_no_longer_passes_is_refused_by_name_until_it_is_mended_and_nobody_waits_long(base, autopilot):
+    one = made(base, autopilot).standing_by()
+    for name, value in CHANGED[autopilot]:
+        before = one.vehicle.autopilot.parameters[name]
+        change(one, name, value)
+        answer = one.order("engage")
+        assert not answer["accepted"]
+        assert answer["reason"].startswith(f"not ready: {name} is ")
+        assert f"param set {name} " in answer["reason"]
+        assert one.state is State.STANDING_BY
+        assert one.order("status")["preflight_refused"] == [name]
+        change(one, name, before)
+    one.run(0.5)
+    asked_s = one.now_s
+    assert one.order("engage")["accepted"]
+    assert one.now_s - asked_s < 0.1
+    assert one.order("status")["preflight_refused"] == []
+    assert read_since(one, asked_s) == set(engage_names(AUTOPILOTS[autopilot]))
+    assert {name for name, _ in CHANGED[autopilot]} < read_since(one, asked_s)
+    one.until(State.ENGAGED)
+    flown_s = one.now_s
+    one.run(1.0)
+    assert read_since(one, flown_s + 0.001) == set()
+
+
+def unanswered(one, name):
+    """From now on one parameter is not answered."""
+    step = one.vehicle.step
+
+    def heard(frame):
+        message = mavlink.MAVLink(None).decode(bytearray(frame))
+        return message.get_type() != "PARAM_REQUEST_READ" or message.param_id != name
+
+    one.vehicle.step = lambda now_s, frames=(): step(now_s, [frame for frame in frames if heard(frame)])
+
+
+def test_a_parameter_that_does_not_answer_is_a_refusal_in_time_and_other_orders_do_not_wait(base):
+    one = base().standing_by()
+    unanswered(one, "GF_ACTION")
+    asked_s = one.now_s
+    answer = one.order("engage")
+    assert answer["reason"].startswith("not ready: GF_ACTION is not answered")
+    assert READ_WITHIN_S <= one.now_s - asked_s < READ_WITHIN_S + 0.1
+    assert one.state is State.STANDING_BY
+    assert one.setpoints_since(asked_s) == []
+
+    engage = one.mailbox.ask("engage")
+    one.run(0.2)
+    hold = one.mailbox.ask("hold")
+    one.cycle()
+    assert hold.wait(0.0)["accepted"]
+    assert engage.wait(0.0)["reason"] == "hold was ordered meanwhile"
+    one.run(2.0)
+    assert one.state is State.HOLDING
+
+    engage = one.mailbox.ask("engage")
+    one.run(0.2)
+    by_pilot(one, "POSCTL")
+    one.run(2.0)
+    assert "guidance is silent since" in engage.wait(0.0)["reason"]
+    assert one.state is State.YIELDED
+    assert one.setpoints_since(asked_s) == []
+
+
+def by_pilot(one, mode):
+    one.vehicle.inject("rc", True)
+    one.run(0.5)
+    one.vehicle.inject("pilot_mode", mode)
+
+
+def test_a_pilots_switch_engages_only_what_still_passes(base):
+    one = base(flight={"engage_on": "pilot_mode"}).standing_by().run(1.0)
+    by_pilot(one, "POSCTL")
+    one.run(1.2)
+    change(one, "GF_ACTION", 0.0)
+    by_pilot(one, "OFFBOARD")
+    one.run(2.0)
+    assert one.state is State.STANDING_BY
+    (refused,) = [
+        fields for level, message, fields in one.log.lines if level >= logging.WARNING and message == "not engaged"
+    ]
+    assert "GF_ACTION is 0 (none)" in refused["reason"]
+    change(one, "GF_ACTION", 2.0)  # what stands behind us is read at each switch
+    by_pilot(one, "POSCTL")
+    one.run(1.2)
+    by_pilot(one, "OFFBOARD")
+    one.until(State.ENGAGED, limit_s=3.0)
