@@ -12,6 +12,7 @@ from tests.flight.scenes import (
     BOTH,
     HOME_DOWN_M,
     settings_of,
+    status,
 )
 
 BEAT = PX4.request_message(HEARTBEAT)
@@ -135,11 +136,13 @@ def test_what_was_taken_before_its_checks_passed_is_not_engaged_until_they_do():
     assert found.cycle(Event.ENGAGE).state is State.ENTERING
 
 
-def test_what_was_ready_when_it_was_taken_is_engaged_again_without_another_check():
+def test_what_was_ready_when_it_was_taken_is_engaged_again_unless_something_is_refused_now():
     found = Flown().standing_by()
     found.cycle(Event.HOLD)
     assert found.flight.checked
-    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.ENTERING
+    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
+    unfit = [status(found.now_s, healthy=0)]  # in the air an autopilot's own checks for arming are no more asked for
+    assert found.cycle(Event.ENGAGE, more=unfit).state is State.ENTERING
 
 
 def test_readiness_that_was_lost_again_does_not_count():
