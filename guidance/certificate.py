@@ -3,13 +3,11 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from guidance.control.approach import Gaps
 from guidance.control.late_start import Acceleration, late_start
 from guidance.control.setpoint_limiter import Limited
 from guidance.frames import Vector
-from guidance.game import Game, Solution, Winner, horizontal_speed, solve
+from guidance.game import Game, StateSolution, Winner, solve_state
 from guidance.messages import Setpoint
 
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)
@@ -66,8 +64,7 @@ class Certificate(NamedTuple):
 class Answer(NamedTuple):
     """The game's answer, and what this vehicle can do: see `Certificate`."""
 
-    solution: Solution
-    pursuer_m_s: Vector
+    solution: StateSolution
     time_needed_s: float
     assured_distance_m: float
 
@@ -75,7 +72,7 @@ class Answer(NamedTuple):
 def answer(game: Game, players: Players, acceleration: Acceleration, before_m_s: Vector | None) -> Answer:
     """Solve the game, and once more from where a pursuer would begin that does as well as this vehicle.
 
-    Both at once, which takes no longer than one: with the optimal velocity of the last cycle.
+    That place is told by the optimal velocity of the last cycle.
 
     Args:
         game: What is played.
@@ -83,24 +80,15 @@ def answer(game: Game, players: Players, acceleration: Acceleration, before_m_s:
         acceleration: Of the vehicle.
         before_m_s: The pursuer's optimal velocity of the last cycle, None at the first.
     """
-    P, E, seen = players.pursuer_m, np.array(players.evader_m), np.array(players.evader_m_s)
-    T = None if players.target_m is None else np.array(players.target_m)
-    if before_m_s is None:
-        before_m_s = vector(solve(game, np.array(P), E, T, evader_velocity_m_s=seen).pursuer_velocity_m_s)
-    late = late_start(P, before_m_s, players.pursuer_m_s, acceleration)
-    both = solve(game, np.array((P, late)), E, T, evader_velocity_m_s=seen)
-    here, there = (Solution(*(column[row] for column in both)) for row in (0, 1))
-    optimal = vector(here.pursuer_velocity_m_s)
+    P, E, T, seen = players.pursuer_m, players.evader_m, players.target_m, players.evader_m_s
+    here = solve_state(game, P, E, T, evader_velocity_m_s=seen)
+    desired_m_s = here.pursuer_velocity_m_s if before_m_s is None else before_m_s
+    late = late_start(P, desired_m_s, players.pursuer_m_s, acceleration)
+    there = solve_state(game, late, E, T, evader_velocity_m_s=seen)
     if T is None:
-        return Answer(here, optimal, float(there.value), math.nan)
-    short = int(there.winner) == Winner.EVADER
-    return Answer(here, optimal, float(there.meeting_time_s), float(-there.value if short else there.value))
-
-
-def vector(parts: np.typing.NDArray[np.float64]) -> Vector:
-    """Return an array (3,) as plain numbers."""
-    x, y, z = parts.tolist()
-    return (x, y, z)
+        return Answer(here, there.value, math.nan)
+    short = there.winner == Winner.EVADER
+    return Answer(here, there.meeting_time_s, -there.value if short else there.value)
 
 
 def certify(
@@ -131,12 +119,12 @@ def certify(
     solution, at = answered.solution, players.target_m
     reached = gaps.ground_m <= tolerance_m and abs(gaps.height_m) <= tolerance_m
     return Certificate(
-        winner=int(solution.winner),
-        value=float(solution.value),
-        margin_s=float(solution.margin_s),
-        meeting_point_game_m=vector(solution.meeting_point_m),
-        meeting_time_s=float(solution.meeting_time_s),
-        speed_ratio=float(horizontal_speed(game.pursuer) / game.evader_speed_m_s),
+        winner=solution.winner,
+        value=solution.value,
+        margin_s=solution.margin_s,
+        meeting_point_game_m=solution.meeting_point_m,
+        meeting_time_s=solution.meeting_time_s,
+        speed_ratio=game.pursuer.horizontal_m_s / game.evader_speed_m_s,
         evader_age_s=evader_age_s,
         pursuer_game_m=players.pursuer_m,
         evader_game_m=players.evader_m,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.certificate import Certificate, Players, answer, certify, certify_no_game, vector
+from guidance.certificate import Certificate, Players, answer, certify, certify_no_game
 from guidance.control import AltitudeHold, Envelope, LimitMemory, Situation, hold_altitude, limit
 from guidance.control.approach import gaps_to_disc
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
@@ -17,7 +17,7 @@ from guidance.control.hold import NorthEast, keep_station
 from guidance.control.late_start import Acceleration
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
-from guidance.game import Game, Reason, SpeedSet, StandOff, guaranteed_age_s, horizontal_speed
+from guidance.game import Game, Reason, SpeedSet, StandOff, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
@@ -68,7 +68,7 @@ class CycleSettings:
         speed_m_s, target_m_s = self.declared_evader_speed_m_s, self.target_velocity_m_s
         game = Game(self.speed_set, speed_m_s, standoff=self.standoff, target_velocity_m_s=target_m_s)
         object.__setattr__(self, "game", game)
-        object.__setattr__(self, "ground_speed_m_s", float(horizontal_speed(self.speed_set)))
+        object.__setattr__(self, "ground_speed_m_s", float(self.speed_set.horizontal_m_s))
 
 
 class EvaderEstimate(NamedTuple):
@@ -138,7 +138,8 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         refused = certify_no_game(players, gaps, output.setpoint, evader_age_s=evader.age_s)
         return output._replace(certificate=refused)
     answered = answer(game, players, settings.acceleration, memory.optimal_game_m_s)
-    asked = answered.pursuer_m_s
+    optimal = answered.solution.pursuer_velocity_m_s
+    asked = optimal
     if settings.strategy.name != OPTIMAL:
         asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
     asked_ned_m_s = keep_inside(ned_from_game(asked), fence, envelope)
@@ -156,11 +157,16 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         desired_ned_m_s=followed.desired_ned_m_s,
         evader_age_s=evader.age_s,
         tolerance_m=settings.tolerance_m,
-        reason=int(Reason.TOO_OLD if too_old else answered.solution.reason),
+        reason=int(Reason.TOO_OLD) if too_old else answered.solution.reason,
     )
     played = StrategyMemory(np.array(asked), memory.strategy.played_s + dt_s)
     kept = CycleMemory(
-        followed.memory, limited.memory, None, yaw_rad, strategy=played, optimal_game_m_s=answered.pursuer_m_s
+        followed.memory,
+        limited.memory,
+        None,
+        yaw_rad,
+        strategy=played,
+        optimal_game_m_s=optimal,
     )
     return CycleOutput(limited.setpoint, certificate, kept)
 
@@ -215,4 +221,5 @@ def _target_at(settings: CycleSettings, played_s: float) -> Vector | None:
 def _pursue(strategy: Strategy, game: Game, players: Players, memory: StrategyMemory, dt_s: float) -> Vector:
     P, E, seen = np.array(players.pursuer_m), np.array(players.evader_m), np.array(players.evader_m_s)
     T = None if players.target_m is None else np.array(players.target_m)
-    return vector(pursue(strategy, game, P, E, T, seen, memory, dt_s=dt_s))
+    x, y, z = pursue(strategy, game, P, E, T, seen, memory, dt_s=dt_s).tolist()
+    return (x, y, z)

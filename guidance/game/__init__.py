@@ -7,12 +7,13 @@
 
 What is played:
     Game: one pursuer against one evader, with what a vehicle adds to it: stand-off, wind, old information.
-    Ball, Cylinder: the pursuer's speed set; `SpeedSet` is either, `horizontal_speed` its largest horizontal speed.
+    Ball, Cylinder: the pursuer's speed set; `SpeedSet` is either, `horizontal_m_s` its largest horizontal speed.
     StandOff: the disc around the evader on which the pursuer shall end.
     guaranteed_age_s: how old the evader's position may be for the value of PE to be guaranteed.
 
 Its answer:
     solve: both players' optimal play, for one state or a million, as a `Solution`.
+    solve_state: the same of one state in plain numbers, as a `StateSolution`.
     Winner, Reason: who wins, and why there is an answer or none, as numbers with names.
     value_gradient: what a metre of either player is worth, as a `Gradient`.
     hji_residual: by how much a value function misses the Hamilton-Jacobi-Isaacs equation.
@@ -39,12 +40,11 @@ from guidance.game.game import (
     StandOff,
     Winner,
     guaranteed_age_s,
-    horizontal_speed,
 )
 from guidance.game.gradient import Gradient, hji_residual, value_gradient
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.rollout import End, Exact, Paper, Rollout, rollout
-from guidance.game.solution import Solution, solve
+from guidance.game.solution import Solution, StateSolution, solve, solve_state
 
 __all__ = [
     "EVADER_POLICIES",
@@ -64,14 +64,15 @@ __all__ = [
     "Solution",
     "SpeedSet",
     "StandOff",
+    "StateSolution",
     "Winner",
     "apollonius_circle",
     "apollonius_sphere",
     "barrier",
     "guaranteed_age_s",
     "hji_residual",
-    "horizontal_speed",
     "rollout",
     "solve",
+    "solve_state",
     "value_gradient",
 ]

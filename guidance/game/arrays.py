@@ -103,9 +103,12 @@ def is_numpy(xp: Library) -> bool:
 
 def component(array: Array, index: int) -> Real:
     """Take one component, (..., 3) → (...); of a single state a scalar."""
-    if type(array) is list:
-        return array[index]
     return array[..., index][()] if isinstance(array, np.ndarray) else array[..., index]
+
+
+def components(array: Array) -> Space:
+    """Take all three, (..., 3) → three of (...); a state of plain numbers is three of them already."""
+    return array if type(array) is tuple else (component(array, 0), component(array, 1), component(array, 2))
 
 
 def select(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
@@ -156,7 +159,7 @@ def positive_part(value: Real) -> Real:
 
 def larger(xp: Library, a: Real, b: Real) -> Real:
     """Return the larger of two numbers elementwise."""
-    return select(xp, a > b, a, b)
+    return (a if a > b else b) if xp is FLOATS else select(xp, a > b, a, b)
 
 
 def root(xp: Library, square: Real) -> Real:
@@ -231,13 +234,15 @@ def norm2(xp: Library, v: Plane) -> Real:
 
 def norm3(xp: Library, vectors: Array) -> Real:
     """Length of vectors, (..., 3) → (...)."""
-    x, y, z = (component(vectors, index) for index in range(3))
+    x, y, z = components(vectors)
     return root(xp, x * x + y * y + z * z)
 
 
 def unit2(xp: Library, v: Plane, length: Real) -> Plane:
     """Direction of a plane vector of known length; the x axis where that is zero, so that it stays finite."""
     some = length > 0
+    if some is True:
+        return v[0] * (1.0 / length), v[1] * (1.0 / length)
     inverse = 1.0 / select(xp, some, length, 1.0)
     return select(xp, some, v[0] * inverse, 1.0), v[1] * inverse
 
@@ -251,6 +256,8 @@ def select2(xp: Library, condition: Truth, yes: Plane, no: Plane) -> Plane:
         yes: what is taken where that holds.
         no: what is taken elsewhere.
     """
+    if condition is True or condition is False:
+        return yes if condition else no
     return select(xp, condition, yes[0], no[0]), select(xp, condition, yes[1], no[1])
 
 

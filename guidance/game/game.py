@@ -6,7 +6,6 @@ so that a game is the same game whichever kind of number it was written with.
 
 import math
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Literal, TypeAlias
@@ -14,6 +13,7 @@ from typing import Literal, TypeAlias
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Plane, Real, is_array, less_length, pair_length
 from guidance.game.records import (
+    exchanged,
     is_zero,
     record_hash,
     require,
@@ -43,6 +43,11 @@ class Ball:
     def __post_init__(self) -> None:
         take_fields(self)
 
+    @property
+    def horizontal_m_s(self) -> Real:
+        """The largest horizontal speed, m/s; δ compares it with the evader's, as that of a `Cylinder`."""
+        return self.speed_m_s
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cylinder:
@@ -66,11 +71,6 @@ class Cylinder:
 
 
 SpeedSet: TypeAlias = Ball | Cylinder
-
-
-def horizontal_speed(pursuer: SpeedSet) -> Real:
-    """Return the largest horizontal speed of a speed set, m/s; δ compares this one with the evader's."""
-    return pursuer.speed_m_s if isinstance(pursuer, Ball) else pursuer.horizontal_m_s
 
 
 class Code(IntEnum):
@@ -172,6 +172,8 @@ class Game:
     evader_space: Literal["plane", "space"] = "plane"
     varies: bool = field(init=False, repr=False)
     """Whether a parameter differs from row to row."""
+    calm: bool = field(init=False, repr=False)
+    """Whether there is no wind."""
     __eq__ = same_record
     __hash__ = record_hash
 
@@ -185,6 +187,7 @@ class Game:
         take_pair(self, "wind_m_s", rows_allowed=True)
         take_pair(self, "target_velocity_m_s")
         object.__setattr__(self, "varies", any(is_array(value) for value in parameters(self).values()))
+        object.__setattr__(self, "calm", all(map(is_zero, self.wind_m_s)))
         self._require_speeds()
         self._require_space()
 
@@ -198,9 +201,7 @@ class Game:
         """
         require("evader_speed_m_s", evader_speed_m_s)
         require("information_age_s", information_age_s, zero_allowed=True)
-        other = copy(self)
-        object.__setattr__(other, "evader_speed_m_s", float(evader_speed_m_s))
-        object.__setattr__(other, "information_age_s", float(information_age_s))
+        other = exchanged(self, evader_speed_m_s=float(evader_speed_m_s), information_age_s=float(information_age_s))
         Game._require_speeds(other)
         return other
 
@@ -210,13 +211,9 @@ class Game:
         Whoever reaches this disc about the place where the evader was seen, or is taken to be, has it on the larger one
         wherever it is by then.
         """
-        other = copy(self)
-        smaller = copy(self.standoff)
         spread_m = self.evader_speed_m_s * self.information_age_s
-        object.__setattr__(smaller, "radius_m", max(self.standoff.radius_m - spread_m, 0.0))
-        object.__setattr__(other, "standoff", smaller)
-        object.__setattr__(other, "information_age_s", 0.0)
-        return other
+        smaller = exchanged(self.standoff, radius_m=max(self.standoff.radius_m - spread_m, 0.0))
+        return exchanged(self, standoff=smaller, information_age_s=0.0)
 
     def _require_speeds(self) -> None:
         hand = speed_in_hand(self)
@@ -239,7 +236,7 @@ class Game:
         if self.evader_space != "space":
             raise ConfigError(f"evader_space = {self.evader_space!r}: must be 'plane' or 'space'")
         plain = is_zero(self.standoff.radius_m) and is_zero(self.standoff.height_m)
-        if not (plain and isinstance(self.pursuer, Ball) and is_calm(self) and self.target_velocity_m_s == STILL):
+        if not (plain and isinstance(self.pursuer, Ball) and self.calm and self.target_velocity_m_s == STILL):
             raise ConfigError(
                 "evader_space = 'space': an evader that flies is defined for the speed set Ball, without stand-off, "
                 "wind or moving target"
@@ -248,7 +245,9 @@ class Game:
 
 def speed_in_hand(game: Game) -> Real:
     """Return by how much the pursuer outruns the evader against the wind, m/s; without it there is no capture."""
-    return less_length(horizontal_speed(game.pursuer), game.evader_speed_m_s, game.wind_m_s)
+    if game.calm:
+        return game.pursuer.horizontal_m_s - game.evader_speed_m_s
+    return less_length(game.pursuer.horizontal_m_s, game.evader_speed_m_s, game.wind_m_s)
 
 
 def guaranteed_age_s(game: Game) -> Real:
@@ -270,11 +269,6 @@ def guaranteed_age_s(game: Game) -> Real:
     if isinstance(game.pursuer, Ball) and game.evader_space == "plane":
         return game.standoff.radius_m / v + capture / game.pursuer.speed_m_s
     return (game.standoff.radius_m + capture) / v
-
-
-def is_calm(game: Game) -> bool:
-    """Say whether there is no wind."""
-    return is_zero(game.wind_m_s[0]) and is_zero(game.wind_m_s[1])
 
 
 def wind_speed(game: Game) -> Real:

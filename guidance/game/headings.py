@@ -26,7 +26,7 @@ from guidance.game.arrays import (
     select,
     unit2,
 )
-from guidance.game.game import STILL, Cylinder, Game, horizontal_speed, is_calm
+from guidance.game.game import STILL, Cylinder, Game
 from guidance.game.reach import Geometry, ball_time, head_wind, least_square_in_hand
 from guidance.game.records import is_zero
 
@@ -99,7 +99,7 @@ def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: P
         to_target: vector from the evader to the target now, m.
         goal: vector from the evader to where it could meet its target, m.
     """
-    u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
+    u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
     radius, capture = game.standoff.radius_m, game.capture_radius_m
     if isinstance(game.pursuer, Cylinder):
         radius, capture = 0.0, radius + capture
@@ -118,7 +118,7 @@ def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: P
         z2=z2,
         to_evader=state.to_evader,
         to_target=to_target,
-        wind=None if is_calm(game) else game.wind_m_s,
+        wind=None if game.calm else game.wind_m_s,
         drift=None if game.target_velocity_m_s == STILL else game.target_velocity_m_s,
         ahead=unit2(xp, goal, norm2(xp, goal)),
         met_s=met_s,

@@ -12,7 +12,7 @@ still, or whose velocity is unknown, it goes straight down. The evader keeps its
 """
 
 from guidance.game.arrays import Library, Plane, Real, Space, Truth, dot2, norm2, root, select, select2, unit2
-from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm, speed_in_hand
+from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, speed_in_hand
 from guidance.game.reach import Geometry, Play, climb, cover_time, head_wind, steer
 
 
@@ -47,10 +47,10 @@ def _flee(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Truth]
     """Find the capture time, the evader's heading, and whether any other heading were as good."""
     v, wind = game.evader_speed_m_s, game.wind_m_s
     lead = v * game.information_age_s - game.standoff.radius_m
-    if is_calm(game):
+    if game.calm:
         distance = state.distance
         direction = unit2(xp, state.to_evader, distance)
-        t = cover_time(xp, game, distance + lead, horizontal_speed(game.pursuer) - v, state.z)
+        t = cover_time(xp, game, distance + lead, game.pursuer.horizontal_m_s - v, state.z)
     else:
         least = speed_in_hand(game)
 
@@ -59,7 +59,7 @@ def _flee(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Truth]
 
         t, direction, distance = climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
     free = distance <= 0
-    if state.seen is not None:
+    if free is not False and state.seen is not None:
         direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)
     return t, direction, free
 

@@ -32,7 +32,7 @@ from guidance.game.arrays import (
     Space,
     Truth,
     bounded2,
-    component,
+    components,
     dot2,
     half_of_digits,
     larger,
@@ -44,7 +44,7 @@ from guidance.game.arrays import (
     select2,
     unit2,
 )
-from guidance.game.game import Ball, Cylinder, Game, horizontal_speed, is_calm, speed_in_hand, wind_speed
+from guidance.game.game import Ball, Cylinder, Game, speed_in_hand, wind_speed
 from guidance.game.records import is_zero
 
 TOUCH_M = 1e-9
@@ -99,14 +99,13 @@ def take_apart(xp: Library, game: Game, P: Array, E: Array, seen: Array | None) 
         E: position of the evader, (..., 3), m.
         seen: the evader's observed velocity, (..., 3), m/s, or None.
     """
-    evader = (component(E, 0), component(E, 1))
-    ground = component(E, 2)
-    to_evader = (evader[0] - component(P, 0), evader[1] - component(P, 1))
-    z = component(P, 2) - ground - game.standoff.height_m
+    (x, y, height), (east, north, ground) = components(P), components(E)
     velocity = None
     if seen is not None:
-        velocity = bounded2(xp, (component(seen, 0), component(seen, 1)), game.evader_speed_m_s)
-    return Geometry(evader, ground, to_evader, norm2(xp, to_evader), z, velocity)
+        velocity = bounded2(xp, components(seen)[:2], game.evader_speed_m_s)
+    to_evader = (east - x, north - y)
+    z = height - ground - game.standoff.height_m
+    return Geometry((east, north), ground, to_evader, norm2(xp, to_evader), z, velocity)
 
 
 def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real:
@@ -175,7 +174,7 @@ def least_square_in_hand(game: Game) -> Real:
 
     Against one that runs along n, u² − ‖v n − w‖², it is 2 v (‖w‖ + n·w) more, see `head_wind`.
     """
-    u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
+    u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
     return speed_in_hand(game) * (u + v + wind_speed(game))
 
 
@@ -279,12 +278,12 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
         hold: horizontal velocity over the ground of a pursuer that has nothing to gain.
     """
     wind = game.wind_m_s
-    y = to if is_calm(game) else (to[0] - wind[0] * t, to[1] - wind[1] * t)
+    y = to if game.calm else (to[0] - wind[0] * t, to[1] - wind[1] * t)
     if isinstance(game.pursuer, Cylinder):
         air, vertical = _pace(xp, game.pursuer, y, z)
     else:
         air, vertical = _aim(xp, game, game.pursuer, y, z)
-    flown = air if is_calm(game) else (air[0] + wind[0], air[1] + wind[1])
+    flown = air if game.calm else (air[0] + wind[0], air[1] + wind[1])
     if isinstance(game.pursuer, Ball):
         met = t <= 0
         return *select2(xp, met, hold, flown), select(xp, met, 0.0, vertical)

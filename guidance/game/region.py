@@ -29,7 +29,7 @@ from guidance.game.arrays import (
     select2,
     unit2,
 )
-from guidance.game.game import STILL, Game, guaranteed_age_s, is_calm
+from guidance.game.game import STILL, Game, guaranteed_age_s
 from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
 from guidance.game.reach import Geometry
 from guidance.game.records import is_zero
@@ -63,7 +63,7 @@ class Closest(NamedTuple):
 
 def is_circle(game: Game) -> Truth:
     """Say whether the region, of a Cylinder its planar part, is the paper's disc; row by row where that differs."""
-    if not is_calm(game) or game.target_velocity_m_s != STILL:
+    if not game.calm or game.target_velocity_m_s != STILL:
         return False
     lengths = (game.capture_radius_m, game.standoff.radius_m, game.information_age_s)
     if all(is_zero(length) for length in lengths):

@@ -34,7 +34,7 @@ from guidance.game.arrays import (
     spread,
     vectors,
 )
-from guidance.game.game import Ball, Game, horizontal_speed, wind_speed
+from guidance.game.game import Ball, Game, wind_speed
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.reach import TOUCH_M, take_apart, vertical_speed
 from guidance.game.records import is_zero, require
@@ -323,7 +323,7 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         target: position T, (..., 3), m, or None for PE.
     """
     state = take_apart(xp, game, pursuer, evader, None)
-    closing = horizontal_speed(game.pursuer) + game.evader_speed_m_s + wind_speed(game)
+    closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + wind_speed(game)
     capture, turn = game.capture_radius_m, math.inf
     beside = state.distance - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):

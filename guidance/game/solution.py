@@ -6,7 +6,7 @@ and one is solved in Python's own floats; the answer is the same to the bit.
 
 import math
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from array_api_compat import is_jax_namespace
@@ -21,7 +21,7 @@ from guidance.game.arrays import (
     Space,
     Truth,
     codes,
-    component,
+    components,
     fill,
     is_array,
     is_numpy,
@@ -37,7 +37,6 @@ from guidance.game.game import (
     Winner,
     for_rows,
     guaranteed_age_s,
-    horizontal_speed,
     parameters,
     speed_in_hand,
 )
@@ -53,6 +52,10 @@ ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
 
 ROWS = 8192
 """Rows of a chunk: some forty intermediate arrays of 64 KiB, about a level 2 cache's worth."""
+
+
+Place: TypeAlias = tuple[float, float, float]
+"""A place or a velocity of one state: x, y and z."""
 
 
 class Solution(NamedTuple):
@@ -81,6 +84,19 @@ class Solution(NamedTuple):
     pursuer_velocity_m_s: Array
     evader_velocity_m_s: Array
     reason: Array
+
+
+class StateSolution(NamedTuple):
+    """The answer of `solve_state`: what a `Solution` says of one state, in plain numbers."""
+
+    winner: int
+    value: float
+    margin_s: float
+    meeting_point_m: Place
+    meeting_time_s: float
+    pursuer_velocity_m_s: Place
+    evader_velocity_m_s: Place
+    reason: int
 
 
 def solve(
@@ -142,25 +158,80 @@ def _solve_one(game: Game, given: dict[str, Array], out: Solution | None) -> Sol
     like = given["pursuer"]
     if like.dtype != np.float64 or game.varies:
         return _solve(np, game, (), given, out)
-    floats = {name: value.tolist() for name, value in given.items()}
-    try:
-        play = _play(FLOATS, game, floats)
-    except (ZeroDivisionError, ValueError):
+    floats: dict[str, Array] = {name: tuple(value.tolist()) for name, value in given.items()}
+    played = _play_floats(game, floats)
+    if played is None:
         return _solve(np, game, (), given, out)
-    fault = _fault(FLOATS, game, floats, play)
+    play, fault = played
     _refuse(fault, given)
     if fault or out is not None:
         return _put_together(np, game, (), like, play, fault, out)
     return Solution(
         np.array(play.winner, np.int8),
-        _as_is(play.value),
-        _as_is(play.margin),
-        _as_is(play.meeting),
-        _as_is(play.time),
-        _as_is(play.pursuer),
-        _as_is(play.evader),
+        np.array(play.value + 0.0),
+        np.array(play.margin + 0.0),
+        np.array(_no_minus_zero(play.meeting)),
+        np.array(play.time + 0.0),
+        np.array(_no_minus_zero(play.pursuer)),
+        np.array(_no_minus_zero(play.evader)),
         np.array(_doubted(FLOATS, game, play), np.int8),
     )
+
+
+def solve_state(
+    game: Game, pursuer: Place, evader: Place, target: Place | None = None, *, evader_velocity_m_s: Place | None = None
+) -> StateSolution:
+    """Solve one state of plain numbers, to the bit as `solve` does, without an array: what a flight asks every cycle.
+
+    Args:
+        game: what is played; none of its parameters is an array.
+        pursuer: position P, m: three floats.
+        evader: position E, m.
+        target: position T, m; None in PE.
+        evader_velocity_m_s: the evader's velocity as observed, where it is known.
+
+    Returns:
+        The answer. A state without an answer is NaN throughout, as a row of a batch is.
+
+    Raises:
+        ConfigError: a parameter of the game is an array.
+    """
+    if game.varies:
+        raise ConfigError(f"game = {game!r}: a single state is played with single numbers; solve takes arrays of them")
+    known = {"pursuer": pursuer, "evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
+    given: dict[str, Array] = {name: value for name, value in known.items() if value is not None}
+    played = _play_floats(game, given)
+    if played is None or played[1]:
+        rows = _solve(np, game, (1,), {name: np.array([value], float) for name, value in given.items()}, None)
+        return StateSolution(*(_plain(column[0].tolist()) for column in rows))
+    play, _ = played
+    return StateSolution(
+        int(play.winner),
+        play.value + 0.0,
+        play.margin + 0.0,
+        _no_minus_zero(play.meeting),
+        play.time + 0.0,
+        _no_minus_zero(play.pursuer),
+        _no_minus_zero(play.evader),
+        int(_doubted(FLOATS, game, play)),
+    )
+
+
+def _play_floats(game: Game, given: dict[str, Array]) -> tuple[Play, int] | None:
+    """Play a single state in floats, and say what is wrong with it; None where a number is divided by zero."""
+    try:
+        play = _play(FLOATS, game, given)
+    except (ZeroDivisionError, ValueError):
+        return None
+    return play, int(_fault(FLOATS, game, given, play))
+
+
+def _no_minus_zero(v: Space) -> Space:
+    return v[0] + 0.0, v[1] + 0.0, v[2] + 0.0
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - of each field what it holds
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _solve_rows(game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
@@ -219,7 +290,7 @@ def _play(xp: Library, game: Game, given: dict[str, Array]) -> Play:
     state = take_apart(xp, game, P, E, seen)
     if T is None:
         return pursuit(xp, game, state)
-    return defence(xp, game, state, (component(T, 0), component(T, 1)))
+    return defence(xp, game, state, components(T)[:2])
 
 
 def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real:
@@ -229,9 +300,9 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real
         answered = answered + play.margin
     sound = _is_finite(answered + _largest_square(game, _most_squares(given) if xp is np else _squares(given)))
     fault: Real = int(Reason.SOLVED)
-    if not (xp is np or xp is FLOATS) or not _all(sound):
+    if sound is not True and (not (xp is np or xp is FLOATS) or not _all(sound)):
         sound = _is_finite(answered + _largest_square(game, _squares(given)))
-        nought = sum(0.0 * component(array, index) for array in given.values() for index in range(3))
+        nought = sum(0.0 * part for array in given.values() for part in components(array))
         fault = select(xp, sound, fault, select(xp, nought == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     if not game.varies:
         return fault
@@ -248,7 +319,7 @@ def _squares(given: dict[str, Array]) -> Real:
     """Return the sum of the squares of all components, row by row."""
     total: Real = 0.0
     for array in given.values():
-        x, y, z = array if type(array) is list else (component(array, index) for index in range(3))
+        x, y, z = components(array)
         total = total + (x * x + y * y + z * z)
     return total
 
@@ -264,7 +335,7 @@ def _most_squares(given: dict[str, Array]) -> Real:
 
 def _largest_square(game: Game, sizes: Real) -> Real:
     """Return more than any square that the kernels take: where it is infinite, theirs may have been."""
-    standoff, u = game.standoff, horizontal_speed(game.pursuer)
+    standoff, u = game.standoff, game.pursuer.horizontal_m_s
     length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
     square = u * u
     return (sizes + length * length) * square * square
@@ -283,13 +354,6 @@ def _refuse(fault: Real, given: dict[str, Array]) -> None:
     if fault == Reason.NOT_FINITE:
         wrong = [f"{name} = {array!r}" for name, array in given.items() if not all(map(is_finite, array.tolist()))]
         raise ConfigError(f"{', '.join(wrong)}: must be finite numbers")
-
-
-def _as_is(value: Real | Space) -> Array:
-    """Make an array of a number or three, none of them minus zero: what `_put_together` does where none is lost."""
-    if isinstance(value, tuple):
-        return np.array((value[0] + 0.0, value[1] + 0.0, value[2] + 0.0))
-    return np.array(value + 0.0)
 
 
 def _put_together(

@@ -6,7 +6,7 @@ to E), solved there, and the answer unfolded. Where all three are on one line th
 what leans towards the first is taken off, so that no velocity is unfolded to more than its bound.
 """
 
-from guidance.game.arrays import Array, Library, Real, Space, Truth, component, root, select
+from guidance.game.arrays import Array, Library, Real, Space, Truth, components, root, select
 from guidance.game.game import Game
 from guidance.game.pe import pursuit
 from guidance.game.reach import Geometry, Play
@@ -24,9 +24,9 @@ def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, 
         T: position of the target, (..., 3), m, or None for PE.
         seen: the evader's observed velocity, (..., 3), m/s, or None.
     """
-    evader = _components(E)
-    to_evader = _minus(evader, _components(P))
-    first, far = _unit(xp, to_evader if T is None else _minus(_components(T), evader))
+    evader = components(E)
+    to_evader = _minus(evader, components(P))
+    first, far = _unit(xp, to_evader if T is None else _minus(components(T), evader))
     along = _dot(to_evader, first)
     second, across = _across(xp, to_evader, first, along)
     nought = 0.0 * along
@@ -48,7 +48,7 @@ def play_in_space(xp: Library, game: Game, P: Array, E: Array, T: Array | None, 
     meeting = (evader[0] + run[0], evader[1] + run[1], evader[2] + run[2])
     flown = unfold(play.pursuer)
     if seen is not None:
-        flown = _follow(xp, game, play.time <= 0, _components(seen), flown)
+        flown = _follow(xp, game, play.time <= 0, components(seen), flown)
     return play._replace(meeting=meeting, pursuer=flown, evader=unfold(play.evader))
 
 
@@ -68,10 +68,6 @@ def _follow(xp: Library, game: Game, caught: Truth, seen: Space, flown: Space) -
         select(xp, caught, pace * direction[1], flown[1]),
         select(xp, caught, pace * direction[2], flown[2]),
     )
-
-
-def _components(v: Array) -> Space:
-    return component(v, 0), component(v, 1), component(v, 2)
 
 
 def _minus(a: Space, b: Space) -> Space:

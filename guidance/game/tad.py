@@ -35,7 +35,7 @@ from guidance.game.arrays import (
     select2,
     unit2,
 )
-from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner, horizontal_speed, is_calm
+from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner
 from guidance.game.pe import pursuit
 from guidance.game.reach import Geometry, Play, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
 from guidance.game.records import is_zero
@@ -145,7 +145,7 @@ def _compare(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Cont
 
 
 def _paper(xp: Library, game: Game, state: Geometry, to_target: Plane, z: Real) -> Contest:
-    u, v = horizontal_speed(game.pursuer), game.evader_speed_m_s
+    u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
     ended = race(xp, (u, v), state.to_evader, z, to_target)
     arrival = norm2(xp, to_target) / v
     edge = Closest(ended.run, norm2(xp, ended.run) / v, ended.final_distance)
@@ -179,8 +179,8 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
         goal: vector from the evader to the point that is guarded, m.
     """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
-    if is_calm(game):
-        return cover_time(xp, game, norm2(xp, y) - game.standoff.radius_m, horizontal_speed(game.pursuer), state.z)
+    if game.calm:
+        return cover_time(xp, game, norm2(xp, y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z)
     return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
 
 
@@ -225,7 +225,7 @@ def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: R
     of the rows that matter, in the libraries that differentiate.
     """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
-    if not is_calm(game):
+    if not game.calm:
         y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
     beside = norm2(xp, y) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):

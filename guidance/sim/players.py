@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.frames import Amsl, Vector
-from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff, horizontal_speed
+from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
 from guidance.sim.evader import EvaderSettings
 from guidance.sim.scenario import Player, Scenario
 from guidance.strategies import Course, Strategy, random_turns, recorded, waypoints
@@ -86,7 +86,7 @@ def _course(
         case "random_turns":
             return random_turns(
                 start_m,
-                horizontal_speed(speeds),
+                speeds.horizontal_m_s,
                 seed,
                 stream=stream,
                 every_s=player.turn_every_s,

@@ -9,7 +9,7 @@ from guidance.certificate import Certificate
 from guidance.control import Envelope
 from guidance.cycle import CycleSettings, game_played
 from guidance.frames import Vector
-from guidance.game import Game, horizontal_speed, solve
+from guidance.game import Game, solve
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181)
 
 def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
     """The isochron (points, 2) of the game that was played at this cycle: its meeting point lies on it."""
-    bound_m_s = float(horizontal_speed(settings.speed_set)) / certificate.speed_ratio
+    bound_m_s = float(settings.speed_set.horizontal_m_s) / certificate.speed_ratio
     game, _ = game_played(settings, bound_m_s, certificate.evader_age_s)
     game = replace(game, target_velocity_m_s=(0.0, 0.0))  # whoever runs straight runs so whatever its target does
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)

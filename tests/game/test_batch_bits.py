@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from guidance.errors import ConfigError
 from guidance.game import (
     EVADER_POLICIES,
     PURSUER_POLICIES,
@@ -16,6 +17,7 @@ from guidance.game import (
     StandOff,
     Winner,
     solve,
+    solve_state,
     value_gradient,
 )
 from guidance.game import solution as solving
@@ -50,6 +52,32 @@ def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
             ]
             head = type(answer)(*(field[: len(singles)] for field in answer))
             assert_rows_equal_singles(head, singles)
+            vectors = (P, E, target, seen)
+            plain = [
+                solve_state(game, *three, evader_velocity_m_s=moving)
+                for *three, moving in (
+                    [None if one is None else tuple(one[i].tolist()) for one in vectors] for i in range(len(singles))
+                )
+            ]
+            assert_rows_equal_singles(head, plain)
+            assert {type(number) for one in plain for number in (one.winner, one.value, *one.meeting_point_m)} == {
+                int,
+                float,
+            }
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e200])
+def test_a_state_without_an_answer_is_the_row_of_a_batch_in_plain_numbers_too(games, wrong):
+    P, E = (wrong, 0.0, 9.0), (8.0, 3.0, 0.0)
+    for game in games.values():
+        row = solve(game, np.array([P]), np.array([E]))
+        assert row.reason[0] >= Reason.NOT_FINITE
+        assert_rows_equal_singles(row, [solve_state(game, P, E)])
+
+
+def test_a_game_of_many_numbers_is_not_for_a_single_state():
+    with pytest.raises(ConfigError, match="evader_speed_m_s"):
+        solve_state(Game(Ball(6.0), np.array([3.0, 4.0])), (0.0, 0.0, 9.0), (8.0, 3.0, 0.0))
 
 
 @settings(max_examples=drawn(10), deadline=None)
