@@ -6,7 +6,7 @@ files give them: keys of their own, the same for vehicles and scenarios.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -56,6 +56,14 @@ class StandOffLimit:
         _require_in_range("stand_off.", self, ("radius_m", "height_m"))
 
 
+class Bounds(NamedTuple):
+    """The largest size of a vector over the ground, and its largest parts upwards and downwards; all positive."""
+
+    ground: float
+    up: float
+    down: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
     """The envelope, heights above home and fences about home in metres.
@@ -64,7 +72,8 @@ class Envelope:
     `braking_m_s2` and `vertical_braking_m_s2` are what the vehicle surely achieves once it brakes, and `reaction_s`
     the time until it does (measured velocity lag, telemetry age and one cycle): together they make the stopping
     distance v·reaction + v²/(2·braking). `height_gain_per_s` is the autopilot's own gain from height error to vertical
-    speed (PX4's MPC_Z_P, ArduCopter's PSC_POSZ_P), needed where z is commanded beside the velocity.
+    speed (PX4's MPC_Z_P, ArduCopter's PSC_POSZ_P), needed where z is commanded beside the velocity. `speeds` and
+    `accelerations` are the limits of both once more, as bounds of a vector.
 
     Raises:
         ConfigError: If a value is not finite, out of its range or contradicts another one.
@@ -89,11 +98,16 @@ class Envelope:
     fence_polygon: Polygon | None = None
     fence_margin_m: float = 0.0
     stand_off: StandOffLimit | None = None
+    speeds: Bounds = field(init=False, repr=False)
+    accelerations: Bounds = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        vertical_m_s2 = self.vertical_acceleration_m_s2
+        object.__setattr__(self, "speeds", Bounds(self.speed_m_s, self.climb_m_s, self.descent_m_s))
+        object.__setattr__(self, "accelerations", Bounds(self.acceleration_m_s2, vertical_m_s2, vertical_m_s2))
         optional = {"fence_radius_m"} if self.fence_radius_m is None else set()
         free = {"floor_m", "ceiling_m", "fence_margin_m", "home_ned_m", "fence_polygon", "stand_off"}
-        _require_in_range("", self, (f.name for f in fields(self) if f.name not in free | optional))
+        _require_in_range("", self, (f.name for f in fields(self) if f.init and f.name not in free | optional))
         if not -_LARGEST <= self.floor_m < self.ceiling_m <= _LARGEST:
             raise ConfigError(
                 f"floor_m = {self.floor_m}: allowed is less than ceiling_m = {self.ceiling_m}, both finite"

@@ -13,7 +13,6 @@ from guidance.control.stopping import drift_ned_m, stop, surge_ned_m
 from guidance.control.velocity_constraints import (
     VelocityConstraint,
     floor_and_ceiling,
-    is_active,
     shrink,
     slide,
     stand_off_constraints,
@@ -122,9 +121,10 @@ def cut_height(desired_down_m: float, velocity_ned_m_s: Vector, situation: Situa
     drift = drift_ned_m(situation.velocity_ned_m_s, envelope)
     level_limits = floor_and_ceiling(present_m, envelope, stop(asked, envelope), drift)
     for one in (*stand_off_constraints(asked, situation, envelope), *level_limits):  # a fence holds no height
-        if is_active((north, east, total), one):
+        slid = slide((north, east, total), one)
+        if slid != (north, east, total):
             level = one.normal_ned_s[0] == one.normal_ned_s[1] == 0.0
-            total = slide((north, east, total), one)[2] if level else down
+            total = slid[2] if level else down
     floor_m = max(present_m, envelope.home_ned_m[2] - envelope.floor_m)
     ceiling_m = min(present_m, envelope.home_ned_m[2] - envelope.ceiling_m)
     return min(floor_m, max(ceiling_m, present_m + (total - down) / gain))

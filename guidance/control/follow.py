@@ -49,21 +49,19 @@ def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector
     if drift.position_ned_m is None:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
     dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
-    rows = [
-        _axis(*row, dt_s)
-        for row in zip(drift.position_ned_m, drift.velocity_ned_m_s, position_ned_m, velocity_ned_m_s, strict=True)
-    ]
-    if math.dist(position_ned_m, [place for place, _ in rows]) > JUMP_M:
+    places, drifts = [], []
+    for place_m, drift_m_s, reported_m, velocity_m_s in zip(
+        drift.position_ned_m, drift.velocity_ned_m_s, position_ned_m, velocity_ned_m_s, strict=True
+    ):
+        expected_m = place_m + (velocity_m_s - drift_m_s) * dt_s
+        off_m = reported_m - expected_m
+        learned_m_s = drift_m_s - off_m * dt_s / SETTLE_S**2
+        places.append(expected_m + 2.0 * off_m * dt_s / SETTLE_S)
+        drifts.append(max(-LARGEST_M_S, min(LARGEST_M_S, learned_m_s)))
+    if math.dist(position_ned_m, places) > JUMP_M:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
-    (north, drift_north), (east, drift_east), (down, drift_down) = rows
+    (north, east, down), (drift_north, drift_east, drift_down) = places, drifts
     return Drift((drift_north, drift_east, drift_down), (north, east, down))
-
-
-def _axis(place_m: float, drift_m_s: float, reported_m: float, velocity_m_s: float, dt_s: float) -> tuple[float, float]:
-    place_m += (velocity_m_s - drift_m_s) * dt_s
-    off_m = reported_m - place_m
-    drift_m_s -= off_m * dt_s / SETTLE_S**2
-    return place_m + 2.0 * off_m * dt_s / SETTLE_S, max(-LARGEST_M_S, min(LARGEST_M_S, drift_m_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

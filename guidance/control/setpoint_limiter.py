@@ -24,7 +24,7 @@ from typing import NamedTuple
 from guidance.control.envelope import Envelope, Limiter
 from guidance.control.feasible_velocity import cut_height, feasible_velocity, full_speed_constraints
 from guidance.control.fence import FenceGeometry, measure_fence
-from guidance.control.shaping import clamp_acceleration, clamp_speed, next_acceleration, slew
+from guidance.control.shaping import clamp, next_acceleration, slew
 from guidance.control.situation import Situation, known, usable
 from guidance.control.velocity_constraints import VelocityConstraint, shrink, slide
 from guidance.frames import Vector, wrap_rad
@@ -61,7 +61,7 @@ def start(situation: Situation, envelope: Envelope) -> LimitMemory:
     """The memory at engagement: the vehicle's own velocity and heading, so that the first setpoint is no step."""
     if not usable(*situation.velocity_ned_m_s, situation.yaw_rad):
         return LimitMemory(STILL)
-    return LimitMemory(clamp_speed(situation.velocity_ned_m_s, envelope), yaw_rad=situation.yaw_rad)
+    return LimitMemory(clamp(situation.velocity_ned_m_s, envelope.speeds), yaw_rad=situation.yaw_rad)
 
 
 def limit(
@@ -123,23 +123,21 @@ def _numbers_only(command: Setpoint, memory: LimitMemory, active: list[Limiter])
 def _shape(
     desired: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float, active: list[Limiter]
 ) -> tuple[Vector, Vector]:
-    allowed = clamp_speed(desired, envelope)
-    _note(active, Limiter.SPEED, allowed[:2], desired[:2])
-    _note(active, Limiter.VERTICAL_SPEED, allowed[2:], desired[2:])
-    before = clamp_speed(memory.velocity_ned_m_s, envelope)
+    allowed = clamp(desired, envelope.speeds)
+    _note_vector(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, desired)
+    before = clamp(memory.velocity_ned_m_s, envelope.speeds)
     acceleration = next_acceleration(
         allowed,
         before,
-        clamp_acceleration(memory.acceleration_ned_m_s2, envelope),
+        clamp(memory.acceleration_ned_m_s2, envelope.accelerations),
         ground_m_s2=envelope.acceleration_m_s2,
         vertical_m_s2=envelope.vertical_acceleration_m_s2,
         jerk_m_s3=envelope.jerk_m_s3,
         dt_s=dt_s,
     )
     north, east, down = (now + rate * dt_s for now, rate in zip(before, acceleration, strict=True))
-    shaped = clamp_speed((north, east, down), envelope)
-    _note(active, Limiter.ACCELERATION, shaped[:2], allowed[:2])
-    _note(active, Limiter.VERTICAL_ACCELERATION, shaped[2:], allowed[2:])
+    shaped = clamp((north, east, down), envelope.speeds)
+    _note_vector(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     return shaped, acceleration
 
 
@@ -149,7 +147,7 @@ def _height(
     if desired_m is None:
         return None
     allowed_m = cut_height(desired_m, velocity, situation, envelope)
-    _note(active, Limiter.HEIGHT, (allowed_m,), (desired_m,))
+    _note(active, Limiter.HEIGHT, allowed_m, desired_m)
     return allowed_m
 
 
@@ -161,7 +159,7 @@ def _yaw(
         return None
     largest, turn = envelope.yaw_rate_rad_s * dt_s, wrap_rad(desired_rad - memory.yaw_rad)
     allowed = min(largest, max(-largest, turn))
-    _note(active, Limiter.YAW, (allowed,), (turn,))
+    _note(active, Limiter.YAW, allowed, turn)
     return wrap_rad(memory.yaw_rad + allowed)
 
 
@@ -175,9 +173,9 @@ def _feed_forward(
 ) -> Vector | None:
     if desired is None:
         return None
-    allowed = slew(clamp_acceleration(desired, envelope), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
-    allowed = _without_pushing(clamp_acceleration(allowed, envelope), constraints)
-    _note(active, Limiter.FEED_FORWARD, allowed, desired)
+    allowed = slew(clamp(desired, envelope.accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
+    allowed = _without_pushing(clamp(allowed, envelope.accelerations), constraints)
+    _note_vector(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, allowed, desired)
     return allowed
 
 
@@ -189,6 +187,13 @@ def _without_pushing(acceleration: Vector, constraints: tuple[VelocityConstraint
     return acceleration
 
 
-def _note(active: list[Limiter], limiter: Limiter, got: tuple[float, ...], desired: tuple[float, ...]) -> None:
-    if any(abs(one - other) > NOTED for one, other in zip(got, desired, strict=True)):
+def _note(active: list[Limiter], limiter: Limiter, got: float, desired: float) -> None:
+    if abs(got - desired) > NOTED:
         active.append(limiter)
+
+
+def _note_vector(active: list[Limiter], ground: Limiter, vertical: Limiter, got: Vector, desired: Vector) -> None:
+    if abs(got[0] - desired[0]) > NOTED or abs(got[1] - desired[1]) > NOTED:
+        active.append(ground)
+    if abs(got[2] - desired[2]) > NOTED and vertical not in active:
+        active.append(vertical)

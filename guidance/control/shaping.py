@@ -6,44 +6,31 @@ own axis, because the game is played on the cylinder ‖u_xy‖ ≤ a, |u_z| ≤
 
 import math
 
-from guidance.control.envelope import Envelope
+from guidance.control.envelope import Bounds
 from guidance.control.stopping import approach_speed
 from guidance.frames import Vector
 
 
-def clamp(vector_ned: Vector, ground: float, *, up: float, down: float) -> Vector:
-    """Scale the ground part down to a largest size, and cut the vertical part to its own, upwards and downwards.
+def clamp(vector_ned: Vector, bounds: Bounds) -> Vector:
+    """Scale the ground part down to its largest size, and cut the vertical part to its own, upwards and downwards.
 
     Args:
         vector_ned: A velocity (m/s), an acceleration (m/s²), or a step of one.
-        ground: The largest size over the ground, in the vector's unit.
-        up: The largest part upwards, as a positive number.
-        down: The largest part downwards.
+        bounds: In the vector's unit.
     """
     north, east, vertical = vector_ned
     size = math.hypot(north, east)
-    vertical = min(down, max(-up, vertical))
-    if size <= ground:
+    vertical = min(bounds.down, max(-bounds.up, vertical))
+    if size <= bounds.ground:
         return (north, east, vertical)
-    share = ground / size
+    share = bounds.ground / size
     return (north * share, east * share, vertical)
-
-
-def clamp_speed(velocity_ned: Vector, envelope: Envelope) -> Vector:
-    """All three limits of speed."""
-    return clamp(velocity_ned, envelope.speed_m_s, up=envelope.climb_m_s, down=envelope.descent_m_s)
-
-
-def clamp_acceleration(vector_ned: Vector, envelope: Envelope) -> Vector:
-    """Both limits of acceleration."""
-    vertical = envelope.vertical_acceleration_m_s2
-    return clamp(vector_ned, envelope.acceleration_m_s2, up=vertical, down=vertical)
 
 
 def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vector:
     """Move from the previous vector towards a new one by no more than a change, on the ground and vertically."""
     change = (vector_ned[0] - previous_ned[0], vector_ned[1] - previous_ned[1], vector_ned[2] - previous_ned[2])
-    north, east, down = clamp(change, largest_change, up=largest_change, down=largest_change)
+    north, east, down = clamp(change, Bounds(largest_change, largest_change, largest_change))
     return (previous_ned[0] + north, previous_ned[1] + east, previous_ned[2] + down)
 
 

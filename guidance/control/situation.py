@@ -29,9 +29,12 @@ def usable(*numbers: float) -> bool:
 
 def known(situation: Situation) -> Situation | None:
     """The situation with an evader velocity that is a number or None; None where it cannot be judged."""
-    evader, velocity = situation.evader_position_ned_m or (), situation.evader_velocity_ned_m_s
-    if not usable(*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad, *evader):
+    place, velocity, yaw_rad, evader, moving, acceleration = situation
+    if usable(*place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ())):
+        return situation
+    if not usable(*place, *velocity, yaw_rad, *(evader or ())):
         return None
-    if not usable(*situation.acceleration_ned_m_s2):
-        situation = situation._replace(acceleration_ned_m_s2=(0.0, 0.0, 0.0))
-    return situation if velocity is None or usable(*velocity) else situation._replace(evader_velocity_ned_m_s=None)
+    return situation._replace(
+        acceleration_ned_m_s2=acceleration if usable(*acceleration) else (0.0, 0.0, 0.0),
+        evader_velocity_ned_m_s=moving if usable(*(moving or ())) else None,
+    )

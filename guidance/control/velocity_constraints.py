@@ -61,14 +61,14 @@ def constrain(
 
 def slide(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
     """Take away what closes too fast and keep what goes along; the very same velocity where nothing does."""
-    closing_ground, closing_vertical = _closing(velocity_ned_m_s, constraint)
+    (north, east, down), (normal_north, normal_east, normal_down) = velocity_ned_m_s, constraint.normal_ned_s
+    closing_ground = max(0.0, north * normal_north + east * normal_east)
+    closing_vertical = max(0.0, down * normal_down)
     used_m = closing_ground + closing_vertical
     if used_m <= constraint.distance_m:
         return velocity_ned_m_s
     taken = 1.0 - constraint.distance_m / used_m
-    north, east, down = velocity_ned_m_s
     if closing_ground > 0.0:
-        normal_north, normal_east, _ = constraint.normal_ned_s
         size_s = math.hypot(normal_north, normal_east)
         part = taken * closing_ground / size_s
         north, east = north - part * (normal_north / size_s), east - part * (normal_east / size_s)
@@ -79,27 +79,18 @@ def slide(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
 
 def shrink(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
     """Scale down, direction kept, until the constraint holds; those that held before still do."""
-    closing_ground, closing_vertical = _closing(velocity_ned_m_s, constraint)
+    (north, east, down), (normal_north, normal_east, normal_down) = velocity_ned_m_s, constraint.normal_ned_s
+    closing_ground = max(0.0, north * normal_north + east * normal_east)
+    closing_vertical = max(0.0, down * normal_down)
     used_m = closing_ground + closing_vertical
     if used_m <= constraint.distance_m:
         return velocity_ned_m_s
     share = constraint.distance_m / used_m
-    north, east, down = velocity_ned_m_s
     if closing_ground > 0.0:
         north, east = share * north, share * east
     if closing_vertical > 0.0:
         down *= share
     return (north, east, down)
-
-
-def is_active(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> bool:
-    """Whether a velocity asks for more than the constraint allows."""
-    return sum(_closing(velocity_ned_m_s, constraint)) > constraint.distance_m
-
-
-def _closing(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> tuple[float, float]:
-    (north, east, down), (normal_north, normal_east, normal_down) = velocity_ned_m_s, constraint.normal_ned_s
-    return max(0.0, north * normal_north + east * normal_east), max(0.0, down * normal_down)
 
 
 def floor_and_ceiling(

@@ -62,7 +62,7 @@ class Conversation:
         self.counts: Counter[str] = Counter()
 
     def poll(self, now_s: float) -> None:
-        """Read the wire and keep what comes for the next `take`; send what is due."""
+        """Read the wire and keep what comes for the next `receive`; send what is due."""
         if self._closed:
             return
         for received_s, data in self._wire.receive():
@@ -90,7 +90,7 @@ class Conversation:
             self.counts["invalid"] += 1
 
     def _interpret(self, name: str, fields: Fields, received_s: float) -> None:
-        if not self._is_for_us(fields):
+        if "target_system" in fields and not self._is_for_us(fields):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
             self._open_text, texts = join_text(self._open_text, fields, received_s)
@@ -110,7 +110,7 @@ class Conversation:
 
     def _is_for_us(self, fields: Fields) -> bool:
         """A message with target fields (COMMAND_ACK) may answer another station; 0 addresses all."""
-        system_id, component_id = fields.get("target_system", 0), fields.get("target_component", 0)
+        system_id, component_id = fields["target_system"], fields.get("target_component", 0)
         return system_id in (0, self._own[0]) and component_id in (0, self._own[1])
 
     def _note(self, message: Message) -> None:
@@ -134,16 +134,18 @@ class Conversation:
 
     def tend(self, now_s: float) -> None:
         """Send what is due: requests not answered yet, and our TIMESYNC question once the vehicle was heard."""
-        self._open_text, texts = expire_text(self._open_text, now_s)
-        self._keep(*texts)
+        if self._open_text is not None:
+            self._open_text, texts = expire_text(self._open_text, now_s)
+            self._keep(*texts)
         for request, attempt in self._requests.due(now_s):
             self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._vehicle._asdict()))
             self.counts["requests_sent"] += 1
         if self.heartbeats and (question := self._timesync.ask(now_s)) is not None:
             self._send("TIMESYNC", question)
 
-    def take(self) -> list[Message]:
-        """All messages since the last call, oldest first."""
+    def receive(self, now_s: float) -> list[Message]:
+        """Poll, and return all messages since the last call, oldest first."""
+        self.poll(now_s)
         messages = list(self._inbox)
         self._inbox.clear()
         return messages

@@ -74,7 +74,7 @@ def _heartbeat(f: Fields, received_s: float) -> Message:
 
 
 def _local_position(f: Fields, received_s: float) -> Message:
-    position, velocity = finite(f["x"], f["y"], f["z"]), finite(f["vx"], f["vy"], f["vz"])
+    position, velocity = (f["x"], f["y"], f["z"]), (f["vx"], f["vy"], f["vz"])
     return LocalPosition(received_s, f["time_boot_ms"] / 1e3, position, velocity)
 
 
@@ -86,8 +86,6 @@ def _global_position(f: Fields, received_s: float) -> Message:
 
 
 def _attitude(f: Fields, received_s: float) -> Message:
-    if not math.isfinite(f["yaw"]):
-        raise ValueError("yaw is not finite")
     return Attitude(received_s, f["time_boot_ms"] / 1e3, f["yaw"])
 
 

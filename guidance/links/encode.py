@@ -38,10 +38,11 @@ def setpoint_type_mask(setpoint: Setpoint) -> int:
     return mask | (IGNORE_YAW if setpoint.yaw_rad is None else 0)
 
 
-def _sendable(name: str, value: float) -> float:
-    if not (math.isfinite(value) and abs(value) <= FLOAT32_MAX):
-        raise ValueError(f"{name} = {value}: a setpoint must be finite, nothing was sent")
-    return float(value)
+def _require_sendable(setpoint: Setpoint) -> None:
+    for name, value in setpoint._asdict().items():
+        numbers = value if isinstance(value, tuple) else () if value is None else (value,)
+        if not all(abs(number) <= FLOAT32_MAX for number in numbers):
+            raise ValueError(f"{name} = {value}: a setpoint must be finite, nothing was sent")
 
 
 def boot_ms(now_s: float) -> int:
@@ -61,9 +62,8 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
     Raises:
         ValueError: If a value is not finite (as a 32 bit float).
     """
-    vx, vy, vz = (_sendable("velocity_ned_m_s", value) for value in setpoint.velocity_ned_m_s)
-    ax, ay, az = (_sendable("acceleration_ned_m_s2", a) for a in setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0))
-    z = 0.0 if setpoint.down_m is None else _sendable("down_m", setpoint.down_m)
+    _require_sendable(setpoint)
+    (vx, vy, vz), (ax, ay, az) = setpoint.velocity_ned_m_s, setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0)
     if setpoint.down_m is not None:
         vz, az = 0.0, 0.0
     return "SET_POSITION_TARGET_LOCAL_NED", {
@@ -74,14 +74,14 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
         "type_mask": setpoint_type_mask(setpoint),
         "x": 0.0,
         "y": 0.0,
-        "z": z,
+        "z": 0.0 if setpoint.down_m is None else setpoint.down_m,
         "vx": vx,
         "vy": vy,
         "vz": vz,
         "afx": ax,
         "afy": ay,
         "afz": az,
-        "yaw": 0.0 if setpoint.yaw_rad is None else _sendable("yaw_rad", setpoint.yaw_rad),
+        "yaw": 0.0 if setpoint.yaw_rad is None else setpoint.yaw_rad,
         "yaw_rate": 0.0,
     }
 

@@ -80,32 +80,26 @@ class Framer:
                 position += length
                 self._unknown_left = 0
         del buffer[:position]
-        self._forget(stream=stream)
+        excess = len(buffer) - (_MOST_BUFFERED if stream else 0)
+        if excess > 0:
+            self._pass_over(excess)
+            del buffer[:excess]
         return frames
 
     def _frame_at(self, position: int, length: int) -> Frame | None:
         end = position + length
         if length == 0 or end > len(self._buffer):
             return None
-        frame = _header(bytes(self._buffer[position:end]))
-        extra = self._crc_extra.get(frame.message_id)
-        if extra is None:
-            if self._unknown_left == 0:
-                self.unknown += 1
-                self._unknown_left = length
-            return None
-        return frame if _is_whole(frame, extra) else None
+        frame, known = _frame(bytes(self._buffer[position:end]), self._crc_extra)
+        if not known and self._unknown_left == 0:
+            self.unknown += 1
+            self._unknown_left = length
+        return frame
 
     def _pass_over(self, count: int) -> None:
         unknown = min(count, self._unknown_left)
         self._unknown_left -= unknown
         self.garbage_bytes += count - unknown
-
-    def _forget(self, *, stream: bool) -> None:
-        excess = len(self._buffer) - (_MOST_BUFFERED if stream else 0)
-        if excess > 0:
-            self._pass_over(excess)
-            del self._buffer[:excess]
 
 
 def first_frame(data: bytes, crc_extra: Mapping[int, int]) -> Frame | None:
@@ -113,9 +107,7 @@ def first_frame(data: bytes, crc_extra: Mapping[int, int]) -> Frame | None:
     length = _frame_length(data, 0) if len(data) >= _SHORTEST else 0
     if not 0 < length <= len(data):
         return None
-    frame = _header(bytes(data[:length]))
-    extra = crc_extra.get(frame.message_id)
-    return frame if extra is not None and _is_whole(frame, extra) else None
+    return _frame(bytes(data[:length]), crc_extra)[0]
 
 
 def claimed_system(data: bytes) -> int | None:
@@ -123,11 +115,6 @@ def claimed_system(data: bytes) -> int | None:
     if len(data) < _SHORTEST or _frame_length(data, 0) == 0:
         return None
     return data[3] if data[0] == MAGIC_V1 else data[5]
-
-
-def _is_whole(frame: Frame, extra: int) -> bool:
-    body_end = len(frame.data) - (_SIGNATURE_BYTES if frame.signed else 0) - 2
-    return checksum(frame.data[1:body_end], extra) == frame.data[body_end : body_end + 2]
 
 
 def checksum(body: bytes | bytearray, extra: int) -> bytes:
@@ -144,8 +131,21 @@ def _frame_length(buffer: bytes | bytearray, position: int) -> int:
     return 10 + payload + 2 + (_SIGNATURE_BYTES if buffer[position + 2] & SIGNED else 0)
 
 
-def _header(data: bytes) -> Frame:
+def _frame(data: bytes, crc_extra: Mapping[int, int]) -> tuple[Frame | None, bool]:
+    """Read a frame's header and check its checksum: the frame, None where that is wrong; whether its message is known.
+
+    Args:
+        data: A whole frame, by its own length.
+        crc_extra: MAVLink's seed for the checksum, by message id.
+    """
     if data[0] == MAGIC_V1:
-        return Frame(data, data[5], data[3], data[4], signed=False)
-    message_id = int.from_bytes(data[7:10], "little")
-    return Frame(data, message_id, data[5], data[6], signed=bool(data[2] & SIGNED))
+        frame = Frame(data, data[5], data[3], data[4], signed=False)
+    else:
+        message_id = int.from_bytes(data[7:10], "little")
+        frame = Frame(data, message_id, data[5], data[6], signed=bool(data[2] & SIGNED))
+    extra = crc_extra.get(frame.message_id)
+    if extra is None:
+        return None, False
+    body_end = len(data) - (_SIGNATURE_BYTES if frame.signed else 0) - 2
+    is_whole = checksum(data[1:body_end], extra) == data[body_end : body_end + 2]
+    return frame if is_whole else None, True

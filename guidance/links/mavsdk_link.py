@@ -133,11 +133,12 @@ class MavsdkLink:
     def poll(self) -> None:
         """Read the wire and keep what comes for the next `receive`; send what is due."""
         self._conversation.poll(self._clock())
-        if self._direct is None and not self._closed and self._conversation.heartbeats:
-            self._meet()
+        self._meet()
 
     def _meet(self) -> None:
         """MAVSDK knows a system some time after it saw its first HEARTBEAT."""
+        if self._direct is not None or self._closed or not self._conversation.heartbeats:
+            return
         for system in self._mavsdk.get_systems():
             known = self._vehicle.component_id in system.component_ids()
             if known and system.get_system_id() == self._vehicle.system_id:
@@ -146,8 +147,9 @@ class MavsdkLink:
 
     def receive(self) -> Sequence[Message]:
         """All messages of the vehicle since the last call, oldest first."""
-        self.poll()
-        return self._conversation.take()
+        messages = self._conversation.receive(self._clock())
+        self._meet()
+        return messages
 
     def _send(self, name: str, fields: Mapping[str, Any]) -> None:
         if name in _AT_ONCE:

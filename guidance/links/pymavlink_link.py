@@ -60,8 +60,7 @@ class PymavlinkLink:
 
     def receive(self) -> Sequence[Message]:
         """All messages of the vehicle since the last call, oldest first."""
-        self.poll()
-        return self._conversation.take()
+        return self._conversation.receive(self._clock())
 
     def _send(self, name: str, fields: dict[str, Any]) -> None:
         self._wire.send(self._station.pack(name, fields))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from guidance.control.envelope import Limiter
 from guidance.control.stopping import Stop
-from guidance.control.velocity_constraints import VelocityConstraint, constrain, is_active, shrink, slide
+from guidance.control.velocity_constraints import VelocityConstraint, constrain, shrink, slide
 
 parts = st.floats(-10.0, 10.0)
 vectors = st.tuples(parts, parts, parts)
@@ -24,10 +24,11 @@ def used_m(velocity, one):
 @settings(deadline=None)
 @given(vectors, constraints)
 def test_what_slides_and_what_shrinks_obeys_the_law_and_what_obeys_is_left_alone(velocity, one):
-    assert is_active(velocity, one) == (used_m(velocity, one) > one.distance_m)
+    asks_too_much = used_m(velocity, one) > one.distance_m
+    assert (slide(velocity, one) is not velocity) == (shrink(velocity, one) is not velocity) == asks_too_much
     for kept in (slide(velocity, one), shrink(velocity, one)):
         assert used_m(kept, one) <= one.distance_m + 1e-9
-        if not is_active(velocity, one):
+        if not asks_too_much:
             assert kept == velocity
         else:
             assert used_m(kept, one) == pytest.approx(one.distance_m, abs=1e-9)
@@ -51,7 +52,7 @@ def test_sliding_keeps_what_goes_along_the_wall_and_adds_no_speed(velocity, one)
 def test_shrinking_keeps_directions_and_touches_only_what_closes(velocity, one):
     north, east, down = one.normal_ned_s
     kept = shrink(velocity, one)
-    share = one.distance_m / used_m(velocity, one) if is_active(velocity, one) else 1.0
+    share = one.distance_m / used_m(velocity, one) if used_m(velocity, one) > one.distance_m else 1.0
     ground = share if velocity[0] * north + velocity[1] * east > 0.0 else 1.0
     vertical = share if velocity[2] * down > 0.0 else 1.0
     assert kept == pytest.approx((velocity[0] * ground, velocity[1] * ground, velocity[2] * vertical))
