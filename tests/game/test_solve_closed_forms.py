@@ -119,6 +119,21 @@ def test_every_point_of_the_circle_is_delta_times_as_far_from_the_pursuer(P, z, 
     assert circle.radius_m == pytest.approx(section, rel=1e-6, abs=1e-6)
 
 
+def test_the_circle_lies_in_its_evaders_plane_at_whatever_height_that_is():
+    up = np.array([0.0, 0.0, 3.0])
+    circle, raised = apollonius_circle(P_PE, E_PE, 2.0), apollonius_circle(P_PE + up, E_PE + up, 2.0)
+    np.testing.assert_array_equal(raised.centre_m, circle.centre_m + up)
+    assert raised.radius_m == pytest.approx(circle.radius_m, rel=1e-15)
+
+
+def test_a_barrier_of_one_square_metre_is_like_any_other():
+    P, E, T = np.array([1.0, 1.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.zeros(3)
+    assert barrier(P, E, T, 2.0) == 1.0
+    circle, solution = apollonius_circle(P, E, 2.0), solve(Game(Ball(2.0), 1.0), P, E, T)
+    assert solution.value == pytest.approx(math.hypot(*circle.centre_m) - circle.radius_m, rel=1e-14)
+    assert solution.margin_s == pytest.approx(1.0 - math.sqrt(3.0) / 2.0, rel=1e-14)
+
+
 def test_circles_of_a_batch_may_have_ratios_of_their_own():
     P, E, ratio = np.stack([P_PE, P_TAD]), np.stack([E_PE, E_TAD]), np.array([2.0, 3.0])
     for shape in (apollonius_circle, apollonius_sphere):
