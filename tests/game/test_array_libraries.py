@@ -83,6 +83,15 @@ def test_a_row_that_is_not_finite_is_lost_alone(library, games, oracle):
     assert np.isnan(np.asarray(there.value)).tolist() == [False, True, False, False]
 
 
+def test_a_single_state_that_is_not_finite_is_refused_where_it_cannot_be_traced(library):
+    P, E = library.array([np.nan, 0.0, 5.0]), library.array([9.0, 0.0, 0.0])
+    if isinstance(library, Torch):
+        with pytest.raises(ConfigError, match=r"pursuer = .*must be finite"):
+            solve(Game(Ball(2.0), 1.0), P, E)
+    else:
+        assert np.isnan(float(solve(Game(Ball(2.0), 1.0), P, E).value))
+
+
 def test_a_single_state_works_too(library, games, oracle):
     P, E, T = oracle.states(23, 1)
     for name in NAMES:
@@ -140,6 +149,14 @@ def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name
     np.testing.assert_allclose(np.asarray(race.pursuer)[:, 2], beside.pursuer[:, 2], atol=1e-5)
     if name == "paper":
         np.testing.assert_allclose(np.asarray(chase.pursuer)[:, 2], 1.0 / np.sqrt(3.0), rtol=1e-12)
+
+
+def test_a_target_abeam_of_the_wind_has_its_derivative_too(library):
+    """Where a linear coefficient is zero its size has a corner, and the root that is taken has none."""
+    game = Game(Ball(2.0), 1.0, wind_m_s=(0.5, 0.0))
+    given = [library.array([place]) for place in ([0.0, -10.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0])]
+    slopes = automatic_gradient(lambda P, E, T: solve(game, P, E, T).margin_s, *given)
+    assert float(slopes.pursuer[0, 0]) == pytest.approx(-0.5 / (2.0**2 - 0.5**2), rel=1e-12)
 
 
 def test_the_wind_may_differ_from_row_to_row(library, oracle):

@@ -78,6 +78,9 @@ def test_a_velocity_in_the_plane_may_be_a_list_or_an_array():
     assert games[2].wind_m_s == (0.3, -0.4)
     rows = Game(Ball(2.0), 1.0, wind_m_s=[np.array([0.1, 0.2]), 0.3])
     assert rows == Game(Ball(2.0), 1.0, wind_m_s=(np.array([0.1, 0.2]), 0.3))
+    for refused in ({"target_velocity_m_s": (np.array([0.1, 0.2]), 0.3)}, {"wind_m_s": (np.array([0.1, 0.2]), NAN)}):
+        with pytest.raises(ConfigError, match="must be two finite numbers"):
+            Game(Ball(2.0), 1.0, **refused)
 
 
 @pytest.mark.parametrize("pursuer", [2.0, "ball", None, (2.0,)])
@@ -250,6 +253,11 @@ def test_lengths_that_overflow_together_are_no_answer(large):
 def test_no_large_length_makes_up_for_another(place, radius_m):
     game = Game(Ball(1e54), 1.0, standoff=StandOff(radius_m, 0.0))
     assert solve(game, np.array(place), np.zeros(3)).reason == Reason.OVERFLOW
+
+
+@pytest.mark.parametrize("place", [(1e100, 1e100, 0.0), (1e100, 0.0, 1e100), (0.0, 1e100, 1e100)])
+def test_places_that_overflow_are_no_answer_however_close_they_are(place):
+    assert solve(Game(Ball(1e54), 1.0), np.array(place), np.array(place)).reason == Reason.OVERFLOW
 
 
 def test_far_on_the_negative_side_overflows_as_on_the_positive():

@@ -162,3 +162,12 @@ def test_the_closed_gradient_of_an_evader_in_space_is_refused(games, oracle):
     P, E, _ = oracle.states(1, 2)
     with pytest.raises(ConfigError, match="evader_space"):
         value_gradient(games["space"], P, E)
+
+
+def test_finite_differences_are_vectors():
+    value = lambda P, E, T: (P * P).sum(axis=-1) - 2.0 * E[..., 1]  # noqa: E731 - a function of its own
+    P = np.array([[1.0, 2.0, 3.0], [0.0, -1.0, 0.5]])
+    slopes = finite_differences(value, P, np.zeros((2, 3)), None, step_m=1e-3)
+    np.testing.assert_allclose(slopes.pursuer, 2.0 * P, atol=1e-9)
+    np.testing.assert_allclose(slopes.evader, [[0, -2, 0]] * 2, atol=1e-9)
+    assert slopes.target.shape == (2, 3)

@@ -77,6 +77,11 @@ def test_time_is_up_when_it_is():
     np.testing.assert_array_equal(end.pursuer_m, P)
 
 
+def test_ten_minutes_without_a_path_are_what_is_played_by_default():
+    end = rollout(PAPER, P, E, pursuer_policy="hold", evader_policy="hold", stepping=Exact(step_s=100.0))
+    assert (end.end, end.time_s, end.path) == (End.TIME_UP, 600.0, ())
+
+
 def test_a_game_that_takes_too_many_steps_is_given_up(monkeypatch):
     """So close beside the evader that the least time to a capture never lets a step be long."""
     monkeypatch.setattr(import_module("guidance.game.rollout"), "SPARE_STEPS", 5)

@@ -275,6 +275,48 @@ def test_a_second_pursuer_that_is_kept_stays():
     assert match_teams(PAPER, P, other, T, previous=before, hysteresis=1.0).second.tolist() == [2]
 
 
+def test_number_nought_joins_like_any_other():
+    P, E = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0]]), np.array([[9.0, 0.0, 0.0]])
+    found = match_teams(PAPER, P, E, T)
+    assert (found.first.tolist(), found.second.tolist()) == ([1], [0])
+    assert found.value[0] == solve_team(PAPER, P, E[0], T).value > solve(PAPER, P[1], E[0], T).value
+
+
+def test_on_the_barrier_nobody_is_beaten():
+    P = np.array([[90.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
+    found = match_teams(PAPER, P, np.array([[0.0, 4.0, 0.0]]), T)
+    assert (found.guaranteed, found.beats.any(), found.reason[0]) == (0, False, Reason.ON_BARRIER)
+
+
+def test_who_is_not_stopped_runs_to_its_target_and_stays_there():
+    E = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [3.0, -4.0, 0.0]])
+    found = match_teams(PAPER, np.array([[90.0, 0.0, 0.0]]), E, T)
+    np.testing.assert_allclose(found.evader_velocity_m_s, [[0, -1, 0], [0, 0, 0], [-0.6, 0.8, 0]], atol=1e-15)
+
+
+def test_pursuers_in_the_evaders_plane_stand_still_once_nobody_is_left():
+    P, E = np.array([[9.0, 0.0, 0.0], [0.0, 7.0, 0.0]]), np.array([[3.0, 4.0, 0.0]])
+    over = match_teams(PAPER, P, E, T, in_play=[False])
+    assert over.pursuer_velocity_m_s.tolist() == [[0.0, 0.0, 0.0]] * 2
+
+
+def test_every_game_of_a_batch_may_have_speeds_of_its_own():
+    P, E = states(9, 3, 2, 4)
+    u, v = np.linspace(1.5, 3.0, 12).reshape(4, 3, 1), np.linspace(0.6, 1.0, 8).reshape(4, 1, 2)
+    found = match_teams(Game(Ball(u), v), P, E, T)
+    for row in range(4):
+        one = match_teams(Game(Ball(u[row]), v[row, 0]), P[row], E[row], T)
+        assert all(same(part[row], alone) for part, alone in zip(found, one, strict=True))
+
+
+@pytest.mark.parametrize("size", [1e-20, 1.0, 1e20])
+def test_as_many_are_sure_in_games_of_any_size(size):
+    goals, runs = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0]]), np.array([[13.0, 0.0, 0.0], [-13.0, 0.0, 0.0]])
+    found = match_teams(PAPER, size * (goals[::-1] + np.array([0.0, 1.0, 0.0])), size * runs, size * goals)
+    assert found.first.tolist() == [1, 0]
+    assert found.guaranteed == 2
+
+
 def test_rows_without_an_answer_are_nan_and_say_why():
     P, E = states(5, 2, 2, 3)
     P[1, 0, 0] = np.nan

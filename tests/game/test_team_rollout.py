@@ -1,5 +1,7 @@
 """Teams in play: what they guarantee never falls, and takes no more turns than it must."""
 
+import inspect
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -104,6 +106,7 @@ def test_hysteresis_ends_the_dithering_between_two_matchings_and_costs_no_captur
     assert turns[0.0] > 20
     assert turns[1.0] == 0
     assert ends[0.0] == ends[1.0] == [End.CAPTURED, End.CAPTURED]
+    assert inspect.signature(rollout_teams).parameters["hysteresis"].default == 0.0
 
 
 def test_a_batch_is_its_singles():
@@ -160,6 +163,16 @@ def test_an_evader_arrives_when_its_speed_says(speed_m_s):
     assert float(played.time_s[0]) == pytest.approx(6.0 / speed_m_s, abs=1e-8)
 
 
+@pytest.mark.parametrize("start", [(20, 0, 0), (-20, 0, 0), (0, 20, 0), (0, -20, 0), (12, 0, 16)])
+@pytest.mark.parametrize("height_m", [0.0, 4.0])
+def test_a_long_step_passes_no_capture(start, height_m):
+    game = Game(Ball(2.0), 1.0, standoff=StandOff(0.0, height_m))
+    P, E = np.array([start]) + np.array([5.0, 6.0, height_m]), np.array([[5.0, 6.0, 0.0]])
+    played = rollout_teams(game, P, E, step_s=600.0)
+    assert played.end.tolist() == [End.CAPTURED]
+    assert float(played.time_s[0]) == pytest.approx(float(solve(game, P[0], E[0]).value), abs=1e-6)
+
+
 def test_pursuers_with_a_policy_play_it_against_those_they_are_matched_with():
     P, E = np.array([[6.0, 9.0, 4.0], [6.0, -9.0, 4.0]]), np.array([[12.0, -6.0, 0.0], [12.0, 6.0, 0.0]])
     played = rollout_teams(PAPER, P, E, T, pursuer_policy="pure_pursuit", step_s=0.01, duration_s=0.01)
@@ -181,8 +194,32 @@ def test_time_is_up_exactly_when_it_is():
 def test_a_game_that_never_comes_to_its_end_is_stopped(monkeypatch):
     monkeypatch.setattr(rollout, "SPARE_STEPS", 5)
     E = np.array([[1e-7, 0.0, 0.0]])
-    played = rollout_teams(PAPER, [[5.0, 5.0, 5.0]], E, T, pursuer_policy="hold", evader_policy="hold", duration_s=0.1)
+    stay = {"pursuer_policy": "hold", "evader_policy": "hold", "duration_s": 0.1, "keep_path": True}
+    played = rollout_teams(PAPER, [[5.0, 5.0, 5.0]], E, T, **stay)
     assert played.end.tolist() == [End.TIME_UP]
+    assert len(played.path) == 7
+
+
+def test_ten_minutes_without_a_path_are_what_is_played_by_default():
+    P, E = np.array([[5.0, 5.0, 5.0]]), np.array([[9.0, 0.0, 0.0]])
+    played = rollout_teams(PAPER, P, E, T, pursuer_policy="hold", evader_policy="hold", step_s=100.0)
+    assert (played.end.tolist(), played.time_s.tolist(), played.path) == ([End.TIME_UP], [600.0], ())
+
+
+def test_who_is_captured_stays_there_whatever_its_policy():
+    P, E = np.array([[2.0, 0.0, 0.0], [40.0, 9.0, 0.0]]), np.array([[0.0, 0.0, 0.0], [30.0, 9.0, 0.0]])
+    played = rollout_teams(PAPER, P, E, evader_policy="pure_evade", step_s=0.5, keep_path=True)
+    assert played.time_s[0] < played.time_s[1]
+    np.testing.assert_allclose(played.evaders_m[0], [-2.0, 0.0, 0.0], atol=1e-8)
+
+
+def test_an_evader_is_as_far_from_its_target_as_it_is_wherever_that_lies():
+    P, E, place = np.array([[-99.0, 0.0, 0.0]]), np.array([[3.0, 4.0, 0.0]]), np.array([6.0, 8.0, 0.0])
+    played = rollout_teams(PAPER, P, E, place, step_s=60.0)
+    assert played.time_s[0] == pytest.approx(5.0, abs=1e-8)
+    assert played.distance_m[0] == pytest.approx(0.0, abs=1e-8)
+    held = rollout_teams(PAPER, P, E, place, pursuer_policy="hold", evader_policy="hold", duration_s=1.0, step_s=1.0)
+    assert held.distance_m.tolist() == [5.0]
 
 
 def test_a_row_without_an_answer_ends_at_once():

@@ -98,6 +98,7 @@ def test_a_team_of_one_has_the_answer_of_solve_to_the_bit(seed, kind, tad):
         P, E, T = (part.astype(kind) for part in states(seed, 1, 30))
         E[0] = P[0, 0] * [1, 1, 0]
         P[1, 0], E[2] = E[1] + [0, 0, game.standoff.height_m], T[2]
+        P[3, 0], E[3], T[3] = [8, 0, game.standoff.height_m], [0, 4, 0], [0, 0, 0]
         seen = np.random.default_rng(seed).normal(size=(30, 3)).astype(kind)
         target = T if tad else None
         team = solve_team(game, P, E, target, evader_velocity_m_s=seen)
@@ -267,6 +268,16 @@ def test_a_captured_evader_is_captured_by_whoever_is_there():
         assert answer.meeting_time_s == 0.0
         assert answer.value == (0.0 if target is None else pytest.approx(np.linalg.norm(E - T)))
         assert np.isfinite(answer.pursuer_velocity_m_s).all()
+        both = solve_team(PAPER, np.stack([E, E]), E, target)
+        assert both.pursuer_velocity_m_s.tolist() == [[0.0, 0.0, 0.0]] * 2
+
+
+def test_a_pursuer_on_the_barrier_takes_nothing_from_one_that_wins():
+    P, E, T = np.array([[8.0, 0.0, 0.0], [1.0, 1.0, 0.0]]), np.array([0.0, 4.0, 0.0]), np.zeros(3)
+    assert solve(PAPER, P, E, T).reason.tolist() == [Reason.ON_BARRIER, Reason.SOLVED]
+    answer = solve_team(PAPER, P, E, T)
+    assert answer.winner == Winner.PURSUER
+    assert answer.value == solve(PAPER, P[1], E, T).value
 
 
 def test_right_above_the_evader_the_others_decide_where_it_runs():
@@ -294,6 +305,8 @@ def test_rows_without_an_answer_are_nan_and_say_why():
         assert np.isfinite(getattr(answer, name)[0]).all()
     only = solve_team(PAPER, P[0], E[0], T[0])
     assert all(same(part[0], one) for part, one in zip(answer, only, strict=True))
+    P[0] = E[0]
+    assert solve_team(PAPER, P[:2], E[:2], T[:2]).reason.tolist() == [Reason.CAPTURED, Reason.NOT_FINITE]
 
 
 @pytest.mark.parametrize("tad", [True, False])
