@@ -144,6 +144,16 @@ def test_where_two_rims_cross_both_are_met(seed):
                 assert (abs(excess(discs, point)) < 1e-11 * size).all()
 
 
+def test_rims_and_corners_keep_their_digits_where_speeds_are_almost_alike():
+    """Discs that are all but half-planes: the edge towards the pursuer is the bisector, the one behind is far away."""
+    curvature, up = np.full(2, 1e-12), np.zeros(2)
+    discs = Discs(curvature, np.array([4.0, 4.0]), np.array([3.0, -3.0]), up)
+    assert rim(discs, (0.8, 0.6))[0] == pytest.approx(2.5, rel=1e-11)
+    assert rim(discs, (-0.8, -0.6))[0] == pytest.approx(1e13, rel=1e-11)
+    corners = crossings(discs.pick(0), discs.pick(1))
+    assert min(np.hypot(x - 3.125, y) for x, y in corners) < 1e-10
+
+
 def test_a_half_plane_is_a_disc_of_speed_ratio_one():
     discs = Discs(np.array([0.0, 1e-300]), np.array([4.0, 0.0]), np.array([0.0, 6.0]), np.zeros(2))
     assert rim(discs, (1.0, 0.0))[0] == 2.0

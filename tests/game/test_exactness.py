@@ -69,6 +69,7 @@ def test_at_a_speed_ratio_of_one_and_a_millionth_of_a_millionth_the_value_is_goo
             value = float(final_distance(P, E, T, u, 1.0)[0])
         if value > 0.5:
             worst = max(worst, abs(float(solution.value) / value - 1.0))
+            assert np.linalg.norm(solution.meeting_point_m - T) == pytest.approx(value, rel=1e-12)
     assert worst < 1e-14
 
 
@@ -120,6 +121,24 @@ def test_what_the_pursuer_has_in_hand_keeps_its_digits_in_any_wind(wind, v, over
         x, y = (Decimal(part) for part in wind)
         hand = float(Decimal(u) - Decimal(v) - length(x, y))
     assert less_length(u, v, wind) == pytest.approx(hand, rel=1e-14, abs=1e-30)
+
+
+def stand_off_time(d, z, radius, capture, u, v):
+    """Root of √((u t + l)² − z²) = d − R + v t, from the quadratic as it is."""
+    d, z, radius, capture, u, v = (Decimal(part) for part in (d, z, radius, capture, u, v))
+    half, hand = v * (d - radius) - u * capture, u * u - v * v
+    beyond = (d - radius) ** 2 + z * z - capture * capture
+    return (half + (half * half + hand * beyond).sqrt()) / hand
+
+
+@pytest.mark.parametrize("d", [0.75, 3.0, 9.0])
+@pytest.mark.parametrize("over", [1e-12, 1e-6, 1e-3])
+def test_pe_keeps_its_digits_inside_and_outside_of_the_disc(d, over):
+    game = Game(Ball(1.0 + over), 1.0, capture_radius_m=2.0, standoff=StandOff(2.5, 0.0))
+    with localcontext() as context:
+        context.prec = DIGITS
+        time = float(stand_off_time(d, 4.0, 2.5, 2.0, 1.0 + over, 1.0))
+    assert float(solve(game, at(d, 0, 4.0), at(0, 0)).value) == pytest.approx(time, rel=1e-12)
 
 
 def test_a_race_won_beside_the_pursuer_is_exact_however_far_the_target():

@@ -288,6 +288,16 @@ def test_on_the_barrier_nobody_is_beaten():
     assert (found.guaranteed, found.beats.any(), found.reason[0]) == (0, False, Reason.ON_BARRIER)
 
 
+def test_no_rows_are_matched_in_no_rows_and_no_players_are_no_game():
+    for target in (T, None):
+        none = match_teams(PAPER, np.zeros((0, 3, 3)), np.zeros((0, 2, 3)), target)
+        assert (none.guaranteed.shape, none.first.shape, none.beats.shape) == ((0,), (0, 2), (0, 3, 2))
+        assert solve_team(PAPER, np.zeros((0, 3, 3)), np.zeros((0, 3)), target).binds.shape == (0, 3)
+    for P, E in ((np.zeros((5, 0, 3)), np.zeros((5, 2, 3))), (np.zeros((5, 2, 3)), np.zeros((5, 0, 3)))):
+        with pytest.raises(ConfigError, match=r"must be an array of numbers of shape \(..., ., 3\)"):
+            match_teams(PAPER, P, E, T)
+
+
 def test_who_is_not_stopped_runs_to_its_target_and_stays_there():
     E = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [3.0, -4.0, 0.0]])
     found = match_teams(PAPER, np.array([[90.0, 0.0, 0.0]]), E, T)

@@ -14,6 +14,7 @@ guarantee and an upper bound of the game's value; `lower_bound` is what the evad
 Pursuers that are left still go where they come closest to a capture of their own, and guarantee nothing there.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -195,7 +196,8 @@ def _teams(table: _Table, who: Array) -> TeamSolution:
     """Solve a team of pursuers `who` against each evader, (..., m, k), or several beside each other, (..., n, m, k)."""
     beside = who.ndim - table.evaders.ndim
     axes = (..., *[None] * beside, slice(None))
-    flat = np.maximum(who, 0).reshape(*table.pursuers.shape[:-2], -1)
+    lead = table.pursuers.shape[:-2]
+    flat = np.maximum(who, 0).reshape(*lead, math.prod(who.shape[len(lead) :]))
     P = np.take_along_axis(table.pursuers, flat[..., None], axis=-2).reshape(*who.shape, 3)
     u, v = table.u, table.v
     if np.ndim(u):

@@ -159,15 +159,13 @@ def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     """Return an argument as an array of real numbers.
 
     Raises:
-        ConfigError: If it does not have as many axes as its shape says, at least, or its last one is not of length 3.
+        ConfigError: If it does not have as many axes as its shape says, at least, its last one is not of length 3, or
+            it holds no player where its shape says how many.
     """
     found = np.asarray(array)
-    if (
-        found.ndim < shape.count(",")
-        or 0 in found.shape[-2:-1]
-        or found.shape[-1:] != (3,)
-        or found.dtype.kind not in "fiu"
-    ):
+    axes = shape.count(",")
+    nobody = axes > 1 and 0 in found.shape[-2:-1]
+    if found.ndim < axes or nobody or found.shape[-1:] != (3,) or found.dtype.kind not in "fiu":
         raise ConfigError(f"{name} = {array!r}: must be an array of numbers of shape {shape}")
     return found if found.dtype.kind == "f" else found.astype(np.float64)
 
