@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from guidance.control.approach import Gaps
-from guidance.control.late_start import Acceleration, late_start
+from guidance.control.catch_up import Acceleration, late_start
 from guidance.control.setpoint_limiter import Limited
 from guidance.frames import Vector
 from guidance.game import Game, StateSolution, Winner, solve_state
@@ -28,7 +28,7 @@ class Certificate(NamedTuple):
 
     `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD), of the game's
     pursuer, which is at full speed at once. What this vehicle can promise, from the velocity and with the acceleration
-    that it has (`guidance.control.late_start`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
+    that it has (`guidance.control.catch_up`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
     keep the evader `assured_distance_m` from its target: negative by what it comes short where the evader gets there,
     NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
     `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `active_limits`.

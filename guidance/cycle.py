@@ -11,10 +11,10 @@ import numpy as np
 from guidance.certificate import Certificate, Players, answer, certify, certify_no_game
 from guidance.control import AltitudeHold, Envelope, LimitMemory, Situation, hold_altitude, limit
 from guidance.control.approach import gaps_to_disc
+from guidance.control.catch_up import Acceleration
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
 from guidance.control.follow import Following, FollowMemory, follow, less_drift, observe_drift, with_drift
 from guidance.control.hold import NorthEast, keep_station
-from guidance.control.late_start import Acceleration
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
 from guidance.game import Game, Reason, SpeedSet, StandOff, guaranteed_age_s

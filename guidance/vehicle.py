@@ -44,6 +44,8 @@ class VehicleState(NamedTuple):
 
     Attributes:
         latest: The latest message of every kind; HOME_POSITION only as the flight has it (see `observe`).
+        armed: As the last HEARTBEAT has it.
+        yaw_rad: Heading of the last ATTITUDE, from north; zero until it was heard.
         home_taken: Whether home is the flight's: from arming to disarming it stays where it was.
         resets: Signs of an estimator's reset: ODOMETRY counts one, or LOCAL_POSITION_NED jumps.
         reset_s: When the last one was heard.
@@ -54,6 +56,8 @@ class VehicleState(NamedTuple):
     """
 
     latest: Mapping[type, Message] = MappingProxyType({})
+    armed: bool = False
+    yaw_rad: float = 0.0
     home_taken: bool = False
     resets: int = 0
     reset_s: float = -math.inf
@@ -73,18 +77,6 @@ class VehicleState(NamedTuple):
         return math.inf if message is None else now_s - message.received_s
 
     @property
-    def armed(self) -> bool:
-        """Armed, as the last HEARTBEAT has it."""
-        heartbeat = self.last(Heartbeat)
-        return heartbeat is not None and heartbeat.armed
-
-    @property
-    def yaw_rad(self) -> float:
-        """Heading of the last ATTITUDE, radians from north; zero until it was heard."""
-        attitude = self.last(Attitude)
-        return 0.0 if attitude is None else attitude.yaw_rad
-
-    @property
     def on_ground(self) -> bool:
         """On the ground, as the last EXTENDED_SYS_STATE has it; False until it was heard."""
         landed = self.last(LandedState)
@@ -99,17 +91,17 @@ def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     are counted from where it was when the vehicle armed.
     """
     for message in messages:
-        if is_plausible(message):
+        if is_plausible(message) and not isinstance(message, CommandAck | StatusText):
             state = _folded(state, message)
     return state
 
 
 def _folded(state: VehicleState, message: Message) -> VehicleState:
     match message:
-        case CommandAck() | StatusText():
-            return state
         case LocalPosition():
             return _at_position(state, message)
+        case Attitude():
+            state = state._replace(yaw_rad=message.yaw_rad)
         case Home() if state.home_taken and state.armed:
             return state
         case Home():
@@ -119,7 +111,8 @@ def _folded(state: VehicleState, message: Message) -> VehicleState:
             if held is not None and held.reset_counter != counter:
                 state = state._replace(resets=state.resets + 1, reset_s=received_s)
         case Heartbeat():
-            state = state._replace(home_taken=message.armed and (state.home_taken or _home_is_here(state, message)))
+            taken = message.armed and (state.home_taken or _home_is_here(state, message))
+            state = state._replace(armed=message.armed, home_taken=taken)
     return _with(state, message)
 
 

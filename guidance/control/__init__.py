@@ -18,12 +18,11 @@ Limiting, always last:
 """
 
 from guidance.control.approach import Approach
-from guidance.control.catch_up import CatchUp
+from guidance.control.catch_up import Acceleration, CatchUp
 from guidance.control.envelope import Envelope, Limiter, SpeedLimits, Speeds, StandOffLimit
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
 from guidance.control.follow import Following, FollowMemory, follow, less_drift, with_drift
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
-from guidance.control.late_start import Acceleration
 from guidance.control.polygon import Polygon
 from guidance.control.servo import ServoGains
 from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start

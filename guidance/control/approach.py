@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.control.stopping import approach_speed
+from guidance.control.shaping import approach_speed
 from guidance.frames import Vector
 from guidance.game import StandOff
 

@@ -9,13 +9,15 @@ from typing import NamedTuple
 from guidance.control.envelope import Envelope, Limiter
 from guidance.control.fence import FenceGeometry, circle_constraint, keep_in_circle, polygon_constraints
 from guidance.control.situation import Situation
-from guidance.control.stopping import drift_ned_m, stop, surge_ned_m
 from guidance.control.velocity_constraints import (
     VelocityConstraint,
+    drift_ned_m,
     floor_and_ceiling,
     shrink,
     slide,
     stand_off_constraints,
+    stop,
+    surge_ned_m,
 )
 from guidance.frames import Vector
 

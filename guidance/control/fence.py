@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from guidance.control.envelope import Envelope, Limiter
 from guidance.control.polygon import Point, Polygon
-from guidance.control.stopping import Stop, approach_speed
-from guidance.control.velocity_constraints import VelocityConstraint, constrain
+from guidance.control.shaping import approach_speed
+from guidance.control.velocity_constraints import Stop, VelocityConstraint, constrain
 from guidance.frames import Vector
 
 RETURN_PER_S = 0.5

@@ -98,7 +98,7 @@ def limit(
     fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
     velocity, constraints = feasible_velocity(shaped, here, fence, envelope)
     active.extend(dict.fromkeys(one.limiter for one in constraints))
-    down_m = _height(command.down_m, velocity, here, envelope, active)
+    down_m = None if command.down_m is None else _height(command.down_m, velocity, here, envelope, active)
     closed = tuple(one.closed() for one in constraints)
     at_speed = full_speed_constraints(velocity, here.velocity_ned_m_s, envelope)
     feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*closed, *at_speed), envelope, dt_s, active)
@@ -142,10 +142,8 @@ def _shape(
 
 
 def _height(
-    desired_m: float | None, velocity: Vector, situation: Situation, envelope: Envelope, active: list[Limiter]
-) -> float | None:
-    if desired_m is None:
-        return None
+    desired_m: float, velocity: Vector, situation: Situation, envelope: Envelope, active: list[Limiter]
+) -> float:
     allowed_m = cut_height(desired_m, velocity, situation, envelope)
     _note(active, Limiter.HEIGHT, allowed_m, desired_m)
     return allowed_m

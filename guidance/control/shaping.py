@@ -7,8 +7,13 @@ own axis, because the game is played on the cylinder ‖u_xy‖ ≤ a, |u_z| ≤
 import math
 
 from guidance.control.envelope import Bounds
-from guidance.control.stopping import approach_speed
 from guidance.frames import Vector
+
+
+def approach_speed(distance: float, deceleration: float, lag_s: float) -> float:
+    """The largest v with v · lag + v²/(2 · deceleration) ≤ distance; 0 where the distance is none or negative."""
+    reserve = deceleration * lag_s
+    return math.sqrt(reserve * reserve + 2.0 * deceleration * max(distance, 0.0)) - reserve
 
 
 def clamp(vector_ned: Vector, bounds: Bounds) -> Vector:

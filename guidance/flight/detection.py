@@ -56,13 +56,8 @@ class EventContext(NamedTuple):
     mode_left: Mode | None = None
     chase_s: float = 0.0
     rival: str = ""
-    battery_needed: float | None = None
+    battery_needed: float = 0.0
     operator_silence_s: float = 0.0
-
-    @property
-    def battery_limit(self) -> float:
-        """The share of the charge below which it returns, the settings' where none was reckoned."""
-        return self.settings.battery_minimum if self.battery_needed is None else self.battery_needed
 
     @property
     def heard_since_entry(self) -> bool:
@@ -79,7 +74,7 @@ def events(context: EventContext) -> Iterator[Event]:
 def fit(context: EventContext) -> bool:
     """True when every readiness check passes and preflight refuses nothing."""
     settings = context.settings
-    rows = checks(context.vehicle, settings.autopilot, context.now_s, battery_minimum=context.battery_limit)
+    rows = checks(context.vehicle, settings.autopilot, context.now_s, battery_minimum=context.battery_needed)
     return not context.refusals and all(row.passed for row in rows)
 
 
@@ -164,7 +159,7 @@ def _trust(context: EventContext) -> Iterator[Event]:
     if silence_s > settings.operator_timeout_s + settings.operator_return_s:
         yield Event.OPERATOR_GONE
     status = context.vehicle.last(SystemStatus)
-    if status is not None and status.battery_remaining < context.battery_limit:
+    if status is not None and status.battery_remaining < context.battery_needed:
         yield Event.BATTERY_LOW
 
 
@@ -191,7 +186,7 @@ def _game(context: EventContext) -> Iterator[Event]:
     # A change, not a mode that the vehicle was left in.
     if context.other_mode_seen and context.mode is Mode.GUIDED and _may_be_invited(context):
         yield Event.INVITED
-    if context.settings.after_capture is AfterCapture.RETURN:
+    if context.state is State.ON_STATION and context.settings.after_capture is AfterCapture.RETURN:
         yield Event.DONE
     if certificate is not None and certificate.strayed:
         yield Event.STRAYED

@@ -62,8 +62,8 @@ class Heard:
         self.messages = messages
         self.vehicle = observe(self.vehicle, messages)
         self.beats = [one for one in messages if isinstance(one, Heartbeat)]
-        beat = self.vehicle.last(Heartbeat)
-        self.mode = None if beat is None else self._settings.autopilot.mode_of(beat.custom_mode)
+        if self.beats:
+            self.mode = self._settings.autopilot.mode_of(self.beats[-1].custom_mode)
 
     def take_in(self, inputs: Inputs, *, in_flight: bool) -> None:
         """Take in what one cycle heard.
@@ -84,8 +84,10 @@ class Heard:
         """Put vehicle, fences and start where they are in the local frame as it is believed now."""
         tracking, held_back_ned_m = self.tracking, self.tracking.held_back_ned_m
         taken_up_ned_m = difference(self.vehicle.jumped_ned_m, held_back_ned_m)
-        self.moved_ned_m = difference(taken_up_ned_m, self._taken_up_ned_m)
-        self._taken_up_ned_m = taken_up_ned_m
+        self.moved_ned_m = NOWHERE
+        if taken_up_ned_m != self._taken_up_ned_m:
+            self.moved_ned_m = difference(taken_up_ned_m, self._taken_up_ned_m)
+            self._taken_up_ned_m = taken_up_ned_m
         home_ned_m, frame = tracking.home_ned_m, tracking.local_frame
         if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
             self._home_in = home_ned_m, frame

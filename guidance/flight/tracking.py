@@ -7,7 +7,7 @@ from dataclasses import replace
 from guidance.autopilots import AutopilotProfile
 from guidance.cycle import CycleSettings, EvaderEstimate
 from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
-from guidance.flight.local_frame import OriginEstimate
+from guidance.flight.local_frame import NOWHERE, OriginEstimate
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector
 from guidance.messages import EvaderReport, Home
 from guidance.vehicle import VehicleState
@@ -17,6 +17,7 @@ class Tracking:
     """The memory of the evader in one flight, and all places that stay where they are on Earth.
 
     When the origin of the local frame moves, the evader's track, home and the game frame are moved into the new one.
+    `held_back_ned_m` is a jump of the vehicle's position of which it is not known yet whether that origin was moved.
     """
 
     def __init__(self, settings: CycleSettings, profile: AutopilotProfile) -> None:
@@ -31,6 +32,7 @@ class Tracking:
         self._observer = Observer()
         self._origin = OriginEstimate(profile.projection)
         self._home: Home | None = None
+        self.held_back_ned_m = NOWHERE
         self.home_ned_m: Vector | None = None
         self.local_frame: LocalFrame | None = None
         self.game_frame: GameFrame | None = None
@@ -44,6 +46,7 @@ class Tracking:
             in_flight: Whether a jump is bounded by the way that the evader can have gone; on the ground none is.
         """
         frame = self._origin.observe(vehicle)
+        self.held_back_ned_m = self._origin.held_back_ned_m
         if frame is None:
             return
         if frame != self.local_frame:
@@ -56,11 +59,6 @@ class Tracking:
                 self.home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
         for report in reports:
             self._observer = observe(self._observer, report, frame, self._track if in_flight else self._free)
-
-    @property
-    def held_back_ned_m(self) -> Vector:
-        """A jump of the vehicle's position of which it is not known yet whether the frame's origin was moved."""
-        return self._origin.held_back_ned_m
 
     @property
     def counts(self) -> Mapping[ReportOutcome, int]:

@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 from guidance.links import encode
-from guidance.links.decode import DECODERS, Fields, OpenText, decode, expire_text, join_text, meant, parameter
+from guidance.links.decode import DECODERS, Fields, OpenText, decode, expire_text, join_text, parameter
 from guidance.links.dialect import CRC_EXTRA, IDS, NAMES, fields_of
 from guidance.links.framing import Frame, Framer
 from guidance.links.port import Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
+from guidance.plausible import is_plausible
 
 Send = Callable[[str, dict[str, Any]], None]
 Admit = Callable[[Frame], str | None]
@@ -104,7 +105,9 @@ class Conversation:
         elif name == "PARAM_VALUE":
             value = parameter(fields, received_s, autopilot=self.autopilot)
             self._requests.parameter_came(value.name)
-            self._keep(meant(value))
+            if not is_plausible(value):
+                raise ValueError(f"{value}: cannot be meant")
+            self._keep(value)
         else:
             self._note(decode(name, fields, received_s))
 
@@ -137,7 +140,7 @@ class Conversation:
         if self._open_text is not None:
             self._open_text, texts = expire_text(self._open_text, now_s)
             self._keep(*texts)
-        for request, attempt in self._requests.due(now_s):
+        for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
             self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._vehicle._asdict()))
             self.counts["requests_sent"] += 1
         if self.heartbeats and (question := self._timesync.ask(now_s)) is not None:

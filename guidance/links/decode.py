@@ -6,7 +6,7 @@ Fields are those of `guidance.links.dialect.fields_of`, by the names of MAVLink'
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple
 
 from guidance.frames import Vector
 from guidance.messages import (
@@ -31,7 +31,6 @@ from guidance.messages import (
 from guidance.plausible import is_plausible
 
 Fields = Mapping[str, Any]
-Decoded = TypeVar("Decoded", bound=Message)
 
 MAV_AUTOPILOT_PX4: Final = 12
 MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
@@ -167,17 +166,6 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], Message]]] = {
 """Messages that mean something by themselves; STATUSTEXT, TIMESYNC and PARAM_VALUE need the conversation."""
 
 
-def meant(message: Decoded) -> Decoded:
-    """The message, if everything in it can be meant.
-
-    Raises:
-        ValueError: If it cannot.
-    """
-    if not is_plausible(message):
-        raise ValueError(f"{message}: cannot be meant")
-    return message
-
-
 def decode(name: str, fields: Fields, received_s: float) -> Message:
     """Turn one message's fields into a typed value.
 
@@ -185,7 +173,10 @@ def decode(name: str, fields: Fields, received_s: float) -> Message:
         KeyError: If the message is not in `DECODERS`, or lacks a field.
         ValueError: If its values cannot be meant.
     """
-    return meant(DECODERS[name](fields, received_s))
+    message = DECODERS[name](fields, received_s)
+    if not is_plausible(message):
+        raise ValueError(f"{message}: cannot be meant")
+    return message
 
 
 def parameter(fields: Fields, received_s: float, *, autopilot: int) -> Parameter:

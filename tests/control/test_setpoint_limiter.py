@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.control import Limiter, LimitMemory, Situation, limit, start
 from guidance.control.setpoint_limiter import NOTED
-from guidance.control.stopping import approach_speed
+from guidance.control.shaping import approach_speed
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S, HOVER, OPEN, settled
 from tests.harness.examples import drawn

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from guidance.control import Envelope
-from guidance.control.stopping import surge_ned_m
+from guidance.control.velocity_constraints import surge_ned_m
 
 ENVELOPE = Envelope(
     floor_m=1.0,

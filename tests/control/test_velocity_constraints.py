@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control.envelope import Limiter
-from guidance.control.stopping import Stop
-from guidance.control.velocity_constraints import VelocityConstraint, constrain, shrink, slide
+from guidance.control.velocity_constraints import Stop, VelocityConstraint, constrain, shrink, slide
 
 parts = st.floats(-10.0, 10.0)
 vectors = st.tuples(parts, parts, parts)

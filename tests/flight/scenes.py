@@ -5,7 +5,7 @@ from dataclasses import replace
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.certificate import Certificate
 from guidance.control import Envelope, measure_fence
-from guidance.control.late_start import Acceleration
+from guidance.control.catch_up import Acceleration
 from guidance.cycle import CycleSettings
 from guidance.flight import FlightSettings
 from guidance.flight.detection import EventContext
@@ -121,6 +121,7 @@ def context(state, **changes):
         "other_mode_seen": False,
     }
     given |= changes
+    given.setdefault("battery_needed", given["settings"].battery_minimum)
     envelope, position, heartbeat = given["envelope"], given["position_ned_m"], given["vehicle"].last(Heartbeat)
     autopilot = given["settings"].autopilot
     given["fence"] = None if position is None else measure_fence(position, envelope)
