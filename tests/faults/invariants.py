@@ -30,6 +30,7 @@ SPARE_M = 0.3
 REMEMBERED_S = 3.0
 BRAKING_S = 3.0
 BLIND_AFTER_S = 0.1
+ASKED_M_S = 0.05
 GUIDED = frozenset({"OFFBOARD", "GUIDED"})
 HOLDS = frozenset({"AUTO.LOITER", "HOLD", "LOITER", "BRAKE"})
 SETPOINT = SPEC_BY_NAME["SET_POSITION_TARGET_LOCAL_NED"].message_id
@@ -81,6 +82,8 @@ class Watch:
         self.worst: dict[str, Violation] = {}
         self.breaches_m: dict[str, float] = {}
         self._granted_m: dict[str, float] = {}
+        self._asked_down_m_s = 0.0
+        self._sunk_m = self._risen_m = 0.0
         self._listen()
 
     def _listen(self) -> None:
@@ -106,8 +109,11 @@ class Watch:
         setpoints = [frame for frame in passed if _is_setpoint(frame)]
         if len(setpoints) > 1:
             self.wrong("one setpoint a cycle", now_s, len(setpoints))
+        self._asked_down_m_s = 0.0
         for frame in setpoints:
+            self._asked_down_m_s = frames.value(frame, "vz")
             self._numbers(now_s, frame)
+            self._inwards(now_s, flight)
             self._permitted(now_s, outputs.state, flight.vehicle.age_s(LocalPosition, now_s))
         if outputs.state is State.ENGAGED and flight.tracking.silence_s(now_s) > LOST_AFTER_S:
             self.wrong("no chase of an old place", now_s, flight.tracking.silence_s(now_s))
@@ -121,6 +127,17 @@ class Watch:
         over = max(math.hypot(north, east) - limits.speed_m_s, -down - limits.climb_m_s, down - limits.descent_m_s)
         if over > 1e-3:
             self.wrong("speed limits", now_s, over)
+
+    def _inwards(self, now_s: float, flight: Any) -> None:
+        """Below the floor, as far as the service knows, nothing is asked to go down, above the ceiling nothing up."""
+        local, home_m = flight.vehicle.last(LocalPosition), flight.tracking.home_ned_m
+        if local is None or home_m is None:
+            return
+        limits, height_m = self._case.scenario.limits, home_m[2] - local.position_ned_m[2]
+        if height_m < limits.floor_m - SPARE_M and self._asked_down_m_s > ASKED_M_S:
+            self.wrong("nothing is asked further out", now_s, self._asked_down_m_s, "below the floor")
+        if height_m > limits.ceiling_m + SPARE_M and self._asked_down_m_s < -ASKED_M_S:
+            self.wrong("nothing is asked further out", now_s, -self._asked_down_m_s, "above the ceiling")
 
     def _permitted(self, now_s: float, state: State, age_s: float) -> None:
         if state in FINAL:
@@ -206,10 +223,27 @@ class Watch:
         if self._polygon is not None and not self._polygon.contains((north, east)):
             beyond_m = min(math.dist((north, east), point) for point in self._polygon.nearest_points((north, east)))
             self._breach("polygon", sight, beyond_m, level_m)
-        self._breach("floor", sight, limits.floor_m + down, height_m)
-        self._breach("ceiling", sight, -down - limits.ceiling_m, height_m)
+        self._weakened(sight)
+        self._breach("floor", sight, limits.floor_m + down, height_m + self._sunk_m)
+        self._breach("ceiling", sight, -down - limits.ceiling_m, height_m + self._risen_m)
         evader_m = max(math.hypot(*one.evader_error_m) for one in self._recent)
         self._breach("stand-off", sight, self._into(sight), math.hypot(level_m, height_m) + evader_m)
+
+    def _weakened(self, sight: Sight) -> None:
+        """Count what a vehicle whose rotors give less than is asked sinks against its setpoint, or rises after it."""
+        begun_s = math.inf if self._engaged_s is None else self._engaged_s
+        spans = [
+            (begun_s + fault.at_s, begun_s + fault.at_s + (fault.for_s or math.inf) + BRAKING_S)
+            for fault in self._case.scenario.fault
+            if fault.kind == "thrust_loss"
+        ]
+        if self._before is None or not any(first <= sight.now_s <= last for first, last in spans):
+            self._sunk_m = self._risen_m = 0.0
+            return
+        off_m = self._pursuer.truth.velocity_ned_m_s[2] - self._asked_down_m_s
+        off_m *= sight.now_s - self._before.now_s
+        self._sunk_m += max(0.0, off_m)
+        self._risen_m += max(0.0, -off_m)
 
     def _into(self, sight: Sight) -> float:
         """How far the vehicle has itself gone into the space about the evader, the evader's own way not counted."""
