@@ -98,6 +98,9 @@ class Broadcast:
                 self._publish()
                 self._answer()
 
+        with contextlib.suppress(zenoh.ZError, ValueError, TypeError):
+            self._publish()  # how it ended
+
     def _publish(self) -> None:
         watched = {what: is_watched(one) for what, one in self._publishers.items()}
         while self._waiting:

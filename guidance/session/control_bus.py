@@ -23,6 +23,7 @@ from guidance.session.control_token import ControlToken
 from guidance.session.orders import STATUS, WORDS, Answer, Mailbox, Question
 
 ANSWER_LIMIT_S: Final = 2.0
+JOIN_LIMIT_S: Final = 3.0
 LONGEST_NAME: Final = 64
 """Characters of who gave an order: it is said by whoever asks, and kept in the record."""
 
@@ -69,7 +70,11 @@ def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Ses
 
 
 def join_session(
-    endpoint: str, token_file: Path | None = None, credentials: Credentials = NO_CREDENTIALS
+    endpoint: str,
+    token_file: Path | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
+    *,
+    timeout_s: float = JOIN_LIMIT_S,
 ) -> "zenoh.Session":
     """Join the control bus of a daemon, with its token where it has one, or by a router that knows our certificate.
 
@@ -78,16 +83,18 @@ def join_session(
         LinkError: If nobody listens at the endpoint, or the token is not the daemon's.
     """
     if credentials.tls is not None:
-        return open_session(endpoint, credentials=credentials)
+        return open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
     path = control_token.default_path(endpoint) if token_file is None else token_file
     token = control_token.read(path)
     try:
-        return open_session(endpoint, credentials=Credentials(auth=None if token is None else token.for_client()))
+        shown = Credentials(auth=None if token is None else token.for_client())
+        return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
     except LinkError as error:
         used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
         raise LinkError(
-            f"control {endpoint}: no session within 3 s: no daemon is there, or it does not let us in ({used}); "
-            "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
+            f"control {endpoint}: no session within {timeout_s:g} s: no daemon is there, or it does not let us in "
+            f"({used}); is `guidance run` running, by the same user? "
+            "--token-file says where another daemon's token lies"
         ) from error
 
 

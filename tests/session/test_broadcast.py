@@ -6,13 +6,13 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 import zenoh
 
 from guidance.flight import State
 from guidance.links.wires.zenoh import open_session
-from guidance.log import broadcast as broadcasts
 from guidance.log.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
 from guidance.session.control_bus import host_session
@@ -97,12 +97,13 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
     assert len(broadcast._waiting) <= MOST_WAITING
 
 
-def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base, bus, monkeypatch):
+def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base, bus):
     broadcast, _ = bus
     never = threading.Event()
-    monkeypatch.setattr(broadcasts, "is_watched", lambda _: True)
 
     class Stuck:
+        matching_status = SimpleNamespace(matching=True)  # somebody has subscribed
+
         def put(self, _):
             never.wait()
 
@@ -186,6 +187,18 @@ def test_who_joins_after_a_configuration_was_read_again_is_told_the_new_one(bus)
     with open_session(endpoint) as session:
         (reply,) = list(session.get(broadcast_key("uav1", FLIGHT), timeout=3.0))
     assert said(reply.ok)["metadata"] == {"seed": "3", "config": '{"name": "uav1"}'}
+
+
+def test_how_a_flight_ended_is_said_before_its_broadcast_ends(bus):
+    broadcast, endpoint = bus
+    heard = []
+    with open_session(endpoint) as session:
+        session.declare_subscriber(broadcast_key("uav1", "event"), heard.append)
+        until(lambda: is_watched(broadcast._publishers["event"]))
+        broadcast.event(9.0, "disarmed", "landing -> landed")
+        broadcast.close()
+        until(lambda: heard)
+    assert said(heard[0])["detail"] == "landing -> landed"
 
 
 def test_an_interpreter_that_ends_waits_for_a_thread_in_zenoh_and_tells_it_to_end():

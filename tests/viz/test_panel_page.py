@@ -31,7 +31,29 @@ QUIET = [
     "--disable-sync",
 ]
 GUIDANCE = Path(sys.executable).parent / "guidance"
+QUICK = {
+    **FENCED,
+    "COM_SPOOLUP_TIME": 0.2,
+    "MPC_TKO_RAMP_T": 0.5,
+    "MPC_TKO_SPEED": 2.5,
+    "MPC_LAND_SPEED": 1.2,
+    "COM_DISARM_LAND": 0.3,
+}
 LIMIT_MS = 40_000
+NEWS = """seconds => {
+  const { feed, daemon: { scene, status, snapshot } } = panel;
+  panel.chosen = "grown";
+  const begun_s = feed.daemons.get("grown")?.snapshot.now_s ?? 0;
+  const plain = { key: "grown", name: "grown", endpoint: "", silent_s: 0, contact: "ok", scene, status };
+  const history = { rows: [], columns: feed.daemons.values().next().value.columns };
+  for (let news = 1; news <= 10 * seconds; news++) {
+    const now_s = begun_s + 0.1 * news;
+    const said = { ...plain, snapshot: { ...snapshot, now_s }, events: [{ now_s, event: "tick", detail: `${news}` }] };
+    if (!begun_s && news === 1) said.history = history;
+    feed.take({ whole: false, buses: [], daemons: [said] });
+    if (news % 50 === 0) panel.draw();
+  }
+}"""
 
 
 @pytest.fixture
@@ -47,22 +69,24 @@ def parts(tmp_path):
             closing.callback(child.stdin.close)
             return child
 
-        vehicles = [mocked("uav1", parameters=FENCED), mocked("evader", "rover", start_ned_m=[18.0, 8.0, 0.0])]
+        vehicles = [mocked("uav1", parameters=QUICK), mocked("evader", "rover", start_ned_m=[14.0, 6.0, 0.0])]
         vehicle, control = write_file(
             tmp_path,
             closing.enter_context(running(vehicles, over=["zenoh"])),
             game={"standoff_height_m": 2.5},
             limits={"floor_m": 2.0},
-            flight={"takeoff_height_m": 3.0},
+            flight={"takeoff_height_m": 3.0, "operator_timeout_s": 8.0},
             log={"level": "error"},
         )
 
-        def panel(*options):
-            command = [GUIDANCE, "panel", "--endpoint", control, "--port", "0", "--records", tmp_path, *options]
-            child = start(*command)
+        def daemon(*options):
+            return start(GUIDANCE, "run", vehicle, *options)
+
+        def panel():
+            child = start(GUIDANCE, "panel", "--endpoint", control, "--port", "0", "--records", tmp_path)
             return child, child.stdout.readline().split()[1]
 
-        yield SimpleNamespace(control=control, daemon=lambda: start(GUIDANCE, "run", vehicle), panel=panel)
+        yield SimpleNamespace(control=control, daemon=daemon, panel=panel)
 
 
 @pytest.fixture
@@ -131,27 +155,29 @@ def test_a_whole_flight_by_the_buttons_and_what_is_gone_is_said_and_comes_back(p
         print("no chromium here: the page was checked for its structure only")
         return
     panel, url = parts.panel()
-    a_wrong_token_opens_nothing(browser, url)
     page = browser.new_page()
     page.goto(url)
     assert "token" not in page.url
     page.locator("#banner", has_text=parts.control).wait_for()
     daemon = parts.daemon()
-    page.locator("[data-order=start]").wait_for()
+    a_wrong_token_opens_nothing(browser, url)  # while the daemon starts
+    twenty_pages_see_it(browser, page, url)
     assert not page.locator("#banner").is_visible()
+    from_start_to_landed(browser, page)
+    a_page_out_of_view_is_no_operator(page)
+    ten_minutes_leave_nothing_behind(browser, page)
+    assert browser.said == []
+    assert {re.match(r"\w+://[^/]+/", one)[0].replace("ws:", "http:") for one in browser.asked} == {page.url}
     daemon.kill()
     daemon.wait()
+    page.locator("#records-button").click()  # they are read meanwhile
     page.locator("#banner", has_text="NO CONTACT WITH THE DAEMON").wait_for()
     assert "old" in page.locator("body").get_attribute("class")
-    parts.daemon()  # with another token
+    daemon = parts.daemon("--panel")  # with another token
+    its_record_is_listed_and_replayed(browser, page)
     page.locator("#banner").wait_for(state="hidden")
     page.locator("[data-order=start]").wait_for()
-    twenty_pages_see_it(browser, page)
-    from_start_to_landed(browser, page)
-    its_record_is_listed_and_replayed(browser, page)
-    assert browser.said == []
-    home = page.url
-    assert {re.match(r"\w+://[^/]+/", one)[0].replace("ws:", "http:") for one in browser.asked} == {home}
+    its_own_panel_ends_with_it(browser, daemon)
     a_panel_that_hangs_or_dies_is_said_to(panel, page)
 
 
@@ -163,16 +189,15 @@ def a_wrong_token_opens_nothing(browser, url):
     browser.said.clear()  # the browser itself notes the 403
 
 
-def twenty_pages_see_it(browser, page):
-    pages = []
-    for _ in range(19):  # opened by the page itself they share its process, which spares the browser nineteen
-        with browser.expect_page() as opened:
-            page.evaluate("() => { window.open(location.href); }")
-        pages.append(opened.value)
-    for one in pages:
-        stands(one, "ready")
-    for one in pages:
-        one.close()
+def twenty_pages_see_it(browser, page, url):
+    # Small, and opened by one of them, so that they share its process: that spares the browser most of the work.
+    with browser.browser.new_context(viewport={"width": 160, "height": 120}) as others:
+        others.new_page().goto(url)
+        others.pages[0].evaluate("() => { for (let number = 0; number < 18; number++) window.open(location.href); }")
+        while len(others.pages) < 19:
+            page.wait_for_timeout(20)
+        for one in (page, *others.pages):
+            stands(one, "ready")
 
 
 def from_start_to_landed(browser, page):
@@ -201,17 +226,49 @@ def from_start_to_landed(browser, page):
     assert inked(page, "space") > 0.002
     page.locator("#show-plan").click()
     assert min(inked(page, name) for name in ("plan", "profile")) > 0.002
-    assert page.locator("#charts canvas").count() == 4
+    flown_m_s = "() => Math.max(...panel.daemon.rows.map(row => row[panel.daemon.columns.indexOf('flown_m_s')]))"
+    assert page.evaluate(flown_m_s) > 1.0  # what the charts draw
     stands(page, "landed")
     stands(other, "landed")
     other.close()
 
 
+def a_page_out_of_view_is_no_operator(page):
+    seen = page.locator("[data-name=operator]")
+    seen.get_by_text(re.compile(r"^0\.\d s of 8 s$")).wait_for()
+    page.evaluate(
+        "() => { Object.defineProperty(document, 'visibilityState', {value: 'hidden', configurable: true}); }"
+    )
+    seen.get_by_text(re.compile(r"^[2-7]\.\d s of 8 s$")).wait_for()
+    page.evaluate("() => { delete document.visibilityState; }")
+    seen.get_by_text(re.compile(r"^0\.\d s of 8 s$")).wait_for()
+
+
+def ten_minutes_leave_nothing_behind(browser, page):
+    """Ten minutes of news, ten a second, as fast as the page takes them: after five its memory is full."""
+    session = browser.new_cdp_session(page)
+    session.send("Performance.enable")
+    session.send("HeapProfiler.enable")
+
+    def held(seconds):
+        page.evaluate(NEWS, seconds)
+        page.wait_for_timeout(100)  # frames that were asked for
+        session.send("HeapProfiler.collectGarbage")
+        metrics = {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
+        return metrics["JSHeapUsedSize"] / 1e6, metrics["Nodes"], page.evaluate("() => panel.daemon.rows.length")
+
+    held(400)
+    before, after = held(100), held(100)
+    assert before[2] == after[2] <= 1201
+    assert after[1] < before[1] + 50  # elements
+    assert after[0] < before[0] + 0.2  # MB: a thousand of its news are more
+    page.evaluate("() => { panel.feed.daemons.delete('grown'); panel.chosen = null; panel.draw(); }")
+
+
 def its_record_is_listed_and_replayed(browser, page):
-    page.locator("#records-button").click()
     page.locator("dialog td", has_text="captured, ended landed").wait_for()
     with browser.expect_page() as opened:
-        page.locator("dialog a", has_text="Replay").first.click()
+        page.locator("dialog a", has_text="Replay").last.click()
     replay = opened.value
     replay.locator("#slider").wait_for()
     replay.locator("#moment").focus()
@@ -222,11 +279,23 @@ def its_record_is_listed_and_replayed(browser, page):
     page.keyboard.press("Escape")
 
 
+def its_own_panel_ends_with_it(browser, daemon):
+    line = next(line for line in daemon.stdout if line.startswith("panel "))
+    page = browser.new_page()
+    page.goto(line.split()[1])
+    stands(page, "ready")
+    (panel,) = psutil.Process(daemon.pid).children()
+    page.close()
+    daemon.send_signal(signal.SIGTERM)
+    assert daemon.wait(20.0) == 0
+    assert not panel.is_running()
+
+
 def a_panel_that_hangs_or_dies_is_said_to(panel, page):
     panel.send_signal(signal.SIGSTOP)
     page.locator("#banner", has_text="NO CONTACT WITH THE PANEL").wait_for()
     panel.send_signal(signal.SIGCONT)
-    page.locator("#banner").wait_for(state="hidden")
+    page.locator("#banner", has_text="NO CONTACT WITH THE DAEMON").wait_for()
     panel.kill()
     panel.wait()
     page.locator("#banner", has_text="NO CONTACT WITH THE PANEL").wait_for()

@@ -90,7 +90,7 @@ def test_a_moment_of_the_chase_is_what_the_record_has(record):
     row = next(row for row in cycles_of(record) if row.state is State.ENGAGED and row.certificate is not None)
     seen, scene = fold.snapshot(), fold.scene
     json.dumps([seen, scene], allow_nan=False)
-    assert (seen["state"], seen["mode"], seen["armed"], seen["streaming"]) == ("engaged", "guided", True, True)
+    assert (seen["state"], seen["mode"], seen["armed"], seen["streaming"]) == ("engaged", "OFFBOARD", True, True)
     game, certificate = seen["game"], row.certificate
     assert game["value"] == certificate.value
     assert game["time_needed_s"] == certificate.time_needed_s
@@ -102,6 +102,11 @@ def test_a_moment_of_the_chase_is_what_the_record_has(record):
     assert math.dist(game["meeting_m"][:2], certificate.evader_game_m[:2]) <= run_m
     assert beside(game["isochron_m"], game["meeting_m"]) < 0.3  # its chords are that far within
     assert len(scene["fence_m"][0]) > 3
+    assert (seen["gap_m"], seen["height_gap_m"]) == (certificate.gap_m, certificate.height_gap_m)
+    earlier = folded(record, lambda row: row.state is State.POSITIONING).snapshot()  # the disc is there before the game
+    assert earlier["gap_m"] == pytest.approx(
+        math.dist(earlier["pursuer_m"][:2], earlier["evader_m"][:2]) - 3.0, abs=0.02
+    )
     home = scene["home_m"]
     reach = [math.dist(corner, home[:2]) for corner in scene["fence_m"][0]]
     assert max(reach) - min(reach) < 0.2
@@ -181,10 +186,13 @@ def test_a_page_that_joins_is_told_everything_and_then_only_what_is_new(told, re
     rows = everything["history"]["rows"]
     assert rows[-1][0] - rows[0][0] > 20.0
     (first,) = told.read()["daemons"]
-    assert {"scene", "status", "snapshot", "events"} <= first.keys()
-    assert "history" not in first
+    assert {"scene", "status", "snapshot", "events", "history"} <= first.keys()
     (again,) = told.read()["daemons"]
     assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact"}
+    # A daemon that comes, or comes again, while pages are open is told of as to a page that joins.
+    told.tell(Joined("uav1", metadata_of(record), items[-1]), Joined("uav2", metadata_of(record), items[-1]))
+    for one in told.read()["daemons"]:
+        assert one["history"] == {"columns": list(HISTORY), "rows": []}
 
 
 def test_what_happened_before_a_page_came_is_told_once(told):

@@ -22,7 +22,7 @@ from guidance.log.broadcast import FLIGHT, broadcast_key
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.live import TOPICS
 from guidance.log.reader import Item
-from guidance.session.control_bus import answers, control_key, join_session
+from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session
 from guidance.session.orders import ALIVE, STATUS
 
 MOST_WAITING: Final = 1024
@@ -30,6 +30,9 @@ MOST_WAITING: Final = 1024
 
 ASKED_EVERY_S: Final = 0.5
 """How often who is there is asked where it stands: readiness is judged twice a second."""
+
+HERE_WITHIN_S: Final = 1.5
+"""A session on this computer: a try cannot be cut short, and a panel that ends waits for it."""
 
 ANSWERED_WITHIN_S: Final = 1.5
 ORDERED_WITHIN_S: Final = 4.0
@@ -144,7 +147,8 @@ class DaemonBus:
         """Join the bus where we are not on it, and ask everybody where they stand."""
         session = self._session
         if session is None:
-            session = join_session(self.endpoint, self._token_file, self._credentials)
+            within_s = HERE_WITHIN_S if self._credentials.tls is None else JOIN_LIMIT_S
+            session = join_session(self.endpoint, self._token_file, self._credentials, timeout_s=within_s)
             self._session, self._silent = session, 0
             if self._ended.is_set():
                 return

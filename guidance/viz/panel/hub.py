@@ -63,6 +63,7 @@ class Watched:
         self._status: Mapping[str, Any] = {}
         self._status_new = False
         self._scene_told = 0
+        self._begun_new = True
         self._cycle_new = False
         self._events_new: list[Plain] = []
         self._events: deque[Plain] = deque(maxlen=MOST_EVENTS)
@@ -71,7 +72,7 @@ class Watched:
 
     def join(self, joined: Joined) -> None:
         """Begin anew with what a daemon says it flies."""
-        self._fold, self._scene_told = None, 0
+        self._fold, self._scene_told, self._begun_new = None, 0, True
         self._history.clear()
         with contextlib.suppress(*_SENSELESS):  # of another version: its status is shown nevertheless
             self._fold = SnapshotFold(self._settings_of, joined.metadata, self.key)
@@ -126,7 +127,7 @@ class Watched:
                 said["scene"] = fold.scene
             if whole or self._cycle_new:
                 said["snapshot"] = fold.snapshot()
-        if whole:
+        if whole or self._begun_new:
             said |= {"history": {"columns": HISTORY, "rows": list(self._history)}, "events": list(self._events)}
         elif self._events_new:
             said["events"] = self._events_new
@@ -134,7 +135,7 @@ class Watched:
 
     def settle(self) -> None:
         """Everything new was told."""
-        self._status_new = self._cycle_new = False
+        self._status_new = self._cycle_new = self._begun_new = False
         self._events_new = []
         self._scene_told = 0 if self._fold is None else self._fold.scenes
 

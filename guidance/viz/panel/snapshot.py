@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guidance.certificate import Certificate
+from guidance.control.approach import gaps_to_disc
+from guidance.frames import ned_from_game
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, title_of
 from guidance.log.codec import plain
@@ -133,11 +135,11 @@ class SnapshotFold:
         if cycle is None or row is None:
             return None
         heartbeat, status = self._last(Heartbeat), self._last(SystemStatus)
-        mode = None if heartbeat is None else self._settings.autopilot.mode_of(heartbeat.custom_mode)
+        autopilot, (gap_m, height_gap_m) = self._settings.autopilot, self._gaps_m()
         seen: Plain = {
             "now_s": round(cycle.now_s, 3),
             "state": str(row.state),
-            "mode": "unknown" if mode is None else str(mode),
+            "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
             "armed": heartbeat is not None and heartbeat.armed,
             "battery": math.nan if status is None else status.battery_remaining,
             "streaming": row.setpoint is not None,
@@ -151,6 +153,8 @@ class SnapshotFold:
             "source": self._report,
             "pursuer_m": rounded(cycle.pursuer_m),
             "evader_m": rounded(cycle.evader_m),
+            "gap_m": gap_m,
+            "height_gap_m": height_gap_m,
             "yaw_rad": self._yaw(),
             "speed_m_s": {
                 "flown": math.hypot(*cycle.flown_ned_m_s),
@@ -170,6 +174,17 @@ class SnapshotFold:
         attitude = self._last(Attitude)
         return math.nan if attitude is None else round(attitude.yaw_rad, 3)
 
+    def _gaps_m(self) -> tuple[float, float]:
+        """How far it is to the disc, also before and after the game; NaN where a place is not known."""
+        cycle, row = self._cycle, self._row
+        if row is not None and row.certificate is not None:
+            return row.certificate.gap_m, row.certificate.height_gap_m
+        if cycle is None:
+            return math.nan, math.nan
+        here, evader = ned_from_game(cycle.pursuer_m), ned_from_game(cycle.evader_m)
+        gaps = gaps_to_disc(here, evader, self._settings.cycle.standoff)
+        return gaps.ground_m, gaps.height_m
+
     def _game(self, certificate: Certificate, now_s: float) -> Plain:
         meets = not certificate.no_game
         return {
@@ -179,8 +194,6 @@ class SnapshotFold:
             "margin_s": certificate.margin_s,
             "time_needed_s": certificate.time_needed_s,
             "assured_m": certificate.assured_distance_m,
-            "gap_m": certificate.gap_m,
-            "height_gap_m": certificate.height_gap_m,
             "limits": list(certificate.active_limits),
             "no_game": certificate.no_game,
             "captured": certificate.captured,
@@ -210,8 +223,7 @@ class SnapshotFold:
             cycle.now_s,
             *cycle.pursuer_m,
             *cycle.evader_m,
-            cycle.gap_m,
-            cycle.height_gap_m,
+            *self._gaps_m(),
             cycle.value,
             cycle.time_needed_s,
             math.hypot(*cycle.flown_ned_m_s),

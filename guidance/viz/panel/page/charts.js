@@ -1,5 +1,5 @@
 // The last five minutes as lines over time: which columns of the history, in which chart.
-import { Surface, ink, roundStep } from "./surface.js";
+import { Surface, fixed, ink, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
 const CHARTS = [
@@ -71,9 +71,9 @@ export class Charts {
     for (const { column, colour, dash, points } of curves) {
       const last = points.at(-1)?.[1];
       const name = TEXTS.charts[column === "value" ? "value_curve" : column] + (column === "value" ? ` ${unit ?? "s"}` : "");
-      const words = `${name}${last === undefined ? "" : ` ${last.toFixed(last < 100 ? 1 : 0)}`}`;
+      const words = `${name}${last === undefined ? "" : ` ${fixed(last, last < 100 ? 1 : 0)}`}`;
       const long = surface.context.measureText(words).width;
-      if (left + 15 + long > surface.width) [left, top] = [beside, 10]; // no more room in this line
+      if (left + 19 + long > surface.width) [left, top] = [beside, 10]; // no more room in this line
       surface.line([[left, top], [left + 12, top]], colour, 2.5, dash);
       surface.text(words, left + 15, top, ink("--ink"));
       left += 22 + long;

@@ -87,7 +87,7 @@ export function rowOf(seen) {
   const game = seen.game ?? {};
   const ms = (s) => (s === null || s === undefined ? null : 1000 * s);
   return [
-    seen.now_s, ...(seen.pursuer_m ?? none), ...(seen.evader_m ?? none), game.gap_m ?? null, game.height_gap_m ?? null,
+    seen.now_s, ...(seen.pursuer_m ?? none), ...(seen.evader_m ?? none), seen.gap_m, seen.height_gap_m,
     game.value ?? null, game.time_needed_s ?? null, seen.speed_m_s.flown, seen.speed_m_s.commanded,
     seen.speed_m_s.desired, ms(seen.age_s.position), ms(seen.age_s.evader),
   ];

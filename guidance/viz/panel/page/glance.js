@@ -1,4 +1,5 @@
 // At a glance: the state in large letters, lamps with a word, a shape and a colour, and the last events.
+import { fixed } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
 export function lamp(element, level, words) {
@@ -8,7 +9,7 @@ export function lamp(element, level, words) {
   element.title = TEXTS.levels[level];
 }
 
-const number = (value, digits, unit) => (value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`);
+const number = (value, digits, unit) => (value === null || value === undefined ? "–" : `${fixed(value, digits)} ${unit}`);
 const aged = (value) => (value === null || value === undefined ? TEXTS.never : TEXTS.ago(value));
 
 // Each line: its name, its level (none: a plain figure) and its words; null leaves it out.
@@ -27,6 +28,8 @@ function lines({ snapshot: seen, scene, status, operator }) {
     ["speed", null, number(seen.speed_m_s.flown, 1, "m/s")],
   ];
   if (game) rows.push(...played(game, levels, scene));
+  if (seen.gap_m !== null) rows.push(["range", null, number(seen.gap_m, 1, "m")], ["height", null, number(seen.height_gap_m, 1, "m")]);
+  if (game) rows.push(["limits", levels.limits, game.limits.length ? game.limits.join(", ") : TEXTS.none]);
   if (alarm) rows.push(["alarm", "warning", `${alarm.what} (${alarm.amount.toFixed(1)})`]);
   if (operator) rows.push(["operator", operator.level, TEXTS.operatorSeen(operator.silence_s, operator.limit_s)]);
   if (status.recording) rows.push(["recording", recorded(status.recording), status.recording]);
@@ -40,11 +43,8 @@ function played(game, levels, scene) {
     ["winner", levels.winner, winner],
     ["value", null, `${number(game.value, 1, "")}${TEXTS.valueUnits[unit]}`],
     ["need", null, number(game.time_needed_s, 1, "s")],
-    ["range", null, number(game.gap_m, 1, "m")],
-    ["height", null, number(game.height_gap_m, 1, "m")],
   ];
   if (unit === "m") rows.push(["margin", null, number(game.margin_s, 1, "s")], ["assured", null, number(game.assured_m, 1, "m")]);
-  rows.push(["limits", levels.limits, game.limits.length ? game.limits.join(", ") : TEXTS.none]);
   return rows;
 }
 
@@ -68,7 +68,7 @@ export class Glance {
       this.fill([]);
     } else {
       lamp(state, seen.levels.state, seen.state);
-      mode.textContent = `${seen.armed ? TEXTS.armed : TEXTS.disarmed} · ${TEXTS.mode(seen.mode)}`;
+      mode.textContent = `${seen.armed ? TEXTS.armed : TEXTS.disarmed} · ${seen.mode}`;
       this.fill(lines(daemon));
     }
     this.tell(daemon.events);

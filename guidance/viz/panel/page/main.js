@@ -131,6 +131,7 @@ class Live {
     if (this.lostFor) words = this.lostFor === "closed" ? TEXTS.panelClosed : TEXTS.panelGone;
     else if (!daemon) words = this.feed.buses.map((bus) => TEXTS.looking(bus.endpoint, bus.reason)).join(" ");
     else if (daemon.contact === "warning") words = TEXTS.daemonGone(Math.round(daemon.silent_s));
+    if (this.lostFor) lamp(at("contact"), "warning", TEXTS.contact.warning);
     const banner = at("banner");
     banner.hidden = !words;
     if (banner.textContent !== words) banner.textContent = words;

@@ -76,10 +76,12 @@ export class Orders {
 
   button(order) {
     const button = document.createElement("button");
-    const [name, what] = TEXTS.orders[order];
+    const [name, what, key] = TEXTS.orders[order];
     button.className = `order ${order} ${LOOKS[order] ?? ""}`;
     button.dataset.order = order;
-    button.append(document.createElement("i"), name, said("small", SLOW.has(order) ? TEXTS.holdDown : what));
+    const small = said("small", SLOW.has(order) ? TEXTS.holdDown : what);
+    if (key) small.append(said("span", ` · ${key}`));
+    button.append(document.createElement("i"), name, small);
     if (SLOW.has(order)) this.slow(button, order, name);
     else button.addEventListener("click", () => this.give(order));
     return button;

@@ -11,6 +11,7 @@ export class Plan {
     this.surface = new Surface(canvas);
     this.tiles = new Tiles(() => this.draw());
     this.framing = true;
+    this.framed = false;
     this.centre = [0, 0];
     this.scale = 5; // pixels a metre
     this.daemon = null;
@@ -26,7 +27,7 @@ export class Plan {
   }
 
   fit() {
-    this.framing = true;
+    [this.framing, this.framed] = [true, false];
     this.draw();
   }
 
@@ -89,8 +90,8 @@ export class Plan {
     const wanted = 1 / Math.max(wide, high);
     // A frame that moves with every breath cannot be read: it changes when something leaves, or is far too small.
     const centre = [(west + east) / 2, (south + north) / 2];
-    const kept = places.every((place) => this.isInside(place)) && wanted / this.scale < 1.6;
-    if (!kept) [this.scale, this.centre] = [0.9 * wanted, centre];
+    const kept = this.framed && places.every((place) => this.isInside(place)) && wanted / this.scale < 1.6;
+    if (!kept) [this.scale, this.centre, this.framed] = [0.9 * wanted, centre, true];
   }
 
   isInside(place) {
@@ -157,10 +158,11 @@ export class Plan {
       surface.fill([[x - 7, y], [x, y - 7], [x + 7, y], [x, y + 7]], ink("--evader"));
       surface.text(TEXTS.map.evader, x + 8, y + 15, ink("--evader"));
     }
-    if (pursuer) this.vehicle(this.pixel(pursuer), seen.yaw_rad ?? 0);
+    if (pursuer) this.vehicle(this.pixel(pursuer), seen.yaw_rad ?? 0, evader && this.pixel(evader));
   }
 
-  vehicle([x, y], yaw) {
+  // Its name stands on the side that the evader is not on.
+  vehicle([x, y], yaw, evader) {
     const turned = (right, ahead) => [
       x + right * Math.cos(yaw) + ahead * Math.sin(yaw),
       y + right * Math.sin(yaw) - ahead * Math.cos(yaw),
@@ -169,7 +171,8 @@ export class Plan {
     this.surface.fill(shape, ink("--pursuer"));
     this.surface.line([...shape, shape[0]], ink("--card"), 1.5);
     this.surface.font(13, 700);
-    this.surface.text(TEXTS.map.pursuer, x + 14, y - 12, ink("--pursuer"));
+    const [right, above] = evader ? [evader[0] < x, evader[1] > y] : [true, true];
+    this.surface.text(TEXTS.map.pursuer, x + (right ? 14 : -14), y + (above ? -12 : 14), ink("--pursuer"), right ? "left" : "right");
     this.surface.font(12);
   }
 

@@ -1,5 +1,5 @@
 // The height profile: height above home over distance from the evader, or from home while no evader is known.
-import { EVADER, PURSUER, Surface, ink, placeIn, roundStep } from "./surface.js";
+import { EVADER, PURSUER, Surface, fixed, ink, placeIn, roundStep } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
 const [LEFT, BOTTOM, TOP, RIGHT] = [34, 20, 34, 10];
@@ -8,7 +8,7 @@ const TRAIL = 240;
 export class Profile {
   constructor(canvas) {
     this.surface = new Surface(canvas);
-    this.reach = this.high = 0;
+    this.reach = this.high = this.low = 0;
   }
 
   show(daemon) {
@@ -31,13 +31,16 @@ export class Profile {
     if (now) {
       const at = this.pixel(now);
       this.surface.dot(at, 6, ink("--pursuer"));
-      this.surface.text(`${now[1].toFixed(1)} m`, at[0] - 10, at[1] - 12, ink("--pursuer"), at[0] > 70 ? "right" : "left");
+      this.surface.text(`${fixed(now[1], 1)} m`, at[0] - 10, at[1] - 12, ink("--pursuer"), at[0] > 70 ? "right" : "left");
     }
   }
 
   frame(places, scene) {
     const reach = 1.15 * Math.max(10, ...places.map(([far]) => far));
     const high = 1.25 * Math.max(scene.floor_m + 5, ...places.map(([, above]) => above));
+    const least = Math.min(...places.map(([, above]) => above));
+    const low = least < -0.2 ? 1.5 * least : 0; // home is as exact as its height
+    if (low < this.low || low > 0.5 * this.low) this.low = low;
     if (reach > this.reach || reach < 0.5 * this.reach) this.reach = reach;
     if (high > this.high || high < 0.5 * this.high) this.high = high;
   }
@@ -46,13 +49,13 @@ export class Profile {
     const { width, height } = this.surface;
     return [
       LEFT + (far / this.reach) * (width - LEFT - RIGHT),
-      height - BOTTOM - (above / this.high) * (height - BOTTOM - TOP),
+      height - BOTTOM - ((above - this.low) / (this.high - this.low)) * (height - BOTTOM - TOP),
     ];
   }
 
   axes(toEvader, scene) {
     const { surface } = this;
-    this.ticks(this.reach, 4, (far) => [[far, 0], [far, this.high]], "center", 0, 11);
+    this.ticks(this.reach, 4, (far) => [[far, this.low], [far, this.high]], "center", 0, 11);
     this.ticks(this.high, 6, (above) => [[0, above], [this.reach, above]], "right", -5, 0);
     for (const [name, above] of [["floor", scene.floor_m], ["ceiling", scene.ceiling_m]]) {
       if (above > this.high) continue;
@@ -79,8 +82,8 @@ export class Profile {
     const [from, to] = [this.pixel([0, above]), this.pixel([radius, above])];
     this.surface.line([from, to], ink("--disc"), 4);
     this.surface.line([to, this.pixel([radius, evader])], ink("--disc"), 1, [3, 4]);
-    this.surface.text(TEXTS.map.disc, from[0] + 4, from[1] + 11, ink("--disc"));
     const [x, y] = this.pixel([0, evader]);
+    this.surface.text(TEXTS.map.disc, to[0] + 4, 0.4 * to[1] + 0.6 * y, ink("--disc"));
     this.surface.fill([[x - 7, y], [x, y - 7], [x + 7, y], [x, y + 7]], ink("--evader"));
   }
 }

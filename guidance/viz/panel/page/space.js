@@ -127,7 +127,7 @@ export class Space {
       if (seenRim.every(Boolean)) this.surface.fill(seenRim, ink("--disc"), 0.18);
       this.curve(rim, "--disc", 2.5);
       for (const at of [0, 18, 36, 54]) this.curve([rim[at], [rim[at][0], rim[at][1], evader[2]]], "--disc", 1, [3, 4]);
-      this.mark(evader, "--evader", TEXTS.map.evader);
+      this.mark(evader, "--evader", TEXTS.map.evader, 5, 14);
     }
     if (game?.meeting_m) {
       const meeting = [game.meeting_m[0], game.meeting_m[1], evader?.[2] ?? this.ground];
@@ -139,15 +139,15 @@ export class Space {
     this.mark(pursuer, "--pursuer", TEXTS.map.pursuer, 7);
   }
 
-  mark(place, colour, words, radius = 5) {
+  mark(place, colour, words, radius = 5, below = -9) {
     const at = this.pixel(place);
     if (!at) return;
     this.surface.dot(at, radius, ink(colour));
-    this.name(words, place, colour);
+    this.name(words, place, colour, below);
   }
 
-  name(words, place, colour) {
+  name(words, place, colour, below = -9) {
     const at = this.pixel(place);
-    if (at) this.surface.text(words, at[0] + 9, at[1] - 9, ink(colour));
+    if (at) this.surface.text(words, at[0] + 9, at[1] + below, ink(colour));
   }
 }

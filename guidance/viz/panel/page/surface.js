@@ -113,4 +113,10 @@ export function placeIn(row, from) {
   return row[from] === null ? null : [row[from], row[from + 1], row[from + 2]];
 }
 
+// A number for people: never "-0.0".
+export function fixed(value, digits) {
+  const words = value.toFixed(digits);
+  return Number(words) === 0 ? words.replace("-", "") : words;
+}
+
 export const [PURSUER, EVADER] = [1, 4];
