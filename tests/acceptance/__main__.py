@@ -158,6 +158,8 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--only", default="", help="flights with these words in their name")
     parser.add_argument("--all", action="store_true", help="without a URL: every flight on both mocks")
     given = parser.parse_args(arguments)
+    if given.report is not None and given.report.exists() and any(given.report.iterdir()):
+        parser.error(f"--report {given.report}: is not empty; flights already flown stay, so give a new folder")
     console, lock = Console(), threading.Lock()
     lines: list[Line] = []
     began_s = time.monotonic()
