@@ -93,8 +93,16 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str, text: st
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        faults = "\n".join(f"  {_line(text, fault['loc'])}{explain(model, dict(fault))}" for fault in error.errors())
+        faults = "\n".join(
+            f"  {_line(text, _place(dict(fault)))}{explain(model, dict(fault))}" for fault in error.errors()
+        )
         raise ConfigError(f"{source}:\n{faults}") from error
+
+
+def _place(fault: dict[str, Any]) -> Location:
+    """Return where a fault is; one of several keys together begins with the name of that which it blames."""
+    named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", str(fault["msg"]))
+    return named[1].split(".") if named and not fault["loc"] else tuple(fault["loc"])
 
 
 def _line(text: str, location: Location) -> str:

@@ -88,9 +88,11 @@ def _checkup(
     name: str | None, vehicle: str | None, autopilot: str | None, link: str
 ) -> "AbstractContextManager[Checkup]":
     if vehicle is not None:
+        from guidance.links.endpoint import parse  # noqa: PLC0415
         from guidance.session.vehicle import Asked, checkup_at  # noqa: PLC0415 - zenoh and mavsdk take a second
         from guidance.sim.files import load_scenario  # noqa: PLC0415
 
+        parse(vehicle)  # which is wrong before anybody waits
         return checkup_at(load_scenario(name or "pe")[1], Asked(vehicle, autopilot, link))
     if name is None:
         raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")

@@ -60,10 +60,12 @@ def _asked() -> tuple[str | None, str | None]:
 
 
 def _surveyed(url: str, autopilot: str | None) -> "Surveyed":
+    from guidance.links.endpoint import parse  # noqa: PLC0415
     from guidance.screen import console, waiting  # noqa: PLC0415
     from guidance.session.new_file import LIMITS, READ_WITHIN_S, survey  # noqa: PLC0415
     from guidance.session.vehicle import FOUND_WITHIN_S  # noqa: PLC0415
 
+    parse(url)  # which is wrong before anybody waits
     with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", FOUND_WITHIN_S + READ_WITHIN_S):
         surveyed = survey(url, autopilot)
     count = len(LIMITS[surveyed.autopilot])

@@ -17,6 +17,7 @@ from rich.text import Text
 from guidance.errors import OutputError
 from guidance.extras import how_to_add
 from guidance.files import private_file
+from guidance.flight import State
 from guidance.screen import pairs, redraws
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
@@ -30,6 +31,9 @@ STALLED_S: Final = 1.0
 
 _PLAIN_S: Final = 3.0
 """How often at most a plain line says what is waited for."""
+
+_UNFORESEEN: Final = frozenset({State.PAUSED, State.HOLDING, State.RETURNING, State.YIELDED, State.FAILED})
+"""States that a flight is led to by something, which is said with them."""
 
 Show = Callable[[Progress], None]
 
@@ -91,6 +95,8 @@ def words(progress: Progress) -> str:
     if progress.waiting:
         return f"{progress.now_s:6.1f} s  waiting: {progress.waiting}"
     words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<8}"
+    if progress.state in _UNFORESEEN and progress.why:
+        return f"{words} since: {progress.why}"
     certificate, unit = progress.certificate, progress.unit
     if certificate is None:
         return words
@@ -103,7 +109,11 @@ def words(progress: Progress) -> str:
 def plain(progress: Progress) -> str:
     """Say what is worth a line of its own where nothing can be redrawn: figures in it are no news."""
     if not progress.waiting:
-        return str(progress.state)
+        return (
+            f"{progress.state}: {progress.why}"
+            if progress.state in _UNFORESEEN and progress.why
+            else str(progress.state)
+        )
     return f"waiting: {re.sub(r'-?[0-9.]+ s old', 'old', progress.waiting)}"
 
 

@@ -69,7 +69,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
     strange: list[Cell] = []
     done, there = 0, console(stderr=True)
     try:
-        with states.open("rb") as source, solving(there, states.stat().st_size) as read:
+        with states.open("rb") as source, solving(there, _rows_of(states)) as tell:
             for chunk in _chunks(source, states, rows):
                 numbers, cells = _with_numbers(chunk, first_row=done + 1)
                 strange += cells
@@ -78,7 +78,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
                 writer = writer or _writer(out, answered.schema)
                 with writing(out):
                     writer.write_table(answered)
-                read(done, source.tell())
+                tell(done)
     except pa.ArrowInvalid as error:
         raise ConfigError(f"--states {states}: cannot be read: {error}") from None
     finally:
@@ -90,6 +90,14 @@ def solve_file(game: Game, states: Path, out: Path | None, *, rows: int, ratio_g
         rows_lost = len({cell.row for cell in strange})
         lost = f"{rows_lost} of {done} rows have no answer, for want of a number: {shown}{more}"
         there.print(f"{states}: {lost}", soft_wrap=True, markup=False)
+
+
+def _rows_of(path: Path) -> int:
+    """Count the rows of a file; of CSV its lines, which is as many unless a cell has several."""
+    if path.suffix == ".parquet":
+        return int(parquet.ParquetFile(path).metadata.num_rows)
+    with path.open("rb") as file:
+        return max(0, sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b"")) - 1)
 
 
 def _chunks(source: Any, path: Path, rows: int) -> Iterator[pa.Table]:  # noqa: ANN401 - a binary file

@@ -6,46 +6,45 @@ from contextlib import contextmanager
 from typing import Final
 
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from guidance.screen import redraws
 
 LINE_S: Final = 5.0
 """Where nothing can be redrawn, so often at most."""
 
-Read = Callable[[int, int], None]
-"""Takes rows solved and bytes read so far."""
+Told = Callable[[int], None]
+"""Takes how many rows have been solved."""
 
 
 @contextmanager
-def solving(there: Console, size_bytes: int, clock: Callable[[], float] = time.monotonic) -> Iterator[Read]:
-    """Show how much of a file has been solved, and yield what it is told by.
+def solving(there: Console, rows: int, clock: Callable[[], float] = time.monotonic) -> Iterator[Told]:
+    """Show how many rows of a file have been solved, and yield what it is told by.
 
     Args:
         there: Where to show it.
-        size_bytes: Of the file.
+        rows: Of the file.
         clock: Tells s.
     """
     if not redraws(there):
-        yield _lines(there, size_bytes, clock)
+        yield _lines(there, rows, clock)
         return
-    columns = (BarColumn(20), DownloadColumn(), TextColumn("{task.fields[rows]} rows"), TimeRemainingColumn())
+    columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
     with Progress(*columns, console=there, transient=True) as bar:
-        task = bar.add_task("", total=size_bytes, rows=0)
-        yield lambda rows, read: bar.update(task, completed=read, rows=rows)
+        task = bar.add_task("", total=rows)
+        yield lambda done: bar.update(task, completed=done)
 
 
-def _lines(there: Console, size_bytes: int, clock: Callable[[], float]) -> Read:
+def _lines(there: Console, rows: int, clock: Callable[[], float]) -> Told:
     begun_s = said_s = clock()
 
-    def tell(rows: int, read: int) -> None:
+    def tell(done: int) -> None:
         nonlocal said_s
         now_s = clock()
-        if now_s - said_s < LINE_S:
+        if now_s - said_s < LINE_S or done == 0:
             return
         said_s = now_s
-        part = min(1.0, max(1, read) / max(1, size_bytes))
-        left_s = (now_s - begun_s) * (1.0 - part) / part
-        there.print(f"{rows} rows, {part:.0%} of the file, about {left_s:.0f} s left", soft_wrap=True)
+        left_s = (now_s - begun_s) * max(0, rows - done) / done
+        there.print(f"{done} of {rows} rows, about {left_s:.0f} s left", soft_wrap=True)
 
     return tell

@@ -42,7 +42,18 @@ MISSION_LIMIT_S: Final = 900.0
 
 
 class Progress(NamedTuple):
-    """What the live line shows; `waiting` is what a vehicle on the ground is not ready for want of."""
+    """What the live line shows.
+
+    Attributes:
+        now_s: The present.
+        state: Where the flight stands.
+        mode: The autopilot's, by its own name.
+        certificate: Of the game; None outside of it.
+        unit: Of the game's value.
+        record_stopped: Where the record could not go on.
+        waiting: What a vehicle on the ground is not ready for want of.
+        why: The event that led to this state.
+    """
 
     now_s: float
     state: State
@@ -51,6 +62,7 @@ class Progress(NamedTuple):
     unit: str
     record_stopped: Stopped | None = None
     waiting: str = ""
+    why: str = ""
 
 
 class Conduct(NamedTuple):
@@ -179,6 +191,7 @@ class Mission:
                 self._unit,
                 result.record_stopped,
                 waiting,
+                next((str(one.event) for one in reversed(result.happenings) if one.after != one.before), ""),
             )
         )
 

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
-from guidance.cli.showing import _table
+from guidance.cli.showing import _table, plain, words
 from guidance.flight import State
 from guidance.monitor import Alarm, Violation
+from guidance.session.mission import Progress
 from guidance.session.result import FlightResult
 from guidance.sim.files import load_scenario
 from guidance.sim.outcome import outcome_of
@@ -39,6 +40,13 @@ def test_a_flight_without_a_capture_has_no_number_for_one(width):
     assert max(map(len, words.splitlines())) <= width
     assert _score(outcome) == "12.82 s predicted"
     assert _score(yielded(math.nan)) == "no game was played"
+
+
+def test_a_flight_that_pauses_says_why():
+    paused = Progress(36.1, State.PAUSED, "OFFBOARD", None, "s", why="loop late")
+    assert plain(paused) == "paused: loop late"
+    assert words(paused) == "  36.1 s  paused      in OFFBOARD since: loop late"
+    assert plain(paused._replace(state=State.ENGAGED)) == "engaged"
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,17 @@ def test_a_misspelt_key_is_named():
     assert "pursuer.sped_m_s: unknown key; did you mean 'speed_m_s'?" in refused(pursuer={"sped_m_s": 3.0})
 
 
+def test_a_fault_of_keys_that_go_together_has_the_line_of_the_one_that_is_blamed(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(
+        'title = "A policy that there is none of"\ngame = "pe"\n'
+        "evader = { position_m = [10, 30], speed_m_s = 3 }\n"
+        'pursuer = { position_m = [0, 0, 20], speed_m_s = 6, policy = "optimum" }\n'
+    )
+    with pytest.raises(ConfigError, match=r"line 4: pursuer.policy = 'optimum': allowed are optimal, "):
+        load_scenario(path)
+
+
 def test_tad_needs_a_target_and_pe_refuses_one():
     assert "target.position_m: missing" in refused(game="tad")
     assert "target: not allowed" in refused(target={"position_m": [0.0, 0.0]})
