@@ -27,6 +27,7 @@ from guidance.cli import app as guidance_app
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.sim.files import json_schema
 from sitl_mock.cli import app as mock_app
+from tests.bench.bench_walk import lines_of, named_walks
 
 DOCS = Path(__file__).parents[1] / "docs"
 EXAMPLES = DOCS / "examples"
@@ -35,6 +36,12 @@ RUN_ELSEWHERE = {"mock.md": "tests/sitl_mock/test_mock_page.py", "zenoh.md": "te
 """Pages that need more than a folder to run in, and the tests that run them."""
 
 PROGRAMS = {"guidance": typer.main.get_command(guidance_app), "sitl-mock": typer.main.get_command(mock_app)}
+
+
+def test_the_walks_through_the_house_name_functions_that_are_there():
+    walks = named_walks((DOCS / "architecture.md").read_text(encoding="utf-8"))
+    assert len(walks) == 3
+    assert [hop for walk in walks for hop in walk.hops if not lines_of(*hop)] == []
 
 
 def blocks(page, *kinds):

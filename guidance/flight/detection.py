@@ -93,12 +93,12 @@ def _vehicle(context: EventContext) -> Iterator[Event]:
 
 def _external_mode_change(context: EventContext) -> bool:
     ours = OUR_MODES.get(context.state)
-    if ours is None or context.mode is None or _waits_for_pilot(context):
-        return False  # who flies while a pilot is waited for, in whichever mode, is to choose the guided one
+    if ours is None or context.mode is None or context.mode in ours:
+        return False
     if context.mode is context.mode_left:
         # The order is younger than what HEARTBEAT shows. But a pilot's mode that stays is the pilot's answer.
         return context.mode is Mode.OTHER and context.now_s - context.since_s > LEFT_WITHIN_S
-    return context.mode not in ours
+    return not _waits_for_pilot(context)  # who flies while one is waited for is to choose the guided mode
 
 
 def _waits_for_pilot(context: EventContext) -> bool:

@@ -319,7 +319,7 @@ def _squares(given: dict[str, Array]) -> Real:
     """Return the sum of the squares of all components, row by row."""
     total: Real = 0.0
     for array in given.values():
-        x, y, z = components(array)
+        x, y, z = array if type(array) is tuple else components(array)
         total = total + (x * x + y * y + z * z)
     return total
 

@@ -1,14 +1,18 @@
 """The walk of one LOCAL_POSITION_NED to its setpoint: `python -m tests.bench.bench_walk [--list] [--autopilot NAME]`.
 
+With `--named` the three walks of docs/architecture.md instead: hops, files and lines of the functions it names.
+
 A mock is flown in virtual time until the game is on; then one cycle hears one LOCAL_POSITION_NED and nothing else, and
 every call of a function of `guidance` is counted until the setpoint's frame lies on the wire. Printed: calls,
-functions, files, and changes of file from one call to the next, with and without the closed form of the game
-(`guidance.game`); with `--list` the calls in order, indented by depth. A comprehension is no call: newer Pythons
-inline it.
+functions, their lines of code, files, and changes of file from one call to the next, with and without the closed form
+of the game (`guidance.game`); with `--list` the calls in order, indented by depth. A comprehension is no call: newer
+Pythons inline it.
 """
 
 import argparse
+import ast
 import itertools
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -25,6 +29,7 @@ from guidance.session.spec import plan_of
 from sitl_mock.vehicle import MockVehicle
 from tests.harness.chase import CYCLE_S, ORDERS, Runner, hover_chase
 
+PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"
 ROOT = str(Path(guidance.__file__).parent)
 ENGAGED_S = 4.0
 LOCAL_POSITION_NED = 32
@@ -37,6 +42,7 @@ class Call(NamedTuple):
     depth: int
     file: str
     function: str
+    lines: int
 
 
 class Walk:
@@ -52,7 +58,8 @@ class Walk:
         if self.arrived or not code.co_filename.startswith(ROOT) or code.co_name in INLINED:
             return
         if event == "call":
-            self.calls.append(Call(self._depth, code.co_filename[len(ROOT) + 1 :], code.co_qualname))
+            lines = len({line for *_, line in code.co_lines() if line is not None})
+            self.calls.append(Call(self._depth, code.co_filename[len(ROOT) + 1 :], code.co_qualname, lines))
             self._depth += 1
         elif event == "return":
             self._depth -= 1
@@ -62,7 +69,46 @@ def summary(calls: list[Call]) -> str:
     """Say how long a walk is."""
     changes = sum(one.file != other.file for one, other in itertools.pairwise(calls))
     functions, files = {call[1:] for call in calls}, {call.file for call in calls}
-    return f"{len(calls)} calls, {len(functions)} functions, {len(files)} files, {changes} changes of file"
+    lines = sum(lines for *_, lines in functions)
+    return (
+        f"{len(calls)} calls, {len(functions)} functions, {lines} lines, {len(files)} files, {changes} changes of file"
+    )
+
+
+class Named(NamedTuple):
+    """A walk that a page names: its title and the file and function of each hop."""
+
+    title: str
+    hops: tuple[tuple[str, str], ...]
+
+
+def named_walks(page: str) -> list[Named]:
+    """Return the walks that a page names, as numbered lists of `file` `function` behind a title in bold."""
+    titled = re.findall(r"^\*\*(.+?)\.\*\*(.*?)(?=^\*\*|^## |\Z)", page, re.DOTALL | re.MULTILINE)
+    found = (
+        Named(title, tuple(re.findall(r"^\d+\. `([\w/]+\.py)` `([\w.]+)`", text, re.MULTILINE)))
+        for title, text in titled
+    )
+    return [walk for walk in found if walk.hops]
+
+
+def lines_of(file: str, function: str, root: str = ROOT) -> int:
+    """Return how many lines a function has, its docstring among them; 0 where there is none of that name."""
+    body: list[ast.stmt] = ast.parse((Path(root) / file).read_text(encoding="utf-8")).body
+    for name in function.split("."):
+        kinds = ast.FunctionDef | ast.ClassDef
+        node = next((one for one in body if isinstance(one, kinds) and one.name == name), None)
+        if node is None:
+            return 0
+        body = node.body
+    return (node.end_lineno or node.lineno) - node.lineno + 1
+
+
+def describe(walk: Named, root: str = ROOT) -> str:
+    """Say how long a walk that is named is."""
+    files = {file for file, _ in walk.hops}
+    lines = sum(lines_of(*hop, root) for hop in dict.fromkeys(walk.hops))
+    return f"{walk.title}: {len(walk.hops)} hops, {len(files)} files, {lines} lines"
 
 
 class Watched(MemoryWire):
@@ -114,7 +160,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--autopilot", choices=("px4", "arducopter"), default="px4")
     parser.add_argument("--list", action="store_true", help="print every call, indented by depth, and calls by file")
+    parser.add_argument("--named", action="store_true", help="count the walks that docs/architecture.md names")
     given = parser.parse_args()
+    if given.named:
+        for named in named_walks(PAGE.read_text(encoding="utf-8")):
+            print(describe(named))
+        return
     walked = walk(given.autopilot)
     if given.list:
         for call in walked.calls:
