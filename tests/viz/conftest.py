@@ -1,6 +1,7 @@
-"""Flights to draw."""
+"""Flights to draw, and a certificate to show them by."""
 
 import shutil
+import subprocess
 
 import pytest
 
@@ -33,3 +34,16 @@ def tad(tmp_path_factory):
 def record(short_flight):
     """The record of a short PE flight."""
     return short_flight[1]
+
+
+@pytest.fixture(scope="session")
+def certificate(tmp_path_factory):
+    """A folder with a certificate of this host, its key, and a password."""
+    folder = tmp_path_factory.mktemp("tls")
+    kind = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"]
+    files = ["-keyout", folder / "key.pem", "-out", folder / "cert.pem"]
+    names = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"]
+    subprocess.run(["openssl", "req", "-x509", *kind, *files, *names], check=True, capture_output=True)
+    (folder / "password").write_text("correct horse battery\nmore\n")
+    (folder / "password").chmod(0o600)
+    return folder

@@ -35,8 +35,8 @@ QUICK = {
     **FENCED,
     "COM_SPOOLUP_TIME": 0.2,
     "MPC_TKO_RAMP_T": 0.5,
-    "MPC_TKO_SPEED": 2.5,
-    "MPC_LAND_SPEED": 1.2,
+    "MPC_TKO_SPEED": 4.0,
+    "MPC_LAND_SPEED": 1.5,
     "COM_DISARM_LAND": 0.3,
 }
 LIMIT_MS = 40_000
@@ -82,8 +82,8 @@ def parts(tmp_path):
         def daemon(*options):
             return start(GUIDANCE, "run", vehicle, *options)
 
-        def panel():
-            child = start(GUIDANCE, "panel", "--endpoint", control, "--port", "0", "--records", tmp_path)
+        def panel(*options):
+            child = start(GUIDANCE, "panel", "--endpoint", control, "--port", "0", "--records", tmp_path, *options)
             return child, child.stdout.readline().split()[1]
 
         yield SimpleNamespace(control=control, daemon=daemon, panel=panel)
@@ -149,7 +149,7 @@ def test_the_page_is_whole_without_a_browser():
 
 
 @pytest.mark.slow
-def test_a_whole_flight_by_the_buttons_and_what_is_gone_is_said_and_comes_back(parts, browser):
+def test_a_whole_flight_by_the_buttons_and_what_is_gone_is_said_and_comes_back(parts, browser, certificate):
     """One long test: browser, mock, daemon and panel take longer to start than most of what is asked of them."""
     if browser is None:
         print("no chromium here: the page was checked for its structure only")
@@ -165,7 +165,7 @@ def test_a_whole_flight_by_the_buttons_and_what_is_gone_is_said_and_comes_back(p
     assert not page.locator("#banner").is_visible()
     from_start_to_landed(browser, page)
     a_page_out_of_view_is_no_operator(page)
-    ten_minutes_leave_nothing_behind(browser, page)
+    fifteen_minutes_leave_nothing_behind(browser, page)
     assert browser.said == []
     assert {re.match(r"\w+://[^/]+/", one)[0].replace("ws:", "http:") for one in browser.asked} == {page.url}
     daemon.kill()
@@ -177,6 +177,7 @@ def test_a_whole_flight_by_the_buttons_and_what_is_gone_is_said_and_comes_back(p
     its_record_is_listed_and_replayed(browser, page)
     page.locator("#banner").wait_for(state="hidden")
     page.locator("[data-order=start]").wait_for()
+    a_password_opens_it_over_tls(browser, parts, certificate)
     its_own_panel_ends_with_it(browser, daemon)
     a_panel_that_hangs_or_dies_is_said_to(panel, page)
 
@@ -244,8 +245,8 @@ def a_page_out_of_view_is_no_operator(page):
     seen.get_by_text(re.compile(r"^0\.\d s of 8 s$")).wait_for()
 
 
-def ten_minutes_leave_nothing_behind(browser, page):
-    """Ten minutes of news, ten a second, as fast as the page takes them: after five its memory is full."""
+def fifteen_minutes_leave_nothing_behind(browser, page):
+    """Minutes of news, ten a second, as fast as the page takes them: after five its memory is full."""
     session = browser.new_cdp_session(page)
     session.send("Performance.enable")
     session.send("HeapProfiler.enable")
@@ -257,11 +258,12 @@ def ten_minutes_leave_nothing_behind(browser, page):
         metrics = {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
         return metrics["JSHeapUsedSize"] / 1e6, metrics["Nodes"], page.evaluate("() => panel.daemon.rows.length")
 
-    held(400)
-    before, after = held(100), held(100)
+    held(300)
+    # The least of three: what has just been heard may not be used up.
+    before, after = (min(held(100) for _ in range(3)) for _ in range(2))
     assert before[2] == after[2] <= 1201
     assert after[1] < before[1] + 50  # elements
-    assert after[0] < before[0] + 0.2  # MB: a thousand of its news are more
+    assert after[0] < before[0] + 0.2  # MB: three thousand of its news are more
     page.evaluate("() => { panel.feed.daemons.delete('grown'); panel.chosen = null; panel.draw(); }")
 
 
@@ -277,6 +279,22 @@ def its_record_is_listed_and_replayed(browser, page):
     assert not replay.locator("#buttons").is_visible()
     replay.close()
     page.keyboard.press("Escape")
+
+
+def a_password_opens_it_over_tls(browser, parts, certificate):
+    pair = "--certificate", certificate / "cert.pem", "--key", certificate / "key.pem"
+    panel, url = parts.panel("--look", *pair, "--password-file", certificate / "password")
+    with browser.browser.new_context(ignore_https_errors=True) as context:
+        page = context.new_page()
+        page.goto(url)
+        page.locator("input").fill("not the password")
+        page.locator("button").click()
+        page.get_by_text("That was not the password").wait_for()
+        page.locator("input").fill("correct horse battery")
+        page.locator("button").click()
+        page.locator("#next", has_text="It waits for START").wait_for()
+        assert page.locator("[data-order]").count() == 0
+    panel.kill()
 
 
 def its_own_panel_ends_with_it(browser, daemon):

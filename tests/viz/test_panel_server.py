@@ -4,7 +4,6 @@ import json
 import re
 import socket
 import ssl
-import subprocess
 from types import SimpleNamespace
 
 import pytest
@@ -100,7 +99,7 @@ async def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_
         policy = answer.headers["Content-Security-Policy"]
         assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;")
         assert "http" not in policy
-        assert answer.headers["Referrer-Policy"] == "no-referrer"
+        assert answer.headers["Referrer-Policy"] == "same-origin"
         assert answer.headers["Cache-Control"] == "no-store"
     async with panel.client.get("/page/main.js") as answer:
         assert answer.status == 200
@@ -204,29 +203,6 @@ async def test_a_page_that_takes_nothing_is_let_go_and_holds_up_no_other(opened)
     await other.close()
 
 
-@pytest.fixture(scope="module")
-def certificate(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tls")
-    command = [
-        "openssl",
-        "req",
-        "-x509",
-        "-newkey",
-        "ec",
-        "-pkeyopt",
-        "ec_paramgen_curve:P-256",
-        "-nodes",
-        "-days",
-        "2",
-    ]
-    files = ["-keyout", folder / "key.pem", "-out", folder / "cert.pem"]
-    names = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"]
-    subprocess.run([*command, *files, *names], check=True, capture_output=True)
-    (folder / "password").write_text("correct horse battery\nmore\n")
-    (folder / "password").chmod(0o600)
-    return folder
-
-
 async def test_elsewhere_than_on_loopback_it_is_tls_and_a_password(opened, certificate):
     files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
     panel = await opened(security=secured("0.0.0.0", *files))
@@ -242,6 +218,7 @@ async def test_elsewhere_than_on_loopback_it_is_tls_and_a_password(opened, certi
     for password, origin in (("wrong", panel.origin), ("", panel.origin), ("correct horse battery", {})):
         answer = await post(password, origin)
         assert answer.status == 403
+        assert ('role="alert">That was not' in await answer.text()) is bool(origin)
         assert not answer.cookies
     answer = await post("correct horse battery", panel.origin)
     assert answer.status == 303

@@ -26,6 +26,9 @@ WRONG_PASSWORD_S: Final = 1.0
 _MOST_BYTES: Final = 4096
 _LONGEST_NAME: Final = 24
 _AT_ONCE: Final = 16
+_DOOR: Final = frozenset({"/", "/login", "/page/door.css"})
+"""What anybody is answered who asks this host for it."""
+
 _KINDS: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -120,7 +123,7 @@ class PanelServer:
                 "form-action 'self'",
                 "frame-ancestors 'none'",
             )),
-            "Referrer-Policy": "no-referrer",
+            "Referrer-Policy": "same-origin",  # with none, a browser does not say that a form is our own
             "X-Content-Type-Options": "nosniff",
             "Cache-Control": "no-store",
         }  # fmt: skip
@@ -165,7 +168,7 @@ class PanelServer:
         access, host = self._access, request.host
         if not access.is_for_us(host):
             return 421
-        if request.path not in {"/", "/login"} and not access.is_let_in(request.cookies):
+        if request.path not in _DOOR and not access.is_let_in(request.cookies):
             return 403
         changing = request.method != "GET" or request.path == "/live"
         return 403 if changing and not access.is_from_us(host, request.headers.get("Origin", "")) else None
@@ -187,7 +190,9 @@ class PanelServer:
             if isinstance(given, str) and self._access.opens(given):
                 return self._with_cookie(web.Response(status=303, headers={"Location": "/"}))
             await asyncio.sleep(WRONG_PASSWORD_S)
-        return page("login.html", 403)
+        refused = page("login.html", 403)
+        refused.text = (refused.text or "").replace(" hidden", "", 1)  # it was not the password
+        return refused
 
     def _with_cookie(self, answer: web.Response) -> web.Response:
         answer.set_cookie(

@@ -51,6 +51,7 @@ class Live {
     this.pictures = pictures;
     this.orders = new Orders(at("orders"), lookOnly);
     at("mark").textContent = lookOnly ? TEXTS.look : "";
+    at("by-label").hidden = lookOnly;
     this.feed = new Feed(() => this.told(), (reason) => this.lost(reason));
     window.panel = this;
     if (!lookOnly) setInterval(() => this.vouch(), VOUCH_EVERY_MS);

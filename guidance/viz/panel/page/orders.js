@@ -21,17 +21,13 @@ export class Orders {
     this.daemon = null;
     this.shown = "";
     this.pressed = ""; // the order whose button is held down: it stays where it is meanwhile
-    if (lookOnly) {
-      this.next.textContent = TEXTS.look;
-      return;
-    }
+    if (lookOnly) return;
     element.querySelector("#buttons").append(...ALWAYS.map((order) => this.button(order)));
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
   show(daemon) {
     this.daemon = daemon;
-    if (this.lookOnly) return;
     const state = daemon.snapshot?.state ?? daemon.status.state ?? "connecting";
     const status = daemon.status;
     const order = NEXT[state];
@@ -43,7 +39,8 @@ export class Orders {
     if (this.pressed && this.pressed === order && !blocked) return;
     this.shown = what;
     const parts = [];
-    if (order && !blocked) parts.push(this.button(order), said("p", TEXTS.ready[order] ?? ""));
+    if (order && !blocked && this.lookOnly) parts.push(said("p", TEXTS.awaits(TEXTS.orders[order][0])));
+    else if (order && !blocked) parts.push(this.button(order), said("p", TEXTS.ready[order] ?? ""));
     else if (order) parts.push(...this.missing(order, status, reason));
     else parts.push(said("p", about));
     if (order === "start") parts.push(...this.listed(status.to_do, "warn", TEXTS.advised, "caution"));

@@ -63,6 +63,7 @@ export const TEXTS = {
     reset: ["RESET", "another flight"],
   },
   holdDown: "press and hold 1 s",
+  awaits: (order) => `It waits for ${order}.`,
   ready: { start: "Everything passes. START arms the vehicle: propellers will turn.", engage: "ENGAGE begins the game: guidance flies the vehicle to the stand-off disc." },
   missing: { start: "Missing before start", engage: "Missing before engaging" },
   advised: "Worth knowing",
