@@ -29,13 +29,16 @@ from guidance.messages import EvaderReport
 
 T = TypeVar("T")
 
-CHUNK_BYTES = 8 * 1024
+CHUNK_BYTES = 32 * 1024
 CHUNK_S = 0.1
 """A chunk is written when it is this long or this old: what a killed process had not written is lost."""
 
-ROTATED_S = 1800.0
+ROTATED_S = 600.0
 ROTATED_BYTES = 256_000_000
-"""A file is finished and the next one begun when it is this long or this large."""
+"""A file is finished and the next one begun when it is this long or this large.
+
+Until then the writer remembers where each of its chunks is: a megabyte in 100 s.
+"""
 
 _PACKAGES = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 

@@ -159,7 +159,7 @@ class RecordSection(Section):
 
     folder: Path | None = Field(None, description="where each start begins an MCAP record; none by default")
     required: bool = Field(True, description="whether a record that cannot be written keeps the vehicle on the ground")
-    rotate_s: float = Field(1800.0, ge=10.0, description="a longer flight goes on in a next file")
+    rotate_s: float = Field(600.0, ge=10.0, description="a longer flight goes on in a next file")
     rotate_mb: float = Field(256.0, ge=1.0, description="so does a larger one")
 
 

@@ -243,7 +243,7 @@ def main() -> None:
         "--within", type=float, default=math.inf, help="minutes of real time that a virtual flight may take"
     )
     parser.add_argument("--minutes", type=float, default=30.0, help="real time")
-    parser.add_argument("--rotate-s", type=float, default=300.0, help="length of a file; the daemon's is 1800")
+    parser.add_argument("--rotate-s", type=float, default=300.0, help="length of a file; the daemon's is 600")
     given = parser.parse_args()
     held = (
         virtual(given.hours, 60.0 * given.within, given.rotate_s)
