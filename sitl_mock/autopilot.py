@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, Wind, attitude_of
+from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import maker_of
 from sitl_mock.errors import ConfigError
 from sitl_mock.estimator import STEP_S as ESTIMATOR_S
@@ -66,11 +67,10 @@ class Settings:
 class Announcements(NamedTuple):
     """What a vehicle says by itself: on every link, and as texts on those that take texts."""
 
-    everywhere: Sequence[Reply] = ()
-    texts: Sequence[Reply] = ()
+    everywhere: Sequence[Reply]
+    texts: Sequence[Reply]
 
 
-_NOTHING: Final = Announcements()
 _euler, _surroundings = maker_of(Euler), maker_of(Surroundings)
 
 
@@ -150,7 +150,13 @@ class Autopilot:
         )
         self.commander = self.flavour.commander(self.state, self.plans)
         self.report = Report(
-            self.flavour, self.state, self.commander, Setpoint(Kind.STOPPED), self.events, settings.unix_us
+            self.flavour,
+            self.state,
+            self.commander,
+            Setpoint(Kind.STOPPED),
+            self.events,
+            settings.unix_us,
+            self._reference,
         )
         self._renew_times(now_s)
 
@@ -178,12 +184,12 @@ class Autopilot:
         """Take a message that belongs to no protocol."""
         take(self.state, self.commander, now_s, message)
 
-    def announcements(self) -> Announcements:
+    def announcements(self) -> Announcements | None:
         """Return what is to be said without having been asked for."""
-        texts, reached = self.state.texts, self.commander.mission.reached
-        news, changed = self.state.news, self.state.parameter_news
+        state, reached = self.state, self.commander.mission.reached
+        texts, news, changed = state.texts, state.news, state.parameter_news
         if not (texts or reached or news or changed):
-            return _NOTHING
+            return None
         said: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
         for severity, text in texts:
@@ -251,22 +257,24 @@ class Autopilot:
 
     def _move(self) -> None:
         """One step of the body under the last decision, and what the estimator makes of it."""
-        state, estimator = self.state, self.state.estimator
-        (n, e, d), gust = self.conditions.wind_m_s, self._gust
+        state, conditions = self.state, self.conditions
+        estimator, (n, e, d), gust = state.estimator, conditions.wind_m_s, self._gust
         if gust is not ZERO:
             n, e, d = n + gust[0], e + gust[1], d + gust[2]
         errors = (estimator.position_error_m, estimator.velocity_error_m_s)
-        around = _surroundings(((n, e, d), *errors, self.ground_m, self.conditions.thrust_share))
+        around = _surroundings(((n, e, d), *errors, self.ground_m, conditions.thrust_share))
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
-        body = self.motion.body
-        self.report.reference = self.plant.reference(self.motion)
-        state.body = body
+        state.body = body = self.motion.body
         state.sensors.advance(state.now_s, body)
         state.position_m, state.velocity_m_s = self.plant.estimate(body, around)
         state.attitude = attitude_of(body)
         if estimator.yaw_error_rad:
             state.attitude = state.attitude._replace(yaw_rad=wrap_pi(body.yaw_rad + estimator.yaw_error_rad))
         state.track_landing()
+
+    def _reference(self) -> Reference | None:
+        """The motion that the control follows, where it makes one."""
+        return self.plant.reference(self.motion)
 
     def _carry_on(self) -> None:
         """Half way between two moves: position and attitude by their rates."""
@@ -293,9 +301,8 @@ class Autopilot:
 
     def _renew_times(self, now_s: float) -> None:
         report = self.report
-        boot_us = int((now_s - self.state.booted_s + self.time_jump_s) * 1e6 + 0.5)
-        boot_us = max(boot_us, 0)
-        report.boot_us = boot_us
+        since_us = (now_s - self.state.booted_s + self.time_jump_s) * 1e6 + 0.5
+        report.boot_us = boot_us = int(since_us) if since_us > 0.0 else 0
         report.boot_ms = boot_us // 1000 & 0xFFFFFFFF
 
     def _hear_radio(self, now_s: float) -> None:

@@ -163,15 +163,15 @@ class MockVehicle:
         return {name: Link(self.autopilot, kind, index) for index, (name, kind) in enumerate(self._kinds.items())}
 
     def _tick(self, now_s: float, out: dict[str, list[bytes]]) -> None:
-        autopilot = self.autopilot
-        autopilot.tick(now_s, self._ticks)
+        autopilot, ticks = self.autopilot, self._ticks
+        autopilot.tick(now_s, ticks)
         if autopilot.boots != self._boots:
             self._boots = autopilot.boots
             self.links = self._fresh_links()
         for name, link in self.links.items():
-            out[name] += link.send(now_s, self._ticks)
+            out[name] += link.send(now_s, ticks)
         announcements = autopilot.announcements()
-        if (announcements.everywhere or announcements.texts) and not autopilot.conditions.telemetry_frozen:
+        if announcements is not None and not autopilot.conditions.telemetry_frozen:
             for name, link in self.links.items():
                 out[name] += link.pack(announcements.everywhere)
                 if link.takes_texts(now_s):

@@ -156,7 +156,7 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
 
 
 def _change_speed(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_CHANGE_SPEED: obeyed in the modes that fly by themselves (`set_speed_xy`)."""
+    """DO_CHANGE_SPEED: obeyed in the modes that fly by themselves."""
     kind, speed_m_s = command.params[:2]
     if not speed_m_s > 0.0 or commander.mode not in _SPEED_MODES:
         return FAILED

@@ -1,4 +1,4 @@
-"""Which setpoints ArduPilot takes in GUIDED (ArduCopter and Rover `GCS_Mavlink.cpp`, measured 4.5.7).
+"""Which setpoints ArduPilot takes in GUIDED (measured on ArduCopter 4.5.7).
 
 A field is ignored as a whole when any of its three bits is set. What makes no sense means "stop", and nothing is said.
 

@@ -1,7 +1,7 @@
 """What is asked of a flight under way.
 
-CIRCLE goes around a point ahead of where it began, at CIRCLE_RATE (ArduPilot's ``AC_Circle``). CONDITION_YAW turns the
-nose to a heading at a rate, and it stays there (ArduCopter's ``autoyaw.cpp``). DO_CHANGE_SPEED sets speeds.
+CIRCLE goes around a point ahead of where it began, at CIRCLE_RATE. CONDITION_YAW turns the nose to a heading at a
+rate, and it stays there. DO_CHANGE_SPEED sets speeds.
 """
 
 import math

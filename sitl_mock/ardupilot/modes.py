@@ -1,4 +1,4 @@
-"""ArduPilot's modes and what it changes by itself, one table a vehicle (`mode.h`, measured on 4.5.7)."""
+"""ArduPilot's modes and what it changes by itself, one table a vehicle (measured on 4.5.7)."""
 
 from typing import Final
 

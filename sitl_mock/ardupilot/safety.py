@@ -1,4 +1,4 @@
-"""What ArduPilot looks at ten times a second: arming checks with their texts, and failsafes (`events.cpp`)."""
+"""What ArduPilot looks at ten times a second: arming checks with their texts, and failsafes."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def refusals(state: VehicleState, mode: Mode) -> list[str]:
 
 
 def failing(state: VehicleState) -> list[str]:
-    """Return the checks before arming that fail; the mode is looked at only when arming (arm_checks)."""
+    """Return the checks before arming that fail; the mode is looked at only when arming."""
     reasons = []
     if state.conditions.arm_refused:
         reasons.append(state.conditions.arm_refused)

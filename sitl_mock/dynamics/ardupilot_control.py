@@ -164,7 +164,7 @@ class ArduControl:
         return advance(reference, (*pair, down), dt_s)
 
     def _accelerated(self, reference: Reference, wanted: Ned, dt_s: float) -> Reference:
-        """Accelerations alone: the speed is what they make of it (`input_accel_xy`)."""
+        """Accelerations alone: the speed is what they make of it."""
         a_n, a_e, a_d = reference.acceleration_ned_m_s2
         d_n, d_e, d_d = wanted[0] - a_n, wanted[1] - a_e, wanted[2] - a_d
         change, most = math.hypot(d_n, d_e), self.gains.jerk_m_s3 * dt_s
@@ -257,7 +257,7 @@ class ArduControl:
 
 
 def _held(before: Reference, after: Reference, limited: Limited) -> Reference:
-    """The reference, which does not run on towards where the lean has not been enough (`update_pos_vel_accel_xy`)."""
+    """The reference, which does not run on towards where the lean has not been enough."""
     limit_n, limit_e = limited.accel_ne_m_s2
     (p_n, p_e, _), (v_n, v_e, _), _ = before
     (q_n, q_e, q_d), (w_n, w_e, w_d), acceleration = after
@@ -275,7 +275,7 @@ def _held(before: Reference, after: Reference, limited: Limited) -> Reference:
 def _integrated(
     integral: tuple[float, float], error: tuple[float, float], gain: float, limited: Limited
 ) -> tuple[float, float]:
-    """The integral one step on; towards where the lean is not enough it does not grow (`AC_PID_2D::update_i`)."""
+    """The integral one step on; towards where the lean is not enough it does not grow."""
     (i_n, i_e), (e_n, e_e) = integral, error
     n, e = i_n + gain * e_n, i_e + gain * e_e
     limit_n, limit_e = limited.accel_ne_m_s2

@@ -3,9 +3,10 @@
 Where the values come from. Control gains, limits and take-off ramp: documented defaults of PX4 1.17 and ArduCopter 4.5.
 PX4's drag: its simulator's own (1 N per m/s on 1 kg), which also gives the 9.8 m/s measured at 45 degrees of tilt; its
 thrust: twice the weight. ArduCopter's drag: linear, and quadratic along each axis of the body, from the top speeds
-measured (15.2 m/s at 45 degrees, 10.3 m/s at 30, 11.4 m/s over the corner at 30). Attitude
-gains and ArduCopter's vertical velocity scale: least squares on the recorded steps, each half of the segments checked
-against the other (`tests/data/README.md`). Dead times: what the client's own link leaves of the measured time to 10 %.
+measured (15.2 m/s at 45 degrees, 10.3 m/s at 30, 11.4 m/s over the corner at 30). PX4's rate loop and how hard its
+rotors turn it, ArduCopter's attitude gain and vertical velocity scale: least squares on the recorded steps, each half
+checked against the other (`tests/data/README.md`). Dead times: what the client's own link leaves of the measured time
+to 10 %.
 """
 
 from typing import Final, Protocol
@@ -46,14 +47,15 @@ class Vehicle(Protocol):
 
 
 PX4_AIRFRAME: Final = Airframe(
-    attitude_gain_1_s=4.7,
-    rate_gain_1_s=11.0,
+    attitude_gain_1_s=4.0,
+    rate_gain_1_s=14.0,
     lean_rate_max_rad_s=3.84,
     yaw_rate_gain_1_s=4.0,
     thrust_max_m_s2=20.0,
     rotor_lag_s=0.05,
     drag_1_s=1.0,
     drag_1_m=0.0,
+    lean_accel_rad_s2=60.0,
 )
 PX4_TRAVEL: Final = TravelLimits(
     speed_m_s=5.0,
@@ -95,7 +97,7 @@ def px4_quadrotor(
 ) -> Multicopter[Px4Memory]:
     """The quadrotor of PX4's SIH simulator under PX4's default parameters, or with some replaced."""
     control = Px4Control(gains or Px4Gains(), travel, airframe.thrust_max_m_s2)
-    return Multicopter(control, Px4Memory, airframe, setpoint_delay_s=0.02)
+    return Multicopter(control, Px4Memory, airframe, setpoint_delay_s=0.01)
 
 
 def arducopter_quadrotor(

@@ -39,6 +39,8 @@ class Airframe:
         rotor_lag_s: Time constant of the thrust.
         drag_1_s: Linear drag, horizontal and vertical (specific force per air speed).
         drag_1_m: Quadratic drag along each axis of the body (specific force per air speed along it, squared).
+        lean_accel_rad_s2: How hard the whole thrust of the rotors would turn the body. Little thrust turns it slowly,
+            and what turns is not there to lift. Infinite where that is left out.
     """
 
     attitude_gain_1_s: float
@@ -49,6 +51,7 @@ class Airframe:
     rotor_lag_s: float
     drag_1_s: float
     drag_1_m: float
+    lean_accel_rad_s2: float = math.inf
 
 
 def body_at(position_ned_m: Ned, yaw_rad: float, *, on_ground: bool = True) -> Body:
@@ -68,11 +71,34 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
         dt_s: At most about 0.02 s.
     """
     *_, was_m_s2, on_ground = body
-    thrust_m_s2 = around.thrust_share * within(demand.thrust_m_s2, 0.0, airframe.thrust_max_m_s2)
+    full_m_s2 = airframe.thrust_max_m_s2
+    thrust_m_s2 = within(demand.thrust_m_s2, 0.0, full_m_s2)
+    rate_n, rate_e, turning = _turned(airframe, body, demand, thrust_m_s2 / full_m_s2, dt_s)
+    thrust_m_s2 = around.thrust_share * min(thrust_m_s2, full_m_s2 * (1.0 - turning))
     thrust_m_s2 += (was_m_s2 - thrust_m_s2) * math.exp(-dt_s / airframe.rotor_lag_s)
     if on_ground and thrust_m_s2 <= GRAVITY_M_S2:
         return _resting(body, thrust_m_s2, around.ground_down_m)
-    return _flying(airframe, body, demand, thrust_m_s2, around, dt_s)
+    moved = (rate_n, rate_e, thrust_m_s2)
+    return _flying(airframe, body, demand, moved, around, dt_s)
+
+
+def _turned(airframe: Airframe, body: Body, demand: Demand, throttle: float, dt_s: float) -> tuple[float, float, float]:
+    """The lean's rates towards north and east one step on, and the share of the rotors' thrust that turns so."""
+    ask_n = airframe.attitude_gain_1_s * (demand.lean_n_rad - body.lean_n_rad)
+    ask_e = airframe.attitude_gain_1_s * (demand.lean_e_rad - body.lean_e_rad)
+    ask, fastest = math.hypot(ask_n, ask_e), airframe.lean_rate_max_rad_s
+    if ask > fastest:
+        ask_n *= fastest / ask
+        ask_e *= fastest / ask
+    rate_n, rate_e = body.lean_rate_n_rad_s, body.lean_rate_e_rad_s
+    part, whole = 1.0 - math.exp(-airframe.rate_gain_1_s * dt_s), airframe.lean_accel_rad_s2 * dt_s
+    more_n, more_e = (ask_n - rate_n) * part, (ask_e - rate_e) * part
+    if whole == math.inf:
+        return rate_n + more_n, rate_e + more_e, 0.0
+    share, most = math.hypot(more_n, more_e) / whole, min(throttle, 0.5)
+    if share > most:
+        more_n, more_e, share = more_n * most / share, more_e * most / share, most
+    return rate_n + more_n, rate_e + more_e, share
 
 
 def _resting(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:
@@ -84,21 +110,18 @@ def _resting(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:
 
 
 def _flying(
-    airframe: Airframe, body: Body, demand: Demand, thrust_m_s2: float, around: Surroundings, dt_s: float
+    airframe: Airframe,
+    body: Body,
+    demand: Demand,
+    moved: tuple[float, float, float],
+    around: Surroundings,
+    dt_s: float,
 ) -> Body:
-    (p_n, p_e, p_d), (v_n, v_e, v_d), _, lean_n, lean_e, rate_n, rate_e, yaw, yaw_rate, _, _ = body
-    to_n, to_e, _, turn = demand
+    """The body in the air, with its new lean rates and thrust, one step on."""
+    (p_n, p_e, p_d), (v_n, v_e, v_d), _, lean_n, lean_e, _, _, yaw, yaw_rate, _, _ = body
+    (rate_n, rate_e, thrust_m_s2), turn = moved, demand.yaw_rate_rad_s
     (w_n, w_e, w_d), _, _, ground_d, _ = around
 
-    ask_n = airframe.attitude_gain_1_s * (to_n - lean_n)
-    ask_e = airframe.attitude_gain_1_s * (to_e - lean_e)
-    ask, fastest = math.hypot(ask_n, ask_e), airframe.lean_rate_max_rad_s
-    if ask > fastest:
-        ask_n *= fastest / ask
-        ask_e *= fastest / ask
-    keep = math.exp(-airframe.rate_gain_1_s * dt_s)
-    rate_n = ask_n + (rate_n - ask_n) * keep
-    rate_e = ask_e + (rate_e - ask_e) * keep
     lean_n += rate_n * dt_s
     lean_e += rate_e * dt_s
     yaw_rate += (turn - yaw_rate) * (1.0 - math.exp(-airframe.yaw_rate_gain_1_s * dt_s))

@@ -48,6 +48,7 @@ class Px4Gains:
     tilt_ground_rad: float = math.radians(12.0)  # MPC_TILTMAX_LND, until the take-off's ramp is over
     xy_error_max_m: float = 2.0  # MPC_XY_ERR_MAX: a trajectory waits for a vehicle that is as far behind
     thrust_min: float = 0.12  # MPC_THR_MIN, of full throttle
+    thrust_level_margin: float = 0.3  # MPC_THR_XY_MARG: what the lift leaves of full throttle to go sideways
     spool_s: float = 1.0  # COM_SPOOLUP_TIME
     ramp_s: float = 3.0  # MPC_TKO_RAMP_T
     take_off_wish_m_s: float = 0.1  # a climb faster than this on the ground starts the ramp
@@ -288,16 +289,20 @@ class Px4Control:
             if (lift >= most and err_d <= 0.0) or (lift <= least and err_d >= 0.0):
                 err_d = 0.0
             lift = min(max(lift, least, 1e-3), most)
-        # PX4 tilts by the horizontal acceleration against gravity alone (MPC_ACC_DECOUPLE 1).
+        # The tilt is that of the horizontal acceleration against gravity alone (MPC_ACC_DECOUPLE 1), whatever the lift.
         tilt_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
-        tan_max = min(math.tan(tilt_max_rad), math.sqrt(most * most - lift * lift) / lift)
-        if tilt_tan > tan_max:
-            shrink = tan_max / tilt_tan
-            # Tracking anti-windup with gain 2/P on what could not be produced.
-            back = 2.0 / gains.xy_vel_p_1_s * (1.0 - shrink)
+        tan_max = math.tan(tilt_max_rad)
+        side = min(lift * min(tilt_tan, tan_max), gains.thrust_level_margin * most)
+        lift = min(lift, math.sqrt(most * most - side * side))
+        tan_max = min(tan_max, math.sqrt(most * most - lift * lift) / lift)
+        shrink = tan_max / tilt_tan if tilt_tan > tan_max else 1.0
+        made = shrink * lift / GRAVITY_M_S2
+        if made < 1.0:
+            # Tracking anti-windup with gain 2/P on what cannot be made of the acceleration.
+            back = 2.0 / gains.xy_vel_p_1_s * (1.0 - made)
             err_n -= back * a_n
             err_e -= back * a_e
-            a_n, a_e, tilt_tan = a_n * shrink, a_e * shrink, tan_max
+        a_n, a_e, tilt_tan = a_n * shrink, a_e * shrink, tilt_tan * shrink
         integral = (
             i_n + gains.xy_vel_i_1_s2 * err_n * dt_s,
             i_e + gains.xy_vel_i_1_s2 * err_e * dt_s,

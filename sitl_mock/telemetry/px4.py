@@ -111,8 +111,8 @@ def position_target_local_ned(report: Report) -> Fields:
 
 
 def _trajectory(report: Report) -> tuple[float, ...]:
-    setpoint, reference = report.setpoint, report.reference
-    if setpoint.kind in _OWN and reference is not None:
+    setpoint = report.setpoint
+    if setpoint.kind in _OWN and (reference := report.reference()) is not None:
         return (*reference.position_ned_m, *reference.velocity_ned_m_s, *reference.acceleration_ned_m_s2)
     asked = report.state.body.acceleration_ned_m_s2
     push: tuple[float, ...] = setpoint.acceleration_ned_m_s2

@@ -1,6 +1,7 @@
 """What the telemetry is made from: one vehicle at one instant."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sitl_mock.commander import Commander
@@ -29,7 +30,7 @@ class Report:
         epoch_us: Time of the autopilot's clock since 1970 at time 0.
         place: Estimated place on Earth.
         sequence: Counts PING.
-        reference: The motion that the control follows, where it makes one.
+        reference: Tells the motion that the control follows, where it makes one.
     """
 
     flavour: Flavour
@@ -38,10 +39,10 @@ class Report:
     setpoint: Setpoint
     events: EventLog
     epoch_us: int
+    reference: Callable[[], Reference | None]
     boot_ms: int = 0
     boot_us: int = 0
     sequence: int = 0
-    reference: Reference | None = None
 
     @property
     def unix_us(self) -> int:
