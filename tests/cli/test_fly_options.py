@@ -1,9 +1,10 @@
 """What `guidance fly` refuses before anything flies: options that mean nothing there, and folders of other flights."""
 
+import psutil
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app
+from guidance.cli import app, flying
 from guidance.errors import ConfigError
 from guidance.session.mocked import OUTCOME, PICTURE, RECORD
 
@@ -66,3 +67,26 @@ def test_so_it_is_with_other_commands(arguments, words):
     done = CliRunner().invoke(app, arguments)
     assert isinstance(done.exception, ConfigError), done.output
     assert words in str(done.exception)
+
+
+@pytest.mark.parametrize("vehicle", [(), ("--vehicle", "udpin://127.0.0.1:14540")])
+def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_path, monkeypatch):
+    seen = []
+
+    def panels():
+        return [one for one in psutil.Process().children() if "panel" in one.cmdline()]
+
+    def flown(scenario, asked, *, control, **_):
+        (panel,) = panels()
+        seen.append((scenario, asked is not None, control, panel.cmdline()[3:]))
+        panel.terminate()  # as a person does who has seen enough
+        return 0
+
+    monkeypatch.setattr(flying, "fly_scenario", flown)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    done = CliRunner().invoke(app, ["fly", "pe", "--panel", *vehicle, "--out", str(tmp_path / "pe-001")])
+    assert done.exit_code == 0
+    ((scenario, on_vehicle, control, command),) = seen
+    assert (scenario, on_vehicle) == ("pe", bool(vehicle))
+    assert command == ["panel", "--endpoint", control, "--port", "0", "--records", str(tmp_path), "--with-parent"]
+    assert panels() == []
