@@ -49,11 +49,9 @@ export class Orders {
 
   // What stands against an order, and what to do about it, in place of its button.
   missing(order, status, reason) {
-    const parts = [said("h2", TEXTS.missing[order])];
-    const list = this.listed(status.to_do, "refuse", null, "warning");
+    const list = this.listed(status.to_do, "refuse", TEXTS.missing[order], "warning");
     const words = status.waiting_for ? TEXTS.waiting(status.waiting_for) : reason;
-    if (list.length) return [...parts, ...list];
-    return [...parts, said("p", words)];
+    return list.length ? list : [said("h2", TEXTS.missing[order]), said("p", words)];
   }
 
   listed(rows, verdict, heading, level) {
@@ -68,7 +66,7 @@ export class Orders {
       line.append(advice);
       list.append(line);
     }
-    return heading ? [said("h2", heading), list] : [list];
+    return [said("h2", TEXTS.counted(heading, kept.length)), list];
   }
 
   button(order) {

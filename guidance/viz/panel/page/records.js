@@ -61,8 +61,7 @@ function outcome(row) {
   if (row.error) return row.error;
   const words = [row.captured ? TEXTS.captured : TEXTS.notCaptured, row.ended && TEXTS.ended(row.ended)];
   if (row.alarms) words.push(TEXTS.alarms(row.alarms));
-  if (row.torn) words.push(TEXTS.torn);
-  return words.filter(Boolean).join(", ");
+  return [words.filter(Boolean).join(", "), row.torn && TEXTS.torn].filter(Boolean).join(" ");
 }
 
 function link(words, path, record) {

@@ -67,6 +67,7 @@ export const TEXTS = {
   ready: { start: "Everything passes. START arms the vehicle: propellers will turn.", engage: "ENGAGE begins the game: guidance flies the vehicle to the stand-off disc." },
   missing: { start: "Missing before start", engage: "Missing before engaging" },
   advised: "Worth knowing",
+  counted: (heading, count) => `${heading} (${count})`,
   wanted: (wanted) => `wanted ${wanted}`,
   // What guidance is about to do, by state; `seen` is the last moment, `status` the daemon's last answer.
   about: {
