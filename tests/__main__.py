@@ -50,13 +50,15 @@ STEPS = {
     ),
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
-        "whole flights in virtual time",
+        "whole flights in virtual time, and what works as long without a pause",
         (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow and not long"),
         marked="flight",
         gives_way=True,
     ),
     # Real clients wait more than they work.
-    "real time": Step("other people's clients", (*PYTEST, "-n", "3", "--dist", "load", "-m", "slow"), marked="slow"),
+    "real time": Step(
+        "other people's clients", (*PYTEST, "-n", "3", "--dist", "worksteal", "-m", "slow"), marked="slow"
+    ),
     "acceptance": Step(
         "what is promised, on a mock over UDP, or on SITLs that run (docs/acceptance.md)",
         (sys.executable, "-m", "tests.acceptance"),

@@ -17,7 +17,7 @@ settings.load_profile(PROFILE)
 @pytest.fixture(scope="session")
 def short_flight(tmp_path_factory):
     """A short chase, flown once for all who read of it: its result, and its record, which nobody changes."""
-    from tests.harness.flights import SHORT, flown  # what draws no flight need not load one
+    from tests.harness.flights import NEAR, flown  # what draws no flight need not load one
 
     path = tmp_path_factory.mktemp("short") / "record.mcap"
-    return flown(SHORT, path), path
+    return flown(NEAR, path), path

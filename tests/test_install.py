@@ -84,7 +84,7 @@ def test_a_container_leaves_out_what_the_page_about_small_computers_does():
     assert [line for line in trimming() if f"RUN {line}" not in made_of] == []
 
 
-@pytest.mark.slow
+@pytest.mark.flight
 def test_the_wheel_in_an_empty_environment_is_small_and_flies(tmp_path):
     base = Installed(wheel(tmp_path), sys.executable, tmp_path)
     assert base.megabytes < LARGEST_MB

@@ -21,9 +21,10 @@ NEVER_IN_MATHEMATICS = {"paused, then played on", "end: yielded"}
 @pytest.mark.parametrize("height_m", HEIGHTS_M.values(), ids=list(HEIGHTS_M))
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_between_point_masses_every_flight_ends_as_it_is_wanted_to(autopilot, height_m):
-    for case in cases(autopilot, height_m=height_m):
-        scenario = parse(Scenario, tomllib.loads(toml(case.scenario)), source=case.name)
-        row = play([scenario])[0]._asdict()
+    flights = cases(autopilot, height_m=height_m)
+    scenarios = [parse(Scenario, tomllib.loads(toml(case.scenario)), source=case.name) for case in flights]
+    for case, outcome in zip(flights, play(scenarios), strict=True):
+        row = outcome._asdict()
         held = {one.words: one.held(one.got(row)) for one in case.wanted if one.words not in NEVER_IN_MATHEMATICS}
         assert all(held.values()), (case.name, held, row)
 

@@ -19,27 +19,25 @@ def truth(rng, seconds, settings, *, fine_s=0.01):
 
     Returns (n, 4) positions and velocities every `fine_s`.
     """
-    state = np.concatenate([rng.normal(0.0, 50.0, 2), rng.normal(0.0, SPEED_SD_M_S, 2)])
+    count = round(seconds / fine_s)
+    x, y, north, east = *rng.normal(0.0, 50.0, 2), *rng.normal(0.0, SPEED_SD_M_S, 2)
     turn_rate = rng.normal(0.0, settings.turn_rate_sd_rad_s)
     share = settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s)
     turning = rng.random() < share
+    fade = math.exp(-fine_s / settings.turn_time_s)
+    turn_noise = settings.turn_rate_sd_rad_s * math.sqrt(1.0 - fade**2)
     rows = []
-    for _ in range(round(seconds / fine_s)):
-        rows.append(state.copy())
-        if rng.random() < fine_s / (settings.turning_time_s if turning else settings.steady_time_s):
+    for chance, (a, b, c) in zip(rng.random(count).tolist(), rng.normal(size=(count, 3)).tolist(), strict=True):
+        rows.append((x, y, north, east))
+        if chance < fine_s / (settings.turning_time_s if turning else settings.steady_time_s):
             turning = not turning
         if turning:
-            angle = turn_rate * fine_s
-            north, east = state[2:]
-            state[2:] = (
-                math.cos(angle) * north - math.sin(angle) * east,
-                math.sin(angle) * north + math.cos(angle) * east,
-            )
-        density = settings.turning_noise_m2_s3 if turning else settings.steady_noise_m2_s3
-        state[2:] += rng.normal(0.0, math.sqrt(density * fine_s), 2)
-        state[:2] += fine_s * state[2:]
-        fade = math.exp(-fine_s / settings.turn_time_s)
-        turn_rate = fade * turn_rate + rng.normal(0.0, settings.turn_rate_sd_rad_s * math.sqrt(1.0 - fade**2))
+            cos, sin = math.cos(turn_rate * fine_s), math.sin(turn_rate * fine_s)
+            north, east = cos * north - sin * east, sin * north + cos * east
+        spread = math.sqrt(fine_s * (settings.turning_noise_m2_s3 if turning else settings.steady_noise_m2_s3))
+        north, east = north + spread * a, east + spread * b
+        x, y = x + fine_s * north, y + fine_s * east
+        turn_rate = fade * turn_rate + turn_noise * c
     return np.array(rows)
 
 

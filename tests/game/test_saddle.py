@@ -13,8 +13,8 @@ PLAYED = (
     "capture_radius",
     "wind",
     "space",
-    pytest.param("ball_standoff", marks=pytest.mark.slow),
-    pytest.param("cylinder_standoff", marks=pytest.mark.slow),
+    pytest.param("ball_standoff", marks=pytest.mark.flight),
+    pytest.param("cylinder_standoff", marks=pytest.mark.flight),
 )
 STEPPING = Exact(step_s=0.2)
 few = settings(max_examples=drawn(1), deadline=None)

@@ -5,6 +5,7 @@ A process of its own takes a second to start: one where that is what is tested, 
 
 import io
 import os
+import signal
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from typing import NamedTuple
@@ -35,6 +36,7 @@ def guidance(*arguments: object, said: str = "") -> Done:
         arguments: Of the command.
         said: What the person types when asked, line by line.
     """
+    ends = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     out, err = (io.TextIOWrapper(Kept(), encoding="utf-8") for _ in range(2))
     with (
         patch.object(sys, "argv", ["guidance", *map(str, arguments)]),
@@ -48,6 +50,9 @@ def guidance(*arguments: object, said: str = "") -> Done:
             code = 0
         except SystemExit as end:
             code = end.code
+        finally:
+            for number, handler in ends.items():
+                signal.signal(number, handler)
     out.flush()
     err.flush()
     return Done(int(code or 0), *(stream.buffer.getvalue().decode() for stream in (out, err)))

@@ -12,7 +12,8 @@ from guidance.session.result import FlightResult
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 
-SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
+NEAR = load(Scenario, Path(__file__).parents[1] / "data" / "near_chase.toml")
+"""Low, a few metres, a few seconds: a whole flight in the least time."""
 
 
 def flown(

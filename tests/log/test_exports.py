@@ -244,7 +244,7 @@ def test_the_log_commands_show_what_a_record_holds(flight, tmp_path):
     assert [line.split("  ")[-1].strip() for line in events.output.splitlines()][-1] == "landing -> landed"
     done = runner.invoke(app, ["log", "export", str(flight[1]), str(tmp_path / "a" / "b.csv")])
     assert f"{flight[0].cycles} cycles" in done.output
-    assert metadata_of(flight[1])["seed"] == "0"
+    assert metadata_of(flight[1])["seed"] == str(flight[0].scenario.seed)
 
 
 SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))

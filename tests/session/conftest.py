@@ -21,6 +21,7 @@ from guidance.session.orders import Mailbox
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
+from tests.harness.copies import Flown
 from tests.harness.vehicle import FENCED, document
 
 CYCLE_S = 0.02
@@ -150,6 +151,10 @@ class Base:
         assert self.order("engage")["accepted"]
         return self.until(State.ENGAGED)
 
+    def history(self):
+        """What has been said, which nobody changes."""
+        return [*self.sent, *self.log.lines]
+
     def setpoints_since(self, since_s):
         return [
             message
@@ -169,19 +174,50 @@ class Base:
         self.injected.append(message.pack(other))
 
 
+class Bases:
+    """Makes daemons. What many begin with is flown once: they go on from copies of it."""
+
+    def __init__(self):
+        self.flown = Flown()
+        self.made = []
+
+    def __call__(self, **options):
+        return self._kept(Base(**options))
+
+    def ready(self, **options):
+        return self._after("ready", lambda one: one.until(State.READY), options)
+
+    def standing_by(self, **options):
+        return self._after("standing by", Base.standing_by, options)
+
+    def engaged(self, **options):
+        return self._after("engaged", Base.engaged, options)
+
+    def _after(self, where, fly, options):
+        key = (where, repr(sorted(options.items())))
+        return self._kept(self.flown(key, lambda: fly(Base(**options)), Base.history))
+
+    def _kept(self, one):
+        self.made.append(one)
+        return one
+
+    def close(self):
+        while self.made:
+            one = self.made.pop()
+            one.link.close()
+            one.evader.close()
+
+
+@pytest.fixture(scope="session")
+def bases():
+    return Bases()
+
+
 @pytest.fixture
-def base():
+def base(bases):
     """Make daemons; everything is closed at the end."""
-    made = []
-
-    def make(**options):
-        made.append(Base(**options))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.link.close()
-        one.evader.close()
+    yield bases
+    bases.close()
 
 
 @pytest.fixture

@@ -31,14 +31,14 @@ ENDED_BY = [
 
 
 def test_nothing_arms_and_nothing_engages_without_an_order(base):
-    base = base().until(State.READY).run(20.0)
+    base = base.ready().run(20.0)
     assert base.state is State.READY
     assert not base.vehicle.armed
     assert base.setpoints_since(0.0) == []
 
 
 def test_orders_fly_a_pursuit_from_the_ground_to_the_hold(base):
-    base = base().engaged()
+    base = base.engaged()
     base.until(State.ON_STATION)
     assert base.order("hold") == {"accepted": True, "order": "hold", "name": "uav1", "state": "holding"}
     base.run(2.0)
@@ -49,7 +49,7 @@ def test_orders_fly_a_pursuit_from_the_ground_to_the_hold(base):
 
 
 def test_an_order_that_changes_nothing_is_refused_with_what_to_do_next(base):
-    base = base().until(State.READY)
+    base = base.ready()
     answer = base.order("engage")
     assert not answer["accepted"]
     assert "order start first" in answer["reason"]
@@ -92,7 +92,7 @@ def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
 
 
 def test_an_abort_of_a_vehicle_found_in_the_air_lands_it_and_on_the_ground_calls_the_flight_off(base):
-    up, down = aloft(base()).until(State.READY), base().until(State.READY)
+    up, down = aloft(base()).until(State.READY), base.ready()
     assert up.order("abort")["state"] == "landing"
     up.until(State.LANDED)
     assert down.order("abort")["state"] == "failed"
@@ -100,7 +100,7 @@ def test_an_abort_of_a_vehicle_found_in_the_air_lands_it_and_on_the_ground_calls
 
 
 def test_an_order_that_is_done_already_is_accepted(base):
-    base = base().standing_by()
+    base = base.standing_by()
     assert base.order("hold")["accepted"]
     assert base.state is State.HOLDING
     assert base.order("hold")["accepted"]
@@ -108,14 +108,14 @@ def test_an_order_that_is_done_already_is_accepted(base):
 
 
 def test_what_is_not_an_order_is_told_what_is(base):
-    base = base().until(State.READY)
+    base = base.ready()
     answer = base.order("loop-the-loop")
     assert not answer["accepted"]
     assert all(word in answer["reason"] for word in WORDS)
 
 
 def test_engaging_is_refused_while_the_evader_is_silent(base):
-    base = base().standing_by()
+    base = base.standing_by()
     base.prey_silent = True
     base.run(3.0)
     answer = base.order("engage")
@@ -127,7 +127,7 @@ def test_engaging_is_refused_while_the_evader_is_silent(base):
 
 
 def test_the_status_is_plain_json_with_the_certificate_in_it(base):
-    base = base().until(State.READY)
+    base = base.ready()
     status = base.order("status")
     assert status["state"] == "ready"
     assert status["certificate"] is None
@@ -159,7 +159,7 @@ def test_a_parameter_that_is_mended_makes_the_vehicle_ready(base):
 
 
 def test_a_fence_that_is_not_required_is_only_warned_of(base):
-    base = base(parameters={}, preflight={"fence_required": False}).until(State.READY)
+    base = base.ready(parameters={}, preflight={"fence_required": False})
     verdicts = {row.name: str(row.verdict) for row in base.daemon.rows}
     assert verdicts["GF_MAX_HOR_DIST"] == "warn"
 
@@ -175,7 +175,7 @@ def test_arducopter_flies_once_it_is_set_up(base):
 
 
 def test_after_capture_return_flies_home(base):
-    base = base(flight={"after_capture": "return"}).engaged()
+    base = base.engaged(flight={"after_capture": "return"})
     base.until(State.RETURNING)
     base.run(2.0)
     assert base.vehicle.mode == "RTL"
@@ -186,7 +186,7 @@ def test_after_capture_return_flies_home(base):
     [(Event.HOLD, State.HOLDING, "HOLD"), (Event.LAND, State.LANDING, "LAND"), (Event.RETURN, State.RETURNING, "RTL")],
 )
 def test_sigterm_in_flight_hands_the_vehicle_over_before_the_daemon_ends(base, order, state, mode):
-    base = base().engaged()
+    base = base.engaged()
     base.daemon.leave(order, base.now_s)
     left_s = base.now_s
     while not base.daemon.finished:
@@ -198,7 +198,7 @@ def test_sigterm_in_flight_hands_the_vehicle_over_before_the_daemon_ends(base, o
 
 
 def test_sigterm_on_the_ground_ends_at_once_and_commands_nothing(base):
-    base = base().until(State.READY)
+    base = base.ready()
     before_s = base.now_s
     base.daemon.leave(Event.HOLD, base.now_s)
     base.cycle()
@@ -207,7 +207,7 @@ def test_sigterm_on_the_ground_ends_at_once_and_commands_nothing(base):
 
 
 def test_sigterm_to_a_vehicle_that_does_not_answer_ends_within_its_limit(base):
-    base = base().engaged()
+    base = base.engaged()
     base.link.request = lambda request: None
     base.daemon.leave(Event.LAND, base.now_s)
     left_s = base.now_s
@@ -217,20 +217,20 @@ def test_sigterm_to_a_vehicle_that_does_not_answer_ends_within_its_limit(base):
 
 
 def test_a_second_sigterm_ends_at_once(base):
-    base = base().engaged()
+    base = base.engaged()
     base.daemon.leave(Event.HOLD, base.now_s)
     base.daemon.leave(Event.HOLD, base.now_s)
     assert base.daemon.finished
 
 
 def test_orders_are_refused_while_the_daemon_is_ending(base):
-    base = base().engaged()
+    base = base.engaged()
     base.daemon.leave(Event.HOLD, base.now_s)
     assert base.order("engage")["reason"] == "the daemon is ending"
 
 
 def test_a_pilot_takes_over_and_only_a_reset_on_a_persons_word_begins_again(base):
-    base = base().engaged()
+    base = base.engaged()
     pilot(base, "POSCTL")
     base.until(State.YIELDED)
     silent_s = base.now_s
@@ -247,13 +247,13 @@ def test_a_pilot_takes_over_and_only_a_reset_on_a_persons_word_begins_again(base
 
 
 def test_a_reset_in_flight_is_refused(base):
-    base = base().engaged()
+    base = base.engaged()
     assert "in flight" in base.order("reset")["reason"]
     assert base.state is State.ENGAGED
 
 
 def test_a_configuration_is_read_again_on_the_ground_only(base):
-    base = base().until(State.READY)
+    base = base.ready()
     slower = parse(Config, {**base.config.model_dump(), "flight": {"takeoff_height_m": 7.0}}, source="again")
     base.daemon.exchange(lambda: plan_of(slower), base.now_s)
     assert base.daemon.flight.settings.takeoff_height_m == 7.0
@@ -264,7 +264,7 @@ def test_a_configuration_is_read_again_on_the_ground_only(base):
 
 
 def test_a_configuration_that_became_wrong_leaves_the_old_one_in_force(base):
-    base = base().until(State.READY)
+    base = base.ready()
 
     def wrong():
         raise ConfigError("game.speed_m_s = 0.0: must be greater than 0")
@@ -277,7 +277,7 @@ def test_a_configuration_that_became_wrong_leaves_the_old_one_in_force(base):
 
 
 def test_setpoints_of_another_source_are_noticed_and_the_vehicle_is_handed_to_its_hold(base):
-    base = base().engaged().run(2.0)
+    base = base.engaged().run(2.0)
     begun_s = base.now_s
     while base.state is State.ENGAGED and base.now_s - begun_s < 5.0:
         base.cycle()
@@ -298,7 +298,7 @@ def test_our_own_setpoints_alone_never_raise_the_alarm(base, autopilot):
 
 
 def test_signs_of_life_come_from_the_loop_and_stop_with_it(base):
-    base = base().until(State.READY)
+    base = base.ready()
     base.notifier.said.clear()
     base.run(2.0)
     assert 3 <= base.notifier.said.count("WATCHDOG=1") <= 4  # a third of two seconds apart
@@ -309,7 +309,7 @@ def test_signs_of_life_come_from_the_loop_and_stop_with_it(base):
 
 
 def test_a_frozen_loop_stops_the_stream_and_the_autopilot_takes_over(base):
-    base = base(parameters={**FENCED, "COM_OBL_RC_ACT": 5}).engaged()
+    base = base.engaged(parameters={**FENCED, "COM_OBL_RC_ACT": 5})
     base.run(1.0)
     for _ in range(75):
         base.world()
@@ -319,7 +319,7 @@ def test_a_frozen_loop_stops_the_stream_and_the_autopilot_takes_over(base):
 
 
 def test_the_metrics_follow_the_flight(base):
-    base = base().engaged().run(1.5)
+    base = base.engaged().run(1.5)
     read = base.metrics.registry.get_sample_value
     labels = {"vehicle": "uav1"}
     assert read("guidance_state", {**labels, "state": "engaged"}) == 1.0
@@ -359,7 +359,7 @@ def test_every_cycle_and_event_is_recorded(base):
 
 
 def test_a_pilots_switch_to_the_guided_mode_engages_where_that_is_configured(base):
-    base = base(flight={"engage_on": "pilot_mode"}).standing_by().run(1.0)
+    base = base.standing_by(flight={"engage_on": "pilot_mode"}).run(1.0)
     pilot(base, "POSCTL")
     base.run(2.0)
     assert base.state is State.STANDING_BY  # who is to engage may fly in any mode before
@@ -369,7 +369,7 @@ def test_a_pilots_switch_to_the_guided_mode_engages_where_that_is_configured(bas
 
 
 def test_while_a_pilot_is_waited_for_the_stream_is_still_and_current(base):
-    base = base(flight={"engage_on": "pilot_mode"}).standing_by().run(2.0)
+    base = base.standing_by(flight={"engage_on": "pilot_mode"}).run(2.0)
     since_s = base.now_s
     base.run(1.0)
     stream = base.setpoints_since(since_s + 0.001)
@@ -378,7 +378,7 @@ def test_while_a_pilot_is_waited_for_the_stream_is_still_and_current(base):
 
 
 def test_a_pilot_takes_back_what_he_engaged_and_his_switch_does_not_engage_again(base):
-    base = base(flight={"engage_on": "pilot_mode"}).standing_by().run(1.0)
+    base = base.standing_by(flight={"engage_on": "pilot_mode"}).run(1.0)
     pilot(base, "POSCTL")
     base.run(2.0)
     base.vehicle.inject("pilot_mode", "OFFBOARD")
@@ -394,7 +394,7 @@ def test_a_pilot_takes_back_what_he_engaged_and_his_switch_does_not_engage_again
 
 def test_before_a_pilot_is_waited_for_the_hold_is_asked_for_once_and_then_the_stream_begins(base):
     # A PX4 that lost its setpoints in OFFBOARD would take the new stream for the old wish.
-    base = base(flight={"engage_on": "pilot_mode"}).standing_by()
+    base = base.standing_by(flight={"engage_on": "pilot_mode"})
     begun_s = base.now_s
     base.run(0.9)
     assert base.commands_since(begun_s) == [MAV_CMD_DO_SET_MODE]
@@ -405,14 +405,14 @@ def test_before_a_pilot_is_waited_for_the_hold_is_asked_for_once_and_then_the_st
 
 
 def test_without_that_configuration_a_pilots_switch_engages_nothing(base):
-    base = base().standing_by()
+    base = base.standing_by()
     assert base.setpoints_since(0.0) == []
     pilot(base, "POSCTL")
     base.until(State.YIELDED)
 
 
 def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base):
-    base = base().until(State.READY)
+    base = base.ready()
     assert base.order("start")["accepted"]
     base.until(State.CLIMBING)
     assert "it is taking off" in base.order("engage")["reason"]
@@ -423,7 +423,7 @@ def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base)
 
 
 def test_a_broken_guarantee_is_said_and_counted(base):
-    base = base().engaged()
+    base = base.engaged()
     run, alarm = base.daemon._linked.run, Alarm(Violation.CAPTURE_LATER, 1.5)
     base.daemon._linked.run = lambda *given, **more: run(*given, **more)._replace(alarm=alarm)
     base.run(0.1)
@@ -442,7 +442,7 @@ def test_a_record_that_stops_is_said_once(base):
 
 
 def test_a_sign_of_life_is_answered_with_where_it_stands_and_is_nothing_else(base):
-    base = base().standing_by()
+    base = base.standing_by()
     before = base.daemon.flight.state
     base.run(2.0)
     assert base.daemon.flight.operator_silence_s(base.now_s) > 1.5

@@ -18,7 +18,7 @@ from guidance.sim.files import load_scenario
 from guidance.sim.players import game
 from guidance.viz.picture import draw
 from guidance.viz.shapes import isochron
-from tests.harness.flights import SHORT, flown
+from tests.harness.flights import NEAR, flown
 
 pytestmark = pytest.mark.flight
 
@@ -143,23 +143,23 @@ def test_one_setpoint_goes_out_a_cycle_and_none_outside_of_the_guided_states(pe)
 
 def test_two_runs_with_one_seed_are_one_record_and_another_seed_is_another(tmp_path):
     paths = [tmp_path / name for name in ("a.mcap", "b.mcap", "c.mcap")]
-    flown(SHORT, paths[0])
-    flown(SHORT, paths[1])
-    flown(SHORT.model_copy(update={"seed": 7}), paths[2])
+    flown(NEAR, paths[0])
+    flown(NEAR, paths[1])
+    flown(NEAR.model_copy(update={"seed": 7}), paths[2])
     first, again, other = (path.read_bytes() for path in paths)
     assert first == again
     assert first != other
 
 
 def test_arducopter_flies_the_same_scenario():
-    pursuer = SHORT.pursuer.model_copy(update={"autopilot": "arducopter"})
-    result = flown(SHORT.model_copy(update={"pursuer": pursuer}))
+    pursuer = NEAR.pursuer.model_copy(update={"autopilot": "arducopter"})
+    result = flown(NEAR.model_copy(update={"pursuer": pursuer}))
     assert ended(result) == "captured"
     assert result.ended is State.LANDED
 
 
 def test_a_game_that_lasts_too_long_is_ended_by_landing():
-    result = flown(SHORT.model_copy(update={"time_limit_s": 3.0}))
+    result = flown(NEAR.model_copy(update={"time_limit_s": 3.0}))
     assert ended(result) == "time limit reached"
     assert result.ended is State.LANDED
     assert Event.LAND in {happening.event for happening in result.happenings}
@@ -167,7 +167,7 @@ def test_a_game_that_lasts_too_long_is_ended_by_landing():
 
 def test_the_live_line_is_told_of_every_cycle():
     seen = []
-    result = flown(SHORT, watch=seen.append)
+    result = flown(NEAR, watch=seen.append)
     assert len(seen) == result.cycles
     engaged = [progress for progress in seen if progress.state is State.ENGAGED]
     assert all(progress.certificate is not None and progress.mode == "OFFBOARD" for progress in engaged)

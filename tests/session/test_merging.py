@@ -136,7 +136,8 @@ def test_without_a_persons_word_nothing_starts_and_nothing_engages(sortie):
     flown = sortie(own(), scenario(), engage=False).run(66.0)
     assert flown.state is State.READY
     flown.mailbox.ask("start")
-    assert flown.run(60.0).state is State.STANDING_BY
+    flown.run(60.0, until=lambda: flown.state is State.STANDING_BY)
+    assert flown.run(6.0).state is State.STANDING_BY
     flown.mailbox.ask("engage")
     flown.run(60.0)
     assert outcome_of_flight(flown.mission.result, "vehicle").end == "captured"

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from guidance.clock import VirtualClock
-from guidance.config import load
 from guidance.flight import State
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Daemon
@@ -18,10 +17,8 @@ from guidance.session.fly import fly
 from guidance.session.service import reload
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
-from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
-
-SHORT = load(Scenario, Path(__file__).parents[1] / "data" / "short_chase.toml")
+from tests.harness.flights import NEAR
 
 
 def left():
@@ -74,9 +71,9 @@ def grounded(tmp_path, vehicle_document):
 def test_a_whole_flight_leaves_nothing(tmp_path):
     def once(number):
         clock = VirtualClock()
-        world = SteppedWorld(SHORT.model_copy(update={"seed": number}), clock)
+        world = SteppedWorld(NEAR.model_copy(update={"seed": number}), clock)
         record = Recorder(tmp_path / "record.mcap", {})
-        assert fly(SHORT, world, clock, record).ended is State.LANDED
+        assert fly(NEAR, world, clock, record).ended is State.LANDED
         record.close()
         world.close()
 

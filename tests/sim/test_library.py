@@ -1,5 +1,6 @@
 """Every scenario that comes along does what it says: as mathematics, and flown against the mock in virtual time."""
 
+import functools
 import subprocess
 import sys
 import tomllib
@@ -18,6 +19,18 @@ from tests.harness.flights import flown
 EVERY = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
 TEAMS = [name for name in EVERY if isinstance(load_any(name)[1], TeamScenario)]
 NAMES = [name for name in EVERY if name not in TEAMS]
+GUIDANCE = Path(sys.executable).parent / "guidance"
+NEAR = Path(__file__).parents[1] / "data" / "near_chase.toml"
+TAKEN_OVER = """
+[[fault]]
+kind = "pilot_mode"
+mode = "POSCTL"
+at_s = 1.0
+
+[expect]
+end = "yielded"
+events = ["external mode change"]
+"""
 FLOWN_ELSEWHERE = ("pe", "tad")
 """In tests/session/test_fly.py, which holds them to the same."""
 
@@ -44,10 +57,16 @@ def test_every_scenario_explains_itself_and_expects_something(name):
     assert expected
 
 
+@functools.cache
+def played():
+    """All of them, side by side in one batch: a game is the same in a batch and alone."""
+    scenarios = [load_scenario(name)[1] for name in NAMES]
+    return dict(zip(NAMES, zip(scenarios, play(scenarios), strict=True), strict=True))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_what_a_scenario_expects_holds_in_mathematics(name):
-    scenario = load_scenario(name)[1]
-    assert failed(scenario, play([scenario])[0]) == []
+    assert failed(*played()[name]) == []
 
 
 @pytest.mark.parametrize("name", TEAMS)
@@ -67,16 +86,9 @@ def test_what_a_scenario_expects_holds_in_flight(name):
 
 @pytest.mark.slow
 def test_in_real_time_over_udp_a_fault_strikes_after_engagement_as_it_does_in_virtual_time(tmp_path):
-    command = [
-        Path(sys.executable).parent / "guidance",
-        "scenario",
-        "run",
-        "pilot_takeover",
-        "--as",
-        "live",
-        "--over",
-        "udp",
-    ]
-    done = subprocess.run([*command, "--out", tmp_path], capture_output=True, text=True, timeout=120, check=False)
+    scenario = tmp_path / "takeover.toml"
+    scenario.write_text(NEAR.read_text() + TAKEN_OVER)
+    command = [GUIDANCE, "scenario", "run", scenario, "--as", "live", "--over", "udp", "--out", tmp_path / "out"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "yielded" in done.stdout

@@ -101,7 +101,7 @@ def mixed(count=24):
         evader["policy"] = ["optimal", "random_turns", "hold"][i % 3]
         pursuer = {"policy": ["optimal", "pure_pursuit", "proportional_navigation", "lead_pursuit"][i % 4]}
         sensor = {"rate_hz": 2.0, "latency_s": 0.3, "position_noise_m": 0.5, "dropout": 0.3} if i % 5 == 0 else {}
-        rows.append(scenario(evader=evader, pursuer=pursuer, sensor=sensor, seed=i, time_limit_s=60.0))
+        rows.append(scenario(evader=evader, pursuer=pursuer, sensor=sensor, seed=i, time_limit_s=20.0))
     return rows
 
 

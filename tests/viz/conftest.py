@@ -6,9 +6,9 @@ import subprocess
 import pytest
 
 from guidance.session.recorded import recorded_settings
-from guidance.sim.files import load_scenario
+from guidance.sim.scenario import Scenario
 from guidance.viz.report import write_report
-from tests.harness.flights import flown
+from tests.harness.flights import NEAR, flown
 
 
 @pytest.fixture(scope="session")
@@ -23,9 +23,11 @@ def pe(short_flight, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def tad(tmp_path_factory):
-    """The paper's TAD game, flown and reported."""
+    """A short TAD game, flown and reported."""
     folder = tmp_path_factory.mktemp("tad")
-    result = flown(load_scenario("tad")[1], folder / "r.mcap")
+    target, evader = {"position_m": (0.0, 10.0)}, {**NEAR.evader.model_dump(), "position_m": (12.0, 16.0)}
+    scenario = Scenario.model_validate({**NEAR.model_dump(), "game": "tad", "target": target, "evader": evader})
+    result = flown(scenario, folder / "r.mcap")
     write_report(folder / "r.mcap", folder, recorded_settings)
     return result, folder / "r.mcap", folder
 

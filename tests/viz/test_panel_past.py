@@ -11,13 +11,11 @@ from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
 from guidance.clock import MonotonicClock
-from guidance.config import load
 from guidance.errors import OutputError
 from guidance.log import cycles_of
 from guidance.session.mocked import RECORD, fly_mock
 from guidance.session.onlookers import free_endpoint
 from guidance.session.recorded import recorded_settings
-from guidance.sim.scenario import Scenario
 from guidance.viz.panel import afterwards
 from guidance.viz.panel.beside import options_of
 from guidance.viz.panel.bus import DaemonBus, Heard
@@ -25,6 +23,7 @@ from guidance.viz.panel.hub import Hub
 from guidance.viz.panel.past import Past
 from guidance.viz.panel.records import RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
+from tests.harness.flights import NEAR
 
 
 @pytest.fixture
@@ -44,7 +43,7 @@ async def test_the_records_of_a_folder_are_listed_with_how_they_ended_and_read_o
     assert rows.keys() == {"uav1.mcap", "pe-001/record.mcap", "strange.mcap"}
     whole, torn = rows["uav1.mcap"], rows["pe-001/record.mcap"]
     assert (whole["captured"], whole["ended"], whole["torn"]) == (True, "landed", None)
-    assert whole["title"] == "A short chase for tests"
+    assert whole["title"] == NEAR.title
     assert whole["duration_s"] > 20.0
     assert torn["torn"]
     assert not torn["captured"]
@@ -109,8 +108,7 @@ def test_a_replay_is_the_whole_flight_in_the_order_it_was_flown(record, capsys):
     assert engaged["game"]["isochron_m"]
 
 
-def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(record, request, tmp_path):
-    scenario = load(Scenario, request.config.rootpath / "tests" / "data" / "short_chase.toml")
+def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(record, tmp_path):
     endpoint = free_endpoint()
     bus = DaemonBus(endpoint, None, MonotonicClock())
     hub = Hub([bus], recorded_settings, MonotonicClock())
@@ -124,7 +122,7 @@ def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(rec
             threading.Event().wait(0.01)  # the panel joins in real time, of which a fast flight has little
 
     try:
-        fly_mock(scenario, tmp_path / "flown", look, fast=True, link="pymavlink", port=0, control=endpoint)
+        fly_mock(NEAR, tmp_path / "flown", look, fast=True, link="pymavlink", port=0, control=endpoint)
     finally:
         hub.close()
     assert heard.cycles > 100
