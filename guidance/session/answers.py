@@ -205,11 +205,12 @@ def status(
             "certificate": certificate,
         }
     )
+    shown = rounded(shown)
     if certificate is not None:
         range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
         reason = None if certificate.reason is None else Reason(certificate.reason).word
         words = {"winner": Winner(certificate.winner).word, "reason": reason}
-        shown["certificate"] = rounded(shown["certificate"]) | words
+        shown["certificate"] = shown["certificate"] | words
         shown |= {"range_m": round(range_m, 2), "value_unit": "m" if flight.settings.cycle.target_game_m else "s"}
     return shown
 
