@@ -54,7 +54,7 @@ class Race(NamedTuple):
 
 
 def apollonius_circle(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> Apollonius:
-    """Return the circle in the evader's plane, of the points (x, y, 0) with ‖X − P‖ = δ‖X − E‖, eq. (5).
+    """Return the circle in the evader's plane: the points (x, y, 0) with ‖X − P‖ = δ‖X − E‖, eqs. (4), (5).
 
     Its centre is (δ² E − P_xy)/(δ² − 1), eq. (6), its radius √(z²/(δ² − 1) + δ² d²/(δ² − 1)²), eq. (7): the section of
     `apollonius_sphere` with the plane.
