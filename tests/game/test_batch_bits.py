@@ -101,6 +101,9 @@ def test_leading_axes_broadcast(games, oracle):
     assert crossed.value.shape == (5, 7)
     assert crossed.pursuer_velocity_m_s.shape == (5, 7, 3)
     assert crossed.value[3, 4] == solve(games["paper"], P[3], E[9], T[0]).value
+    few = solve(games["ball_standoff"], P[:5, None], E[None, 5:12], T[0])
+    whole = solve(games["ball_standoff"], *np.broadcast_arrays(P[:5, None], E[None, 5:12], T[0]))
+    assert all(same(a, b) for a, b in zip(few, whole, strict=True))
 
 
 def test_single_precision_stays_single_and_close(games, oracle):

@@ -3,6 +3,8 @@
 The evader is seen as it was; both play from there in small steps, and the value is held against what happens.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -192,6 +194,22 @@ DENTED = [
         Game(Ball(2.0), 1.0, information_age_s=2.0, wind_m_s=(0.3, -0.4)),
         (-2.7981, -6.9946, 0.8637), (-3.3716, -9.1556), (4.2063, 11.4797),
     ),
+    (
+        Game(Ball(1.95), 1.5, 0.4, information_age_s=3.0),
+        (-19.2779, -10.3853, 0.1269), (-17.9101, -7.0783), (-22.5057, -17.274),
+    ),
+    (
+        Game(Cylinder(1.95, 2.0, 2.0), 1.5, 0.4, information_age_s=1.0),
+        (4.3424, 12.1597, 0.4589), (4.4923, 11.1393), (4.1599, 14.3507),
+    ),
+    (
+        Game(Ball(1.65), 1.5, information_age_s=0.3, wind_m_s=(0.05, -0.06)),
+        (6.3737, -0.544, 0.2804), (5.1146, -0.2705), (16.0962, -2.97),
+    ),
+    (
+        Game(Cylinder(1.65, 2.0, 2.0), 1.5, information_age_s=3.0),
+        (17.8835, 5.2255, 0.2381), (18.0, 1.0), (18.2698, 18.0572),
+    ),
 ]  # fmt: skip
 """States whose region has a dent before the pursuer, with a place on either side that is the best of its side."""
 
@@ -203,3 +221,7 @@ def test_of_two_places_beside_a_dent_the_better_one_is_taken(oracle, game, P, E,
     assert float(solve(game, P, E, T).value) == pytest.approx(value, abs=1e-9)
     many = solve(game, *(np.stack([place, place + np.array([0.0, 1e-9, 0.0])]) for place in (P, E, T)))
     np.testing.assert_allclose(many.value, value, atol=1e-8)
+    size = 2.0**-12
+    capture, age = size * game.capture_radius_m, size * game.information_age_s
+    small = replace(game, capture_radius_m=capture, information_age_s=age)
+    assert float(solve(small, size * P, size * E, size * T).value) == pytest.approx(size * value, abs=1e-9 * size)

@@ -90,9 +90,10 @@ def test_lead_pursuit_is_the_collision_triangle():
 
 
 def test_without_an_observed_velocity_lead_pursuit_is_pure_pursuit():
-    P, E = np.array([0.0, 0.0, 3.0]), np.array([3.0, 4.0, 0.0])
-    v = lead_pursuit(PAPER, P, E)
-    np.testing.assert_allclose(v, 2.0 * (E - P) / np.linalg.norm(E - P))
+    P = np.array([0.0, 0.0, 3.0])
+    for E in (np.array([3.0, 4.0, 0.0]), np.array([0.0, 4.0, 0.0])):
+        v = lead_pursuit(PAPER, P, E)
+        np.testing.assert_allclose(v, 2.0 * (E - P) / np.linalg.norm(E - P))
 
 
 def test_lead_pursuit_has_a_steady_evader_on_the_rim_of_the_disc_at_its_height():
