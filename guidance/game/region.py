@@ -6,8 +6,8 @@ end is a point of the region's edge (`headings`). The region is convex while the
 (`guaranteed_age_s`), so that the distance from T has one minimum along its edge. Newton's method finds that by the
 first and second derivative of the capture time, a few steps from the closest point of a circle that touches the edge.
 Few rows need more, or the bracket that holds the minimum; they get both. Beyond the guaranteed age the region can have
-a dent before the pursuer, and a minimum on either side of it: that of the best of nine headings is taken, which is the
-better one except where both are nearly as good, or the dent is narrower than a ninth of a half turn.
+a dent before the pursuer, and a minimum on either side of it: the one beside the best of nine headings is taken, nearly
+always the better one (not in 4 of 6,240 states a few metres from the pursuer).
 """
 
 from typing import Any, NamedTuple
