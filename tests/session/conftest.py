@@ -10,9 +10,10 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import State
-from guidance.links import MemoryWire
+from guidance.links import MemoryWire, SigningKey
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.signing import ticks
 from guidance.links.wires.shared import TappedWire
 from guidance.session.daemon import Daemon
 from guidance.session.metrics import Metrics
@@ -21,11 +22,13 @@ from guidance.session.orders import Mailbox
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
+from sitl_mock.mavlink import Signing
 from tests.harness.copies import Flown
 from tests.harness.vehicle import FENCED, document
 
 CYCLE_S = 0.02
 HERE = Home(47.397742, 8.545594, 488.0)
+UNIX_S = 1_800_000_000.0
 
 
 @pytest.fixture(scope="session")
@@ -59,24 +62,38 @@ class KeptNotifier(Notifier):
 
 
 class Base:
-    """One daemon, its vehicle and its evader."""
+    """One daemon, its vehicle and its evader; `source` makes another evader, which needs no vehicle."""
 
-    def __init__(self, *, parameters=FENCED, record=None, broadcast=None, record_required=False, **sections):
+    def __init__(
+        self,
+        *,
+        parameters=FENCED,
+        record=None,
+        broadcast=None,
+        record_required=False,
+        source=None,
+        key=None,
+        **sections,
+    ):
         config = self.config = parse(Config, document(**sections), source="test")
         self.clock = VirtualClock()
         flavour = config.vehicle.autopilot
         options = {"home": HERE, "noise": False, "ready_after_s": 0.5}
-        self.vehicle = MockVehicle(flavour, system_id=1, parameters=parameters, **options)
+        signed = Signing(key, timestamp=ticks(UNIX_S))
+        self.vehicle = MockVehicle(flavour, system_id=1, parameters=parameters, signing=signed, **options)
         self.prey = MockVehicle("px4", system_id=2, start_ned=(30.0, 0.0, 0.0), **options)
         ours, self._end = MemoryWire.pair(self.clock.now_s)
         theirs, self._prey_end = MemoryWire.pair(self.clock.now_s)
         self.wire = TappedWire(ours, self.clock.now_s, "uav1")
-        self.link = PymavlinkLink(self.wire, self.clock.now_s, system_id=1)
-        self.evader = MavlinkEvader(theirs, GlobalPositionInt(), system_id=2)
+        signing = {"signing_key": None if key is None else SigningKey(key), "unix_s": UNIX_S}
+        self.link = PymavlinkLink(self.wire, self.clock.now_s, system_id=1, **signing)
+        heard = MavlinkEvader(theirs, GlobalPositionInt(), system_id=2, **signing)
+        self.evader = heard if source is None else source(self.clock)
         self.mailbox, self.log, self.notifier = Mailbox(), KeptLog(), KeptNotifier()
         self.metrics = Metrics(config.name)
         self.deaf = False
         self.prey_silent = False
+        self.evader_here = source is None
         self.injected = []
         self.sent = []
         self.daemon = Daemon(
@@ -101,15 +118,20 @@ class Base:
     def now_s(self):
         return self.clock.now_s()
 
+    def report(self, frame):
+        """Somebody says a frame where the evader is heard."""
+        self._prey_end.send(frame)
+
     def world(self):
         """Move on by one cycle without the daemon."""
         self.clock.sleep_until(self.now_s + CYCLE_S)
         for frame in self.vehicle.step(self.now_s, [*(f for _, f in self._end.receive()), *self.injected]):
             self._end.send(frame)
         self.injected = []
-        for frame in self.prey.step(self.now_s, []):
-            if not self.prey_silent:
-                self._prey_end.send(frame)
+        if self.evader_here:
+            for frame in self.prey.step(self.now_s, []):
+                if not self.prey_silent:
+                    self.report(frame)
 
     def cycle(self):
         self.world()
