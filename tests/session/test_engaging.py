@@ -17,9 +17,9 @@ CHANGED = {
 }
 
 
-def made(base, autopilot, **sections):
-    given = {"parameters": SET_UP} if autopilot == "arducopter" else {}
-    return base(vehicle={"autopilot": autopilot}, **given, **sections)
+def standing_by(base, autopilot):
+    given = {"parameters": SET_UP, "vehicle": {"autopilot": autopilot}} if autopilot == "arducopter" else {}
+    return base.standing_by(**given)
 
 
 def change(one, name, value):
@@ -33,7 +33,7 @@ def read_since(one, since_s):
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_what_no_longer_passes_is_refused_by_name_until_it_is_mended_and_nobody_waits_long(base, autopilot):
-    one = made(base, autopilot).standing_by()
+    one = standing_by(base, autopilot)
     for name, value in CHANGED[autopilot]:
         before = one.vehicle.autopilot.parameters[name]
         change(one, name, value)
@@ -69,7 +69,7 @@ def unanswered(one, name):
 
 
 def test_a_parameter_that_does_not_answer_is_a_refusal_in_time_and_other_orders_do_not_wait(base):
-    one = base().standing_by()
+    one = base.standing_by()
     unanswered(one, "GF_ACTION")
     asked_s = one.now_s
     answer = one.order("engage")
@@ -103,7 +103,7 @@ def by_pilot(one, mode):
 
 
 def test_a_pilots_switch_engages_only_what_still_passes(base):
-    one = base(flight={"engage_on": "pilot_mode"}).standing_by().run(1.0)
+    one = base.standing_by(flight={"engage_on": "pilot_mode"}).run(1.0)
     by_pilot(one, "POSCTL")
     one.run(1.2)
     change(one, "GF_ACTION", 0.0)
