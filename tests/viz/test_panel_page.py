@@ -215,7 +215,10 @@ def from_start_to_landed(browser, page):
     other = browser.new_page()
     other.goto(page.url)
     page.bring_to_front()
-    hold_down(page, "engage")
+    page.locator("[data-order=engage]").focus()
+    page.keyboard.down("Enter")  # as good as a finger
+    page.wait_for_timeout(1100)
+    page.keyboard.up("Enter")
     answered(page, "ENGAGE: accepted")
     page.locator("[data-name=winner]", has_text="pursuer").wait_for()
     stands(page, "on station")

@@ -30,7 +30,7 @@ export const TEXTS = {
   replayed: "Replay",
   eventList: "Events",
   noDaemon: "No daemon yet",
-  looking: (endpoint, reason) => `${endpoint}: ${reason}`,
+  looking: (endpoint, reason) => (reason.includes(endpoint) ? reason : `${endpoint}: ${reason}`),
   panelGone: "NO CONTACT WITH THE PANEL: what you see is old. Trying again…",
   panelClosed: "This page is not let in any more: the panel was started anew. Open the address that it printed.",
   daemonGone: (s) => `NO CONTACT WITH THE DAEMON for ${s} s: what you see is old, and orders do not arrive.`,
