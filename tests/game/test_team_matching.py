@@ -317,6 +317,7 @@ def test_every_game_of_a_batch_may_have_speeds_of_its_own():
     for row in range(4):
         one = match_teams(Game(Ball(u[row]), v[row, 0]), P[row], E[row], T)
         assert all(same(part[row], alone) for part, alone in zip(found, one, strict=True))
+    assert match_teams(Game(Ball(u), 1.0), P[0], E[0], T).guaranteed.shape == (4,)
 
 
 @pytest.mark.parametrize("size", [1e-20, 1.0, 1e20])

@@ -278,6 +278,9 @@ def test_a_pursuer_on_the_barrier_takes_nothing_from_one_that_wins():
     answer = solve_team(PAPER, P, E, T)
     assert answer.winner == Winner.PURSUER
     assert answer.value == solve(PAPER, P[1], E, T).value
+    late = solve_team(PAPER, np.array([[90.0, 0.0, 0.0], [8.0, 0.0, 0.0]]), E, T)
+    assert (late.winner, late.value, late.reason) == (Winner.UNDECIDED, 0.0, Reason.ON_BARRIER)
+    assert late.binds.tolist() == [False, True]
 
 
 def test_right_above_the_evader_the_others_decide_where_it_runs():
