@@ -48,6 +48,11 @@ STEPS = {
         (BIN / "mkdocs", "build", "--strict", "--config-file", ".mkdocs.yml", "--site-dir", "site"),
         environment=(("NO_MKDOCS_2_WARNING", "1"),),  # its theme says at every start where it is headed
     ),
+    "arrays": Step(
+        "the games on PyTorch and JAX, in an environment that has both",
+        (sys.executable, "-m", "tests.arrays", "--within", "120"),
+        gives_way=True,
+    ),
     "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time, and what works as long without a pause",
@@ -73,7 +78,7 @@ STEPS = {
 }
 TOGETHER = (
     ("format", "lint"),
-    ("types", "layers", "docs", "faults"),
+    ("types", "layers", "docs", "faults", "arrays"),
     ("tests",),
     ("flights", "real time", "acceptance"),
 )
@@ -87,10 +92,6 @@ ASKED_FOR = {
         "the quick tests with every example of every property (a quarter otherwise)",
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
-    ),
-    "arrays": Step(
-        "the games on PyTorch and JAX, in an environment that has both",
-        (sys.executable, "-m", "tests.arrays"),
     ),
     "long": Step("flights of minutes in virtual time, too long for every change", (*PYTEST, "-m", "long")),
     "install": Step(
