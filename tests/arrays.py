@@ -47,7 +47,7 @@ def python(within_s: float | None) -> str:
 def main() -> int:
     """Run the tests; where a limit is given and they cannot be had by then, say so."""
     parser = argparse.ArgumentParser(prog="python -m tests.arrays", description=__doc__)
-    parser.add_argument("--within", type=float, metavar="SECONDS", help="give up, and do without, what takes longer to arrive")
+    parser.add_argument("--within", type=float, metavar="SECONDS", help="do without what takes longer")
     given = parser.parse_args()
     try:
         found = python(given.within)
