@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from struct import Struct
-from types import FunctionType, ModuleType
+from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar
 
 World = TypeVar("World")
@@ -15,10 +15,11 @@ World = TypeVar("World")
 
 @contextmanager
 def _copyable() -> Iterator[None]:
-    """A copied world has locks of its own, and the same compiled formats."""
+    """A copied world has locks of its own, tables that nobody changes, and the same compiled formats."""
     table = copyreg.dispatch_table
     before = dict(table)
     table[type(threading.Lock())] = lambda _lock: (threading.Lock, ())
+    table[MappingProxyType] = lambda shown: (MappingProxyType, (dict(shown),))
     table[Struct] = lambda _format: "the same"
     try:
         yield
