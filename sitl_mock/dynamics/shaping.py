@@ -42,8 +42,8 @@ def shape_pair(
     velocity: tuple[float, float],
     acceleration: tuple[float, float],
     forward: tuple[float, float],
-    accel_max: float,
-    jerk_max: float,
+    accel_m_s2: float,
+    jerk_m_s3: float,
     settle_1_s: float,
     dt_s: float,
 ) -> tuple[float, float]:
@@ -54,19 +54,19 @@ def shape_pair(
         velocity: Of the reference, m/s.
         acceleration: Of the reference, m/s².
         forward: The acceleration that the wanted velocity itself has, m/s².
-        accel_max: m/s².
-        jerk_max: m/s³.
+        accel_m_s2: At most.
+        jerk_m_s3: At most.
         settle_1_s: Gain of the linear end, 1/s.
         dt_s: The step.
     """
     err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
-    size = min(root_law(err, settle_1_s, jerk_max), accel_max, err / dt_s)
+    size = min(root_law(err, settle_1_s, jerk_m_s3), accel_m_s2, err / dt_s)
     scale = size / err if err > 1e-12 else 0.0
     d_n = err_n * scale + forward[0] - acceleration[0]
     d_e = err_e * scale + forward[1] - acceleration[1]
     change = math.hypot(d_n, d_e)
-    most = jerk_max * dt_s
+    most = jerk_m_s3 * dt_s
     if change > most:
         d_n *= most / change
         d_e *= most / change
@@ -78,56 +78,56 @@ def shape_turn(
     velocity: tuple[float, float],
     acceleration: tuple[float, float],
     forward: tuple[float, float],
-    accel_max: float,
-    jerk_max: float,
+    accel_m_s2: float,
+    jerk_m_s3: float,
     dt_s: float,
 ) -> tuple[float, float]:
     """`shape_pair` as ArduPilot does it: of the correction, what lies across the wanted velocity is worked off first.
 
-    Across it at least 1/sqrt(2) of the acceleration is had, along it what is left of it (`shape_vel_accel_xy`).
+    Across it at least 1/sqrt(2) of the acceleration is had, along it what is left of it (measured over the corner).
 
     Args:
         wanted: Velocity, m/s, north and east.
         velocity: Of the reference, m/s.
         acceleration: Of the reference, m/s².
         forward: The acceleration that the wanted velocity itself has, m/s².
-        accel_max: m/s².
-        jerk_max: m/s³.
+        accel_m_s2: At most.
+        jerk_m_s3: At most.
         dt_s: The step.
     """
-    settle_1_s = jerk_max / accel_max
+    settle_1_s = jerk_m_s3 / accel_m_s2
     err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
     if err > 1e-12:
-        size = min(root_law(err, settle_1_s, jerk_max), err / dt_s)
-        a_n, a_e = _cornered((err_n * size / err, err_e * size / err), wanted, accel_max)
+        size = min(root_law(err, settle_1_s, jerk_m_s3), err / dt_s)
+        a_n, a_e = _cornered((err_n * size / err, err_e * size / err), wanted, accel_m_s2)
     else:
         a_n = a_e = 0.0
     d_n, d_e = a_n + forward[0] - acceleration[0], a_e + forward[1] - acceleration[1]
     change = math.hypot(d_n, d_e)
-    most = jerk_max * dt_s
+    most = jerk_m_s3 * dt_s
     if change > most:
         d_n *= most / change
         d_e *= most / change
     return acceleration[0] + d_n, acceleration[1] + d_e
 
 
-def _cornered(accel: tuple[float, float], wanted: tuple[float, float], accel_max: float) -> tuple[float, float]:
-    """Limit an acceleration to `accel_max`, keeping what turns the velocity before what speeds it up."""
+def _cornered(accel: tuple[float, float], wanted: tuple[float, float], accel_m_s2: float) -> tuple[float, float]:
+    """Limit an acceleration to `accel_m_s2`, keeping what turns the velocity before what speeds it up."""
     a_n, a_e = accel
     w_n, w_e = wanted
     size, speed = math.hypot(a_n, a_e), math.hypot(w_n, w_e)
     along = (a_n * w_n + a_e * w_e) / speed if speed > 0.0 else 0.0
     across = math.sqrt(max(size * size - along * along, 0.0))
     if speed == 0.0 or abs(along) <= across:
-        keep = min(1.0, accel_max / size)
+        keep = min(1.0, accel_m_s2 / size)
         return a_n * keep, a_e * keep
     w_n, w_e = w_n / speed, w_e / speed
     c_n, c_e = a_n - w_n * along, a_e - w_e * along
-    cross = min(across, CORNER_SHARE * accel_max)
+    cross = min(across, CORNER_SHARE * accel_m_s2)
     if across > cross:
         c_n, c_e = c_n * cross / across, c_e * cross / across
-    most = math.sqrt(accel_max * accel_max - cross * cross)
+    most = math.sqrt(accel_m_s2 * accel_m_s2 - cross * cross)
     along = within(along, -most, most)
     return c_n + w_n * along, c_e + w_e * along
 
@@ -154,8 +154,8 @@ def shape_one(
     velocity: float,
     acceleration: float,
     forward: float,
-    accel_max: float,
-    jerk_max: float,
+    accel_m_s2: float,
+    jerk_m_s3: float,
     settle_1_s: float,
     dt_s: float,
 ) -> float:
@@ -166,25 +166,25 @@ def shape_one(
         velocity: Of the reference, m/s.
         acceleration: Of the reference, m/s².
         forward: The acceleration that the wanted velocity itself has, m/s².
-        accel_max: m/s².
-        jerk_max: m/s³.
+        accel_m_s2: At most.
+        jerk_m_s3: At most.
         settle_1_s: Gain of the linear end, 1/s.
         dt_s: The step.
     """
     err = wanted - velocity
-    size = min(root_law(abs(err), settle_1_s, jerk_max), accel_max, abs(err) / dt_s)
+    size = min(root_law(abs(err), settle_1_s, jerk_m_s3), accel_m_s2, abs(err) / dt_s)
     change = math.copysign(size, err) + forward - acceleration
-    most = jerk_max * dt_s
+    most = jerk_m_s3 * dt_s
     return acceleration + within(change, -most, most)
 
 
-def approach_gain_1_s(accel_max: float, jerk_max: float, settle_1_s: float) -> float:
+def approach_gain_1_s(accel_m_s2: float, jerk_m_s3: float, settle_1_s: float) -> float:
     """Gain from distance to speed that neither the settling of the speed nor the jerk turns into an overrun."""
-    return min(0.25 * settle_1_s, 0.4 * jerk_max / accel_max)
+    return min(0.25 * settle_1_s, 0.4 * jerk_m_s3 / accel_m_s2)
 
 
 def approach_pair(
-    to_go: tuple[float, float], speed_max: float, accel_max: float, gain_1_s: float
+    to_go: tuple[float, float], speed_max: float, accel_m_s2: float, gain_1_s: float
 ) -> tuple[float, float]:
     """Velocity towards a place `to_go` away, braking in time.
 
@@ -193,27 +193,27 @@ def approach_pair(
     Args:
         to_go: The place from here, m, north and east.
         speed_max: m/s.
-        accel_max: m/s².
+        accel_m_s2: At most.
         gain_1_s: Of the linear end, 1/s.
     """
     distance = math.hypot(*to_go)
     if distance < 1e-9:
         return 0.0, 0.0
-    speed = min(root_law(distance, gain_1_s, 0.5 * accel_max), speed_max)
+    speed = min(root_law(distance, gain_1_s, 0.5 * accel_m_s2), speed_max)
     return to_go[0] * speed / distance, to_go[1] * speed / distance
 
 
-def approach_one(to_go: float, up_max: float, down_max: float, accel_max: float, gain_1_s: float) -> float:
+def approach_one(to_go: float, up_max: float, down_max: float, accel_m_s2: float, gain_1_s: float) -> float:
     """Vertical velocity (down positive) towards a height `to_go` away, braking in time.
 
     Args:
         to_go: The height from here, m, down positive.
         up_max: m/s.
         down_max: m/s.
-        accel_max: m/s².
+        accel_m_s2: At most.
         gain_1_s: Of the linear end, 1/s.
     """
-    speed = root_law(abs(to_go), gain_1_s, 0.5 * accel_max)
+    speed = root_law(abs(to_go), gain_1_s, 0.5 * accel_m_s2)
     return min(speed, down_max) if to_go > 0.0 else -min(speed, up_max)
 
 

@@ -33,10 +33,13 @@ UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
 SILENCE: Final[Answers] = ()
 
 
-_TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 245, 401, 2510, 42006, 43003})
-"""Region of interest, go-around, actuators, storage, arming checks, logging, compass by heading, external position."""
+_TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 245, 401, 620, 2510, 42006, 43003})
+"""Region of interest, go-around, actuators, storage, arming checks, logging, compass by heading, external position.
+
+620 is in no dialect, and is taken as well.
+"""
 _UNANSWERED: Final = frozenset(
-    {35, 93, 203, 204, 205, 206, 214, 220, 242, 243, 260, 310, 311, 420, 500, 521}
+    {1, 2, 35, 93, 203, 204, 205, 206, 214, 220, 242, 243, 260, 310, 311, 420, 500, 521}
     | {530, 531, 532, 1000, 1001, 2003, 2511, 3000, 30001, 30002, 42600}
 )
 """For cameras, gimbals, grippers and other parts that are not there: passed on, and nobody answers."""

@@ -305,6 +305,15 @@ def test_row_26_every_common_command_is_answered_on_the_ground_as_the_real_one_d
         assert flight.command(number, *[0.0] * 7, wait_s=0.06) == real["answers"], number
 
 
+def test_row_26_every_number_up_to_700_that_is_no_command_is_unsupported(fly):
+    """As v1.17 was asked one after the other; 246 and 247 end its simulator."""
+    known = {number for real in REAL_ACKS for number in real["commands"]} | {246, 247}
+    flight = fly("px4").run(1.0)
+    answered = {number: flight.command(number, *[0.0] * 7, wait_s=0.02) for number in {*range(1, 701)} - known}
+    assert len(answered) + len(known) > 705
+    assert {number for number, answers in answered.items() if answers != [3]} == set()
+
+
 EVENTS_OF_A_HOP = [
     "commander_armed_by",
     "commander_takeoff_detected",
