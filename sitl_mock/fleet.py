@@ -2,83 +2,93 @@
 
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from typing import Any, Final
 
 from sitl_mock.errors import ConfigError
+from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Signing
+from sitl_mock.tables import REQUIRED, Option, choice, flag, integer, matching, number, numbers, place, table
+from sitl_mock.tables import checked as checked_value
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
 
-FlavourName = Literal["px4", "arducopter", "rover"]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+_FOREVER_S: Final = 1e9
+_MOST: Final = 255
 
 
-class HomeConfig(BaseModel):
-    """A place on Earth."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    lat_deg: float = Field(ge=-90.0, le=90.0)
-    lon_deg: float = Field(ge=-180.0, le=180.0)
-    alt_amsl_m: float = Field(ge=-500.0, le=9000.0)
-
-    def place(self) -> Home:
-        """The same as a value."""
-        return Home(self.lat_deg, self.lon_deg, self.alt_amsl_m)
-
-
-_DEFAULT_HOME = HomeConfig(
-    lat_deg=DEFAULT_HOME.lat_deg, lon_deg=DEFAULT_HOME.lon_deg, alt_amsl_m=DEFAULT_HOME.alt_amsl_m
-)
-
-
-class SigningConfig(BaseModel):
+@dataclass(frozen=True)
+class SigningConfig:
     """MAVLink 2 signing of a vehicle: its key, and whether unsigned frames are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    key_hex: str = Field(pattern=r"^[0-9A-Fa-f]{64}$")
+    key_hex: str
     required: bool = True
 
 
-class VehicleConfig(BaseModel):
+@dataclass(frozen=True)
+class VehicleConfig:
     """One vehicle; see `MockVehicle` for what the keys mean."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    name: Name
-    flavour: FlavourName = "px4"
-    system_id: int | None = Field(default=None, ge=1, le=255)
+    name: str
+    flavour: str = "px4"
+    system_id: int | None = None
     start_ned_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    yaw_deg: float = Field(default=0.0, ge=-360.0, le=360.0)
+    yaw_deg: float = 0.0
     noise: bool = True
-    ready_after_s: float | None = Field(default=None, ge=0.0)
+    ready_after_s: float | None = None
     texts: bool | None = None
-    origin: HomeConfig | None = None
-    parameters: dict[str, float] = Field(default_factory=dict)
+    origin: Home | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
     signing: SigningConfig | None = None
 
 
-class FleetConfig(BaseModel):
+@dataclass(frozen=True)
+class FleetConfig:
     """A fleet."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    vehicle: tuple[VehicleConfig, ...]
+    seed: int = 0
+    home: Home = DEFAULT_HOME
 
-    seed: int = Field(default=0, ge=0)
-    home: HomeConfig = _DEFAULT_HOME
-    vehicle: tuple[VehicleConfig, ...] = Field(min_length=1, max_length=255)
 
-    @model_validator(mode="after")
-    def _different(self) -> "FleetConfig":
-        names = [each.name for each in self.vehicle]
-        doubled = sorted({name for name in names if names.count(name) > 1})
-        if doubled:
-            raise ValueError(f"vehicle.name = {doubled[0]!r} is given twice; every vehicle needs its own")
-        return self
+def _given(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Accept None too: not given."""
+    return lambda value: None if value is None else check(value)
+
+
+def _any(value: Any) -> Any:  # noqa: ANN401 - checked as a table of its own
+    return value
+
+
+_HOME: Final = {
+    "lat_deg": Option("degrees", REQUIRED, number(-90.0, 90.0)),
+    "lon_deg": Option("degrees", REQUIRED, number(-180.0, 180.0)),
+    "alt_amsl_m": Option("metres above mean sea level", REQUIRED, number(-500.0, 9000.0)),
+}
+_SIGNING: Final = {
+    "key_hex": Option("32 bytes", REQUIRED, matching("[0-9A-Fa-f]{64}", "64 hexadecimal digits")),
+    "required": Option("whether unsigned frames are refused", True, flag),
+}
+_VEHICLE: Final = {
+    "name": Option("its name", REQUIRED, matching("[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, - and _")),
+    "flavour": Option("its kind", "px4", choice(*NAMES)),
+    "system_id": Option("MAVLink system id", None, _given(integer(1, _MOST))),
+    "start_ned_m": Option("metres north, east, down of home", (0.0, 0.0, 0.0), place),
+    "yaw_deg": Option("degrees", 0.0, number(-360.0, 360.0)),
+    "noise": Option("whether it estimates as the real one", True, flag),
+    "ready_after_s": Option("seconds", None, _given(number(0.0, _FOREVER_S))),
+    "texts": Option("whether STATUSTEXT goes out", None, _given(flag)),
+    "origin": Option("of the local frame", None, _any),
+    "parameters": Option("values by name", {}, numbers),
+    "signing": Option("of all links", None, _any),
+}
+_FLEET: Final = {
+    "seed": Option("of all randomness", 0, integer(0, 2**63)),
+    "home": Option("where start_ned_m counts from", None, _any),
+    "vehicle": Option("written as [[vehicle]]", REQUIRED, _any),
+}
 
 
 def read_fleet(path: Path) -> FleetConfig:
@@ -91,7 +101,7 @@ def read_fleet(path: Path) -> FleetConfig:
         return checked(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
     except OSError as error:
         raise ConfigError(f"fleet file {path}: {error.strerror}") from None
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"fleet file {path}: {error}") from None
 
 
@@ -101,12 +111,25 @@ def checked(values: object, source: str) -> FleetConfig:
     Raises:
         ConfigError: A key is unknown or wrong; the message names it, its value and what is allowed.
     """
-    try:
-        return FleetConfig.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "fleet"
-        raise ConfigError(f"{source}: {key} = {first['input']!r}: {first['msg']}") from None
+    given = table(values, _FLEET, source)
+    entries = given["vehicle"]
+    if not isinstance(entries, (list, tuple)) or not 1 <= len(entries) <= _MOST:
+        raise ConfigError(f"{source}: vehicle = {entries!r}: allowed are 1 to {_MOST} tables, written as [[vehicle]]")
+    vehicles = tuple(_vehicle_of(entry, f"{source}: vehicle.{index}") for index, entry in enumerate(entries))
+    names = [each.name for each in vehicles]
+    doubled = sorted({name for name in names if names.count(name) > 1})
+    if doubled:
+        raise ConfigError(f"{source}: vehicle.name = {doubled[0]!r} is given twice; every vehicle needs its own")
+    home = DEFAULT_HOME if given["home"] is None else Home(**table(given["home"], _HOME, f"{source}: home"))
+    return FleetConfig(vehicles, given["seed"], home)
+
+
+def _vehicle_of(values: object, where: str) -> VehicleConfig:
+    given = table(values, _VEHICLE, where)
+    origin, signing = given["origin"], given["signing"]
+    given["origin"] = None if origin is None else Home(**table(origin, _HOME, f"{where}.origin"))
+    given["signing"] = None if signing is None else SigningConfig(**table(signing, _SIGNING, f"{where}.signing"))
+    return VehicleConfig(**given)
 
 
 def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
@@ -120,23 +143,33 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
     vehicles: list[dict[str, object]] = []
     for spec in specs:
         kind, _, rest = spec.partition(":")
-        name, _, place = rest.partition("@")
+        name, _, start = rest.partition("@")
         if not name:
             raise ConfigError(
                 f"--vehicles {spec}: allowed are a number, or flavour:name such as px4:uav1 or rover:evader@30,0,0"
             )
         vehicle: dict[str, object] = {"name": name, "flavour": kind}
-        if place:
-            vehicle["start_ned_m"] = place.split(",")
+        if start:
+            vehicle["start_ned_m"] = [_numeral(part) for part in start.split(",")]
         vehicles.append(vehicle)
     return vehicles
 
 
+def _numeral(text: str) -> float | str:
+    """The number in a text, or the text: what is none is refused by its key."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def with_settings(config: FleetConfig, settings: Mapping[str, object], seed: int | None = None) -> FleetConfig:
     """The same fleet with some keys of every vehicle, and the seed, as the command line has them."""
-    plain = config.model_dump(exclude_none=True)
-    vehicles = [{**each, **settings} for each in plain["vehicle"]]
-    return checked({**plain, **({} if seed is None else {"seed": seed}), "vehicle": vehicles}, "the command line")
+    values = {
+        name: checked_value(f"--{name.replace('_', '-')}", value, _VEHICLE[name]) for name, value in settings.items()
+    }
+    vehicles = tuple(replace(each, **values) for each in config.vehicle)
+    return replace(config, vehicle=vehicles, seed=config.seed if seed is None else seed)
 
 
 def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetConfig:
@@ -152,8 +185,8 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
             raise ConfigError(f"--param {text}: there is no vehicle {where!r}; allowed are {', '.join(vehicles)}")
         for each in [where] if where else list(vehicles):
             parameters = {**vehicles[each].parameters, name: value}
-            vehicles[each] = vehicles[each].model_copy(update={"parameters": parameters})
-    return config.model_copy(update={"vehicle": tuple(vehicles.values())})
+            vehicles[each] = replace(vehicles[each], parameters=parameters)
+    return replace(config, vehicle=tuple(vehicles.values()))
 
 
 def _assignment(text: str) -> tuple[str, str, float]:
@@ -205,7 +238,7 @@ def _vehicle(
     return MockVehicle(
         each.flavour,
         system_id=system_id,
-        home=config.home.place(),
+        home=config.home,
         start_ned=each.start_ned_m,
         yaw_deg=each.yaw_deg,
         seed=config.seed * 1000 + index,
@@ -213,7 +246,7 @@ def _vehicle(
         parameters=each.parameters,
         ready_after_s=each.ready_after_s,
         texts=each.texts,
-        origin=each.origin.place() if each.origin else None,
+        origin=each.origin,
         links=FLEET_LINKS if ground_link else None,
         signing=Signing(bytes.fromhex(each.signing.key_hex), require=each.signing.required) if each.signing else None,
         unix_us=unix_us,

@@ -1,8 +1,9 @@
 """Faults of links, flights and evaders: seeded, scripted in TOML, put upon a vehicle that runs stepped or live."""
 
-from sitl_mock.faults.effect import Direction, FaultKind, Group, Option
+from sitl_mock.faults.effect import Direction, FaultKind, Group
 from sitl_mock.faults.faulted import STATES, Faulted
 from sitl_mock.faults.script import KINDS, Fault, FaultScript, parse_fault, parse_script, read_script
+from sitl_mock.tables import Option
 
 __all__ = [
     "KINDS",

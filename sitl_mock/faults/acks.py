@@ -6,21 +6,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import (
-    REQUIRED,
-    Direction,
-    Effect,
-    FaultKind,
-    Group,
-    Making,
-    Option,
-    Passed,
-    Scope,
-    integer,
-    integers,
-    number,
-)
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
 from sitl_mock.faults.links import always
+from sitl_mock.tables import REQUIRED, Option, integer, integers, number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

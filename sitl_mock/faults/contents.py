@@ -9,23 +9,10 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import (
-    REQUIRED,
-    Direction,
-    Effect,
-    FaultKind,
-    Group,
-    Making,
-    Option,
-    Passed,
-    Scope,
-    choice,
-    number,
-    text,
-    words,
-)
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
 from sitl_mock.faults.links import always
 from sitl_mock.mavlink import SPEC_BY_NAME
+from sitl_mock.tables import REQUIRED, Option, choice, number, text, words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

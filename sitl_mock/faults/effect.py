@@ -6,18 +6,18 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from random import Random
 
+    from sitl_mock.tables import Option
     from sitl_mock.vehicle import MockVehicle
 
 Passed = Sequence[tuple[float, bytes]]
 """What becomes of one frame: any number of frames, each with the seconds by which it is late."""
 
 Alter = Callable[[float, bytes], Passed]
-REQUIRED: Final = object()
 
 
 class Direction(StrEnum):
@@ -34,21 +34,6 @@ class Group(StrEnum):
     LINK = "link"
     FLIGHT = "flight"
     EVADER = "evader"
-
-
-@dataclass(frozen=True)
-class Option:
-    """One key of a fault.
-
-    Attributes:
-        meaning: What it sets, with its unit.
-        default: Its value where none is given; REQUIRED if one must be.
-        check: Turns a value from a file into what is used; raises ValueError saying what is allowed.
-    """
-
-    meaning: str
-    default: Any
-    check: Callable[[Any], Any]
 
 
 class Making(NamedTuple):
@@ -121,65 +106,3 @@ class FaultKind:
     options: Mapping[str, Option] = field(default_factory=dict)
     scope: Scope | None = None
     for_s: float = math.inf
-
-
-def number(low: float, high: float) -> Callable[[Any], float]:
-    """Accept a number within limits."""
-
-    def check(value: Any) -> float:  # noqa: ANN401 - anything may stand in a file
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-            raise ValueError(f"a number from {low:g} to {high:g}")
-        return float(value)
-
-    return check
-
-
-def integer(low: int, high: int) -> Callable[[Any], int]:
-    """Accept a whole number within limits."""
-
-    def check(value: Any) -> int:  # noqa: ANN401 - anything may stand in a file
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise ValueError(f"a whole number from {low} to {high}")
-        return value
-
-    return check
-
-
-def integers(low: int, high: int) -> Callable[[Any], frozenset[int]]:
-    """Accept one whole number or a list of them."""
-    one = integer(low, high)
-
-    def check(value: Any) -> frozenset[int]:  # noqa: ANN401 - anything may stand in a file
-        items = value if isinstance(value, (list, tuple)) else [value]
-        try:
-            return frozenset(one(item) for item in items)
-        except ValueError:
-            raise ValueError(f"whole numbers from {low} to {high}") from None
-
-    return check
-
-
-def text(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
-    """Accept a text that is not empty."""
-    if not isinstance(value, str) or not value:
-        raise ValueError("a text")
-    return value
-
-
-def words(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may stand in a file
-    """Accept a word or a list of them."""
-    items = [value] if isinstance(value, str) else value
-    if not isinstance(items, (list, tuple)) or not all(isinstance(item, str) and item for item in items):
-        raise ValueError("a word or a list of words")
-    return tuple(items)
-
-
-def choice(*allowed: str) -> Callable[[Any], str]:
-    """Accept one of some words."""
-
-    def check(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
-        if value not in allowed:
-            raise ValueError(", ".join(allowed))
-        return str(value)
-
-    return check

@@ -7,22 +7,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import (
-    Direction,
-    Effect,
-    FaultKind,
-    Group,
-    Making,
-    Option,
-    Passed,
-    Scope,
-    choice,
-    integer,
-    number,
-)
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
 from sitl_mock.faults.links import LINK_KINDS
 from sitl_mock.faults.places import along, in_local_frame, on_earth, vector
 from sitl_mock.mavlink import SPEC_BY_NAME, Encoder, Signing
+from sitl_mock.tables import Option, choice, integer, number
 from sitl_mock.world import Home, LocalFrame
 
 if TYPE_CHECKING:

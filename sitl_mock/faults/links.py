@@ -7,8 +7,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Option, Passed, Scope, integer, number
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
 from sitl_mock.mavlink import Signing
+from sitl_mock.tables import Option, integer, number
 from sitl_mock.telemetry.status import heartbeat
 
 if TYPE_CHECKING:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Option, Passed, Scope, integer, number
-from sitl_mock.faults.effect import text as a_text
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
 from sitl_mock.faults.places import along, vector
 from sitl_mock.mavlink import Encoder
 from sitl_mock.protocols import StatusTexts
+from sitl_mock.tables import Option, integer, number
+from sitl_mock.tables import text as a_text
 from sitl_mock.vehicle import MockVehicle
 
 if TYPE_CHECKING:

@@ -7,8 +7,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Option, Passed, Scope, choice, number
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
 from sitl_mock.mavlink import SPEC_BY_NAME
+from sitl_mock.tables import Option, choice, number
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Final
 import zenoh
 
 from sitl_mock.errors import ConfigError
-from sitl_mock.faults.effect import REQUIRED
 from sitl_mock.faults.script import KINDS
+from sitl_mock.tables import REQUIRED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -26,13 +26,14 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults.acks import ACK_KINDS
 from sitl_mock.faults.contents import CONTENT_KINDS
-from sitl_mock.faults.effect import REQUIRED, Direction, FaultKind, Option, choice, integer, number, text, words
+from sitl_mock.faults.effect import Direction, FaultKind
 from sitl_mock.faults.evader import EVADER_KINDS
 from sitl_mock.faults.links import LINK_KINDS
 from sitl_mock.faults.other_senders import OTHER_SENDER_KINDS
 from sitl_mock.faults.places import PLACE_KINDS
 from sitl_mock.faults.vehicle import FLIGHT_KINDS
 from sitl_mock.mavlink import SPEC_BY_NAME
+from sitl_mock.tables import Option, checked, choice, filled, integer, number, text, words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -153,7 +154,7 @@ def parse_script(values: Mapping[str, Any], source: str = "faults") -> FaultScri
     entries = values.get("fault", [])
     if not isinstance(entries, list):
         raise ConfigError(f"{source}: fault = {entries!r}: allowed is a list, written as [[fault]]")
-    seed = _checked(f"{source}: seed", values.get("seed", 0), _SEED)
+    seed = checked(f"{source}: seed", values.get("seed", 0), _SEED)
     return FaultScript(
         tuple(parse_fault(entry, f"{source}: fault[{index}]") for index, entry in enumerate(entries)), seed
     )
@@ -180,7 +181,10 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
         raise ConfigError(
             f"{where}.{unknown[0]} = {values[unknown[0]]!r}: {name} has no such key; allowed are {allowed}"
         )
-    return Fault(str(name), _filled(values, kind.options, where), **_filled(values, common, where))
+    shared = filled(values, common, where)
+    if "direction" in shared:
+        shared["direction"] = Direction(shared["direction"])
+    return Fault(str(name), filled(values, kind.options, where), **shared)
 
 
 def _common_options(kind: FaultKind) -> dict[str, Option]:
@@ -194,25 +198,3 @@ def _common_options(kind: FaultKind) -> dict[str, Option]:
         check = option.check if kind.scope.open else choice()
         options[name] = Option(option.meaning, own[name], check)
     return options
-
-
-def _filled(values: Mapping[str, Any], options: Mapping[str, Option], where: str) -> dict[str, Any]:
-    filled = {}
-    for name, option in options.items():
-        if name in values:
-            filled[name] = _checked(f"{where}.{name}", values[name], option)
-        elif option.default is REQUIRED:
-            raise ConfigError(f"{where}.{name} is missing: {option.meaning}")
-        else:
-            filled[name] = option.default
-    if "direction" in filled:
-        filled["direction"] = Direction(filled["direction"])
-    return filled
-
-
-def _checked(where: str, value: Any, option: Option) -> Any:  # noqa: ANN401 - anything may stand in a file
-    try:
-        return option.check(value)
-    except ValueError as error:
-        allowed = str(error) or "nothing else than the kind's own"
-        raise ConfigError(f"{where} = {value!r}: allowed is {allowed}") from None

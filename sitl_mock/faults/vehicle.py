@@ -8,22 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.conditions import CONDITIONS
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import (
-    REQUIRED,
-    Direction,
-    Effect,
-    FaultKind,
-    Group,
-    Making,
-    Option,
-    Passed,
-    Scope,
-    number,
-    text,
-)
+from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
 from sitl_mock.faults.other_senders import mode_named
 from sitl_mock.faults.places import along, vector
 from sitl_mock.pilot import Sticks
+from sitl_mock.tables import REQUIRED, Option, number, text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -14,7 +14,8 @@ import pytest
 import yaml
 from pymavlink import mavutil
 
-from sitl_mock.fleet import FleetConfig, HomeConfig, SigningConfig, VehicleConfig, build, checked
+from sitl_mock import Home
+from sitl_mock.fleet import FleetConfig, SigningConfig, VehicleConfig, build, checked
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "mock.md").read_text(encoding="utf-8")
@@ -62,10 +63,10 @@ def test_the_first_command_prints_what_is_shown(run):
 
 def test_the_fleet_file_has_every_key_and_flies():
     values = tomllib.loads(blocks("toml")[0])
-    assert set(values) == set(FleetConfig.model_fields)
-    assert set(values["home"]) == set(HomeConfig.model_fields)
-    assert set(values["vehicle"][0]) == set(VehicleConfig.model_fields)
-    assert set(values["vehicle"][0]["signing"]) == set(SigningConfig.model_fields)
+    assert set(values) == {*FleetConfig.__dataclass_fields__}
+    assert set(values["home"]) == {*Home._fields}
+    assert set(values["vehicle"][0]) == {*VehicleConfig.__dataclass_fields__}
+    assert set(values["vehicle"][0]["signing"]) == {*SigningConfig.__dataclass_fields__}
     vehicles = build(checked(values, "the page"))
     assert [each.flavour for each in vehicles.values()] == ["px4", "rover"]
     assert vehicles["uav1"].autopilot.parameters["MPC_XY_VEL_MAX"] == 8.0

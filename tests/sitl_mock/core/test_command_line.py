@@ -161,7 +161,7 @@ def test_version_names_the_package_and_its_version():
 
 def test_the_mock_and_its_plugin_import_neither_guidance_nor_matplotlib_nor_dask():
     modules = "sitl_mock, sitl_mock.cli, sitl_mock.cli.run, sitl_mock.serving, sitl_mock.pytest_plugin, sitl_mock.px4"
-    banned = '{"guidance", "matplotlib", "dask", "distributed", "scipy", "pandas", "pyarrow"}'
+    banned = '{"guidance", "matplotlib", "dask", "distributed", "scipy", "pandas", "pyarrow", "pydantic"}'
     program = f"import sys, {modules}; print(sorted({banned} & {{name.split('.')[0] for name in sys.modules}}))"
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=True)
     assert told.stdout.strip() == "[]"

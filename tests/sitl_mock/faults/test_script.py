@@ -7,7 +7,7 @@ import pytest
 
 from sitl_mock import ConfigError, MockVehicle
 from sitl_mock.faults import KINDS, Faulted, parse_script, read_script
-from sitl_mock.faults.effect import REQUIRED
+from sitl_mock.tables import REQUIRED
 
 EXAMPLES = Path(__file__).parents[3] / "config" / "faults"
 

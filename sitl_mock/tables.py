@@ -1,0 +1,183 @@
+"""Tables of a file or of a request: keys, each with its meaning, its default and what is allowed."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from sitl_mock.errors import ConfigError
+
+REQUIRED: Final = object()
+
+
+@dataclass(frozen=True)
+class Option:
+    """One key of a table.
+
+    Attributes:
+        meaning: What it sets, with its unit.
+        default: Its value where none is given; REQUIRED if one must be.
+        check: Turns a value from a file into what is used; raises ValueError saying what is allowed.
+    """
+
+    meaning: str
+    default: Any
+    check: Callable[[Any], Any]
+
+
+def filled(values: Mapping[str, Any], options: Mapping[str, Option], where: str) -> dict[str, Any]:
+    """Return the checked value of every key, its default where it is not given.
+
+    Args:
+        values: What was given; keys without an option are passed over.
+        options: By key.
+        where: Names the table in an error.
+
+    Raises:
+        ConfigError: A key is missing, or its value is not one of those allowed.
+    """
+    found = {}
+    for name, option in options.items():
+        if name in values:
+            found[name] = checked(f"{where}.{name}", values[name], option)
+        elif option.default is REQUIRED:
+            raise ConfigError(f"{where}.{name} is missing: {option.meaning}")
+        else:
+            found[name] = option.default
+    return found
+
+
+def table(values: Any, options: Mapping[str, Option], where: str) -> dict[str, Any]:  # noqa: ANN401 - as below
+    """Return `filled`, where no other keys are allowed.
+
+    Args:
+        values: What was given.
+        options: By key.
+        where: Names the table in an error.
+
+    Raises:
+        ConfigError: It is no table, a key is unknown or missing, or its value is not one of those allowed.
+    """
+    if not isinstance(values, Mapping):
+        raise ConfigError(f"{where} = {values!r}: allowed is a table of keys")
+    unknown = sorted(values.keys() - options.keys())
+    if unknown:
+        raise ConfigError(
+            f"{where}.{unknown[0]} = {values[unknown[0]]!r} is not known; allowed are {', '.join(options)}"
+        )
+    return filled(values, options, where)
+
+
+def checked(where: str, value: Any, option: Option) -> Any:  # noqa: ANN401 - anything may stand in a file
+    """Return a checked value.
+
+    Raises:
+        ConfigError: It is not one of those allowed.
+    """
+    try:
+        return option.check(value)
+    except ValueError as error:
+        allowed = str(error) or "nothing else than the kind's own"
+        raise ConfigError(f"{where} = {value!r}: allowed is {allowed}") from None
+
+
+def number(low: float, high: float) -> Callable[[Any], float]:
+    """Accept a number within limits."""
+
+    def check(value: Any) -> float:  # noqa: ANN401 - anything may stand in a file
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            raise ValueError(f"a number from {low:g} to {high:g}")
+        return float(value)
+
+    return check
+
+
+def integer(low: int, high: int) -> Callable[[Any], int]:
+    """Accept a whole number within limits."""
+
+    def check(value: Any) -> int:  # noqa: ANN401 - anything may stand in a file
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise ValueError(f"a whole number from {low} to {high}")
+        return value
+
+    return check
+
+
+def integers(low: int, high: int) -> Callable[[Any], frozenset[int]]:
+    """Accept one whole number or a list of them."""
+    one = integer(low, high)
+
+    def check(value: Any) -> frozenset[int]:  # noqa: ANN401 - anything may stand in a file
+        items = value if isinstance(value, (list, tuple)) else [value]
+        try:
+            return frozenset(one(item) for item in items)
+        except ValueError:
+            raise ValueError(f"whole numbers from {low} to {high}") from None
+
+    return check
+
+
+def text(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
+    """Accept a text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise ValueError("a text")
+    return value
+
+
+def words(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may stand in a file
+    """Accept a word or a list of them."""
+    items = [value] if isinstance(value, str) else value
+    if not isinstance(items, (list, tuple)) or not all(isinstance(item, str) and item for item in items):
+        raise ValueError("a word or a list of words")
+    return tuple(items)
+
+
+def choice(*allowed: str) -> Callable[[Any], str]:
+    """Accept one of some words."""
+
+    def check(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
+        if value not in allowed:
+            raise ValueError(", ".join(allowed))
+        return str(value)
+
+    return check
+
+
+def flag(value: Any) -> bool:  # noqa: ANN401 - anything may stand in a file
+    """Accept true or false."""
+    if not isinstance(value, bool):
+        raise ValueError("true or false")  # noqa: TRY004 - one kind of error for every wrong value
+    return value
+
+
+def matching(pattern: str, meaning: str) -> Callable[[Any], str]:
+    """Accept a text that matches a pattern as a whole."""
+
+    def check(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
+        if not isinstance(value, str) or not re.fullmatch(pattern, value):
+            raise ValueError(meaning)
+        return value
+
+    return check
+
+
+def place(value: Any) -> tuple[float, float, float]:  # noqa: ANN401 - anything may stand in a file
+    """Accept three finite numbers."""
+    if not isinstance(value, (list, tuple)) or len(value) != 3 or not all(map(_finite, value)):
+        raise ValueError("three numbers")
+    north, east, down = value
+    return float(north), float(east), float(down)
+
+
+def numbers(value: Any) -> dict[str, float]:  # noqa: ANN401 - anything may stand in a file
+    """Accept a table of finite numbers."""
+    if not isinstance(value, Mapping) or not all(map(_finite, value.values())):
+        raise ValueError("a table of numbers")
+    return {str(name): float(number) for name, number in value.items()}
+
+
+def _finite(value: Any) -> bool:  # noqa: ANN401 - as above
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
