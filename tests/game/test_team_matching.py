@@ -323,9 +323,10 @@ def test_every_game_of_a_batch_may_have_speeds_of_its_own():
 @pytest.mark.parametrize("size", [1e-20, 1.0, 1e20])
 def test_as_many_are_sure_in_games_of_any_size(size):
     goals, runs = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0]]), np.array([[13.0, 0.0, 0.0], [-13.0, 0.0, 0.0]])
-    found = match_teams(PAPER, size * (goals[::-1] + np.array([0.0, 1.0, 0.0])), size * runs, size * goals)
-    assert found.first.tolist() == [1, 0]
-    assert found.guaranteed == 2
+    for guards, first in ((goals, [0, 1]), (goals[::-1], [1, 0])):
+        found = match_teams(PAPER, size * (guards + np.array([0.0, 1.0, 0.0])), size * runs, size * goals)
+        assert found.first.tolist() == first
+        assert found.guaranteed == 2
 
 
 def test_rows_without_an_answer_are_nan_and_say_why():
