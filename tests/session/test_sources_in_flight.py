@@ -11,8 +11,8 @@ from guidance.links import MemoryWire
 from guidance.links.evaders.mavlink import MavlinkEvader
 from guidance.links.evaders.open_drone_id import OpenDroneIdLocation
 from guidance.links.evaders.ros import RosPose
-from tests.links.test_evader_mavlink import drone_id
-from tests.links.test_evader_zenoh import Cdr
+from tests.links.evaders.test_mavlink import drone_id
+from tests.links.evaders.test_zenoh import Cdr
 from tests.session.conftest import HERE
 
 KEY = bytes(range(32))

@@ -39,7 +39,7 @@ def as_bytes(**changes) -> bytes:
 
 
 def test_the_published_schema_is_the_models():
-    published = Path(__file__).parents[2] / "config" / "zenoh" / "evader_report.schema.json"
+    published = Path(__file__).parents[3] / "config" / "zenoh" / "evader_report.schema.json"
     assert json.loads(published.read_text()) == json_schema()
 
 
