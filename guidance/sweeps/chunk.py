@@ -38,7 +38,6 @@ def _unheard() -> None:
 
 
 _TRIED = (8, 64, 512)
-_TRIED_S = 1.0
 _SHARED_AT_MOST = 8.0
 
 
@@ -47,30 +46,30 @@ def rows_of(plan: Plan, chunk: int, size: int) -> range:
     return range(chunk * size, min(plan.rows, (chunk + 1) * size))
 
 
-def rows_for(plan: Plan, workers: int, clock: Callable[[], float] = time.perf_counter) -> int:
+def rows_for(plan: Plan, workers: int, clock: Callable[[], float] = time.process_time) -> int:
     """Return how many rows a chunk should have, after playing a few: the rows are the same whatever it is.
 
     Args:
         plan: What is swept.
         workers: How many will compute chunks; each should have several.
-        clock: Seconds.
+        clock: Seconds of this process alone: on a busy machine time passes without it.
     """
     if plan.way == "fast":
         return 1  # a flight takes longer than a game by thousands
     fair = max(1, math.ceil(plan.rows / (CHUNKS_A_WORKER * workers)))
     if fair <= _TRIED[0]:
         return fair
-    fewer = _timed(plan, _TRIED[0], clock)
-    if fewer[1] > _TRIED_S:
-        more = _timed(plan, 2 * _TRIED[0], clock)
-    else:
-        for tried in _TRIED[1:]:
-            if fair <= tried:
-                return fair
-            more = _timed(plan, tried, clock)
-            if more[1] > _TRIED_S:
-                break
-    return max(1, min(_rows_in(CHUNK_S, fewer, more), fair, MOST_GAMES))
+    tried = [_timed(plan, _TRIED[0], clock)]
+    for count in _TRIED[1:]:
+        if tried[-1][1] > CHUNK_S:
+            break
+        if fair <= count:
+            return fair
+        tried.append(_timed(plan, count, clock))
+    if len(tried) == 1:
+        tried.append(_timed(plan, 2 * _TRIED[0], clock))
+    # Of the last two: few rows may leave out a pair of policies, and its steps with it.
+    return max(1, min(_rows_in(CHUNK_S, *tried[-2:]), fair, MOST_GAMES))
 
 
 def _timed(plan: Plan, count: int, clock: Callable[[], float]) -> tuple[int, float]:

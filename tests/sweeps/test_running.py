@@ -264,7 +264,7 @@ def test_a_chunk_takes_some_seconds_and_every_worker_has_several(plan_from, slow
     assert chunk.rows_for(plan, workers, lambda: now[0]) == expected
 
 
-@pytest.mark.parametrize(("steps_s", "game_s", "expected"), [(2.0, 0.05, 160), (20.0, 0.5, 40), (2.0, 0.0, 528)])
+@pytest.mark.parametrize(("steps_s", "game_s", "expected"), [(2.0, 0.05, 160), (20.0, 0.5, 40), (2.0, 0.0, 12000)])
 def test_games_that_share_their_steps_share_a_chunk(plan_from, steps_s, game_s, expected, monkeypatch):
     """A chunk's own cost, however long it is on a busy machine, must not cut the chunks to nothing."""
     plan, now = plan_from(LONG.replace("240", "24000")), [0.0]
