@@ -15,13 +15,8 @@ from guidance.config import find, load, parse
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
-from guidance.session.daemon import Daemon
-from guidance.session.log import Log
 from guidance.session.merging import merged
-from guidance.session.metrics import Metrics
-from guidance.session.mission import Conduct, Mission
-from guidance.session.notify import Notifier
-from guidance.session.orders import Mailbox
+from guidance.session.mission import Conduct
 from guidance.session.recorded import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.session.spec import plan_of
@@ -31,6 +26,7 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
 from sitl_mock.child import running
+from tests.harness.supervised import Supervised
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 DOCUMENT = {
@@ -68,44 +64,13 @@ def scenario(**sections):
     return parse(Scenario, {**CHASE, **merged}, source="scenario")
 
 
-class Sortie:
-    """A daemon around the stepped mock, in virtual time; the evader stands still."""
-
-    def __init__(self, config, flown, *, engage):
-        self.clock = VirtualClock()
-        self.world = SteppedWorld(flown, self.clock)
-        self.mailbox, self.log = Mailbox(), Log("json", "error")
-        heard = SensedEvader(self.world.evader_source, flown.sensor, flown.seed, self.clock.now_s)
-        self.daemon = Daemon(
-            "uav1",
-            plan_of(config, flown),
-            self.world.link,
-            heard,
-            mailbox=self.mailbox,
-            log=self.log,
-            metrics=Metrics("uav1"),
-            notifier=Notifier(None, None),
-        )
-        conduct = Conduct(engage, hand_over=Event.HOLD)
-        self.mission = Mission(flown, self.daemon, self.world, heard, conduct)
-
-    def run(self, limit_s, until=lambda: False):
-        end_s = self.clock.now_s() + limit_s
-        while not self.daemon.finished and self.clock.now_s() < end_s and not until():
-            self.clock.sleep_until(self.clock.now_s() + 0.02)
-            self.world.advance()
-            self.mission.before(self.clock.now_s())
-            self.daemon.step(self.clock.now_s())
-            self.mission.after(self.clock.now_s())
-        return self
-
-    @property
-    def state(self):
-        return self.daemon.flight.state
-
-    def close(self):
-        self.world.close()
-        self.log.close()
+def supervised(config, flown, *, engage):
+    """A daemon around the stepped mock; the evader stands still."""
+    clock = VirtualClock()
+    world = SteppedWorld(flown, clock)
+    heard = SensedEvader(world.evader_source, flown.sensor, flown.seed, clock.now_s)
+    conduct = Conduct(engage, hand_over=Event.HOLD)
+    return Supervised(clock, world, heard, plan=plan_of(config, flown), scenario=flown, conduct=conduct)
 
 
 @pytest.fixture
@@ -113,7 +78,7 @@ def sortie():
     made = []
 
     def make(config, flown, *, engage=True):
-        made.append(Sortie(config, flown, engage=engage))
+        made.append(supervised(config, flown, engage=engage))
         return made[-1]
 
     yield make

@@ -21,15 +21,10 @@ from guidance.links.endpoint import parse
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.session.daemon import Daemon
-from guidance.session.log import Log
 from guidance.session.meeting import identify, wait_until_placed
 from guidance.session.merging import config_of
-from guidance.session.metrics import Metrics
-from guidance.session.mission import Conduct, Mission
-from guidance.session.notify import Notifier
+from guidance.session.mission import Conduct
 from guidance.session.opening import VehicleWorld
-from guidance.session.orders import Mailbox
 from guidance.session.result import outcome_of_flight
 from guidance.session.spec import plan_of
 from guidance.session.vehicle import laid_about
@@ -40,6 +35,7 @@ from sitl_mock import Home, MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
 from tests.harness.command import guidance
+from tests.harness.supervised import Supervised
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 SHORT_FILE = Path(__file__).parents[1] / "data" / "short_chase.toml"
@@ -111,11 +107,10 @@ class World(VirtualClock):
         ]  # fmt: skip
 
 
-class Sortie:
-    """The supervised daemon of `guidance fly --vehicle`, and its evader, in virtual time."""
+class Sortie(Supervised):
+    """The daemon of `guidance fly --vehicle`, and its evader, in virtual time."""
 
     def __init__(self, world, *, scenario=SHORT, ready_within_s=120.0):
-        self.world = world
         name = world.profile.name
         self.laid = laid_about(scenario, *world.meet(), name)
         found = Found(1, 1, world.profile.autopilot_id, 2, armed=False)
@@ -130,41 +125,17 @@ class Sortie:
         ears, radio = MemoryWire.pair(world.now_s)
         self.evader = EvaderHere(self.laid, world, radio)
         source = MavlinkEvader(ears, GlobalPositionInt(), system_id=EVADER_ID, clock=world.now_s)
-        heard = SensedEvader(source, scenario.sensor, scenario.seed, world.now_s)
-        mailbox, self.log = Mailbox(), Log("json", "error")
-        self.daemon = Daemon(
-            "pursuer",
-            plan_of(self.own, self.laid),
-            world.link,
-            heard,
-            mailbox=mailbox,
-            log=self.log,
-            metrics=Metrics("pursuer"),
-            notifier=Notifier(None, None),
-        )
         self.shown = []
-        self.mission = Mission(
-            self.laid,
-            self.daemon,
+        super().__init__(
+            world,
             VehicleWorld(world.link, source, player=self.evader, on_engage=self.evader.engage),
-            heard,
-            Conduct(engage=True, end_with=Event.RETURN, hand_over=Event.LAND),
+            SensedEvader(source, scenario.sensor, scenario.seed, world.now_s),
+            plan=plan_of(self.own, self.laid),
+            scenario=self.laid,
+            conduct=Conduct(engage=True, end_with=Event.RETURN, hand_over=Event.LAND),
             show=self.shown.append,
             ready_within_s=ready_within_s,
         )
-
-    def run(self, limit_s=300.0, until=lambda: False):
-        end_s = self.world.now_s() + limit_s
-        while not self.daemon.finished and self.world.now_s() < end_s and not until():
-            self.world.sleep_until(self.world.now_s() + 0.02)
-            self.mission.before(self.world.now_s())
-            self.daemon.step(self.world.now_s())
-            self.mission.after(self.world.now_s())
-        return self
-
-    @property
-    def state(self):
-        return self.daemon.flight.state
 
     def outcome(self):
         return outcome_of_flight(self.mission.result, "vehicle")
@@ -180,7 +151,7 @@ def sortie():
 
     yield make
     for one in made:
-        one.log.close()
+        one.close()
         one.evader.close()
 
 
