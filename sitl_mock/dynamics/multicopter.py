@@ -73,7 +73,8 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
     *_, was_m_s2, on_ground = body
     full_m_s2 = airframe.thrust_max_m_s2
     thrust_m_s2 = within(demand.thrust_m_s2, 0.0, full_m_s2)
-    rate_n, rate_e, turning = _turned(airframe, body, demand, thrust_m_s2 / full_m_s2, dt_s)
+    stands = on_ground and thrust_m_s2 <= GRAVITY_M_S2
+    rate_n, rate_e, turning = ZERO if stands else _turned(airframe, body, demand, thrust_m_s2 / full_m_s2, dt_s)
     thrust_m_s2 = around.thrust_share * min(thrust_m_s2, full_m_s2 * (1.0 - turning))
     thrust_m_s2 += (was_m_s2 - thrust_m_s2) * math.exp(-dt_s / airframe.rotor_lag_s)
     if on_ground and thrust_m_s2 <= GRAVITY_M_S2:
