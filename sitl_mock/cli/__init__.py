@@ -13,7 +13,6 @@ from sitl_mock.errors import MockError
 _PACKAGE = "pursuit-guidance"
 
 app = typer.Typer(
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
@@ -33,8 +32,9 @@ def _version(asked: bool) -> None:
     raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
     """A mock autopilot that real clients fly as PX4, ArduCopter or Rover: nothing to build, ready in under a second.
@@ -43,6 +43,8 @@ def _root(
     `sitl-mock run --vehicles arducopter:uav1 --gcs 14550` one ArduCopter for a ground station;
     `sitl-mock list` tells what there is.
     """
+    if context.invoked_subcommand is None:  # alone: a question that is answered
+        typer.echo(context.get_help())
 
 
 def main() -> None:

@@ -104,6 +104,11 @@ def test_a_port_in_use_is_one_clear_message(start):
     assert f"{address} is in use" in said
 
 
+def test_alone_it_shows_its_help_and_ends_well():
+    done = CliRunner().invoke(app, [])
+    assert (done.exit_code, "calibrate" in done.output) == (0, True)
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
