@@ -14,6 +14,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
 from tests.harness.command import guidance
+from tests.harness.silences import silences
 
 NEAR = Path(__file__).parents[1] / "data" / "near_chase.toml"
 GUIDANCE = Path(sys.executable).parent / "guidance"
@@ -68,7 +69,7 @@ def readable_messages(path):
 def test_a_pursuit_is_flown_in_real_time_over_mavlink_and_zenoh(tmp_path, link):
     process = start(tmp_path / "out", "--link", link)
     out, err = process.communicate(timeout=120)
-    assert process.returncode == 0, out + err
+    assert process.returncode == 0, out + err + silences(tmp_path / "out" / "record.mcap")
     assert "captured" in out
     assert 0.85 < float(re.search(r"flown / predicted +([\d.]+)", out)[1]) < 1.15
     with (tmp_path / "out" / "record.mcap").open("rb") as stream:

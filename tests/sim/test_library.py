@@ -15,6 +15,7 @@ from guidance.sim.maths import play
 from guidance.sim.team_maths import play_teams, summary_of
 from guidance.sim.teams import TeamScenario
 from tests.harness.flights import flown
+from tests.harness.silences import silences
 
 EVERY = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
 TEAMS = [name for name in EVERY if isinstance(load_any(name)[1], TeamScenario)]
@@ -90,5 +91,5 @@ def test_in_real_time_over_udp_a_fault_strikes_after_engagement_as_it_does_in_vi
     scenario.write_text(NEAR.read_text() + TAKEN_OVER)
     command = [GUIDANCE, "scenario", "run", scenario, "--as", "live", "--over", "udp", "--out", tmp_path / "out"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == 0, done.stdout + done.stderr + silences(tmp_path / "out" / "record.mcap")
     assert "yielded" in done.stdout
