@@ -14,7 +14,7 @@ LOCAL_POSITION_NED = 32
 def silences(record: Path, topic: str = "pursuer/mavlink_raw/out") -> str:
     """Say where LOCAL_POSITION_NED came late, by our clock and by the vehicle's.
 
-    Where both are as long, frames were lost; where its own is short, they came late: they, or its process, were held up.
+    Where both are as long, frames were lost; where its own is short, they, or its process, were held up.
     """
     if not record.is_file():
         return "there is no record"
