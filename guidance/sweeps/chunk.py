@@ -61,7 +61,7 @@ def rows_for(plan: Plan, workers: int, clock: Callable[[], float] = time.process
         return fair
     tried = [_timed(plan, _TRIED[0], clock)]
     for count in _TRIED[1:]:
-        if tried[-1][1] > CHUNK_S:
+        if tried[-1][1] > CHUNK_S / 2:
             break
         if fair <= count:
             return fair
