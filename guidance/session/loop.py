@@ -5,10 +5,11 @@ after the vehicle's position arrives: a setpoint then rests on what is 2 ms old,
 average.
 """
 
+import contextlib
 import math
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Final, Protocol
 
@@ -44,11 +45,16 @@ class Signals:
         self._again = False
         self._looping = False
 
-    def install(self) -> None:
-        """Take SIGTERM, SIGINT and SIGHUP."""
-        signal.signal(signal.SIGTERM, self._note)
-        signal.signal(signal.SIGINT, self._note)
-        signal.signal(signal.SIGHUP, self._note)
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """Take SIGTERM, SIGINT and SIGHUP, and give them back in the end: what stays open then ends by them."""
+        taken = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+        before = {number: signal.signal(number, self._note) for number in taken}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def begin(self) -> None:
         """The loop begins, and is the one to act from now on. Before, nothing is to be handed over: an end is one."""

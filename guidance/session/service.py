@@ -53,8 +53,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
     on_config(config)
     clock, mailbox, metrics = MonotonicClock(), Mailbox(), Metrics(config.name)
     signals = Signals(ORDER_OF[config.flight.on_terminate], lambda: reload(path, config))
-    signals.install()
-    with contextlib.ExitStack() as closing:
+    with signals.installed(), contextlib.ExitStack() as closing:
         log = Log(config.log.format, config.log.level)
         closing.callback(log.close)
         notifier = Notifier.from_environment(os.environ, os.getpid())

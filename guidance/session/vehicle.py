@@ -94,8 +94,7 @@ def fly_vehicle(
     clock, mailbox = MonotonicClock(), Mailbox()
     hand_over = ORDER_OF[own.flight.on_terminate]
     signals = Signals(hand_over, _kept)
-    signals.install()
-    with contextlib.ExitStack() as closing:
+    with signals.installed(), contextlib.ExitStack() as closing:
         control = ControlBus(
             own.name,
             mailbox,
@@ -155,11 +154,10 @@ def fly_url(
         on_record(folder / RECORD)
         hand_over = ORDER_OF[own.flight.on_terminate]
         signals = Signals(hand_over, _kept)
-        signals.install()
         conduct = Conduct(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
         reached = Reached(own, world, clock, radio)
         plan = plan_of(own, laid)
-        with admitted(own.name, metadata_of(laid, own, clock), control) as onlookers:
+        with signals.installed(), admitted(own.name, metadata_of(laid, own, clock), control) as onlookers:
             result = _conducted(laid, reached, plan, conduct, folder, onlookers, signals, show)
         result.wall_s = time.perf_counter() - began_s
     return result, own.flight.on_terminate

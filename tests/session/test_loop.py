@@ -184,8 +184,7 @@ def test_the_processor_is_claimed_as_far_as_it_is_permitted_and_what_was_had_is_
 def test_signals_are_acted_on_by_the_loop(clock):
     signals = signals_of()
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
-    signals.install()
-    try:
+    with signals.installed():
         with pytest.raises(SystemExit) as ended:  # while the vehicle is waited for, there is nothing to hand over
             os.kill(os.getpid(), signal.SIGTERM)
         assert ended.value.code == 0
@@ -193,10 +192,9 @@ def test_signals_are_acted_on_by_the_loop(clock):
         for number in before:
             os.kill(os.getpid(), number)
         daemon, _ = looped(clock, [0.001] * 3, signals)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
     assert daemon.asked == [Event.LAND, Event.LAND, "again"]
+    # What stays open after a flight, a page or a view, ends by them as if there had been none.
+    assert {number: signal.getsignal(number) for number in before} == before
 
 
 def test_frames_are_recorded_after_the_cycle(clock, tmp_path):
