@@ -23,8 +23,8 @@ def run(
     (`guidance ctl`, `guidance panel`): nothing arms and nothing engages by itself. SIGTERM hands the vehicle to the
     autopilot and ends; SIGHUP reads the file again, on the ground.
 
-    Examples:
-        guidance run config/vehicles/px4.toml --panel
+    - `guidance run vehicle.toml`: it waits, and says for what
+    - `guidance run config/vehicles/px4.toml --panel`: with the operator's page beside it
     """
     from guidance.session.service import run_vehicle  # noqa: PLC0415 - zenoh and mavsdk take a second
 

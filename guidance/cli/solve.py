@@ -42,12 +42,10 @@ def solve(
     evader_0_y_m, evader_1_x_m …; who is not there in a row has empty cells. The answers say how many captures are
     guaranteed, who captures whom, and every player's velocity.
 
-    Examples:
-        guidance solve --pursuer 8,1.42,9.41 --evader 7.92,9.6 --speed-ratio 2
-
-        guidance solve --pursuer 40,0,30 --evader 9,2 --target 0,0 --cylinder 12,3,1.5 --evader-speed 3 --standoff 3,5
-
-        guidance solve --states states.csv --out answers.parquet --speed-ratio 2
+    - `guidance solve --pursuer 8,1.42,9.41 --evader 7.92,9.6 --speed-ratio 2`: the paper's PE state
+    - `guidance solve --pursuer 40,0,30 --evader 9,2 --target 0,0 --cylinder 12,3,1.5 --evader-speed 3 --standoff 3,5`:
+      a multicopter that keeps an evader from a target
+    - `guidance solve --states states.csv --out answers.parquet --speed-ratio 2`: a file of states
     """
     from guidance.cli.solve_state import solve_state  # noqa: PLC0415 - NumPy takes a third of a second
     from guidance.game import Ball, Cylinder, Game, StandOff  # noqa: PLC0415

@@ -27,8 +27,7 @@ def keys(
     `guidance ctl`, `guidance view` and `sitl-mock run`, and the section `[zenoh]` of a vehicle file. The keys are
     readable by you alone; ca.key signs whatever you like, and belongs on none of the machines that fly.
 
-    Examples:
-        guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10
+    - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
     """
     from guidance.extras import require  # noqa: PLC0415 - only where it is used
 
@@ -55,8 +54,7 @@ def router(
     The configuration that comes along (`config/zenoh/router.json5`) lets in who has a certificate of ours, and
     lets each say and hear only what is its own. zenohd reads the same file.
 
-    Examples:
-        guidance zenoh router --keys keys --listen tls/0.0.0.0:7447
+    - `guidance zenoh router --keys keys --listen tls/0.0.0.0:7447`
     """
     from guidance.config import config_folder  # noqa: PLC0415
     from guidance.links.router import open_router  # noqa: PLC0415 - zenoh takes a moment
