@@ -49,6 +49,7 @@ class Px4Gains:
     xy_error_max_m: float = 2.0  # MPC_XY_ERR_MAX: a trajectory waits for a vehicle that is as far behind
     thrust_min: float = 0.12  # MPC_THR_MIN, of full throttle
     thrust_level_margin: float = 0.3  # MPC_THR_XY_MARG: what the lift leaves of full throttle to go sideways
+    hover_lag_s: float = 6.0  # MPC_USE_HTE: how slowly the thrust that is believed to hover follows; measured
     spool_s: float = 1.0  # COM_SPOOLUP_TIME
     ramp_s: float = 3.0  # MPC_TKO_RAMP_T
     take_off_wish_m_s: float = 0.1  # a climb faster than this on the ground starts the ramp
@@ -73,6 +74,7 @@ class Px4Memory(NamedTuple):
     ramped_s: float = 0.0
     tilt_max_rad: float = math.pi
     yaw_integral_rad_s2: float = 0.0
+    hover_m_s2: float = GRAVITY_M_S2  # what it believes to hover with (MPC_USE_HTE)
 
 
 _memory, _demand, _reference = maker_of(Px4Memory), maker_of(Demand), maker_of(Reference)
@@ -116,7 +118,7 @@ class Px4Control:
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
         gains, on_ground = self.gains, body.on_ground
-        _, _, was_integral, was, spooled_s, ramped_s, tilt_max_rad, _ = memory
+        _, _, was_integral, was, spooled_s, ramped_s, tilt_max_rad, _, hover_m_s2 = memory
         if spooled_s < gains.spool_s:
             spooled_s = min(spooled_s + dt_s, gains.spool_s)
         if spooled_s < gains.spool_s and on_ground:
@@ -151,14 +153,26 @@ class Px4Control:
             slow,
             was_integral,
             dt_s,
-            tilt_max_rad,
+            (tilt_max_rad, hover_m_s2),
             flying=flying,
         )
         if on_ground:
             # While the thrust ramps up the climb's integral runs: it holds the first seconds of the climb back.
             integral = (0.0, 0.0, integral[2] if ramped_s > 0.0 and not flying else 0.0)
         turn, yaw_integral = self._yaw_rate(memory, body, setpoint, dt_s)
-        carried = (setpoint.kind, reference, integral, slow, spooled_s, ramped_s, tilt_max_rad, yaw_integral)
+        if not on_ground:
+            hover_m_s2 = self._hover(hover_m_s2, body, dt_s)
+        carried = (
+            setpoint.kind,
+            reference,
+            integral,
+            slow,
+            spooled_s,
+            ramped_s,
+            tilt_max_rad,
+            yaw_integral,
+            hover_m_s2,
+        )
         return _memory(carried), _demand((*lean, thrust, turn))
 
     def _ramped(self, ramped_s: float, up_max: float) -> tuple[float, float]:
@@ -269,12 +283,12 @@ class Px4Control:
         acceleration: Ned,
         integral: Ned,
         dt_s: float,
-        tilt_max_rad: float,
+        limits: tuple[float, float],
         *,
         flying: bool,
     ) -> tuple[Ned, tuple[float, float], float]:
         """PID on velocity, thrust and tilt limits with vertical first, anti-windup by what could be produced."""
-        gains = self.gains
+        gains, (tilt_max_rad, hover_m_s2) = self.gains, limits
         (w_n, w_e, w_d), (v_n, v_e, v_d), (f_n, f_e, f_d) = wanted, velocity, forward
         err_n, err_e, err_d = w_n - v_n, w_e - v_e, w_d - v_d
         if math.isnan(err_n + err_e + err_d):
@@ -296,7 +310,7 @@ class Px4Control:
         lift = min(lift, math.sqrt(most * most - side * side))
         tan_max = min(tan_max, math.sqrt(most * most - lift * lift) / lift)
         shrink = tan_max / tilt_tan if tilt_tan > tan_max else 1.0
-        made = shrink * lift / GRAVITY_M_S2
+        made = shrink * lift / hover_m_s2
         if made < 1.0:
             # Tracking anti-windup with gain 2/P on what cannot be made of the acceleration.
             back = 2.0 / gains.xy_vel_p_1_s * (1.0 - made)
@@ -312,6 +326,12 @@ class Px4Control:
         per = tilt / (tilt_tan * GRAVITY_M_S2) if tilt_tan > 1e-9 else 1.0 / GRAVITY_M_S2
         thrust = lift * math.sqrt(1.0 + tilt_tan * tilt_tan)
         return integral, (a_n * per, a_e * per), thrust
+
+    def _hover(self, hover_m_s2: float, body: Body, dt_s: float) -> float:
+        """What it believes to hover with: drag on the way down lets it seem lighter, on the way up heavier."""
+        lift = body.thrust_m_s2 * math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
+        hovers = lift * GRAVITY_M_S2 / max(GRAVITY_M_S2 - body.acceleration_ned_m_s2[2], 1.0)
+        return hover_m_s2 + (hovers - hover_m_s2) * (1.0 - math.exp(-dt_s / self.gains.hover_lag_s))
 
     def _yaw_rate(self, memory: Px4Memory, body: Body, setpoint: Setpoint, dt_s: float) -> tuple[float, float]:
         """The yaw rate that PI on the rate settles at against the damping, and the integral carried on."""

@@ -31,6 +31,8 @@ VELOCITY_SD_M_S = 0.03
 SETTLED_S = 2.0
 LONGEST_S = 90.0
 
+HOVER_S = 6.0
+"""Between the climb and the chase, as a person takes: PX4's belief of the thrust that hovers is high after a climb."""
 ORDERS = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,)}
 
 
@@ -259,7 +261,7 @@ class Chase:
         ours, self._end = MemoryWire.pair(self._clock.now_s)
         link = PymavlinkLink(ours, self._clock.now_s, system_id=1)
         self._linked = LinkedFlight(Flight(settings), Altering(link, send), self.runner, None)
-        self._state, self._engaged_s = State.CONNECTING, math.nan
+        self._state, self._changed_s, self._engaged_s = State.CONNECTING, 0.0, math.nan
 
     @property
     def since_s(self) -> float:
@@ -278,7 +280,10 @@ class Chase:
             self._end.send(frame)
         (north, east, down), speed = _truth(self.vehicle, self._scenario)
         self.runner.advance(now_s, (north, east), running=self.since_s > 0.0)
-        outputs = self._linked.run(now_s, ORDERS.get(self._state, ()))
+        hovers = self._state is State.STANDING_BY and now_s - self._changed_s < HOVER_S
+        outputs = self._linked.run(now_s, () if hovers else ORDERS.get(self._state, ()))
+        if outputs.state is not self._state:
+            self._changed_s = now_s
         self._state, certificate = outputs.state, outputs.certificate
         if outputs.alarm is not None:
             chased.alarms.append((self.since_s, outputs.alarm))
