@@ -23,7 +23,7 @@ Array: TypeAlias = NDArray[Any] | Any
 """An array as it is handed back: NumPy's, or that of the library whose arrays were given (PyTorch, JAX).
 
 What is given may be any `numpy.typing.ArrayLike`: numbers of every kind, lists of them, arrays of these libraries. A
-type checker takes an answer for NumPy's, and lets it be used where an array of another library is asked for.
+type checker takes an answer for NumPy's; who gave arrays of another library casts it (`typing.cast`).
 """
 
 Library: TypeAlias = Any
