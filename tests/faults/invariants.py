@@ -133,7 +133,8 @@ class Watch:
         local, home_m = flight.vehicle.last(LocalPosition), flight.tracking.home_ned_m
         if local is None or home_m is None:
             return
-        limits, height_m = self._case.scenario.limits, home_m[2] - local.position_ned_m[2]
+        limits = self._case.scenario.limits
+        height_m = home_m[2] - local.position_ned_m[2] + flight.tracking.held_back_ned_m[2]
         if height_m < limits.floor_m - SPARE_M and self._asked_down_m_s > ASKED_M_S:
             self.wrong("nothing is asked further out", now_s, self._asked_down_m_s, "below the floor")
         if height_m > limits.ceiling_m + SPARE_M and self._asked_down_m_s < -ASKED_M_S:
