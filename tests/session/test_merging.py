@@ -87,7 +87,7 @@ def sortie():
 
 
 def test_a_game_is_flown_and_the_vehicle_handed_over_as_its_file_says(sortie):
-    flown = sortie(own(), scenario()).run(120.0)
+    flown = sortie(own(), scenario(evader={"position_m": (6.0, 40.0)})).run(120.0)
     outcome = outcome_of_flight(flown.mission.result, "vehicle")
     assert (outcome.run, outcome.end) == ("vehicle", "captured")
     assert flown.daemon.finished
