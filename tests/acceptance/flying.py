@@ -56,8 +56,8 @@ class Flown:
                 self.said.append((time.monotonic(), line.rstrip()))
 
     def at_s(self, words: str) -> float | None:
-        """When a line first ended with these words."""
-        return next((at_s for at_s, line in self.said if line.endswith(words)), None)
+        """When a line first ended with these words, or with these and the reason for them."""
+        return next((at_s for at_s, line in self.said if line.partition(": ")[0].endswith(words)), None)
 
     def row(self) -> dict[str, object]:
         """The outcome row, empty where there is none."""
