@@ -8,10 +8,10 @@ from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.entries import ORDERED, RELOADED, STOPPED
-from guidance.log.writer import Record, Records
+from guidance.log.entries import ORDERED, RELOADED
+from guidance.log.writer import Record
 from guidance.messages import LocalPosition, Message
-from guidance.preflight import Facts, Finding, PreflightMemory, Verdict, advice, parameter_names, refusals, rows
+from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, is_done, missing, not_engageable, refusal, status
 from guidance.session.engaging import Engaging
 from guidance.session.handover import ON_GROUND, ShutdownHandover
@@ -20,6 +20,7 @@ from guidance.session.log import SILENT, Logger
 from guidance.session.metrics import Metrics
 from guidance.session.notify import Notifier
 from guidance.session.orders import ALIVE, RESET, STATUS, WORDS, Mailbox, Question
+from guidance.session.recording import Recording
 from guidance.session.spec import FlightPlan
 
 PREFLIGHT_EVERY_S: Final = 0.5
@@ -58,11 +59,8 @@ class Daemon:
         self._log = log
         self.metrics = Metrics(name) if metrics is None else metrics
         self._notifier = Notifier(None, None) if notifier is None else notifier
-        self._record = record
-        self._broadcast = broadcast
-        self._record_lost = False
+        self._recording = Recording(record, broadcast, required=record_required)
         self._alive = False
-        self._record_required = record_required
         self._live = live
         self._leaving: ShutdownHandover | None = None
         self._rows: tuple[Finding, ...] = ()
@@ -77,8 +75,7 @@ class Daemon:
         self.flight = Flight(plan.flight)
         self._survey = PreflightMemory(parameter_names(plan.flight.autopilot))
         self._engaging = Engaging(self.flight, self._survey, plan.wants)
-        kept = [one for one in (self._record, self._broadcast) if one is not None]
-        self._linked = LinkedFlight(self.flight, self._link, self._evader, Records(kept) if kept else None)
+        self._linked = LinkedFlight(self.flight, self._link, self._evader, self._recording.kept)
         self._judged_s = float("-inf")
         self._rows = ()
 
@@ -139,7 +136,7 @@ class Daemon:
         outputs = self.outputs = self._linked.run(now_s, given, barred, timing, alive=alive)
         self._answer(orders, outputs, now_s)
         self._tell(outputs)
-        self._see_record(now_s)
+        self._recording.look(now_s, self.metrics, self._log)
         self._preflight(now_s)
         self.metrics.lateness.observe(max(0.0, timing.late_s))
         self.metrics.follow(outputs)
@@ -187,7 +184,7 @@ class Daemon:
         if outputs.fault is not None:
             self._tell(outputs)
             self.metrics.follow(outputs)
-            self._note(now_s, str(Event.FAULT), outputs.fault)
+            self._recording.note(now_s, str(Event.FAULT), outputs.fault)
         self._notifier.alive(now_s)
 
     def leave(self, order: Event, now_s: float) -> None:
@@ -213,7 +210,7 @@ class Daemon:
         else:
             self._log.say(logging.INFO, RELOADED)
             self.metrics.happened(RELOADED)
-            self._note(now_s, RELOADED, self._plan.document)
+            self._recording.note(now_s, RELOADED, self._plan.document)
 
     def _order(self, question: Question, now_s: float) -> Event | None:
         """Answer what needs no cycle; return the order that does."""
@@ -278,12 +275,7 @@ class Daemon:
             {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
         )
         if question.by:
-            self._note(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
-
-    def _note(self, now_s: float, event: str, detail: str) -> None:
-        for one in (self._record, self._broadcast):
-            if one is not None:
-                one.event(now_s, event, detail)
+            self._recording.note(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
 
     def _status(self, now_s: float) -> dict[str, Any]:
         return status(
@@ -293,7 +285,7 @@ class Daemon:
             self.outputs,
             self._rows,
             barred=self._barred(),
-            recording=self._recording,
+            recording=self._recording.words,
         )
 
     def _tell(self, outputs: Outputs) -> None:
@@ -311,20 +303,6 @@ class Daemon:
                 now_s=round(happening.now_s, 3),
             )
 
-    def _see_record(self, now_s: float) -> None:
-        if self._record is not None and self._record.failed is not None and not self._record_lost:
-            self._record_lost = True
-            self.metrics.happened(STOPPED)
-            if self._broadcast is not None:
-                self._broadcast.event(now_s, STOPPED, self._record.failed)
-            self._log.say(logging.WARNING, STOPPED, reason=self._record.failed)
-
-    @property
-    def _recording(self) -> str:
-        if self._record is None:
-            return "off"
-        return "on" if self._record.failed is None else f"stopped: {self._record.failed}"
-
     def _preflight(self, now_s: float) -> None:
         """Read and judge while on the ground, and read again what stands behind us before the game begins."""
         inputs, wants = self._linked.inputs, self._plan.wants
@@ -337,19 +315,12 @@ class Daemon:
         if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        self._rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self._record_row())
+        self._rows = (*rows(self.facts(now_s), self._plan.flight.autopilot, wants), *self._recording.rows())
         refused = refusals(self._rows)
         if refused != self._refused and self._survey.complete:
             self._refused = refused
             if refused:
                 self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self._rows))
-
-    def _record_row(self) -> tuple[Finding, ...]:
-        """Refuse to fly without the record that is wanted; one that fails in flight is told, and flown on without."""
-        if self._record is None or self._record.failed is None or not self._record_required:
-            return ()
-        mend = "free the disk, or have record.folder written by this user, or set record.required = false"
-        return (Finding("record", self._record.failed, "written", Verdict.REFUSE, mend),)
 
     def _show(self, now_s: float, outputs: Outputs) -> None:
         changed = any(happening.after is not happening.before for happening in outputs.happenings)

@@ -13,7 +13,7 @@ from sitl_mock.dynamics.catalogue import (
 )
 from sitl_mock.dynamics.disturbances import PX4_GROUND_WANDER, PX4_WANDER, Errors, Wander, Wind
 from sitl_mock.dynamics.multicopter import Airframe
-from sitl_mock.dynamics.px4_control import Px4Gains
+from sitl_mock.dynamics.px4_gains import Px4Gains
 from sitl_mock.dynamics.rover import Rover
 from sitl_mock.dynamics.shaping import TravelLimits
 from sitl_mock.dynamics.values import (

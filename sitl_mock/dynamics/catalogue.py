@@ -13,7 +13,8 @@ from typing import Final, Protocol
 
 from sitl_mock.dynamics.ardupilot_control import ArduControl, ArduGains, ArduMemory
 from sitl_mock.dynamics.multicopter import Airframe, Multicopter
-from sitl_mock.dynamics.px4_control import Px4Control, Px4Gains, Px4Memory
+from sitl_mock.dynamics.px4_control import Px4Control, Px4Memory
+from sitl_mock.dynamics.px4_gains import Px4Gains
 from sitl_mock.dynamics.rover import Rover
 from sitl_mock.dynamics.shaping import Reference, TravelLimits
 from sitl_mock.dynamics.values import Body, Estimate, Motion, Ned, Setpoint, Surroundings
