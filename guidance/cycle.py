@@ -199,9 +199,7 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     """Stop and keep the place, the height and the heading, within the limits."""
     dt_s, here, envelope = inputs.dt_s, inputs.situation, settings.envelope
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
-    held = hold_altitude(
-        memory.height, down_m=here.position_ned_m[2], desired_down_m=None, envelope=envelope, dt_s=dt_s
-    )
+    held = hold_altitude(memory.height, down_m=here.position_ned_m[2], envelope=envelope, dt_s=dt_s)
     drift = observe_drift(memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
     (north, east), place = keep_station(memory.place, here.position_ned_m, less_drift(here.velocity_ned_m_s, drift))
     still = with_drift((north, east, held.velocity_down_m_s), drift)

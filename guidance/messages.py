@@ -225,14 +225,10 @@ class EvaderReport(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """One SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. None leaves that part to the autopilot.
-
-    `down_m` commands z beside the velocities, so that height is held (PX4 sinks at vz = 0 alone).
-    """
+    """One SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. None leaves that part to the autopilot."""
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector | None = None
-    down_m: float | None = None
     yaw_rad: float | None = None
 
 

@@ -33,7 +33,6 @@ class Limiter(StrEnum):
     FENCE_RADIUS = "fence radius"
     FLOOR = "floor"
     CEILING = "ceiling"
-    HEIGHT = "height"
     FEED_FORWARD = "feed-forward"
     YAW = "yaw"
 
@@ -71,9 +70,8 @@ class Envelope:
     `easing_m_s3` is the jerk by which it lets go of an acceleration.
     `braking_m_s2` and `vertical_braking_m_s2` are what the vehicle surely achieves once it brakes, and `reaction_s`
     the time until it does (measured velocity lag, telemetry age and one cycle): together they make the stopping
-    distance v·reaction + v²/(2·braking). `height_gain_per_s` is the autopilot's own gain from height error to vertical
-    speed (PX4's MPC_Z_P, ArduCopter's PSC_POSZ_P), needed where z is commanded beside the velocity. `speeds` and
-    `accelerations` are the limits of both once more, as bounds of a vector.
+    distance v·reaction + v²/(2·braking). `speeds` and `accelerations` are the limits of both once more, as bounds of a
+    vector.
 
     Raises:
         ConfigError: If a value is not finite, out of its range or contradicts another one.
@@ -92,7 +90,6 @@ class Envelope:
     vertical_braking_m_s2: float = 1.0
     reaction_s: float = 0.6
     easing_m_s3: float = 30.0
-    height_gain_per_s: float = 1.0
     home_ned_m: Vector = (0.0, 0.0, 0.0)
     fence_radius_m: float | None = None
     fence_polygon: Polygon | None = None

@@ -1,7 +1,4 @@
-"""All limits in space together: one velocity that keeps every one of them.
-
-And one height: commanded beside a velocity, it is cut to what the autopilot's own height loop may make of it.
-"""
+"""All limits in space together: one velocity that keeps every one of them."""
 
 import math
 from typing import NamedTuple
@@ -100,33 +97,3 @@ def _push(flown_m_s: float, limit_m_s: float, most_m_s2: float) -> float:
     """Return the acceleration that a vehicle at this speed may still be given along a speed limit."""
     over = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
     return most_m_s2 * min(1.0, max(0.0, 1.0 - over))
-
-
-def cut_height(desired_down_m: float, velocity_ned_m_s: Vector, situation: Situation, envelope: Envelope) -> float:
-    """The height (down, metres) nearest to the wanted one for which the vertical speed is still within every limit.
-
-    The autopilot adds gain · (height error) to the vertical velocity, so that sum has to respect the speed limits and
-    the constraints; and the height itself is never below the floor or above the ceiling, nor beyond the present height
-    where the vehicle is outside them.
-
-    Args:
-        desired_down_m: The height asked for.
-        velocity_ned_m_s: The velocity that is sent with it, already within every limit.
-        situation: Where the vehicle is.
-        envelope: What is allowed.
-    """
-    present_m, gain = situation.position_ned_m[2], envelope.height_gain_per_s
-    north, east, down = velocity_ned_m_s
-    total = down + gain * (desired_down_m - present_m)
-    total = min(envelope.descent_m_s, max(-envelope.climb_m_s, total))
-    asked = (north, east, total)
-    drift = drift_ned_m(situation.velocity_ned_m_s, envelope)
-    level_limits = floor_and_ceiling(present_m, envelope, stop(asked, envelope), drift)
-    for one in (*stand_off_constraints(asked, situation, envelope), *level_limits):  # a fence holds no height
-        slid = slide((north, east, total), one)
-        if slid != (north, east, total):
-            level = one.normal_ned_s[0] == one.normal_ned_s[1] == 0.0
-            total = slid[2] if level else down
-    floor_m = max(present_m, envelope.home_ned_m[2] - envelope.floor_m)
-    ceiling_m = min(present_m, envelope.home_ned_m[2] - envelope.ceiling_m)
-    return min(floor_m, max(ceiling_m, present_m + (total - down) / gain))

@@ -34,28 +34,22 @@ class Held(NamedTuple):
     memory: AltitudeHold | None
 
 
-def hold_altitude(
-    memory: AltitudeHold | None, *, down_m: float, desired_down_m: float | None, envelope: Envelope, dt_s: float
-) -> Held:
+def hold_altitude(memory: AltitudeHold | None, *, down_m: float, envelope: Envelope, dt_s: float) -> Held:
     """Vertical speed that keeps a height, for whenever no vertical motion is wanted.
 
     Proportional with a braking curve for far errors, and a slow, bounded integral against a steady sink, which waits
-    while the error is large. `desired_down_m` None keeps the height at which holding began. The height is kept within
-    floor and ceiling, so that a vehicle found outside them comes back.
+    while the error is large. The height is the one at which holding began, kept within floor and ceiling, so that a
+    vehicle found outside them comes back.
 
     Args:
         memory: None at the first cycle of a hold.
         down_m: The present height in the local frame (down, metres); one that is no number commands no vertical motion.
-        desired_down_m: The height to hold, if it is given by someone; one that is no number counts as not given.
         envelope: Its floor, ceiling, speeds and vertical braking are respected.
         dt_s: Time since the last cycle, seconds.
     """
     if not usable(down_m):
         return Held(0.0, memory)
-    begun = memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
-    held, trim_m_s = begun
-    if desired_down_m is not None and usable(desired_down_m):
-        held = desired_down_m
+    held, trim_m_s = memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
     home_down_m = envelope.home_ned_m[2]
     held = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held))
     error_m = held - down_m

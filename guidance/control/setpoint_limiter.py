@@ -11,9 +11,8 @@ The order, and why:
  6. stand-off      ┐ Constraints, each takes away only what closes on it and keeps what goes along. A later one can bend
  7. fences         │ a velocity back into an earlier one, so all are asked again by scaling alone, which breaks none
  8. floor, ceiling ┘ of the others: in the end all hold together. Standing still always does.
- 9. height         A height beside the velocity is cut to what the autopilot may make of it, by the same constraints.
-10. feed-forward   Within acceleration and jerk; nothing of it pushes where a limit is active, or drives past a speed's.
-11. yaw            Turned at the turn rate.
+ 9. feed-forward   Within acceleration and jerk; nothing of it pushes where a limit is active, or drives past a speed's.
+10. yaw            Turned at the turn rate.
 
 Nothing is kept here: the memory goes in and comes out, and it holds what was sent, not what was wished, so that
 nothing winds up behind a limit.
@@ -22,7 +21,7 @@ nothing winds up behind a limit.
 from typing import NamedTuple
 
 from guidance.control.envelope import Envelope, Limiter
-from guidance.control.feasible_velocity import cut_height, feasible_velocity, full_speed_constraints
+from guidance.control.feasible_velocity import feasible_velocity, full_speed_constraints
 from guidance.control.fence import FenceGeometry, measure_fence
 from guidance.control.shaping import clamp, next_acceleration, slew
 from guidance.control.situation import Situation, known, usable
@@ -98,7 +97,6 @@ def limit(
     fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
     velocity, constraints = feasible_velocity(shaped, here, fence, envelope)
     active.extend(dict.fromkeys(one.limiter for one in constraints))
-    down_m = None if command.down_m is None else _height(command.down_m, velocity, here, envelope, active)
     closed = tuple(one.closed() for one in constraints)
     at_speed = full_speed_constraints(velocity, here.velocity_ned_m_s, envelope)
     feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*closed, *at_speed), envelope, dt_s, active)
@@ -109,12 +107,11 @@ def limit(
         feed_forward or STILL,
         here.yaw_rad if yaw_rad is None else yaw_rad,
     )
-    return Limited(Setpoint(velocity, feed_forward, down_m, yaw_rad), tuple(active), sent)
+    return Limited(Setpoint(velocity, feed_forward, yaw_rad), tuple(active), sent)
 
 
 def _numbers_only(command: Setpoint, memory: LimitMemory, active: list[Limiter]) -> Setpoint:
-    given = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()))
-    if usable(*given, *(number for number in (command.down_m, command.yaw_rad) if number is not None)):
+    if usable(*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0):
         return command
     active.append(Limiter.COMMAND)
     return Setpoint(STILL, yaw_rad=memory.yaw_rad)
@@ -139,14 +136,6 @@ def _shape(
     shaped = clamp((north, east, down), envelope.speeds)
     _note_vector(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     return shaped, acceleration
-
-
-def _height(
-    desired_m: float, velocity: Vector, situation: Situation, envelope: Envelope, active: list[Limiter]
-) -> float:
-    allowed_m = cut_height(desired_m, velocity, situation, envelope)
-    _note(active, Limiter.HEIGHT, allowed_m, desired_m)
-    return allowed_m
 
 
 def _yaw(

@@ -15,11 +15,8 @@ _MOST_BYTEWISE: Final = 0x7F7FFFFF
 """The largest integer whose bytes are a finite float; those of a negative one are a NaN, which JSON cannot carry."""
 
 # POSITION_TARGET_TYPEMASK: a set bit tells the autopilot to ignore that field.
-IGNORE_XY: Final = 1 | 2
-IGNORE_Z: Final = 4
-IGNORE_VZ: Final = 32
-IGNORE_ACCELERATION_XY: Final = 64 | 128
-IGNORE_ACCELERATION_Z: Final = 256
+IGNORE_POSITION: Final = 1 | 2 | 4
+IGNORE_ACCELERATION: Final = 64 | 128 | 256
 IGNORE_YAW: Final = 1024
 IGNORE_YAW_RATE: Final = 2048
 
@@ -27,14 +24,12 @@ IGNORE_YAW_RATE: Final = 2048
 def setpoint_type_mask(setpoint: Setpoint) -> int:
     """Which fields the autopilot is to ignore.
 
-    Velocity alone 3527, with yaw 2503, with acceleration feed-forward 3079 (yaw 2055). With `down_m` the vertical
-    velocity and acceleration give way to z: 3555 (yaw 2531), with horizontal feed-forward 3363 (yaw 2339). PX4 takes
-    all of these; ArduCopter takes none with z, since it reads a part ignored as the whole ignored, and stops.
+    Velocity alone 3527, with yaw 2503, with acceleration feed-forward 3079 (yaw 2055). PX4 and ArduCopter take all of
+    these. No height goes beside a velocity: ArduCopter reads a part ignored as the whole ignored, and stops.
     """
-    mask = IGNORE_XY | IGNORE_YAW_RATE
-    mask |= IGNORE_Z if setpoint.down_m is None else IGNORE_VZ | IGNORE_ACCELERATION_Z
+    mask = IGNORE_POSITION | IGNORE_YAW_RATE
     if setpoint.acceleration_ned_m_s2 is None:
-        mask |= IGNORE_ACCELERATION_XY | IGNORE_ACCELERATION_Z
+        mask |= IGNORE_ACCELERATION
     return mask | (IGNORE_YAW if setpoint.yaw_rad is None else 0)
 
 
@@ -54,7 +49,7 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
     """SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero on the wire.
 
     Args:
-        setpoint: NED, m/s and m/s²; a height beside the velocity takes the place of its vertical part.
+        setpoint: NED, m/s and m/s².
         now_s: By our clock; becomes time_boot_ms.
         system_id: The vehicle's.
         component_id: Its autopilot's.
@@ -64,8 +59,6 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
     """
     _require_sendable(setpoint)
     (vx, vy, vz), (ax, ay, az) = setpoint.velocity_ned_m_s, setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0)
-    if setpoint.down_m is not None:
-        vz, az = 0.0, 0.0
     return "SET_POSITION_TARGET_LOCAL_NED", {
         "time_boot_ms": boot_ms(now_s),
         "target_system": system_id,
@@ -74,7 +67,7 @@ def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: 
         "type_mask": setpoint_type_mask(setpoint),
         "x": 0.0,
         "y": 0.0,
-        "z": 0.0 if setpoint.down_m is None else setpoint.down_m,
+        "z": 0.0,
         "vx": vx,
         "vy": vy,
         "vz": vz,

@@ -25,7 +25,6 @@ from tests.control.scenes import OPEN
         "braking_m_s2",
         "vertical_braking_m_s2",
         "reaction_s",
-        "height_gain_per_s",
         "fence_radius_m",
     ],
 )
@@ -92,7 +91,6 @@ def test_an_envelope_says_for_itself_how_the_vehicle_brakes_and_nothing_of_fence
         "vertical_braking_m_s2": 1.0,
         "reaction_s": 0.6,
         "easing_m_s3": 30.0,
-        "height_gain_per_s": 1.0,
         "home_ned_m": (0.0, 0.0, 0.0),
         "fence_radius_m": None,
         "fence_polygon": None,

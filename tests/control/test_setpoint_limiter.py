@@ -92,7 +92,6 @@ NAN = math.nan
         Setpoint((0.0, math.inf, 0.0)),
         Setpoint((0.0, 0.0, -1e9)),
         Setpoint((1.0, 0.0, 0.0), (NAN, 0.0, 0.0)),
-        Setpoint((1.0, 0.0, 0.0), down_m=math.inf),
         Setpoint((1.0, 0.0, 0.0), yaw_rad=NAN),
     ],
 )

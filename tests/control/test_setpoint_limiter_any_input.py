@@ -30,7 +30,6 @@ ENVELOPE = replace(
     braking_m_s2=2.0,
     vertical_braking_m_s2=1.0,
     reaction_s=0.5,
-    height_gain_per_s=1.0,
     home_ned_m=(100.0, -50.0, -7.0),
     fence_radius_m=65.0,
     fence_polygon=Polygon(CORNERS),
@@ -45,10 +44,8 @@ wild = st.one_of(
 wild_vectors = st.tuples(wild, wild, wild)
 speeds = st.tuples(*[st.floats(-15.0, 15.0)] * 3)
 places = st.tuples(st.floats(20.0, 180.0), st.floats(-120.0, 30.0), st.floats(-60.0, 5.0))
-setpoints = st.builds(
-    Setpoint, speeds, st.none() | speeds, st.none() | st.floats(-80.0, 20.0), st.none() | st.floats(-7, 7)
-)
-wild_setpoints = st.builds(Setpoint, wild_vectors, st.none() | wild_vectors, st.none() | wild, st.none() | wild)
+setpoints = st.builds(Setpoint, speeds, st.none() | speeds, st.none() | st.floats(-7, 7))
+wild_setpoints = st.builds(Setpoint, wild_vectors, st.none() | wild_vectors, st.none() | wild)
 situations = st.builds(Situation, places, speeds, st.floats(-4, 4), st.none() | places, st.none() | speeds)
 wild_situations = st.builds(
     Situation, wild_vectors, wild_vectors, wild, st.none() | wild_vectors, st.none() | wild_vectors
@@ -70,7 +67,7 @@ steps = st.floats(0.0, 0.1)
 def numbers(setpoint):
     yield from setpoint.velocity_ned_m_s
     yield from setpoint.acceleration_ned_m_s2 or ()
-    yield from (value for value in (setpoint.down_m, setpoint.yaw_rad) if value is not None)
+    yield setpoint.yaw_rad or 0.0
 
 
 def height_m(situation, envelope):
@@ -186,14 +183,6 @@ def assert_inside_space(limited, situation, envelope):
     assert_heights(situation, velocity, envelope)
     assert_circle(situation, velocity, envelope)
     assert_polygon(situation, velocity, envelope)
-    down_m = limited.setpoint.down_m
-    if down_m is not None:
-        made_of_it = velocity[2] + envelope.height_gain_per_s * (down_m - situation.position_ned_m[2])
-        effective = (velocity[0], velocity[1], made_of_it)
-        assert_speeds(effective, envelope)
-        assert_heights(situation, effective, envelope)
-        assert down_m <= max(envelope.home_ned_m[2] - envelope.floor_m, situation.position_ned_m[2]) + TOLERANCE
-        assert down_m >= min(envelope.home_ned_m[2] - envelope.ceiling_m, situation.position_ned_m[2]) - TOLERANCE
 
 
 @settings(max_examples=drawn(200), deadline=None)
@@ -218,10 +207,6 @@ def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(command, situa
     situation = situation._replace(evader_velocity_ned_m_s=None)
     limited = limit(command, situation, ENVELOPE, memory, dt)
     assert_stand_off(situation, limited.setpoint.velocity_ned_m_s, ENVELOPE)
-    if limited.setpoint.down_m is not None:
-        velocity = list(limited.setpoint.velocity_ned_m_s)
-        velocity[2] += limited.setpoint.down_m - situation.position_ned_m[2]
-        assert_stand_off(situation, velocity, ENVELOPE)
 
 
 @settings(deadline=None)
@@ -262,7 +247,7 @@ def test_walls_never_add_speed(command, situation, memory, dt):
 def test_a_limiter_is_named_whenever_the_velocity_is_not_the_one_asked_for(command, situation, memory, dt):
     limited = limit(command, situation, ENVELOPE, memory, dt)
     changed = math.dist(limited.setpoint.velocity_ned_m_s, command.velocity_ned_m_s) > 4.0 * NOTED
-    assert bool(set(limited.active) - {Limiter.HEIGHT, Limiter.FEED_FORWARD, Limiter.YAW}) >= changed
+    assert bool(set(limited.active) - {Limiter.FEED_FORWARD, Limiter.YAW}) >= changed
     assert len(set(limited.active)) == len(limited.active)
 
 
@@ -284,7 +269,7 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
     home = ENVELOPE.home_ned_m
     plain = limit(command._replace(yaw_rad=None), situation, round_envelope, memory, dt)
     other = limit(
-        Setpoint(turned(command.velocity_ned_m_s), turned(command.acceleration_ned_m_s2), command.down_m),
+        Setpoint(turned(command.velocity_ned_m_s), turned(command.acceleration_ned_m_s2)),
         situation._replace(
             position_ned_m=turned(situation.position_ned_m, home),
             velocity_ned_m_s=turned(situation.velocity_ned_m_s),
@@ -299,9 +284,9 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
 
 
 @settings(deadline=None)
-@given(st.none() | st.builds(AltitudeHold, wild, wild), wild, st.none() | wild, wild)
-def test_no_numbers_at_all_make_a_hold_leave_the_speeds_or_the_heights(memory, down_m, wanted_m, dt):
-    held = hold_altitude(memory, down_m=down_m, desired_down_m=wanted_m, envelope=ENVELOPE, dt_s=dt)
+@given(st.none() | st.builds(AltitudeHold, wild, wild), wild, wild)
+def test_no_numbers_at_all_make_a_hold_leave_the_speeds_or_the_heights(memory, down_m, dt):
+    held = hold_altitude(memory, down_m=down_m, envelope=ENVELOPE, dt_s=dt)
     assert -ENVELOPE.climb_m_s <= held.velocity_down_m_s <= ENVELOPE.descent_m_s
     if held.memory is not memory:
         assert all(math.isfinite(number) for number in held.memory)

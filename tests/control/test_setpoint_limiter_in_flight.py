@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from guidance.control import Limiter, Polygon, Situation, StandOffLimit, hold_altitude, limit
+from guidance.control import AltitudeHold, Limiter, Polygon, Situation, StandOffLimit, hold_altitude, limit
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S
 from tests.control.scenes import MULTICOPTER as ENVELOPE
@@ -247,13 +247,11 @@ def test_five_minutes_of_level_flight_keep_the_height_that_bare_velocity_loses()
     # PX4 at vz = 0: 6.5 m in 75 s, a steady sink of 0.087 m/s. The hold has to see through noise and a gust of it.
     noise = random.Random(7)
     bare, held = Vehicle(), Vehicle()
-    memory, errors = None, []
+    memory, errors = AltitudeHold(-20.0, 0.0), []
     for step in range(round(300.0 / DT_S)):
         sink = 0.087 + (0.2 if 100.0 < step * DT_S < 160.0 else 0.0)
         bare.step((5.0, 0.0, 0.0), (0.0, 0.0, sink))
-        out = hold_altitude(
-            memory, down_m=held.position[2] + noise.gauss(0.0, 0.05), desired_down_m=-20.0, envelope=ENVELOPE, dt_s=DT_S
-        )
+        out = hold_altitude(memory, down_m=held.position[2] + noise.gauss(0.0, 0.05), envelope=ENVELOPE, dt_s=DT_S)
         memory = out.memory
         held.step((5.0, 0.0, out.velocity_down_m_s), (0.0, 0.0, sink))
         errors.append(held.position[2] + 20.0)
@@ -262,13 +260,13 @@ def test_five_minutes_of_level_flight_keep_the_height_that_bare_velocity_loses()
     assert abs(errors[-1]) < 0.1
 
 
-def test_a_hold_begins_where_the_vehicle_is_and_moves_to_a_wanted_height_without_overshoot():
-    begun = hold_altitude(None, down_m=-17.0, desired_down_m=None, envelope=ENVELOPE, dt_s=DT_S)
+def test_a_hold_begins_where_the_vehicle_is_and_moves_to_its_height_without_overshoot():
+    begun = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S)
     assert begun == (0.0, (-17.0, 0.0))
-    assert hold_altitude(begun.memory, down_m=-18.0, desired_down_m=None, envelope=ENVELOPE, dt_s=DT_S)[0] > 0.5
-    vehicle, memory, heights = Vehicle(), None, []
+    assert hold_altitude(begun.memory, down_m=-18.0, envelope=ENVELOPE, dt_s=DT_S)[0] > 0.5
+    vehicle, memory, heights = Vehicle(), AltitudeHold(-30.0, 0.0), []
     for _ in range(1500):
-        out = hold_altitude(memory, down_m=vehicle.position[2], desired_down_m=-30.0, envelope=ENVELOPE, dt_s=DT_S)
+        out = hold_altitude(memory, down_m=vehicle.position[2], envelope=ENVELOPE, dt_s=DT_S)
         memory = out.memory
         vehicle.step((0.0, 0.0, out.velocity_down_m_s))
         heights.append(-vehicle.position[2])
@@ -278,7 +276,7 @@ def test_a_hold_begins_where_the_vehicle_is_and_moves_to_a_wanted_height_without
 
 @pytest.mark.parametrize(("down_m", "held_m"), [(-1.0, -3.0), (-70.0, -40.0)])
 def test_a_hold_brings_back_what_is_outside_floor_and_ceiling(down_m, held_m):
-    out = hold_altitude(None, down_m=down_m, desired_down_m=None, envelope=ENVELOPE, dt_s=DT_S)
+    out = hold_altitude(None, down_m=down_m, envelope=ENVELOPE, dt_s=DT_S)
     assert out.memory.down_m == held_m
     assert out.velocity_down_m_s * (held_m - down_m) > 0.0
     assert -3.0 <= out.velocity_down_m_s <= 1.5
@@ -286,23 +284,17 @@ def test_a_hold_brings_back_what_is_outside_floor_and_ceiling(down_m, held_m):
 
 @pytest.mark.parametrize("down_m", [math.nan, math.inf, -1e9])
 def test_a_hold_without_a_height_commands_no_motion_and_forgets_nothing(down_m):
-    memory = hold_altitude(None, down_m=-17.0, desired_down_m=None, envelope=ENVELOPE, dt_s=DT_S).memory
-    out = hold_altitude(memory, down_m=down_m, desired_down_m=None, envelope=ENVELOPE, dt_s=DT_S)
+    memory = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S).memory
+    out = hold_altitude(memory, down_m=down_m, envelope=ENVELOPE, dt_s=DT_S)
     assert out == (0.0, memory)
-    assert hold_altitude(None, down_m=down_m, desired_down_m=-20.0, envelope=ENVELOPE, dt_s=DT_S) == (0.0, None)
-
-
-@pytest.mark.parametrize("wanted_m", [math.nan, math.inf, -1e9])
-def test_a_wanted_height_that_is_no_number_is_not_given(wanted_m):
-    begun = hold_altitude(None, down_m=-17.0, desired_down_m=wanted_m, envelope=ENVELOPE, dt_s=DT_S)
-    assert begun == (0.0, (-17.0, 0.0))
+    assert hold_altitude(None, down_m=down_m, envelope=ENVELOPE, dt_s=DT_S) == (0.0, None)
 
 
 def test_the_trim_of_a_hold_does_not_wind_up():
-    memory = None
+    memory = AltitudeHold(-20.0, 0.0)
     for _ in range(5000):  # a vehicle that cannot climb, a metre below
-        memory = hold_altitude(memory, down_m=-19.0, desired_down_m=-20.0, envelope=ENVELOPE, dt_s=DT_S).memory
+        memory = hold_altitude(memory, down_m=-19.0, envelope=ENVELOPE, dt_s=DT_S).memory
     assert memory.trim_m_s == -0.5
     for _ in range(5000):  # far away it waits
-        memory = hold_altitude(memory, down_m=-10.0, desired_down_m=-20.0, envelope=ENVELOPE, dt_s=DT_S).memory
+        memory = hold_altitude(memory, down_m=-10.0, envelope=ENVELOPE, dt_s=DT_S).memory
     assert memory.trim_m_s == -0.5

@@ -40,5 +40,5 @@ def flat(setpoint):
     return [
         *row["velocity_ned_m_s"],
         *(row["acceleration_ned_m_s2"] or ()),
-        *(row[name] for name in ("down_m", "yaw_rad") if row[name] is not None),
+        *(() if row["yaw_rad"] is None else (row["yaw_rad"],)),
     ]
