@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Literal, TypeAlias
 
+import numpy as np
+
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Plane, Real, is_array, less_length, pair_length
 from guidance.game.records import (
@@ -305,3 +307,23 @@ def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
     standoff = replace(game.standoff, **rows_of(game.standoff, rows))
     x, y = (rows(part) if is_array(part) else part for part in game.wind_m_s)
     return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=(x, y), **rows_of(game, rows))
+
+
+def simplified(game: Game) -> Game:
+    """Return the same game with every NumPy array that holds one number throughout as that number: with the same bits.
+
+    An array whose number no game allows stays what it is, for `solve` to give the reason in every row.
+    """
+    if not any(map(_is_single, parameters(game).values())):
+        return game
+    try:
+        return for_rows(game, lambda value: value.item(0) if _is_single(value) else value)
+    except ConfigError:
+        return game
+
+
+def _is_single(value: Real) -> bool:
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.size == 0:
+        return False
+    first = value.item(0)
+    return value.item(-1) == first and bool((value == first).all())

@@ -38,6 +38,7 @@ from guidance.game.game import (
     for_rows,
     guaranteed_age_s,
     parameters,
+    simplified,
     speed_in_hand,
 )
 from guidance.game.pe import pursuit
@@ -140,7 +141,7 @@ def solve(
         return _solve(xp, game, shape, given, None)
     if shape == ():
         return _solve_one(game, given, out)
-    return _solve_rows(game, shape, given, out)
+    return _solve_rows(simplified(game), shape, given, out)
 
 
 def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:

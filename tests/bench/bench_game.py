@@ -1,8 +1,9 @@
 """Speed of guidance.game, as ratios in one run: `python tests/bench/bench_game.py [--quick]`.
 
 Printed: every kind of game on one state, against a plain scalar Python version of the paper's law, and in a batch,
-against plain NumPy and memory bandwidth; rollouts with stand-off or wind against those without; teams and matchings
-against their pairs; and 100,000 closed-loop games of 1,000 steps in one process, with its peak memory.
+against plain NumPy and memory bandwidth; a capture radius of zeros against none; rollouts with stand-off or wind
+against those without; teams and matchings against their pairs; and 100,000 closed-loop games of 1,000 steps in one
+process, with its peak memory.
 """
 
 import argparse
@@ -206,6 +207,23 @@ def bench_batch(count: int) -> None:
             )
 
 
+def bench_zeros(count: int) -> None:
+    """A capture radius given as an array of zeros beside none at all."""
+    rng = np.random.default_rng(4)
+    states = rng.uniform(-30.0, 30.0, (3, count, 3))
+    states[1:, :, 2] = 0.0
+    games = {"none": GAME, "zeros": replace(GAME, capture_radius_m=np.zeros(count))}
+    for kind, given in (("PE", states[:2]), ("TAD", states)):
+        answer, took = solve(GAME, *given), dict.fromkeys(games, math.inf)
+        for _ in range(15):  # in turns
+            for name, game in games.items():
+                started = time.process_time()
+                solve(game, *given, out=answer)
+                took[name] = min(took[name], time.process_time() - started)
+        ratio = took["zeros"] / took["none"]
+        print(f"capture radius of {count:,} zeros, {kind}: {ratio:.3f} × none; required 1.03: {met(ratio <= 1.03)}")
+
+
 def bench_rollout(games: int, steps: int, chunk: int) -> None:
     """Closed-loop games in chunks: as many steps for each, both players optimal, memory that of one chunk."""
     rng = np.random.default_rng(1)
@@ -284,6 +302,7 @@ def main() -> None:
     bench_standoff(2000)
     bench_tick()
     bench_batch(1_000_000 // share)
+    bench_zeros(1_000_000 // share)
     bench_teams(100_000 // share)
 
 

@@ -1,9 +1,9 @@
 """Speed of sweeps, as numbers side by side of one run: `python tests/bench/bench_sweep.py [--quick] [--million]`.
 
-Printed: games a second of a maths sweep on one core, and what of that is building and checking the scenarios; flights a
-second on one core and with two workers; our executor against a bare pool of processes for the same chunks; and with
---million one million games end to end: wall time, peak memory of this process and of its largest worker, size on disk,
-report.
+Printed: games a second of a maths sweep on one core, and what of that is building and checking the scenarios; maths
+sweeps with wind against those without; flights a second on one core and with two workers; our executor against a bare
+pool of processes for the same chunks; and with --million one million games end to end: wall time, peak memory of this
+process and of its largest worker, size on disk, report.
 """
 
 import argparse
@@ -40,6 +40,24 @@ policies = [{ pursuer = PURSUERS, evader = "optimal" }]
 "evader.speed_m_s" = { uniform = [1.0, 3.0] }
 "pursuer.position_m[2]" = { uniform = [5.0, 15.0] }
 """
+
+TARGETS = """
+scenario = "tad"
+seeds = SEEDS
+policies = [{ pursuer = PURSUERS, evader = "optimal" }]
+[random]
+"evader.position_m" = { annulus = [20, 40] }
+"evader.speed_m_s" = { uniform = [1.0, 2.0] }
+"""
+
+WINDS = {
+    "calm": "",
+    "one wind": '[grid]\n"wind.velocity_m_s" = [[0.4, -0.3]]\n',
+    "a wind for each game": """
+"wind.velocity_m_s[0]" = { uniform = [-0.5, 0.5] }
+"wind.velocity_m_s[1]" = { uniform = [-0.5, 0.5] }
+""",
+}
 
 FLIGHTS = """
 scenario = "hover_chase"
@@ -88,6 +106,27 @@ def bench_maths(folder, rows):
     print(f"  {(built - started) / rows * 1e6:8.1f} µs a game to build and check its scenario")
     print(f"  {(played - built) / rows * 1e6:8.1f} µs a game to play it")
     print(f"  {(put - played) / rows * 1e6:8.1f} µs a game to put it into a table")
+
+
+def bench_wind(folder, rows):
+    """Sweeps with wind beside those without, in turns, one core, in this process."""
+    for game, text in (("PE", GAMES), ("TAD", TARGETS)):
+        plans = {}
+        for wind, more in WINDS.items():
+            inside = folder / f"{game} {wind}"
+            inside.mkdir()
+            plans[wind] = planned_from(text.rstrip() + "\n" + more, inside, rows)[0]
+        took = dict.fromkeys(plans, np.inf)
+        for _ in range(2):
+            for wind, plan in plans.items():
+                started = time.process_time()
+                computed(plan, range(rows))
+                took[wind] = min(took[wind], time.process_time() - started)
+        print(f"maths sweeps of {rows:,} {game} games: {rows / took['calm']:,.0f} games/s without wind")
+        for wind in list(plans)[1:]:
+            ratio = took[wind] / took["calm"]
+            good = "met" if ratio <= 3.0 else "NOT MET"
+            print(f"  {wind:20} {rows / took[wind]:8,.0f} games/s, {ratio:.2f} × without; required 3: {good}")
 
 
 def bench_flights(folder, flights):
@@ -180,6 +219,7 @@ def main():
             bench_end_to_end(folder, 1_000_000 // share)
             return
         bench_maths(folder, 16384 // share)
+        bench_wind(folder, 400 // share)
         bench_executor(folder, 65536 // share, 4096 // share)
         bench_executor(folder, 2048 // share, 16)  # chunks too small for any use: what one costs to hand out
         bench_flights(folder, max(4, 20 // share))

@@ -1,5 +1,7 @@
 """One function for one state and for a million: the same bits, whatever the batch looks like."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -230,6 +232,63 @@ def test_parameters_may_differ_from_row_to_row(oracle, kind, monkeypatch):
             single = solve(one_row(game, i), P[i], E[i], None if target is None else T[i])
             np.testing.assert_allclose(answer.value[i], single.value, rtol=1e-12)
             np.testing.assert_allclose(answer.pursuer_velocity_m_s[i], single.pursuer_velocity_m_s, atol=1e-6)
+
+
+def full(game, n, last=lambda value: value):
+    """The same game, every parameter an array of n rows, of which the last may be another number."""
+
+    def rows(value):
+        column = np.full(n, value)
+        column[-1] = last(value)
+        return column
+
+    pursuer = type(game.pursuer)(*(rows(getattr(game.pursuer, name)) for name in game.pursuer.__slots__))
+    return Game(
+        pursuer,
+        rows(game.evader_speed_m_s),
+        capture_radius_m=rows(game.capture_radius_m),
+        standoff=StandOff(rows(game.standoff.radius_m), rows(game.standoff.height_m)),
+        information_age_s=rows(game.information_age_s),
+        wind_m_s=tuple(map(rows, game.wind_m_s)),
+    )
+
+
+def test_an_array_of_one_number_is_that_number_and_costs_no_more(oracle, monkeypatch):
+    wind = {"wind_m_s": (0.2, -0.1)}
+    for game in (Game(Ball(2.0), 1.0), *(one_row(PER_ROW[kind](3), 1) for kind in PER_ROW)):
+        P, E, T = oracle.states(8, 20, game)
+        for few in (game, replace(game, **wind)):
+            for target in (None, T):
+                single = solve(few, P, E, target)
+                varied = solve(full(few, 20, lambda value: 1.01 * value), P, E, target)
+                assert all(same(a[:-1], b[:-1]) for a, b in zip(single, varied, strict=True))
+                with monkeypatch.context() as patched:
+                    patched.setattr(solving, "speed_in_hand", None)  # asked row by row, where a number varies
+                    alike = solve(full(few, 20), P, E, target)
+                assert all(same(a, b) for a, b in zip(single, alike, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("game", "reason"),
+    [
+        (Game(Ball(np.full(3, 2.0)), np.full(3, 3.0)), Reason.PURSUER_TOO_SLOW),
+        (Game(Ball(2.0), np.full(3, -1.0)), Reason.OUT_OF_RANGE),
+        (Game(Ball(2.0), 1.0, capture_radius_m=np.full(3, np.nan)), Reason.OUT_OF_RANGE),
+        (Game(Ball(2.0), 1.0, wind_m_s=(np.full(3, np.nan), 0.0)), Reason.OUT_OF_RANGE),
+    ],
+)
+def test_an_array_of_one_number_that_no_game_allows_costs_its_rows(game, reason):
+    answer = solve(game, np.full((3, 3), 9.0), np.zeros((3, 3)))
+    assert answer.reason.tolist() == [reason] * 3
+    assert np.isnan(answer.value).all()
+
+
+def test_an_array_of_one_number_keeps_the_answers_precision():
+    few = (np.full((3, 3), 9.0, np.float32), np.zeros((3, 3), np.float32))
+    for capture, wide in ((np.zeros(3), np.float64), (np.zeros(3, np.float32), np.float32), (0.0, np.float32)):
+        assert solve(Game(Ball(2.0), 1.0, capture_radius_m=capture), *few).value.dtype == wide
+    empty = np.empty((0, 3))
+    assert solve(Game(Ball(2.0), 1.0, capture_radius_m=np.empty(0)), empty, empty).value.shape == (0,)
 
 
 def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracle):
