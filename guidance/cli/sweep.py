@@ -43,7 +43,12 @@ def run(
         int | None, typer.Option(min=1, help="Processes on this machine.", show_default="one a processor")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask cluster in place of them: tcp://HOST:PORT (extra `cluster`).")
+        str | None,
+        typer.Option(
+            help="Address of a Dask cluster in place of them (extra `cluster`), tcp://HOST:PORT: who reaches it runs "
+            "code on its workers. With tls://HOST:PORT only who has a certificate does; ours is the one of Dask's "
+            "configuration (distributed.comm.tls)."
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the rows.", show_default="sweeps/FILE-WAY")] = None,
     chunk: Annotated[

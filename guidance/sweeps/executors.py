@@ -221,12 +221,13 @@ def executor(workers: int, scheduler: str | None, played: Played = _unheard) -> 
 
     Args:
         workers: Processes on this machine; 1 is this one.
-        scheduler: Address of a Dask cluster in place of them.
+        scheduler: Address of a Dask cluster in place of them; with tls:// the certificates are those of Dask's
+            configuration (`distributed.comm.tls`).
         played: Is told of games that have ended within a chunk, by this machine's workers.
 
     Raises:
-        ConfigError: If Dask is wanted and not installed.
-        LinkError: If the cluster cannot be reached.
+        ConfigError: If Dask is wanted and not installed, or TLS without certificates.
+        LinkError: If the cluster cannot be reached, or does not trust us, or we do not trust it.
     """
     if scheduler is not None:
         with _client(scheduler) as client:
@@ -250,8 +251,14 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401
     dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
     try:
         client = Client(scheduler, timeout=CONNECT_S)
-    except (OSError, ValueError) as error:
-        raise LinkError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
+    except TypeError as error:  # so it says that it was given no certificates
+        raise ConfigError(
+            f"--scheduler {scheduler}: TLS wants a certificate; name its files in Dask's configuration, "
+            f"distributed.comm.tls ca-file, client.cert and client.key ({error})"
+        ) from error
+    except (OSError, ValueError, AssertionError) as error:
+        why = str(error) or "of what listens, this is not the protocol: tcp:// or tls://"
+        raise LinkError(f"--scheduler {scheduler}: no Dask scheduler answers there ({why})") from error
     try:
         client.wait_for_workers(1, timeout=CONNECT_S)
     except TimeoutError as error:
