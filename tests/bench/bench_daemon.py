@@ -6,13 +6,15 @@ A mock PX4, stepped in real time in a process of its own, is flown by `guidance 
 evader that goes round in circles; the vehicle's end takes the time from each LOCAL_POSITION_NED to the first setpoint
 after it, and between setpoints. Beside it, on the same vehicle, the minimal MAVSDK script of `bench_links.py`, which
 forwards a constant velocity from a callback; the daemon's cycles are on its own clock's 20 ms grid, which it moves so
-that a position is 2 ms old when a cycle begins: so much waiting is in its latency by design. The measuring end is
+that a position is 2 ms old when a cycle begins: so much waiting is in its latency by design. How late its cycles began,
+and what the longest took of the processor, comes from within the daemon. The measuring end is
 given the processor first wherever that is permitted, so that the jitter is not its own. `--busy` keeps another process
 spinning meanwhile; `--flood` has one more send to the daemon's UDP port (see `FLOODS`). The full measure of the jitter
 is `--seconds 600 --busy --only mavsdk/zenoh`.
 """
 
 import argparse
+import atexit
 import contextlib
 import itertools
 import json
@@ -25,16 +27,24 @@ import sys
 import tempfile
 import threading
 import time
+from array import array
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING, NamedTuple
 
 from bench_links import SETPOINT, Stopwatch, open_wire, processor_s, url_of
 from footprint import footprint
 
+if TYPE_CHECKING:
+    from guidance.clock import Timing
+
 LOCAL_POSITION = 32
 PERIOD_S = 0.02
+LATE_S = 0.01
+"""A cycle that begins later than this is a late one, whatever is sent meanwhile."""
+
 CASES = ("script/udp", "mavsdk/udp", "pymavlink/udp", "script/zenoh", "mavsdk/zenoh", "pymavlink/zenoh")
 FLOODS = {
     "starts": (17, 1, lambda: b"\xfe" * 65_000),
@@ -194,8 +204,10 @@ def script(wire: str, port: int, _evader_port: int) -> Iterator[int]:
 
 
 @contextlib.contextmanager
-def daemon(link: str, wire: str, port: int, evader_port: int, more: str = "") -> Iterator[int]:
-    """`guidance run`, brought up and engaged; `more` is added to its configuration."""
+def daemon(
+    link: str, wire: str, port: int, evader_port: int, more: str = "", *, cycles: Path | None = None
+) -> Iterator[int]:
+    """`guidance run`, brought up and engaged; `more` is added to its configuration, `cycles` get a row for each."""
     from guidance.session.control_bus import ask
 
     control_port = free_port(socket.SOCK_STREAM)
@@ -203,7 +215,12 @@ def daemon(link: str, wire: str, port: int, evader_port: int, more: str = "") ->
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
         path.write_text(config + more)
-        command = [sys.executable, "-c", "from guidance.cli import main; main()", "run", str(path)]
+        begin = "from guidance.cli import main; main()"
+        if cycles is not None:
+            begin = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from bench_daemon import " + (
+                f"timing_cycles; timing_cycles({str(cycles)!r}); {begin}"
+            )
+        command = [sys.executable, "-c", begin, "run", str(path)]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
             try:
                 at = f"tcp/127.0.0.1:{control_port}"
@@ -217,6 +234,39 @@ def daemon(link: str, wire: str, port: int, evader_port: int, more: str = "") ->
                     running.send_signal(signal.SIGTERM)
                     time.sleep(0.2)
                 running.wait(20.0)
+
+
+class Cycle(NamedTuple):
+    """When a cycle began, how late; what it took in all, and of the processor: the loop's thread, the whole process."""
+
+    at_s: float
+    late_s: float
+    took_s: float
+    thread_s: float
+    process_s: float
+
+
+def timing_cycles(path: str) -> None:
+    """Have this process write a `Cycle` of each of its cycles, once it ends."""
+    from guidance.session import loop
+
+    cycle, rows = loop._cycle, array("d")
+
+    def timed(daemon: object, mission: object, now_s: float, timing: "Timing") -> None:
+        thread_s, process_s, at_s = time.thread_time(), time.process_time(), time.monotonic()
+        cycle(daemon, mission, now_s, timing)
+        took_s = time.monotonic() - at_s
+        rows.extend((at_s, timing.late_s, took_s, time.thread_time() - thread_s, time.process_time() - process_s))
+
+    loop._cycle = timed
+    atexit.register(lambda: Path(path).write_bytes(rows.tobytes()))
+
+
+def cycles_of(path: Path, began_s: float, ended_s: float) -> list[Cycle]:
+    """Read what `timing_cycles` wrote of a time."""
+    numbers = iter(array("d", path.read_bytes()))
+    rows = itertools.starmap(Cycle, zip(*[numbers] * len(Cycle._fields), strict=True))
+    return [row for row in rows if began_s <= row.at_s <= ended_s]
 
 
 def insist(ask: Callable[[], Mapping], wanted: Callable[[Mapping], bool], what: str, *, limit_s: float = 60.0) -> None:
@@ -239,11 +289,17 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
     port = free_port(socket.SOCK_DGRAM if wire == "udp" else socket.SOCK_STREAM)
     evader_port = free_port(socket.SOCK_DGRAM)
     own = [sys.executable, __file__, "--as-vehicle", wire, str(port), str(evader_port)]
-    with subprocess.Popen(own, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flying:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        subprocess.Popen(own, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flying,
+    ):
         assert flying.stdin is not None
         assert flying.stdout is not None
         flying.stdout.readline()
-        flown_by = script(wire, port, evader_port) if link == "script" else daemon(link, wire, port, evader_port)
+        timed = Path(folder) / "cycles"
+        flown_by = (
+            script(wire, port, evader_port) if link == "script" else daemon(link, wire, port, evader_port, cycles=timed)
+        )
         sender, flooded_hz = None, 0.0
         with flown_by as pid, contextlib.ExitStack() as stack:
             if flooded is not None:
@@ -254,16 +310,18 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
             before_s, began_s = processor_s(pid), time.monotonic()
             time.sleep(seconds)
             share = 100.0 * (processor_s(pid) - before_s) / (time.monotonic() - began_s)
-            resident_mb = footprint(pid).memory_mb
+            ended_s, resident_mb = time.monotonic(), footprint(pid).memory_mb
             flying.stdin.write("report\n")
             flying.stdin.flush()
             measured = json.loads(flying.stdout.readline())
             if sender is not None and sender.stdout is not None:
                 flooded_hz = float(sender.stdout.readline())
         flying.stdin.close()
+        cycles = cycles_of(timed, began_s, ended_s) if timed.exists() else []
     latencies, gaps = sorted(measured["latencies"]), measured["gaps"]
     jitter = sorted(abs(gap - PERIOD_S) for gap in gaps)
     return {
+        **most_of(cycles),
         "p50_ms": 1e3 * median(latencies),
         "p99_ms": 1e3 * at(latencies, 0.99),
         "p999_ms": 1e3 * at(latencies, 0.999),
@@ -278,6 +336,27 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
         "memory_mb": resident_mb,
         "load": os.getloadavg()[0],
     }
+
+
+def most_of(cycles: Sequence[Cycle]) -> dict[str, float]:
+    """Return how many cycles began late, the latest, and the longest by each of the clocks; none of a script's."""
+    most = lambda name: 1e3 * max((getattr(cycle, name) for cycle in cycles), default=math.nan)  # noqa: E731
+    return {
+        "late": float(sum(cycle.late_s > LATE_S for cycle in cycles)),
+        "late_most_ms": most("late_s"),
+        "cycle_most_ms": most("took_s"),
+        "cycle_most_thread_ms": most("thread_s"),
+        "cycle_most_process_ms": most("process_s"),
+    }
+
+
+def told(got: Mapping[str, float]) -> str:
+    """Say what `most_of` found; of the processor, so that a busy machine takes no part in it."""
+    return (
+        f"cycles begun later than {1e3 * LATE_S:g} ms: {got['late']:.0f} (latest {got['late_most_ms']:.1f} ms); the "
+        f"longest {got['cycle_most_ms']:.1f} ms, of the processor {got['cycle_most_thread_ms']:.1f} ms "
+        f"({got['cycle_most_process_ms']:.1f} ms with all threads)"
+    )
 
 
 def at(ordered: list[float], share: float) -> float:
@@ -296,6 +375,8 @@ def compare(cases: tuple[str, ...], seconds: float, flooded: str | None) -> None
         took, jitter = (" ".join(f"{got[kind + share]:6.2f}" for share in shares) for kind in ("", "jitter_"))
         used = f"{got['rate_hz']:7.1f} {got['cpu_percent']:6.1f} {got['memory_mb']:4.0f} {got['load']:5.1f}"
         print(f"{case:16} {took} | {jitter} | {used}", flush=True)
+        if got["late_most_ms"] >= 0.0:
+            print(f"{'':16} {told(got)}")
         if flooded is not None:
             print(f"{'':16} flooded with {got['flooded_hz']:.0f} datagrams a second", flush=True)
         ratios = f"{got['p50_ms'] / first['p50_ms']:.2f} (p50), {got['p99_ms'] / first['p99_ms']:.2f} (p99)"

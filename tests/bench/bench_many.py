@@ -5,7 +5,7 @@
 Whole mocked flights in virtual time, each with a daemon, a world and a record of its own; orders to one daemon over its
 control bus, a tenth of them from a session that is opened for it as `guidance ctl` does; and its configuration read
 again from the file, on the ground. Memory, descriptors, threads and the objects that the garbage collector knows are
-looked at forty times and in the end; growth is counted from the second look on, and told for each time the thing was done.
+looked at forty times and in the end; growth is counted from the second look on, and told for each time it was done.
 
 Ends with 1 if descriptors grow, memory by more than 2 MB over the whole of it, or threads by one in a hundred times.
 """
