@@ -3,10 +3,16 @@
 import pytest
 
 from guidance.errors import OutputError
+from guidance.flight import State
+from guidance.session.result import FlightResult, outcome_of_flight
+from guidance.sweeps.drawing import _figure
 from guidance.viz.figures import MOST_POINTS, figure_of, literal, save, thinned
+from guidance.viz.picture import draw
+from guidance.viz.preview import draw_scenario
+from tests.harness.flights import NEAR
 
 
-@pytest.mark.parametrize("title", [r"$\frac{", "$1 or 2$", r"costs 3$ \alpha", "ordinary"])
+@pytest.mark.parametrize("title", [r"$\frac{", r"$\frac{$", "$1 or 2$", r"costs 3$ \alpha", "ordinary"])
 def test_a_title_is_read_as_it_is_written(tmp_path, title):
     figure = figure_of(2.0, 1.0)
     text = figure.suptitle(literal(title))
@@ -16,6 +22,16 @@ def test_a_title_is_read_as_it_is_written(tmp_path, title):
     drawn, meant = (one.get_window_extent().width for one in (text, plain))
     assert drawn == pytest.approx(meant, rel=0.05)
     assert (tmp_path / "a.png").stat().st_size > 0
+
+
+def test_a_scenario_may_be_called_what_would_be_a_formula(tmp_path):
+    """Its title goes into the picture of the scenario, of its flight, and of a sweep over it."""
+    scenario = NEAR.model_copy(update={"title": r"$\frac{$"})
+    result = FlightResult(scenario, State.YIELDED)
+    draw_scenario(scenario, tmp_path / "scenario.png")
+    draw(result, outcome_of_flight(result, "fast"), tmp_path / "flight.png")
+    save(_figure(scenario.title, 1, 1)[0], tmp_path / "sweep.png")
+    assert {path.stem for path in tmp_path.iterdir()} == {"scenario", "flight", "sweep"}
 
 
 @pytest.mark.parametrize("name", ["none/a.png", "a.foo"])
