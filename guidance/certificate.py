@@ -1,16 +1,51 @@
-"""What the game says at one cycle, and what this vehicle can do of it: solved, and laid down as the certificate."""
+"""What the game says at one cycle, and what this vehicle can do of it: solved, and laid down as the certificate.
+
+What accelerating costs is what a vehicle can promise less than the game does. One that flies w where the game asks for
+u, and changes its velocity by a m/s², is there after ‖u − w‖/a seconds, and by then
+
+    (u − w) · ‖u − w‖ / (2a)
+
+behind. So it does as well as a pursuer of the game that begins that much further back, and what the game says from
+there (when it captures, how far from its target the evader ends) is what this vehicle can do: along a straight chase at
+u after an evader at v the capture comes that distance over u − v later, V + u²/(2a(u − v)) from hover. A vehicle that
+flies faster than u begins in front. Over the ground and vertically it is the same law, each with its own a.
+"""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.control.approach import Gaps
-from guidance.control.catch_up import Acceleration, late_start
+from guidance.control.follow import Gaps
 from guidance.control.setpoint_limiter import Limited
 from guidance.frames import Vector
 from guidance.game import Game, StateSolution, Winner, solve_state
 from guidance.messages import Setpoint
 
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Acceleration:
+    """What a vehicle surely achieves, m/s²: over the ground, and vertically."""
+
+    ground_m_s2: float
+    vertical_m_s2: float
+
+
+def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration) -> Vector:
+    """Return where the game's pursuer would begin that comes to fly beside this vehicle, m.
+
+    Args:
+        position_m: Where the vehicle is; axes of any frame, the third one vertical.
+        desired_m_s: The velocity that the game asks for, in the same axes.
+        flown_m_s: What the vehicle flies.
+        acceleration: Of the vehicle.
+    """
+    east, north, up = (desired - flown for desired, flown in zip(desired_m_s, flown_m_s, strict=True))
+    over_ground_s = math.hypot(east, north) / (2.0 * acceleration.ground_m_s2)
+    vertical_s = abs(up) / (2.0 * acceleration.vertical_m_s2)
+    x, y, z = position_m
+    return (x - east * over_ground_s, y - north * over_ground_s, z - up * vertical_s)
 
 
 class Players(NamedTuple):
@@ -28,7 +63,7 @@ class Certificate(NamedTuple):
 
     `value` is the time to capture in s (PE), or the evader's final distance from its target in m (TAD), of the game's
     pursuer, which is at full speed at once. What this vehicle can promise, from the velocity and with the acceleration
-    that it has (`guidance.control.catch_up`), is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
+    that it has, is a capture in `time_needed_s` (TAD: the meeting) and, in TAD, to
     keep the evader `assured_distance_m` from its target: negative by what it comes short where the evader gets there,
     NaN in PE. `margin_s` is zero on the barrier. `gap_m` is the horizontal distance to the disc's rim and
     `height_gap_m` the height above the disc. `command_ned_m_s` left the limits that are named in `active_limits`.

@@ -8,12 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.certificate import Certificate, Players, answer, certify, certify_no_game
+from guidance.certificate import Acceleration, Certificate, Players, answer, certify, certify_no_game
 from guidance.control import AltitudeHold, Envelope, LimitMemory, Situation, hold_altitude, limit
-from guidance.control.approach import gaps_to_disc
-from guidance.control.catch_up import Acceleration
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
-from guidance.control.follow import Following, FollowMemory, follow, less_drift, observe_drift, with_drift
+from guidance.control.follow import (
+    Following,
+    FollowMemory,
+    follow,
+    gaps_to_disc,
+    less_drift,
+    observe_drift,
+    with_drift,
+)
 from guidance.control.hold import NorthEast, keep_station
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game

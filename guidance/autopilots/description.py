@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from guidance.autopilots.rules import Parameters, Rule
-from guidance.control import Acceleration, Following
+from guidance.certificate import Acceleration
+from guidance.control import Following
 from guidance.frames import MapProjection
 from guidance.messages import Command
 

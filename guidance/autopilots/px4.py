@@ -9,7 +9,8 @@ from typing import Final
 
 from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.control import Acceleration, Approach, CatchUp, Following, ServoGains
+from guidance.certificate import Acceleration
+from guidance.control import Approach, CatchUp, Following, ServoGains
 from guidance.frames import MapProjection
 
 HANDLING: Final = Handling(

@@ -3,33 +3,29 @@
 Following:
     follow: one cycle of it, with a `FollowMemory`; `Following` says how one vehicle is made to fly a velocity.
     ServoGains, CatchUp, Approach: its parts: the servo, the deficit that is worked off, how the disc is arrived at.
-    Acceleration: what a vehicle surely achieves. Speeds: what it flies over ground, upwards and downwards.
+    Speeds: what it flies over ground, upwards and downwards.
     hold_altitude: keeps a height, with an `AltitudeHold`, and returns what is `Held`.
     keep_station: stops over the ground and stays.
     with_drift, less_drift: a velocity over the ground in an autopilot's own terms, and back.
 
 Limiting, always last:
     limit: makes a setpoint of a command that the envelope allows, `Limited`, with a `LimitMemory`; `start` begins one.
-    Situation: what it knows of the vehicle and the evader.
+    Situation: where the vehicle and the evader are.
     Envelope: fences, floor, ceiling and speeds that are never left. SpeedLimits: the part of it that is speeds.
     StandOffLimit: the space about the evader that is never entered. Limiter: what changed a command, by name.
     keep_inside: holds a velocity back at a fence. measure_fence: where a vehicle is to its fences, `FenceGeometry`.
     Polygon, NorthEast: corners of a fence, and a place, in metres about home.
 """
 
-from guidance.control.approach import Approach
-from guidance.control.catch_up import Acceleration, CatchUp
-from guidance.control.envelope import Envelope, Limiter, SpeedLimits, Speeds, StandOffLimit
+from guidance.control.envelope import Envelope, Limiter, Situation, SpeedLimits, Speeds, StandOffLimit
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
-from guidance.control.follow import Following, FollowMemory, follow, less_drift, with_drift
+from guidance.control.follow import Approach, CatchUp, Following, FollowMemory, follow, less_drift, with_drift
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
 from guidance.control.polygon import Polygon
 from guidance.control.servo import ServoGains
 from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
-from guidance.control.situation import Situation
 
 __all__ = [
-    "Acceleration",
     "AltitudeHold",
     "Approach",
     "CatchUp",

@@ -1,7 +1,7 @@
 """What a vehicle may do: heights, fence, stand-off, speeds, accelerations and turn rate, checked when it is built.
 
-Here are also the limits by name, as records, metrics and the certificate of a cycle show them, and the speed limits as
-files give them: keys of their own, the same for vehicles and scenarios.
+Here are also the situation in which that is asked, the limits by name, as records, metrics and the certificate of a
+cycle show them, and the speed limits as files give them: keys of their own, the same for vehicles and scenarios.
 """
 
 import math
@@ -120,6 +120,21 @@ def _require_in_range(prefix: str, holder: object, names: Iterable[str]) -> None
         value = getattr(holder, name)
         if not _SMALLEST <= value <= _LARGEST:
             raise ConfigError(f"{prefix}{name} = {value}: allowed is {_SMALLEST} to {_LARGEST}")
+
+
+class Situation(NamedTuple):
+    """Own position (metres), velocity (m/s), yaw (radians) and acceleration, and the evader's place where known. NED.
+
+    None for an evader that is not known: then there is no stand-off to keep. An unknown velocity of a known evader is
+    None too (or NaN), and is taken for rest, which is the strict side here.
+    """
+
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    yaw_rad: float = 0.0
+    evader_position_ned_m: Vector | None = None
+    evader_velocity_ned_m_s: Vector | None = None
+    acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
 
 
 ABOVE_THE_GAME = 1.1

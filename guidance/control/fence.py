@@ -1,7 +1,8 @@
 """The fences: a circle and a polygon about home, both predictive. Their margin lies inside.
 
 Where the vehicle is to them is measured once a cycle (`measure_fence`), and answers three questions: which velocities
-to ask for in the first place, which to forbid, and whether the vehicle has left them.
+to ask for in the first place (`keep_inside`), which to forbid (`guidance.control.velocity_constraints`), and whether
+the vehicle has left them.
 
 The limits only ever take motion away: they stop a vehicle at the margin, but one that believes a wrong velocity slides
 on through it at some 0.1 m/s. So what leads out is not asked for in the first place: `keep_inside` holds the velocity
@@ -11,10 +12,9 @@ to fly back by the same braking law before the servo works on it, and turns it i
 import math
 from typing import NamedTuple
 
-from guidance.control.envelope import Envelope, Limiter
+from guidance.control.envelope import Envelope
 from guidance.control.polygon import Point, Polygon
 from guidance.control.shaping import approach_speed
-from guidance.control.velocity_constraints import Stop, VelocityConstraint, constrain
 from guidance.frames import Vector
 
 RETURN_PER_S = 0.5
@@ -108,57 +108,3 @@ def _hold_back(velocity: Vector, outward: Point, gap_m: float, envelope: Envelop
         allowed = max(-RETURN_M_S, RETURN_PER_S * gap_m)
     excess = max(0.0, leaving - allowed)
     return (north - excess * outward[0], east - excess * outward[1], down)
-
-
-def polygon_constraints(
-    fence: FenceGeometry, envelope: Envelope, stop: Stop, drift_ned_m: Vector
-) -> tuple[VelocityConstraint, ...]:
-    """Return what the polygon forbids: to come to rest beyond an edge, less the margin.
-
-    Args:
-        fence: Where the vehicle is to the fences.
-        envelope: The limits, of which the fence's margin is kept.
-        stop: The time that stopping takes, over the ground and vertically.
-        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
-    """
-    return tuple(
-        constrain(Limiter.FENCE_POLYGON, (*edge.outward, 0.0), edge.gap_m - envelope.fence_margin_m, stop, drift_ned_m)
-        for edge in fence.edges
-    )
-
-
-def keep_in_circle(
-    velocity_ned_m_s: Vector, fence: FenceGeometry, envelope: Envelope, stop: Stop, drift_ned_m: Vector
-) -> Vector:
-    """The vehicle would come to rest within the circle, or outside no further out than it is.
-
-    The stop point is moved onto the circle where it lies beyond: along the fence the path is bent inwards, and the
-    speed over the ground never rises.
-
-    Args:
-        velocity_ned_m_s: What is asked for.
-        fence: Where the vehicle is to the fences.
-        envelope: The limits: radius and margin.
-        stop: The time that stopping takes, over the ground and vertically.
-        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
-    """
-    if envelope.fence_radius_m is None:
-        return velocity_ned_m_s
-    north_m, east_m = fence.about_home_m
-    drift_m = max(0.0, math.hypot(north_m + drift_ned_m[0], east_m + drift_ned_m[1]) - fence.from_home_m)
-    limit_m = max(envelope.fence_radius_m - envelope.fence_margin_m - drift_m, fence.from_home_m)
-    north, east = north_m + velocity_ned_m_s[0] * stop.ground_s, east_m + velocity_ned_m_s[1] * stop.ground_s
-    reached_m = math.hypot(north, east)
-    if reached_m <= limit_m:
-        return velocity_ned_m_s
-    share = limit_m / reached_m
-    return (
-        (share * north - north_m) / stop.ground_s,
-        (share * east - east_m) / stop.ground_s,
-        velocity_ned_m_s[2],
-    )
-
-
-def circle_constraint(fence: FenceGeometry) -> VelocityConstraint:
-    """Return the circle as a constraint on accelerations, once it acts on the velocity."""
-    return VelocityConstraint(Limiter.FENCE_RADIUS, (*fence.about_home_m, 0.0), 0.0)

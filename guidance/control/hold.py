@@ -9,8 +9,7 @@ import math
 from typing import NamedTuple
 
 from guidance.control.envelope import Envelope
-from guidance.control.shaping import approach_speed
-from guidance.control.situation import usable
+from guidance.control.shaping import approach_speed, usable
 from guidance.frames import Vector
 
 _GAIN_PER_S = 0.8

@@ -18,14 +18,13 @@ Nothing is kept here: the memory goes in and comes out, and it holds what was se
 nothing winds up behind a limit.
 """
 
+import math
 from typing import NamedTuple
 
-from guidance.control.envelope import Envelope, Limiter
-from guidance.control.feasible_velocity import feasible_velocity, full_speed_constraints
+from guidance.control.envelope import Envelope, Limiter, Situation
 from guidance.control.fence import FenceGeometry, measure_fence
-from guidance.control.shaping import clamp, next_acceleration, slew
-from guidance.control.situation import Situation, known, usable
-from guidance.control.velocity_constraints import VelocityConstraint, shrink, slide
+from guidance.control.shaping import clamp, next_acceleration, slew, usable
+from guidance.control.velocity_constraints import VelocityConstraint, feasible_velocity, shrink, slide
 from guidance.frames import Vector, wrap_rad
 from guidance.messages import Setpoint
 
@@ -37,6 +36,10 @@ NOTED = 0.05
 Less is what a multicopter's velocity wanders by as it hovers (0.03 to 0.08 m/s), and what shaping a command a second
 time that the servo has shaped already comes to. Constraints are named for any change.
 """
+
+
+OVER_SPEED = 0.05
+"""Share of a speed limit over which what a feed-forward may push along it fades away, once the vehicle flies faster."""
 
 
 class LimitMemory(NamedTuple):
@@ -84,7 +87,7 @@ def limit(
     """
     if memory is None or not usable(*(number for part in memory[:3] for number in part), memory.yaw_rad):
         memory = start(situation, envelope)
-    here = known(situation)
+    here = _known(situation)
     if here is None:
         return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
     active: list[Limiter] = []
@@ -98,7 +101,7 @@ def limit(
     velocity, constraints = feasible_velocity(shaped, here, fence, envelope)
     active.extend(dict.fromkeys(one.limiter for one in constraints))
     closed = tuple(one.closed() for one in constraints)
-    at_speed = full_speed_constraints(velocity, here.velocity_ned_m_s, envelope)
+    at_speed = _full_speed_constraints(velocity, here.velocity_ned_m_s, envelope)
     feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*closed, *at_speed), envelope, dt_s, active)
     yaw_rad = _yaw(command.yaw_rad, memory, envelope, dt_s, active)
     sent = LimitMemory(
@@ -108,6 +111,19 @@ def limit(
         here.yaw_rad if yaw_rad is None else yaw_rad,
     )
     return Limited(Setpoint(velocity, feed_forward, yaw_rad), tuple(active), sent)
+
+
+def _known(situation: Situation) -> Situation | None:
+    """The situation with an evader velocity that is a number or None; None where it cannot be judged."""
+    place, velocity, yaw_rad, evader, moving, acceleration = situation
+    if usable(*place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ())):
+        return situation
+    if not usable(*place, *velocity, yaw_rad, *(evader or ())):
+        return None
+    return situation._replace(
+        acceleration_ned_m_s2=acceleration if usable(*acceleration) else (0.0, 0.0, 0.0),
+        evader_velocity_ned_m_s=moving if usable(*(moving or ())) else None,
+    )
 
 
 def _numbers_only(command: Setpoint, memory: LimitMemory, active: list[Limiter]) -> Setpoint:
@@ -164,6 +180,37 @@ def _feed_forward(
     allowed = _without_pushing(clamp(allowed, envelope.accelerations), constraints)
     _note_vector(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, allowed, desired)
     return allowed
+
+
+def _full_speed_constraints(
+    velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope
+) -> tuple[VelocityConstraint, ...]:
+    """Where a speed limit is commanded, it constrains the feed-forward as well, of m/s² for a distance.
+
+    A feed-forward may turn the velocity, and hold it against drag, which takes several m/s² at full speed: along a
+    limit it may push as long as the vehicle itself flies no faster, and not at all from `OVER_SPEED` above it on.
+    """
+    (north, east, down), flown = velocity_ned_m_s, flown_ned_m_s
+    ground_m_s = math.hypot(north, east)
+    found = []
+    if ground_m_s >= envelope.speed_m_s * (1.0 - 1e-9):
+        along = (north / ground_m_s, east / ground_m_s, 0.0)
+        push = _push(flown[0] * along[0] + flown[1] * along[1], envelope.speed_m_s, envelope.acceleration_m_s2)
+        found.append(VelocityConstraint(Limiter.SPEED, along, push))
+    vertical_m_s2 = envelope.vertical_acceleration_m_s2
+    if down >= envelope.descent_m_s * (1.0 - 1e-9):
+        push = _push(flown[2], envelope.descent_m_s, vertical_m_s2)
+        found.append(VelocityConstraint(Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), push))
+    if -down >= envelope.climb_m_s * (1.0 - 1e-9):
+        push = _push(-flown[2], envelope.climb_m_s, vertical_m_s2)
+        found.append(VelocityConstraint(Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), push))
+    return tuple(found)
+
+
+def _push(flown_m_s: float, limit_m_s: float, most_m_s2: float) -> float:
+    """Return the acceleration that a vehicle at this speed may still be given along a speed limit."""
+    over = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
+    return most_m_s2 * min(1.0, max(0.0, 1.0 - over))
 
 
 def _without_pushing(acceleration: Vector, constraints: tuple[VelocityConstraint, ...]) -> Vector:

@@ -1,4 +1,4 @@
-"""Shape a velocity: speeds, accelerations, jerk and turn rate within limits, whatever the place.
+"""Shape a velocity: numbers, speeds, accelerations and jerk within limits, whatever the place.
 
 Over the ground a vector is always scaled and never cut by axis, so that its direction is kept; the vertical is its
 own axis, because the game is played on the cylinder ‖u_xy‖ ≤ a, |u_z| ≤ b, where a climb costs no ground speed.
@@ -8,6 +8,13 @@ import math
 
 from guidance.control.envelope import Bounds
 from guidance.frames import Vector
+
+_LARGEST = 1e8
+
+
+def usable(*numbers: float) -> bool:
+    """Whether every number is finite and of a size that something in flight can have."""
+    return all(abs(number) <= _LARGEST for number in numbers)
 
 
 def approach_speed(distance: float, deceleration: float, lag_s: float) -> float:

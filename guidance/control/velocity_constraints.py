@@ -15,15 +15,15 @@ k is taken at the speed asked for, which is never below the speed allowed in the
 Only closing parts are ever taken away, each towards zero: a constraint adds no motion, reverses nothing and pushes
 nowhere. Standing still satisfies every one, so that any number of them has a common answer.
 
-Floor and ceiling above home, and the stand-off cylinder about the evader, are given here; the fences in
-`guidance.control.fence`.
+Floor and ceiling above home, the stand-off cylinder about the evader, and the fences are given here as constraints, and
+`feasible_velocity` keeps all of them together.
 """
 
 import math
 from typing import Final, NamedTuple
 
-from guidance.control.envelope import Envelope, Limiter
-from guidance.control.situation import Situation
+from guidance.control.envelope import Envelope, Limiter, Situation
+from guidance.control.fence import FenceGeometry
 from guidance.frames import Vector
 
 COVER_M = 0.5
@@ -216,3 +216,102 @@ def stand_off_constraints(
 
 def _less_over_ground(velocity: Vector, other: tuple[float, float]) -> Vector:
     return (velocity[0] - other[0], velocity[1] - other[1], velocity[2])
+
+
+def polygon_constraints(
+    fence: FenceGeometry, envelope: Envelope, stop: Stop, drift_ned_m: Vector
+) -> tuple[VelocityConstraint, ...]:
+    """Return what the polygon forbids: to come to rest beyond an edge, less the margin.
+
+    Args:
+        fence: Where the vehicle is to the fences.
+        envelope: The limits, of which the fence's margin is kept.
+        stop: The time that stopping takes, over the ground and vertically.
+        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
+    """
+    return tuple(
+        constrain(Limiter.FENCE_POLYGON, (*edge.outward, 0.0), edge.gap_m - envelope.fence_margin_m, stop, drift_ned_m)
+        for edge in fence.edges
+    )
+
+
+def keep_in_circle(
+    velocity_ned_m_s: Vector, fence: FenceGeometry, envelope: Envelope, stop: Stop, drift_ned_m: Vector
+) -> Vector:
+    """The vehicle would come to rest within the circle, or outside no further out than it is.
+
+    The stop point is moved onto the circle where it lies beyond: along the fence the path is bent inwards, and the
+    speed over the ground never rises.
+
+    Args:
+        velocity_ned_m_s: What is asked for.
+        fence: Where the vehicle is to the fences.
+        envelope: The limits: radius and margin.
+        stop: The time that stopping takes, over the ground and vertically.
+        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
+    """
+    if envelope.fence_radius_m is None:
+        return velocity_ned_m_s
+    north_m, east_m = fence.about_home_m
+    drift_m = max(0.0, math.hypot(north_m + drift_ned_m[0], east_m + drift_ned_m[1]) - fence.from_home_m)
+    limit_m = max(envelope.fence_radius_m - envelope.fence_margin_m - drift_m, fence.from_home_m)
+    north, east = north_m + velocity_ned_m_s[0] * stop.ground_s, east_m + velocity_ned_m_s[1] * stop.ground_s
+    reached_m = math.hypot(north, east)
+    if reached_m <= limit_m:
+        return velocity_ned_m_s
+    share = limit_m / reached_m
+    return (
+        (share * north - north_m) / stop.ground_s,
+        (share * east - east_m) / stop.ground_s,
+        velocity_ned_m_s[2],
+    )
+
+
+def circle_constraint(fence: FenceGeometry) -> VelocityConstraint:
+    """Return the circle as a constraint on accelerations, once it acts on the velocity."""
+    return VelocityConstraint(Limiter.FENCE_RADIUS, (*fence.about_home_m, 0.0), 0.0)
+
+
+class Feasible(NamedTuple):
+    """A velocity that every limit in space allows, and the constraints that took something away from the one asked."""
+
+    velocity_ned_m_s: Vector
+    active: tuple[VelocityConstraint, ...]
+
+
+def feasible_velocity(
+    velocity_ned_m_s: Vector, situation: Situation, fence: FenceGeometry, envelope: Envelope
+) -> Feasible:
+    """Slide along every limit in turn, then scale until all hold at once.
+
+    The sliding keeps as much of the motion as may be; the scaling makes it exact where limits meet in a corner, and
+    leaves the circle's law alone: what may be may also be slower. Speed over the ground and vertical speed never rise.
+
+    Args:
+        velocity_ned_m_s: What is asked for.
+        situation: Where vehicle and evader are.
+        fence: Where the vehicle is to the fences.
+        envelope: What is allowed.
+    """
+    seconds, drift = stop(velocity_ned_m_s, envelope), drift_ned_m(situation.velocity_ned_m_s, envelope)
+    surge = surge_ned_m(situation.velocity_ned_m_s, situation.acceleration_ned_m_s2, envelope)
+    going = (drift[0] + surge[0], drift[1] + surge[1], drift[2])
+    constraints = (
+        *stand_off_constraints(velocity_ned_m_s, situation, envelope),
+        *polygon_constraints(fence, envelope, seconds, going),
+        *floor_and_ceiling(situation.position_ned_m[2], envelope, seconds, drift),
+    )
+    active: list[VelocityConstraint] = []
+    velocity = velocity_ned_m_s
+    for one in constraints:
+        slid = slide(velocity, one)
+        if slid is not velocity:
+            active.append(one)
+            velocity = slid
+    inside = keep_in_circle(velocity, fence, envelope, seconds, going)
+    if inside is not velocity:
+        active.append(circle_constraint(fence))
+        velocity = inside
+    for one in constraints if active else ():
+        velocity = shrink(velocity, one)
+    return Feasible(velocity, tuple(active))

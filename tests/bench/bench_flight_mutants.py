@@ -49,16 +49,16 @@ FLIGHT = {
     "flight/test_tracking": "flight/tracking",
 }
 CONTROL = {
-    "control/test_feasible_velocity": "control/fence control/feasible_velocity",
+    "control/test_velocity_constraints_together": "control/fence control/velocity_constraints",
     "control/test_hold": "control/hold",
     "control/test_envelope": "control/envelope control/polygon",
-    "control/test_setpoint_limiter": "control/setpoint_limiter control/shaping control/situation",
+    "control/test_setpoint_limiter": "control/setpoint_limiter control/shaping",
     "control/test_velocity_constraints": "control/velocity_constraints",
-    "control/test_approach": "control/approach",
-    "control/test_catch_up": "control/catch_up",
+    "control/test_follow_approach": "control/follow",
+    "control/test_follow_catch_up": "control/follow",
     "control/test_servo": "control/servo",
     "control/test_follow": "control/follow",
-    "control/test_drift": "control/follow",
+    "control/test_follow_drift": "control/follow",
     "control/test_fence": "control/fence",
 }
 NEAREST = {**FLIGHT, **CONTROL}

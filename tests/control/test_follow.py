@@ -3,10 +3,8 @@
 import pytest
 
 from guidance.autopilots import AUTOPILOTS, PX4
-from guidance.control.approach import Gaps
-from guidance.control.catch_up import CatchUp
-from guidance.control.follow import Drift, Following, FollowMemory, follow
-from guidance.control.situation import Situation
+from guidance.control.envelope import Situation
+from guidance.control.follow import CatchUp, Drift, Following, FollowMemory, Gaps, follow
 
 FAR = Gaps(60.0, 15.0, 1.0, 0.0)
 WANTED = (6.0, 0.0, 1.5)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guidance.certificate import Certificate
-from guidance.control.approach import gaps_to_disc
+from guidance.control.follow import gaps_to_disc
 from guidance.frames import ned_from_game
 from guidance.game import Winner
 from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, SettingsOf, title_of

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.control.catch_up import CatchUp, catch_up
+from guidance.control.follow import CatchUp, catch_up
 
 DT_S = 0.02
 SETTINGS = CatchUp(gain_per_s=0.5, limit_m=12.0)
