@@ -200,6 +200,12 @@ class GameFrame:
         return (north0 + y, east0 + x, down0 - z)
 
 
+def difference(one: Vector, other: Vector) -> Vector:
+    """Return `one` - `other`, in whichever axes both are."""
+    (x, y, z), (other_x, other_y, other_z) = one, other
+    return (x - other_x, y - other_y, z - other_z)
+
+
 def game_from_ned(vector_ned: Vector) -> Vector:
     """Turn a free vector (velocity, acceleration) from NED into the game frame; its own inverse."""
     north, east, down = vector_ned

@@ -11,10 +11,9 @@ from guidance.autopilots import Mode
 from guidance.control import Envelope, FenceGeometry, measure_fence
 from guidance.flight.echo import Echo
 from guidance.flight.inputs_outputs import Inputs
-from guidance.flight.local_frame import NOWHERE, difference, polygon_about_home
 from guidance.flight.settings import FlightSettings
-from guidance.flight.tracking import Tracking
-from guidance.frames import GameFrame, LocalFrame, Vector
+from guidance.flight.tracking import NOWHERE, Tracking, polygon_about_home
+from guidance.frames import GameFrame, LocalFrame, Vector, difference
 from guidance.messages import Heartbeat, LocalPosition, Message
 from guidance.vehicle import VehicleState, observe
 

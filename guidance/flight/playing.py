@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from guidance.control import Situation
 from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, hover, play
 from guidance.flight.heard import Heard
-from guidance.flight.local_frame import shifted
 from guidance.flight.settings import AfterCapture, FlightSettings
 from guidance.flight.table import SETPOINT_STATES, State
+from guidance.frames import Vector
 from guidance.messages import Setpoint
 from guidance.monitor import Alarm, MonitorMemory, watch
 
@@ -44,7 +44,7 @@ class Playing:
         """Begin a cycle: what is remembered of places moves with the local frame."""
         self.alarm = None
         if any(heard.moved_ned_m):
-            self._memory = shifted(self._memory, heard.moved_ned_m)
+            self._memory = _shifted(self._memory, heard.moved_ned_m)
 
     def silent(self) -> None:
         """Make no setpoint in this cycle."""
@@ -101,3 +101,26 @@ class Playing:
                 speed_m_s=self._settings.cycle.ground_speed_m_s,
                 slack_s=self._settings.guarantee_slack_s,
             )
+
+
+def _shifted(memory: CycleMemory, jump_ned_m: Vector) -> CycleMemory:
+    """Shift the place and the height that a hover holds, and the drift's position, by a jump of the estimate.
+
+    The vehicle is then held where it is, not sent to where it now believes that it was.
+
+    Args:
+        memory: Of the cycle before the jump.
+        jump_ned_m: By how much the estimate jumped, metres.
+    """
+    north_m, east_m, down_m = jump_ned_m
+    if not any(jump_ned_m):
+        return memory
+    drift, place, height = memory.follow.drift, memory.place, memory.height
+    if drift.position_ned_m is not None:
+        north, east, down = drift.position_ned_m
+        drift = drift._replace(position_ned_m=(north + north_m, east + east_m, down + down_m))
+    return memory._replace(
+        follow=memory.follow._replace(drift=drift),
+        place=None if place is None else (place[0] + north_m, place[1] + east_m),
+        height=None if height is None else height._replace(down_m=height.down_m + down_m),
+    )

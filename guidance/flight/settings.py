@@ -1,17 +1,19 @@
-"""What a flight needs to know beforehand, and how long each of its phases may take."""
+"""What a flight needs to know beforehand: how long its phases may take, and what battery it takes to come home."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from types import MappingProxyType
 
 from guidance.autopilots import Autopilot
 from guidance.cycle import CycleSettings
-from guidance.flight.local_frame import Corners
-from guidance.flight.reserve import Reserve
+from guidance.errors import ConfigError
 from guidance.flight.table import State
 from guidance.frames import Vector
+
+Corners = tuple[tuple[float, float], ...]
+"""Latitude and longitude of each corner of a fence, degrees."""
 
 
 class AfterCapture(StrEnum):
@@ -40,6 +42,52 @@ LIMITS_S: Mapping[State, float] = MappingProxyType(
         State.PAUSED: 10.0,
     }
 )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reserve:
+    """What the way home is reckoned by: distance, height, wind and speed.
+
+    Attributes:
+        endurance_s: How long a full charge lasts in flight.
+        left: Share of the charge, 0 to 1, that is to be left on the ground.
+        return_speed_m_s: The autopilot's own, on its way home, through the air.
+        landing_speed_m_s: Likewise, downwards.
+        wind_m_s: Against it at worst.
+
+    Raises:
+        ConfigError: If a number is out of its range, or the wind as fast as the vehicle.
+    """
+
+    endurance_s: float
+    left: float = 0.1
+    return_speed_m_s: float = 5.0
+    landing_speed_m_s: float = 0.7
+    wind_m_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name)
+            least = 0.0 if one.name in {"left", "wind_m_s"} else 1e-3
+            if not least <= value <= (1.0 if one.name == "left" else 1e6):
+                raise ConfigError(f"reserve.{one.name} = {value}: not in its range")
+        if self.wind_m_s >= self.return_speed_m_s:
+            raise ConfigError(
+                f"reserve.wind_m_s = {self.wind_m_s:g}: must be below reserve.return_speed_m_s = "
+                f"{self.return_speed_m_s:g}: against such a wind nothing comes home"
+            )
+
+    def needed(self, away_m: float, height_m: float) -> float:
+        """Return the share of the charge that is needed to come home and land.
+
+        Args:
+            away_m: From home, over the ground.
+            height_m: Above home.
+        """
+        home_s = abs(away_m) / (self.return_speed_m_s - self.wind_m_s)
+        down_s = max(0.0, height_m) / self.landing_speed_m_s
+        share = self.left + (home_s + down_s) / self.endurance_s
+        return min(1.0, share) if math.isfinite(share) else 1.0
 
 
 @dataclass(frozen=True, slots=True)

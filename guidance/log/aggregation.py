@@ -7,8 +7,7 @@ from typing import NamedTuple
 from guidance.certificate import Certificate
 from guidance.control import Envelope
 from guidance.flight import FlightSettings
-from guidance.flight.local_frame import polygon_about_home
-from guidance.flight.tracking import Tracking
+from guidance.flight.tracking import Tracking, polygon_about_home
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.log.entries import CycleEntry
 from guidance.messages import EvaderReport, LocalPosition, Timesync

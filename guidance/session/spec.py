@@ -16,8 +16,7 @@ from guidance.control import Envelope, Polygon, Speeds, StandOffLimit
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, FlightSettings, State
-from guidance.flight.reserve import Reserve
-from guidance.flight.settings import LIMITS_S
+from guidance.flight.settings import LIMITS_S, Reserve
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
 from guidance.preflight import Wants

@@ -44,9 +44,10 @@ FLIGHT = {
     "flight/test_echo": "flight/echo",
     "flight/test_playing": "flight/machine flight/heard flight/playing",
     "flight/test_machine": "flight/requests",
-    "flight/test_fence": "flight/local_frame",
+    "flight/test_tracking_frames": "flight/tracking",
     "flight/test_table": "flight/table",
     "flight/test_tracking": "flight/tracking",
+    "flight/test_tracking_fence": "flight/tracking",
 }
 CONTROL = {
     "control/test_velocity_constraints_together": "control/fence control/velocity_constraints",

@@ -5,7 +5,7 @@ import pytest
 from guidance.autopilots import Mode
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, State
-from guidance.flight.reserve import Reserve
+from guidance.flight.settings import Reserve
 from guidance.messages import Attitude, LandedState
 from tests.flight.scenes import NOW_S, heartbeat, home, local, settings_of, status
 

@@ -6,7 +6,7 @@ import pytest
 
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs
-from guidance.flight.local_frame import polygon_about_home
+from guidance.flight.tracking import polygon_about_home
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import Home, Origin
 from tests.flight.scenes import BOTH, SETTINGS, heartbeat, local, settings_of
