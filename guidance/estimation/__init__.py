@@ -9,8 +9,7 @@ What it offers:
     moved: all of it in another frame, after an estimator's reset.
 """
 
-from guidance.estimation.clock_offset import ClockOffset
-from guidance.estimation.measurement import Measurement
+from guidance.estimation.measurement import ClockOffset, Measurement
 from guidance.estimation.observer import EvaderState, Observer, compare_clocks, moved, observe, predict
 from guidance.estimation.settings import TrackSettings
 from guidance.estimation.track import TAKEN, ReportOutcome, Track, update

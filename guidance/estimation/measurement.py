@@ -1,11 +1,19 @@
-"""A report of the evader made ready for the filter: local metres, our clock, and honest spreads."""
+"""A report of the evader made ready for the filter: local metres, our clock, and honest spreads.
+
+From a sender's clock to ours, out of what reports themselves say and, where there is one, TIMESYNC: received - sent =
+offset + delay, and no delay is negative. So the least difference seen is the best bound on the offset, and it is let
+rise as fast as two clocks can drift apart. A round trip (TIMESYNC) measures the offset itself, to half its duration. A
+sender that starts anew jumps by seconds: that is believed only once it has lasted, because a single corrupt time, or a
+burst of reports that waited in a queue, looks the same for a moment.
+"""
 
 import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from guidance.estimation.imm import Array
+from guidance.estimation.filters import Array
 from guidance.estimation.settings import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.messages import EvaderReport
@@ -14,6 +22,13 @@ from guidance.plausible import is_plausible
 _LARGEST = 1e8
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)
 _LEAST_SD, _LARGEST_SD = 0.01, 1e4
+
+_DRIFT = 2e-4  # two quartz clocks, 100 ppm each
+_STEP_S = 1.0
+_ALIKE_S = 0.3
+_LASTING_S = 1.0
+_LASTING_REPORTS = 3
+_BELIEVED_S = 30.0
 
 
 class Measurement(NamedTuple):
@@ -67,3 +82,98 @@ def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: Tr
         max(_LEAST_SD, report.position_sd_m) if report.position_sd_m > 0.0 else settings.position_sd_m,
         max(_LEAST_SD, report.velocity_sd_m_s) if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """Our clock minus the sender's, seconds.
+
+    Attributes:
+        offset_s: The estimate, valid at `at_s`.
+        at_s: Our time of the last report that had a part in it.
+        round_trip_s: Of the TIMESYNC exchange it rests on; NaN if it rests on reports alone.
+        synced_s: Our time of that exchange.
+        candidate_s: Another offset that the latest reports agree on; NaN if there is none.
+        candidate_since_s: Our time when it was first seen.
+        candidate_reports: How many reports agree on it.
+    """
+
+    offset_s: float
+    at_s: float
+    round_trip_s: float = math.nan
+    synced_s: float = -math.inf
+    candidate_s: float = math.nan
+    candidate_since_s: float = math.nan
+    candidate_reports: int = 0
+
+    def ours(self, sent_s: float) -> float:
+        """A time of the sender's clock, on ours."""
+        return sent_s + self.offset_s
+
+    @property
+    def measured(self) -> bool:
+        """Whether a round trip measured it: otherwise the least delay on the way is part of it."""
+        return not math.isnan(self.round_trip_s)
+
+
+def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOffset | None:
+    """Take in the two times of a report. Times that are no numbers change nothing."""
+    sample_s = received_s - sent_s
+    if not math.isfinite(sample_s):
+        return clock
+    if clock is None:
+        return ClockOffset(sample_s, received_s)
+    grown_s = _grown(clock, received_s)
+    if abs(sample_s - grown_s) > _STEP_S:
+        return _suspect(clock, sample_s, received_s)
+    return replace(
+        clock,
+        offset_s=min(grown_s, sample_s),
+        at_s=max(clock.at_s, received_s),
+        candidate_s=math.nan,
+        candidate_reports=0,
+    )
+
+
+def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answered_s: float) -> ClockOffset | None:
+    """Take in a TIMESYNC exchange: we asked, the sender read its clock, the answer came.
+
+    The shortest round trip is the best one; a longer one replaces it only when it has grown old.
+
+    Args:
+        clock: What is known of the sender's clock so far.
+        remote_s: The sender's clock as the answer tells it.
+        asked_s: When we asked, by our clock.
+        answered_s: When the answer came, by our clock.
+    """
+    round_trip_s, offset_s = answered_s - asked_s, 0.5 * (asked_s + answered_s) - remote_s
+    if not (0.0 <= round_trip_s <= _STEP_S and math.isfinite(offset_s)):
+        return clock
+    fresh = ClockOffset(offset_s, answered_s, round_trip_s, answered_s)
+    if clock is None or not clock.measured or answered_s - clock.synced_s > _BELIEVED_S:
+        return fresh
+    if abs(offset_s - clock.offset_s) > _STEP_S or round_trip_s <= clock.round_trip_s:
+        return fresh
+    return clock
+
+
+def _grown(clock: ClockOffset, now_s: float) -> float:
+    elapsed_s = max(0.0, now_s - clock.at_s)
+    if clock.measured and now_s - clock.synced_s <= _BELIEVED_S:
+        return clock.offset_s
+    return clock.offset_s + _DRIFT * elapsed_s
+
+
+def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOffset:
+    if not abs(sample_s - clock.candidate_s) <= _ALIKE_S:
+        return replace(clock, candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1)
+    agreed = replace(clock, candidate_s=min(sample_s, clock.candidate_s), candidate_reports=clock.candidate_reports + 1)
+    lasting = received_s - clock.candidate_since_s >= _LASTING_S and agreed.candidate_reports >= _LASTING_REPORTS
+    return ClockOffset(agreed.candidate_s, received_s) if lasting else agreed
+
+
+def true_at(report: EvaderReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
+    """When the report was true: by its sender's clock where it has one, else by its arrival less the latency."""
+    if math.isnan(report.sent_s) or clock is None:
+        return report.received_s - settings.latency_s
+    return clock.ours(report.sent_s) - (0.0 if clock.measured else settings.latency_s)

@@ -11,12 +11,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from guidance.estimation.clock_offset import ClockOffset, hear, synchronise
-from guidance.estimation.imm import STATES, Array, combine
-from guidance.estimation.measurement import measure
+from guidance.estimation.filters import STATES, Array, advance, combine
+from guidance.estimation.measurement import ClockOffset, hear, measure, synchronise, true_at
 from guidance.estimation.rivals import Rivals, listen, told
 from guidance.estimation.settings import TrackSettings
-from guidance.estimation.track import Accepted, ReportOutcome, Track, advance, update
+from guidance.estimation.track import Accepted, ReportOutcome, Track, update
 from guidance.frames import LocalFrame, Vector
 from guidance.messages import EvaderReport, Timesync
 
@@ -119,7 +118,7 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
     if report.timesync is not None:
         observer = compare_clocks(observer, report.timesync)
     clock = hear(observer.clock, report.sent_s, report.received_s)
-    measurement = measure(report, frame, _true_at(report, clock, settings), settings)
+    measurement = measure(report, frame, true_at(report, clock, settings), settings)
     track = update(observer.track, measurement, settings)
     if not measurement.is_usable():
         return Observer(clock, track, observer.rivals)
@@ -139,13 +138,6 @@ def compare_clocks(observer: Observer, answer: Timesync) -> Observer:
     """Take in the evader's own answer to our TIMESYNC."""
     clock = synchronise(observer.clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
     return observer._replace(clock=clock)
-
-
-def _true_at(report: EvaderReport, clock: ClockOffset | None, settings: TrackSettings) -> float:
-    """When the report was true: by its sender's clock where it has one, else by its arrival less the latency."""
-    if math.isnan(report.sent_s) or clock is None:
-        return report.received_s - settings.latency_s
-    return clock.ours(report.sent_s) - (0.0 if clock.measured else settings.latency_s)
 
 
 def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:

@@ -11,10 +11,17 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
-from guidance.estimation import height as vertical
-from guidance.estimation import imm
-from guidance.estimation.height import Height
-from guidance.estimation.imm import Modes
+from guidance.estimation.filters import (
+    Estimate,
+    Height,
+    advance,
+    begin,
+    combine,
+    compare,
+    correct,
+    correct_down,
+    correct_rate,
+)
 from guidance.estimation.measurement import Measurement
 from guidance.estimation.settings import TrackSettings
 
@@ -57,15 +64,6 @@ _JUMP_SIGMAS = 6.0
 _FAR = ReportOutcome.TOO_FAR
 
 
-class Estimate(NamedTuple):
-    """Where the evader was at a time of our clock, in the plane and in height, and when that was last heard of."""
-
-    time_s: float
-    received_s: float
-    modes: Modes
-    height: Height
-
-
 class Accepted(NamedTuple):
     """A report that was taken in, and the estimate after it."""
 
@@ -91,6 +89,7 @@ class Track:
         counts: How many reports ended with each outcome.
         nis: Normalised innovation squared of the last report that was compared with the estimate.
         anchors: Where it was in the last seconds, jumps or none, oldest first; they bound how far it can be.
+        estimate: The newest one, None before the first report.
     """
 
     history: tuple[Accepted, ...] = ()
@@ -99,11 +98,10 @@ class Track:
     counts: Mapping[ReportOutcome, int] = field(default_factory=dict)
     nis: float = float("nan")
     anchors: tuple["Anchor", ...] = ()
+    estimate: Estimate | None = field(init=False, repr=False)
 
-    @property
-    def estimate(self) -> Estimate | None:
-        """The newest estimate, None before the first report."""
-        return self.history[-1].estimate if self.history else None
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "estimate", self.history[-1].estimate if self.history else None)
 
 
 def update(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
@@ -141,7 +139,7 @@ def _within_way(track: Track, measurement: Measurement, settings: TrackSettings)
 def _within_jump(estimate: Estimate, measurement: Measurement, settings: TrackSettings) -> bool:
     """Whether it can have got there since it was last known, at the speed that it declares."""
     moved = advance(estimate, measurement.time_s, settings)
-    north, east = imm.combine(moved.modes)[0][:2].tolist()
+    north, east = combine(moved.modes)[0][:2].tolist()
     spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
     far_m = math.dist((north, east), measurement.position_ned_m[:2])
     age_s = max(0.0, measurement.time_s - estimate.time_s)
@@ -153,22 +151,9 @@ def _anchored(track: Track, settings: TrackSettings) -> Track:
     estimate, anchors = track.estimate, track.anchors
     if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
         return track
-    north, east = imm.combine(estimate.modes)[0][:2].tolist()
+    north, east = combine(estimate.modes)[0][:2].tolist()
     kept = tuple(one for one in anchors if estimate.time_s - one.time_s <= settings.history_s)
     return replace(track, anchors=(*(kept or anchors[-1:]), Anchor(estimate.time_s, (north, east))))
-
-
-def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estimate:
-    """Move an estimate on to a later time; an earlier one leaves it as it is."""
-    dt_s = time_s - estimate.time_s
-    if dt_s <= 0.0:
-        return estimate
-    return Estimate(
-        time_s,
-        estimate.received_s,
-        imm.advance(estimate.modes, dt_s, settings),
-        vertical.advance(estimate.height, dt_s, settings.height_noise_m2_s3),
-    )
 
 
 def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) -> ReportOutcome | None:
@@ -224,7 +209,7 @@ def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         0.0,
         (settings.prior_speed_sd_m_s if velocity is None else measurement.velocity_sd_m_s) ** 2,
     )
-    modes = imm.begin(*measurement.plane(), settings)
+    modes = begin(*measurement.plane(), settings)
     first = Accepted(measurement, Estimate(measurement.time_s, measurement.received_s, modes, height))
     return replace(track, history=(first,), rival=None)
 
@@ -233,14 +218,14 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
     """The estimate with a report taken in, None if the report is an outlier; and its NIS."""
     moved = advance(before, measurement.time_s, settings)
     measured, noise = measurement.plane()
-    innovation = imm.compare(moved.modes, measured, noise)
+    innovation = compare(moved.modes, measured, noise)
     if not innovation.nis <= _GATE[len(measured)]:
         return None, innovation.nis
-    height = vertical.correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
+    height = correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
     if measurement.velocity_ned_m_s is not None:
-        height = vertical.correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
+        height = correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
     received_s = max(before.received_s, measurement.received_s)
-    return Estimate(moved.time_s, received_s, imm.correct(moved.modes, innovation), height), innovation.nis
+    return Estimate(moved.time_s, received_s, correct(moved.modes, innovation), height), innovation.nis
 
 
 def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:

@@ -1,6 +1,6 @@
-"""The interacting multiple model filter of the plane: mix ▸ move ▸ correct.
+"""The filters of the evader's motion: interacting multiple models in the plane, and a Kalman filter of the height.
 
-Two models side by side: constant velocity (0) and coordinated turn (1).
+In the plane, mix ▸ move ▸ correct: two models side by side, constant velocity (0) and coordinated turn (1).
 
 State, last axis: north, east (m), their rates (m/s), turn rate (rad/s, north to east). Leading axis: the model.
 Source: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), 6.2.2 (white
@@ -10,6 +10,8 @@ that it stays bounded however long nothing is heard; the steady model only carri
 Source of the filter: Blom & Bar-Shalom (1988); Bar-Shalom, Li & Kirubarajan (2001), 11.6.6. The switching is a Markov
 chain in continuous time, so that 1 Hz and 50 Hz reports mean the same. Before mixing, the steady model borrows the
 turning model's turn rate, which it has none of its own of (unbiased mixing: Yuan, Lian & Zhou, 2012).
+
+The height is a filter of two numbers, down and its rate, apart from the plane.
 """
 
 import math
@@ -134,7 +136,7 @@ def begin(measured: Array, noise: Array, settings: TrackSettings) -> Modes:
     return Modes(np.array([mean, mean]), np.array([covariance, covariance]), turning)
 
 
-def advance(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
+def advance_modes(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
     """Mix and move both models on by dt; for no time, the same modes."""
     if dt_s <= 0.0:
         return modes
@@ -206,3 +208,67 @@ def _posterior(turning: float, log_ratio: float) -> float:
     odds = math.log(turning / (1.0 - turning)) + log_ratio
     probability = 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
     return min(1.0 - 1e-9, max(1e-9, probability))
+
+
+class Height(NamedTuple):
+    """The evader's height: down (m), its rate (m/s), and the three numbers of their covariance."""
+
+    down_m: float
+    rate_m_s: float
+    down_variance: float
+    shared: float
+    rate_variance: float
+
+
+def advance_height(height: Height, dt_s: float, noise_m2_s3: float) -> Height:
+    """Move on by dt at a constant rate, with white vertical acceleration."""
+    down, rate, variance, shared, rate_variance = height
+    return Height(
+        down + rate * dt_s,
+        rate,
+        variance + 2.0 * dt_s * shared + dt_s**2 * rate_variance + noise_m2_s3 * dt_s**3 / 3.0,
+        shared + dt_s * rate_variance + noise_m2_s3 * dt_s**2 / 2.0,
+        rate_variance + noise_m2_s3 * dt_s,
+    )
+
+
+def correct_down(height: Height, measured_m: float, variance_m2: float) -> Height:
+    """Take in a measured height."""
+    down, rate, variance, shared, rate_variance = height
+    total, difference = variance + variance_m2, measured_m - down
+    return Height(
+        down + variance / total * difference,
+        rate + shared / total * difference,
+        variance * variance_m2 / total,
+        shared * variance_m2 / total,
+        rate_variance - shared * shared / total,
+    )
+
+
+def correct_rate(height: Height, measured_m_s: float, variance_m2_s2: float) -> Height:
+    """Take in a measured vertical speed."""
+    turned = Height(height.rate_m_s, height.down_m, height.rate_variance, height.shared, height.down_variance)
+    rate, down, rate_variance, shared, variance = correct_down(turned, measured_m_s, variance_m2_s2)
+    return Height(down, rate, variance, shared, rate_variance)
+
+
+class Estimate(NamedTuple):
+    """Where the evader was at a time of our clock, in the plane and in height, and when that was last heard of."""
+
+    time_s: float
+    received_s: float
+    modes: Modes
+    height: Height
+
+
+def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estimate:
+    """Move an estimate on to a later time; an earlier one leaves it as it is."""
+    dt_s = time_s - estimate.time_s
+    if dt_s <= 0.0:
+        return estimate
+    return Estimate(
+        time_s,
+        estimate.received_s,
+        advance_modes(estimate.modes, dt_s, settings),
+        advance_height(estimate.height, dt_s, settings.height_noise_m2_s3),
+    )

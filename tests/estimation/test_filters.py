@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimation import TrackSettings, height, imm
-from guidance.estimation.imm import step
+from guidance.estimation import TrackSettings, filters
+from guidance.estimation.filters import step
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # filterpy's, on import
@@ -82,7 +82,7 @@ def test_the_noise_is_filterpy_s_continuous_white_noise(dt_s):
 
 
 def test_two_half_steps_spread_as_much_as_one_whole_one():
-    modes = imm.begin(np.array([1.0, 2.0, 3.0, 4.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
+    modes = filters.begin(np.array([1.0, 2.0, 3.0, 4.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
     whole, half = step(modes.mean, 1.0, SETTINGS), step(modes.mean, 0.5, SETTINGS)
     twice = half.jacobian[0] @ half.noise[0] @ half.jacobian[0].T + half.noise[0]
     assert twice[:4, :4] == pytest.approx(whole.noise[0][:4, :4])
@@ -102,8 +102,8 @@ class Moving(KalmanFilter):
 def filterpy_imm(measured, noise, dt_s):
     """filterpy's IMM with our two motions and its own mixing, gains, likelihoods and combination."""
     known = len(measured)
-    begun = imm.begin(measured, noise, SETTINGS)
-    filters = []
+    begun = filters.begin(measured, noise, SETTINGS)
+    models = []
     for model in (0, 1):
         one = Moving(dim_x=5, dim_z=known)
         one.model, one.dt_s = model, dt_s
@@ -112,7 +112,7 @@ def filterpy_imm(measured, noise, dt_s):
         density = (SETTINGS.steady_noise_m2_s3, SETTINGS.turning_noise_m2_s3)[model]
         fading = SETTINGS.turn_rate_sd_rad_s**2 * (1.0 - math.exp(-2.0 * dt_s / SETTINGS.turn_time_s))
         one.Q = filterpy_noise(dt_s, density, fading)
-        filters.append(one)
+        models.append(one)
     begins, ends = 1.0 / SETTINGS.steady_time_s, 1.0 / SETTINGS.turning_time_s
     # The generator of a chain with two states, exponentiated by its series: independent of the closed form.
     generator = np.array([[-begins, begins], [ends, -ends]]) * dt_s
@@ -120,7 +120,7 @@ def filterpy_imm(measured, noise, dt_s):
     for order in range(1, 30):
         term = term @ generator / order
         chain += term
-    return IMMEstimator(filters, [1.0 - begun.turning, begun.turning], chain), begun
+    return IMMEstimator(models, [1.0 - begun.turning, begun.turning], chain), begun
 
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
@@ -140,40 +140,40 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
         steady.P[4, :] = steady.P[:, 4] = 0.0
         steady.P[4, 4] = turning.P[4, 4]
         reference.predict()
-        modes = imm.advance(modes, dt_s, SETTINGS)
+        modes = filters.advance_modes(modes, dt_s, SETTINGS)
         for model in (0, 1):
             assert modes.mean[model] == pytest.approx(reference.filters[model].x[:, 0], abs=1e-7)
             assert modes.covariance[model] == pytest.approx(reference.filters[model].P, abs=1e-7)
         reference.update(measured[:, None])
-        modes = imm.correct(modes, imm.compare(modes, measured, noise))
-        mean, covariance = imm.combine(modes)
+        modes = filters.correct(modes, filters.compare(modes, measured, noise))
+        mean, covariance = filters.combine(modes)
         assert mean == pytest.approx(reference.x[:, 0], abs=1e-7)
         assert covariance == pytest.approx(reference.P, abs=1e-7)
         assert modes.turning == pytest.approx(reference.mu[1], abs=1e-7)
 
 
 def test_no_time_changes_nothing():
-    modes = imm.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS)
-    assert imm.advance(modes, 0.0, SETTINGS) is modes
+    modes = filters.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS)
+    assert filters.advance_modes(modes, 0.0, SETTINGS) is modes
 
 
 def test_the_innovation_is_that_of_the_mixture():
-    modes = imm.advance(imm.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS), 0.5, SETTINGS)
+    modes = filters.advance_modes(filters.begin(np.array([1.0, 2.0]), np.diag([0.5, 0.5]), SETTINGS), 0.5, SETTINGS)
     measured, noise = np.array([3.0, -1.0]), np.diag([0.3, 0.3])
-    mean, covariance = imm.combine(modes)
+    mean, covariance = filters.combine(modes)
     off = measured - mean[:2]
-    assert imm.compare(modes, measured, noise).nis == pytest.approx(
+    assert filters.compare(modes, measured, noise).nis == pytest.approx(
         off @ np.linalg.inv(covariance[:2, :2] + noise) @ off
     )
 
 
 def test_no_model_is_ever_ruled_out_for_good():
-    modes = imm.begin(np.array([0.0, 0.0, 3.0, 0.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
+    modes = filters.begin(np.array([0.0, 0.0, 3.0, 0.0]), np.diag([0.5, 0.5, 0.1, 0.1]), SETTINGS)
     for _ in range(20):
-        wild = imm.compare(modes, np.array([1e4, 0.0, 0.0, 300.0]), np.diag([1e-3, 1e-3, 1e-4, 1e-4]))
-        modes = imm.correct(modes, wild)
+        wild = filters.compare(modes, np.array([1e4, 0.0, 0.0, 300.0]), np.diag([1e-3, 1e-3, 1e-4, 1e-4]))
+        modes = filters.correct(modes, wild)
         assert 0.0 < modes.turning < 1.0
-        modes = imm.advance(modes, 0.02, SETTINGS)
+        modes = filters.advance_modes(modes, 0.02, SETTINGS)
         assert np.isfinite(modes.mean).all()
         assert np.linalg.eigvalsh(modes.covariance).min() > 0.0
 
@@ -184,12 +184,12 @@ def test_the_height_is_filterpy_s_filter_of_two_numbers(dt_s):
     reference.x, reference.P = np.array([[4.0], [0.5]]), np.array([[2.0, 0.3], [0.3, 1.0]])
     reference.F = np.array([[1.0, dt_s], [0.0, 1.0]])
     reference.Q = Q_continuous_white_noise(2, dt=dt_s, spectral_density=0.05)
-    ours = height.Height(4.0, 0.5, 2.0, 0.3, 1.0)
+    ours = filters.Height(4.0, 0.5, 2.0, 0.3, 1.0)
     for count in range(20):
         reference.predict()
         reference.update(4.0 + count, R=0.4, H=np.array([[1.0, 0.0]]))
         reference.update(1.0 / dt_s, R=0.1, H=np.array([[0.0, 1.0]]))
-        ours = height.advance(ours, dt_s, 0.05)
-        ours = height.correct_rate(height.correct_down(ours, 4.0 + count, 0.4), 1.0 / dt_s, 0.1)
+        ours = filters.advance_height(ours, dt_s, 0.05)
+        ours = filters.correct_rate(filters.correct_down(ours, 4.0 + count, 0.4), 1.0 / dt_s, 0.1)
         assert ours[:2] == pytest.approx(reference.x[:, 0])
         assert ours[2:] == pytest.approx([reference.P[0, 0], reference.P[0, 1], reference.P[1, 1]])

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.estimation import ClockOffset, Observer, ReportOutcome, TrackSettings, compare_clocks, observe, predict
-from guidance.estimation.clock_offset import hear, synchronise
+from guidance.estimation.measurement import hear, synchronise
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import EvaderReport, Timesync
 
