@@ -10,11 +10,10 @@ What it offers:
     Clock: tells monotonic seconds.
 """
 
-from guidance.links.arrivals import Clock
+from guidance.links.arrivals import Clock, MemoryWire
 from guidance.links.endpoint import Endpoint, parse
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.signing import SigningKey
-from guidance.links.wires.memory import MemoryWire
 
 __all__ = [
     "Clock",

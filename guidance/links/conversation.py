@@ -10,8 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from guidance.links import encode
 from guidance.links.decode import DECODERS, Fields, OpenText, decode, expire_text, join_text, parameter
-from guidance.links.dialect import CRC_EXTRA, IDS, NAMES, fields_of
-from guidance.links.framing import Frame, Framer
+from guidance.links.framing import CRC_EXTRA, IDS, NAMES, Frame, Framer, fields_of
 from guidance.links.port import Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint

@@ -1,6 +1,6 @@
 """MAVLink fields to typed values: one literal table, for every link and every wire.
 
-Fields are those of `guidance.links.dialect.fields_of`, by the names of MAVLink's definition. A STATUSTEXT longer than
+Fields are those of `guidance.links.framing.fields_of`, by the names of MAVLink's definition. A STATUSTEXT longer than
 50 bytes comes in chunks; they are joined here.
 """
 

@@ -1,10 +1,16 @@
-"""Typed requests and setpoints to MAVLink fields, with the exact type masks, for either library to pack."""
+"""Typed requests and setpoints to MAVLink fields, with the exact type masks; fields to frames, numbered and signed."""
 
 import math
 import struct
+from collections.abc import Mapping
 from typing import Any, Final
 
+from pymavlink.dialects.v20 import common
+
+from guidance.links.arrivals import Clock
 from guidance.links.decode import INT32_MAX, MAV_MISSION_TYPE_FENCE, is_bytewise
+from guidance.links.framing import CRC_EXTRA, IDS, MAGIC_V2, Frame, checksum
+from guidance.links.signing import Signatures, SigningKey, ticks
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Setpoint
 
 Packed = tuple[str, dict[str, Any]]
@@ -148,3 +154,53 @@ def _e7(angle_deg: float) -> int:
     if abs(angle_deg) > 180.0:
         raise ValueError(f"{angle_deg} is no latitude or longitude in degrees")
     return round(angle_deg * 1e7)
+
+
+class Station:
+    """One sender of frames: they are numbered and, with a key, signed; then what others say is believed only signed."""
+
+    def __init__(
+        self,
+        system_id: int,
+        component_id: int,
+        *,
+        signing_key: SigningKey | None = None,
+        clock: Clock = lambda: 0.0,
+        unix_s: float = 0.0,
+    ) -> None:
+        """Start at sequence number 0. `clock` and `unix_s`, the calendar's time now, are needed for signing only."""
+        self._mavlink = common.MAVLink(None, system_id, component_id)
+        self._signatures = None if signing_key is None else Signatures(signing_key, unix_s)
+        if signing_key is not None:
+            self._mavlink.signing.secret_key = signing_key.secret
+            self._mavlink.signing.link_id = signing_key.link_id
+            self._mavlink.signing.sign_outgoing = True
+        self._clock = clock
+        self._unix_offset_s = unix_s - clock()
+
+    def pack(self, name: str, fields: Mapping[str, Any]) -> bytes:
+        """The next frame."""
+        packed = {key: value.encode() if isinstance(value, str) else value for key, value in fields.items()}
+        if self._signatures is not None:
+            signing = self._mavlink.signing  # counts on by itself with every frame
+            now_ticks = ticks(self._unix_offset_s + self._clock())
+            self._signatures.time = signing.timestamp = max(signing.timestamp, self._signatures.time, now_ticks)
+        frame = bytes(common.mavlink_map[IDS[name]](**packed).pack(self._mavlink))
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        return frame
+
+    def renumber(self, frame: Frame) -> bytes:
+        """Another sender's frame of the same address, numbered as our next: who hears both counts none as lost."""
+        data = bytearray(frame.data)
+        data[4 if data[0] == MAGIC_V2 else 2] = self._mavlink.seq
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        data[-2:] = checksum(data[1:-2], CRC_EXTRA[frame.message_id])
+        return bytes(data)
+
+    def doubts(self, frame: Frame) -> str | None:
+        """Why a frame is not believed: "unsigned", or "refused" for a wrong or an old signature; None if it is."""
+        if self._signatures is None:
+            return None
+        if not frame.signed:
+            return "unsigned"
+        return None if self._signatures.believes(frame) else "refused"

@@ -28,8 +28,8 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, Mav
 from guidance.errors import LinkError
 from guidance.links.arrivals import Clock
 from guidance.links.conversation import Address, Conversation
-from guidance.links.dialect import CRC_EXTRA, IDS, Station
-from guidance.links.framing import Frame, first_frame
+from guidance.links.encode import Station
+from guidance.links.framing import CRC_EXTRA, IDS, Frame, first_frame
 from guidance.links.port import Wire
 from guidance.messages import Message, Request, Setpoint
 

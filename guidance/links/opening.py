@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 from guidance.errors import ConfigError, LinkError
 from guidance.links.arrivals import Clock, Wake
 from guidance.links.decode import MAV_MODE_FLAG_SAFETY_ARMED
-from guidance.links.dialect import CRC_EXTRA, NAMES, Station, fields_of
+from guidance.links.encode import Station
 from guidance.links.endpoint import parse
-from guidance.links.framing import Frame, Framer
+from guidance.links.framing import CRC_EXTRA, NAMES, Frame, Framer, fields_of
 from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import VehicleLink, Wire
 from guidance.links.pymavlink_link import OWN_HEARTBEAT, PymavlinkLink

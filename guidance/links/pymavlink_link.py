@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from guidance.links.arrivals import Clock
 from guidance.links.conversation import Address, Conversation
-from guidance.links.dialect import Station
+from guidance.links.encode import Station
 from guidance.links.port import Wire
 from guidance.links.signing import SigningKey
 from guidance.messages import Message, Request, Setpoint

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import AUTOPILOTS, AutopilotProfile, Mode
-from guidance.links.dialect import CRC_EXTRA
-from guidance.links.framing import Frame, Framer
+from guidance.links.framing import CRC_EXTRA, Frame, Framer
 from guidance.links.opening import Found, find_autopilot, open_wire
 from guidance.links.wires.udp import UdpWire
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.conversation import HEARD
-from guidance.links.dialect import CRC_EXTRA, IDS
 from guidance.links.evaders import (
     AdsbVehicle,
     FollowTarget,
@@ -20,6 +19,7 @@ from guidance.links.evaders import (
     OdometryCarrier,
     OpenDroneIdLocation,
 )
+from guidance.links.framing import CRC_EXTRA, IDS
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Attitude, GlobalPosition, Home, LocalPosition, Origin
 from tests.harness.examples import drawn

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links.decode import DECODERS, decode, parameter
-from guidance.links.dialect import CRC_EXTRA, fields_of
-from guidance.links.framing import first_frame
+from guidance.links.framing import CRC_EXTRA, fields_of, first_frame
 from guidance.messages import (
     FenceCount,
     FenceItem,

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
-from guidance.links.dialect import CRC_EXTRA
-from guidance.links.framing import Framer
+from guidance.links.framing import CRC_EXTRA, Framer
 from tests.links.peer import Peer
 
 

@@ -14,7 +14,7 @@ from typing import ClassVar, Final, Protocol
 from guidance.frames import LocalFrame, Vector
 from guidance.links.arrivals import Clock
 from guidance.links.decode import Fields, decode, degrees, finite
-from guidance.links.dialect import CRC_EXTRA, NAMES, Station, fields_of
+from guidance.links.encode import Station
 from guidance.links.evaders.carrier import (
     UNKNOWN_VELOCITY,
     Refused,
@@ -24,7 +24,7 @@ from guidance.links.evaders.carrier import (
     rotate,
     standard_deviation,
 )
-from guidance.links.framing import Frame, Framer
+from guidance.links.framing import CRC_EXTRA, NAMES, Frame, Framer, fields_of
 from guidance.links.port import Wire
 from guidance.links.requests import TimesyncPeer
 from guidance.links.signing import SigningKey

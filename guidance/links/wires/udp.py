@@ -13,8 +13,7 @@ from typing import Final
 
 from guidance.errors import LinkError
 from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
-from guidance.links.dialect import CRC_EXTRA
-from guidance.links.framing import claimed_system, first_frame
+from guidance.links.framing import CRC_EXTRA, claimed_system, first_frame
 
 _WAIT_US: Final = 100_000
 _MOST_BYTES: Final = 65535
