@@ -264,12 +264,16 @@ class Autopilot:
         errors = (estimator.position_error_m, estimator.velocity_error_m_s)
         around = _surroundings(((n, e, d), *errors, self.ground_m, conditions.thrust_share))
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
-        state.body = body = self.motion.body
+        was, body = state.body, self.motion.body
+        state.body = body
         state.sensors.advance(state.now_s, body)
         state.position_m, state.velocity_m_s = self.plant.estimate(body, around)
-        state.attitude = attitude_of(body)
+        yaw_rad = body.yaw_rad
         if estimator.yaw_error_rad:
-            state.attitude = state.attitude._replace(yaw_rad=wrap_pi(body.yaw_rad + estimator.yaw_error_rad))
+            yaw_rad = wrap_pi(yaw_rad + estimator.yaw_error_rad)
+        if body is not was or state.attitude.yaw_rad != yaw_rad:
+            attitude = attitude_of(body)
+            state.attitude = attitude._replace(yaw_rad=yaw_rad) if estimator.yaw_error_rad else attitude
         state.track_landing()
 
     def _reference(self) -> Reference | None:

@@ -70,12 +70,23 @@ class Sensors:
     barometer_down_m: float = 0.0
     _next_s: float = -math.inf
     _scatters: tuple[tuple[float, ...], ...] = ()
+    _spare: float | None = None
+
+    def normals(self, count: int) -> list[float]:
+        """So many normal deviates; they come in pairs, and the odd one is kept for the next time."""
+        uniform = self.random.random
+        drawn = [] if self._spare is None else [self._spare]
+        while len(drawn) < count:
+            turn = uniform() * math.tau
+            far = math.sqrt(-2.0 * math.log(1.0 - uniform()))
+            drawn += (math.cos(turn) * far, math.sin(turn) * far)
+        self._spare = drawn.pop() if len(drawn) > count else None
+        return drawn
 
     def scatter(self) -> tuple[float, ...]:
         """Nine normal deviates, out of some hundreds that were drawn at first: noise that costs next to nothing."""
         if not self._scatters:
-            gauss = self.random.gauss
-            self._scatters = tuple(tuple(gauss(0.0, 1.0) for _ in range(9)) for _ in range(_SCATTERS))
+            self._scatters = tuple(tuple(self.normals(9)) for _ in range(_SCATTERS))
         return self._scatters[int(self.random.random() * _SCATTERS)]
 
     def advance(self, now_s: float, body: Body) -> None:
@@ -89,13 +100,13 @@ class Sensors:
             self._scattered(body.position_ned_m, noise.position_sd_m),
             self._scattered(body.velocity_ned_m_s, noise.velocity_sd_m_s),
         )
-        self.barometer_down_m = body.position_ned_m[2] + self.random.gauss(0.0, noise.barometer_sd_m)
+        self.barometer_down_m = body.position_ned_m[2] + noise.barometer_sd_m * self.normals(1)[0]
 
     def _scattered(self, vector: Vector, sd: Vector) -> Vector:
         if sd is _CALM_SD:
             return vector
-        gauss = self.random.gauss
-        return (vector[0] + gauss(0.0, sd[0]), vector[1] + gauss(0.0, sd[1]), vector[2] + gauss(0.0, sd[2]))
+        by_n, by_e, by_d = self.normals(3)
+        return (vector[0] + sd[0] * by_n, vector[1] + sd[1] * by_e, vector[2] + sd[2] * by_d)
 
 
 _SCATTERS: Final = 257

@@ -70,7 +70,9 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
         around: Wind, the ground's height, and what the rotors give of what is asked.
         dt_s: At most about 0.02 s.
     """
-    *_, was_m_s2, on_ground = body
+    place, velocity, _, _, _, _, _, _, _, was_m_s2, on_ground = body
+    if on_ground and velocity is ZERO and not (was_m_s2 or demand.thrust_m_s2) and place[2] == around.ground_down_m:
+        return body  # it stands, and its rotors with it
     full_m_s2 = airframe.thrust_max_m_s2
     thrust_m_s2 = within(demand.thrust_m_s2, 0.0, full_m_s2)
     stands = on_ground and thrust_m_s2 <= GRAVITY_M_S2

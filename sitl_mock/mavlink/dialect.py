@@ -6,9 +6,9 @@ place; the code that turns values into bytes and back is this package's own.
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass
-from itertools import chain
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Final
 
@@ -44,7 +44,7 @@ class MessageSpec:
         crc_extra: The seed byte that closes the CRC.
         size: Payload length in bytes before trailing zeros go.
         count: Number of fields.
-        arrange: Values in the order of declaration to the flat order of the wire; None where that is the same.
+        arrange: Values in the order of declaration to that of the wire, arrays as bytes; None where that is the same.
         pack: Arranged values to the whole payload.
         unpack_payload: Whole payload to values in the order of declaration.
     """
@@ -57,7 +57,7 @@ class MessageSpec:
     crc_extra: bytes
     size: int
     count: int
-    arrange: Callable[[Sequence[Any]], Iterable[Any]] | None
+    arrange: Callable[[Sequence[Any]], Sequence[Any]] | None
     pack: Callable[..., bytes]
     unpack_payload: Callable[[bytes], Sequence[Any]]
 
@@ -67,58 +67,38 @@ def _text_bytes(value: str | bytes | bytearray | memoryview) -> bytes:
     return value.encode("utf-8", "replace") if isinstance(value, str) else b"".join((value,))
 
 
+def _array_bytes(token: str) -> Callable[[Any], bytes]:
+    """What turns an array of numbers into its bytes on the wire; bytes of that length are taken as they are."""
+    array = struct.Struct(f"<{token}")
+    pack, size = array.pack, array.size
+    return lambda value: value if isinstance(value, bytes) and len(value) == size else pack(*value)
+
+
 def _arranger(
-    to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
-) -> Callable[[Sequence[Any]], Iterable[Any]] | None:
-    """What puts fields in the order of declaration into the flat order of the wire; None where that is the same.
+    to_wire: tuple[int, ...], converters: tuple[tuple[int, Callable[[Any], bytes]], ...]
+) -> Callable[[Sequence[Any]], Sequence[Any]] | None:
+    """What puts fields in the order of declaration into the order of the wire; None where that is the same.
 
     Args:
         to_wire: For each field on the wire, its place in the order of declaration.
-        kinds: For each field on the wire, its type and the length of its array (0: none).
+        converters: Place on the wire of each array and text, and what makes bytes of it.
     """
-    if any(kind == "char" for kind, _ in kinds):
-        return _text_arranger(to_wire, kinds)
-    if any(length for _, length in kinds):
-        return _array_arranger(to_wire, kinds)
-    return None if to_wire == tuple(range(len(to_wire))) else itemgetter(*to_wire)
-
-
-def _text_arranger(
-    to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
-) -> Callable[[Sequence[Any]], Sequence[Any]]:
-    plan = tuple((index, kind == "char", length) for index, (kind, length) in zip(to_wire, kinds, strict=True))
+    if to_wire == tuple(range(len(to_wire))):
+        if not converters:
+            return None
+        take: Callable[[Sequence[Any]], Iterable[Any]] = tuple
+    else:
+        take = itemgetter(*to_wire)
+    if not converters:
+        return take  # type: ignore[return-value]  # several fields: an itemgetter of theirs gives a tuple
 
     def arranged(values: Sequence[Any]) -> Sequence[Any]:
-        flat: list[Any] = []
-        for index, is_text, length in plan:
-            value = values[index]
-            if is_text:
-                flat.append(_text_bytes(value))
-            elif length:
-                flat.extend(value)
-            else:
-                flat.append(value)
+        flat = list(take(values))
+        for place, as_bytes in converters:
+            flat[place] = as_bytes(flat[place])
         return flat
 
     return arranged
-
-
-def _array_arranger(
-    to_wire: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
-) -> Callable[[Sequence[Any]], Iterable[Any]]:
-    """Join numbers and arrays of numbers run by run."""
-    runs: list[slice | int] = []
-    for index, (_, length) in zip(to_wire, kinds, strict=True):
-        if length:
-            runs.append(index)
-        elif runs and isinstance(runs[-1], slice) and runs[-1].stop == index:
-            runs[-1] = slice(runs[-1].start, index + 1)
-        else:
-            runs.append(slice(index, index + 1))
-    if len(runs) == 1:
-        return itemgetter(runs[0])
-    taken, joined = itemgetter(*runs), chain.from_iterable
-    return lambda values: joined(taken(values))
 
 
 def _unpacker(
@@ -160,6 +140,16 @@ def _spec(message_class: type[Any]) -> MessageSpec:
         for name, length in zip(wire_names, message_class.array_lengths, strict=True)
     )
     wire = struct.Struct(message_class.unpacker.format)
+    tokens = re.findall(r"\d*[a-zA-Z]", message_class.unpacker.format)
+    converters = tuple(
+        (place, _text_bytes if kind == "char" else _array_bytes(token))
+        for place, ((kind, length), token) in enumerate(zip(kinds, tokens, strict=True))
+        if length or kind == "char"
+    )
+    sized = "".join(
+        f"{struct.calcsize(f'<{token}')}s" if length else token
+        for (_, length), token in zip(kinds, tokens, strict=True)
+    )
     return MessageSpec(
         name=message_class.msgname,
         message_id=message_class.id,
@@ -169,8 +159,8 @@ def _spec(message_class: type[Any]) -> MessageSpec:
         crc_extra=bytes((message_class.crc_extra,)),
         size=wire.size,
         count=len(names),
-        arrange=_arranger(to_wire, kinds),
-        pack=wire.pack,
+        arrange=_arranger(to_wire, converters),
+        pack=struct.Struct(f"<{sized}").pack,
         unpack_payload=_unpacker(wire, to_declared, kinds),
     )
 

@@ -1,7 +1,9 @@
 """Messages about motion: each builder returns the message's fields in the order of declaration."""
 
 import math
+import struct
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -12,8 +14,8 @@ from sitl_mock.telemetry.report import Report, heading_cdeg, int16
 Fields = tuple[Any, ...]
 
 _NAN = math.nan
-_UNKNOWN_COVARIANCE: Final = (_NAN,) * 21
-_EMPTY_Q: Final = (0.0, 0.0, 0.0, 0.0)
+_UNKNOWN_COVARIANCE: Final = struct.pack("<21f", *(_NAN,) * 21)
+_EMPTY_Q: Final = bytes(16)
 _LOCAL_NED, _BODY_FRD = 1, 12
 _IDLING: Final = int(Kind.IDLING)
 _HOVER_THRUST: Final = 0.5
@@ -182,6 +184,7 @@ def _pressure_hpa(report: Report) -> float:
     return pressure_hpa(report.state.frame.origin.alt_amsl_m - report.state.position_m[2])
 
 
+@lru_cache(maxsize=512)
 def pressure_hpa(height_m: float) -> float:
     """Pressure of the standard atmosphere at a height above sea level."""
     return float(1013.25 * max(0.0, 1.0 - 2.25577e-5 * height_m) ** 5.25588)

@@ -1,6 +1,7 @@
 """Messages that PX4 fills in its own way, field by field as recorded on v1.17 (SIH): these replace the common ones."""
 
 import math
+import struct
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import MappingProxyType
@@ -15,8 +16,8 @@ Fields = tuple[Any, ...]
 
 _NAN: Final = math.nan
 _LOCAL_NED, _GLOBAL_INT = 1, 5
-_EMPTY_Q: Final = (0.0, 0.0, 0.0, 0.0)
-_NOBODY: Final = (0,) * 20
+_EMPTY_Q: Final = bytes(16)
+_NOBODY: Final = bytes(20)
 _PRESENT: Final = 0x0300402F
 _RADIO, _GPS, _POSITION, _AHRS, _PREARM = 0x10000, 0x20, 0x4000, 0x200000, 0x10000000
 _HEALTHY: Final = 0x0300881F
@@ -37,13 +38,21 @@ _AUTOMATIC: Final = frozenset({"HOLD", "TAKEOFF", "MISSION", "RTL", "LAND", "PRE
 def attitude(report: Report) -> Fields:
     """ATTITUDE: on the ground nothing moves but the sensors' noise."""
     state = report.state
-    lean = state.sensors.noise.attitude_sd_rad
+    sensors = state.sensors
+    lean, spin = sensors.noise.attitude_sd_rad, sensors.noise.gyro_sd_rad_s
     if not (lean and state.body.on_ground):
         return (report.boot_ms, *state.attitude)
-    gauss, spin = state.sensors.random.gauss, state.sensors.noise.gyro_sd_rad_s
-    roll, pitch, yaw, *rates = state.attitude
-    shaken = (rate + gauss(0.0, spin) for rate in rates)
-    return (report.boot_ms, roll + gauss(0.0, lean), pitch + gauss(0.0, lean), yaw + gauss(0.0, 3.0 * lean), *shaken)
+    roll, pitch, yaw, p, q, r = state.attitude
+    n_0, n_1, n_2, n_3, n_4, n_5 = sensors.normals(6)
+    return (
+        report.boot_ms,
+        roll + lean * n_0,
+        pitch + lean * n_1,
+        yaw + 3.0 * lean * n_2,
+        p + spin * n_3,
+        q + spin * n_4,
+        r + spin * n_5,
+    )
 
 
 def odometry(report: Report) -> Fields:
@@ -73,13 +82,16 @@ _RESETS_AT_START: Final = 9
 """The estimator has reset itself as often until it is ready."""
 
 
+_TRIANGLE: Final = struct.Struct("<21f").pack
+
+
 @lru_cache(maxsize=8)
-def _diagonal(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> tuple[float, ...]:
-    """The upper triangle of a covariance, row by row, of which only the diagonal is known."""
+def _diagonal(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> bytes:
+    """The upper triangle of a covariance, row by row, of which only the diagonal is known, as it goes on the wire."""
     row = [_NAN] * 21
     for index, value in zip((0, 6, 11, 15, 18, 20), (x, y, z, roll, pitch, yaw), strict=True):
         row[index] = value
-    return tuple(row)
+    return _TRIANGLE(*row)
 
 
 _VELOCITY_COVARIANCE: Final = _diagonal(0.02, 0.02, 0.01, _NAN, _NAN, _NAN)

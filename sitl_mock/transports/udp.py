@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-import select
+import selectors
 import socket
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -36,11 +36,13 @@ class UdpEndpoint:
         self._link = link
         self._clock = clock
         self._sockets: dict[str, socket.socket] = {}
+        self._readable = selectors.DefaultSelector()
         self._fixed: dict[str, Address | None] = {}
         self._peers: dict[str, dict[Address, float]] = {}
         try:
             for name, (own, target) in ports.items():
                 self._sockets[name] = _bound(own)
+                self._readable.register(self._sockets[name], selectors.EVENT_READ, name)
                 self._fixed[name] = (_HOST, target) if target else None
                 self._peers[name] = {}
         except TransportError:
@@ -48,16 +50,14 @@ class UdpEndpoint:
             raise
 
     def filenos(self) -> Sequence[int]:
-        """One a vehicle."""
-        return [each.fileno() for each in self._sockets.values()]
+        """One for all vehicles (of epoll or kqueue), readable when any of their sockets is."""
+        return [self._readable.fileno()]
 
     def receive(self) -> Sequence[Arrival]:
         """Everything that has come, and who sent it is a peer now."""
         arrivals = []
-        readable, _, _ = select.select(self.filenos(), [], [], 0.0)  # one question for all of them
-        for name, each in self._sockets.items() if readable else ():
-            if each.fileno() not in readable:
-                continue
+        for key, _ in self._readable.select(0.0) if self._sockets else ():
+            name, each = key.data, self._sockets[key.data]
             for _ in range(_READS_MAX):
                 try:
                     data, address = each.recvfrom(_DATAGRAM_MAX)
@@ -89,11 +89,15 @@ class UdpEndpoint:
 
     def change_port(self, vehicle: str) -> None:
         """Go on from another free port, as after a restart behind a router; peers are kept."""
+        mine = self._sockets[vehicle]
+        self._readable.unregister(mine)
         with contextlib.closing(_bound(0)) as other:
-            os.dup2(other.fileno(), self._sockets[vehicle].fileno(), inheritable=False)
+            os.dup2(other.fileno(), mine.fileno(), inheritable=False)
+        self._readable.register(mine, selectors.EVENT_READ, vehicle)
 
     def close(self) -> None:
         """Close every socket."""
+        self._readable.close()
         for each in self._sockets.values():
             with contextlib.suppress(OSError):
                 each.close()
