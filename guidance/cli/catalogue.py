@@ -95,7 +95,7 @@ def _facts(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
 
 
 def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:
-    from guidance.viz.preview import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.scenario_picture import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
     from guidance.viz.team_picture import draw_teams  # noqa: PLC0415
 
     if isinstance(scenario, TeamScenario):

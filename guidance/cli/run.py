@@ -32,7 +32,7 @@ def run(
 
         def beside(found: "Config") -> None:
             from guidance.errors import ConfigError  # noqa: PLC0415
-            from guidance.viz.panel.beside import PanelBeside, options_of  # noqa: PLC0415
+            from guidance.viz.beside import PanelBeside, options_of  # noqa: PLC0415
 
             control = found.control
             if control.by_tls:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_rgba
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from guidance.game import End
 from guidance.game.team import Matching, TeamRollout
@@ -18,8 +17,7 @@ from guidance.game.team.discs import Discs, rim
 from guidance.sim.team_maths import opening_of, played_teams
 from guidance.sim.teams import Teams, TeamScenario, teams_of
 from guidance.viz.figures import figure_of, literal, save
-
-Array = NDArray[np.float64]
+from guidance.viz.shapes import Array
 
 _EVADERS = ("#0b5fa5", "#2e7d32", "#8e44ad", "#c77800", "#00838f", "#ad1457", "#5d4037", "#546e7a")
 """A colour for each evader, with its discs; begins again after the last."""

@@ -10,7 +10,7 @@ from guidance.errors import OutputError
 from guidance.sim.files import load_any, load_scenario
 from guidance.sim.maths import opening, play
 from guidance.sim.teams import TeamScenario
-from guidance.viz.preview import draw_scenario, played
+from guidance.viz.scenario_picture import draw_scenario, played
 
 
 def guidance(*arguments):

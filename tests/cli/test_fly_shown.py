@@ -15,7 +15,7 @@ from guidance.session.result import FlightResult
 from guidance.sim.files import load_scenario
 from guidance.sim.outcome import outcome_of
 from guidance.sweeps.drawing import _differs
-from guidance.viz.picture import _score
+from guidance.viz.scenario_picture import _score
 
 
 def yielded(predicted):

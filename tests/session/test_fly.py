@@ -16,7 +16,7 @@ from guidance.session.mocked import next_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.files import load_scenario
 from guidance.sim.players import game
-from guidance.viz.picture import draw
+from guidance.viz.scenario_picture import draw
 from guidance.viz.shapes import isochron
 from tests.harness.flights import NEAR, flown
 

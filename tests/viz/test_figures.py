@@ -6,10 +6,12 @@ from guidance.errors import OutputError
 from guidance.flight import State
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.sweeps.drawing import _figure
-from guidance.viz.figures import MOST_POINTS, figure_of, literal, save, thinned
-from guidance.viz.picture import draw
-from guidance.viz.preview import draw_scenario
+from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, literal, save, space_and_plan, thinned
+from guidance.viz.scenario_picture import draw, draw_scenario
+from guidance.viz.shapes import circle
 from tests.harness.flights import NEAR
+
+IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)
 
 
 @pytest.mark.parametrize("title", [r"$\frac{", r"$\frac{$", "$1 or 2$", r"costs 3$ \alpha", "ordinary"])
@@ -48,3 +50,24 @@ def test_a_long_curve_keeps_both_ends():
     assert len(kept) == MOST_POINTS
     assert (kept[0] == curve[0]).all()
     assert (kept[-1] == curve[-1]).all()
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_a_fence_is_drawn_where_it_is_in_view_and_never_widens_it(dimensions):
+    _, space, plan = space_and_plan()
+    axes = plan if dimensions == 2 else space
+    axes.set(xlim=(-5.0, 10.0), ylim=(-5.0, 10.0))
+    before = axes.get_xlim(), axes.get_ylim()
+    draw_fence(axes, [FAR], 0.0, dimensions)
+    assert not axes.lines
+    draw_fence(axes, [IN_VIEW, IN_VIEW + 0.5], 0.0, dimensions)
+    assert sum(line.get_label() == "fence" for line in axes.lines) == 1
+    assert (axes.get_xlim(), axes.get_ylim()) == before
+
+
+def test_the_whole_fence_is_shown_where_that_is_asked_for():
+    _, _, plan = space_and_plan()
+    plan.plot([0.0, 1.0], [0.0, 1.0])
+    draw_fence(plan, [FAR], 0.0, 2, whole=True)
+    assert plan.get_xlim()[0] < -299.0
+    assert plan.get_xlim()[1] > 299.0

@@ -16,12 +16,11 @@ from guidance.log import cycles_of
 from guidance.session.mocked import RECORD, fly_mock
 from guidance.session.onlookers import free_endpoint
 from guidance.session.recorded import recorded_settings
+from guidance.viz.beside import options_of
 from guidance.viz.panel import afterwards
-from guidance.viz.panel.beside import options_of
 from guidance.viz.panel.bus import DaemonBus, Heard
 from guidance.viz.panel.hub import Hub
-from guidance.viz.panel.past import Past
-from guidance.viz.panel.records import RecordFolder
+from guidance.viz.panel.records import Past, RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
 from tests.harness.flights import NEAR
 

@@ -22,7 +22,7 @@ from guidance.session.recorded import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.viz.report import PICTURES, charts, story_of, summary, write_report
 from guidance.viz.report import page as written
-from guidance.viz.report.tracks import tracks
+from guidance.viz.report.charts import tracks
 from tests.harness.flights import NEAR
 
 VOID = {"meta", "link", "img", "br"}

@@ -24,8 +24,8 @@ from guidance.session.recorded import recorded_settings
 from guidance.session.vehicle_file import Config
 from guidance.viz.shapes import isochron_at
 from guidance.viz.view import Destination, RecordFile, view
+from guidance.viz.view.layout import PLOTS
 from guidance.viz.view.painter import DRAWN_EVERY_S, Painter
-from guidance.viz.view.plots import PLOTS
 
 
 class Seeing:

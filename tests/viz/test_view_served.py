@@ -23,8 +23,7 @@ from guidance.log.reader import Item
 from guidance.session.control_bus import host_session, join_session
 from guidance.viz.beside import command
 from guidance.viz.view import ViewerBeside
-from guidance.viz.view.front import Front
-from guidance.viz.view.serving import free_port, recording_server
+from guidance.viz.view.serving import Front, free_port, recording_server
 
 FREE = ("--port", "0", "--web-port", "0")
 LISTENING = "0A"

@@ -12,8 +12,7 @@ from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 from guidance.errors import LinkError
 from guidance.viz.panel.access import Access, origin_of
 from guidance.viz.panel.hub import Hub
-from guidance.viz.panel.past import Past
-from guidance.viz.panel.records import RecordFolder
+from guidance.viz.panel.records import Past, RecordFolder
 
 TOLD_EVERY_S: Final = 0.1
 MOST_PAGES: Final = 64

@@ -6,7 +6,6 @@ What it offers:
 """
 
 from guidance.viz.report.page import PICTURES, write_report
-from guidance.viz.report.story import Story, story_of
-from guidance.viz.report.summary import summary
+from guidance.viz.report.story import Story, story_of, summary
 
 __all__ = ["PICTURES", "Story", "story_of", "summary", "write_report"]

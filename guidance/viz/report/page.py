@@ -14,9 +14,8 @@ from guidance.errors import OutputError
 from guidance.files import private_file, private_folder
 from guidance.log import SettingsOf
 from guidance.viz.report import charts
-from guidance.viz.report.story import Story, story_of
-from guidance.viz.report.summary import summary
-from guidance.viz.report.tracks import tracks
+from guidance.viz.report.charts import tracks
+from guidance.viz.report.story import Story, story_of, summary
 
 
 class Picture(NamedTuple):

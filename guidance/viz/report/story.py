@@ -1,18 +1,19 @@
-"""What a record tells, as arrays over the flight's cycles, NaN where nothing was known."""
+"""What a record tells: arrays over the cycles of its flight, NaN where nothing was known, and a summary in numbers."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from guidance.certificate import Certificate
 from guidance.control import Envelope
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
 from guidance.frames import Vector
+from guidance.game import solve
 from guidance.log import (
     Aggregator,
     Cycle,
@@ -24,8 +25,8 @@ from guidance.log import (
     metadata_of,
     title_of,
 )
-
-Array = NDArray[np.float64]
+from guidance.log.entries import EVENT_TOPIC
+from guidance.viz.shapes import Array
 
 
 class Story(NamedTuple):
@@ -98,3 +99,107 @@ def story_of(path: Path, settings_of: SettingsOf) -> Story:
 
 def _first_s(told: Sequence[tuple[Cycle, str, object, object]], wanted: State) -> float:
     return next((cycle.now_s for cycle, state, _, _ in told if state == wanted), math.nan)
+
+
+def summary(story: Story) -> list[tuple[str, str]]:
+    """Return the rows of the summary table."""
+    return [*_game(story), *_flight(story), *_quality(story), *_record(story)]
+
+
+def _game(story: Story) -> list[tuple[str, str]]:
+    cycle = story.settings.cycle
+    unit = "m from T" if story.with_target else "s"
+    rows = [
+        ("game", "target-attacker-defender" if story.with_target else "pursuit-evasion"),
+        ("policy", cycle.strategy.name),
+        ("autopilot", story.settings.autopilot.name),
+        ("stand-off", f"{cycle.standoff.radius_m:g} m around, {cycle.standoff.height_m:g} m above the evader's plane"),
+    ]
+    engaged = None if story.engaged is None else story.certificates[story.engaged]
+    if story.engaged is None or engaged is None:
+        return [*rows, ("outcome", f"no game was played; ended {story.states[-1]}")]
+    predicted = _predicted(story, engaged)
+    rows.append(("value predicted at engagement", f"{predicted:.2f} {unit}"))
+    rows.append(("time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"))
+    if story.with_target:
+        rows.append(("distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"))
+    if story.captured is None:
+        return [*rows, ("outcome", f"not captured; ended {story.states[-1]}")]
+    flown = _flown(story)
+    lasted_s = story.reached_s - story.begun_s
+    return [
+        *rows,
+        ("outcome", f"captured; ended {story.states[-1]}"),
+        ("flown", f"{flown:.2f} {unit}"),
+        ("flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"),
+        ("game lasted", f"{lasted_s:.2f} s"),
+        ("lasted / time needed", f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–"),
+    ]
+
+
+def _predicted(story: Story, engaged: Certificate) -> float:
+    """Return what a flight's outcome calls predicted: until the tolerance about the disc, without wind."""
+    cycle = story.settings.cycle
+    game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
+    places = [np.array(engaged.pursuer_game_m), np.array((*engaged.evader_game_m[:2], 0.0))]
+    target = [] if cycle.target_game_m is None else [np.array(cycle.target_game_m)]
+    return float(solve(game, *places, *target).value)
+
+
+def _flown(story: Story) -> float:
+    captured = None if story.captured is None else story.certificates[story.captured]
+    if captured is None or story.captured is None or story.engaged is None:
+        return math.nan
+    target = story.settings.cycle.target_game_m
+    if target is not None:
+        return math.dist(captured.evader_game_m[:2], target[:2])
+    return story.reached_s - story.begun_s
+
+
+def _flight(story: Story) -> list[tuple[str, str]]:
+    speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
+    heights = story.column("pursuer_m")[:, 2]
+    game_states = {str(State.ENGAGED), str(State.PAUSED), str(State.ON_STATION)}
+    playing = np.array([state in game_states for state in story.states])
+    return [
+        ("record lasts", f"{story.cycles[-1].now_s - story.cycles[0].now_s:.1f} s, {len(story.cycles)} cycles"),
+        ("setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"),
+        ("fastest", f"{_most(speeds):.2f} m/s"),
+        ("lowest while playing", f"{-_most(-heights[playing]):.2f} m above the evader's plane"),
+    ]
+
+
+def _quality(story: Story) -> list[tuple[str, str]]:
+    return [
+        ("guarantee alarms", f"{len(story.alarms)}"),
+        ("age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))),
+        ("age of the evader's last report", _spread_ms(story.column("evader_age_s"))),
+        ("cycles began late by", _spread_ms(story.column("late_s"))),
+        ("cycles worked for", _spread_ms(story.column("worked_s"))),
+    ]
+
+
+def _record(story: Story) -> list[tuple[str, str]]:
+    survey = story.survey
+    made = [f"{name} {text}" for name, text in survey.metadata.items() if name not in {"scenario", "config", "seed"}]
+    torn = "whole" if survey.torn is None else f"torn ({survey.torn})"
+    missing = f", {survey.missing} messages missing in between" if survey.missing else ""
+    return [
+        ("events", f"{survey.messages[EVENT_TOPIC]}"),
+        ("record", f"{torn}{missing}, {sum(survey.messages.values())} messages"),
+        ("seed", survey.metadata.get("seed", "–")),
+        ("made by", ", ".join(made)),
+    ]
+
+
+def _most(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else math.nan
+
+
+def _spread_ms(values: Array) -> str:
+    known = 1e3 * values[np.isfinite(values)]
+    if not len(known):
+        return "not recorded"
+    half, most, worst = (float(np.percentile(known, share)) for share in (50, 99, 100))
+    return f"{half:.1f} ms half of the time, {most:.1f} ms 99 %, {worst:.1f} ms at worst"

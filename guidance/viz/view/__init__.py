@@ -5,7 +5,7 @@ What it offers:
     ViewerBeside: does so in a process beside a flight.
 """
 
-from guidance.viz.view.beside import ViewerBeside
+from guidance.viz.beside import ViewerBeside
 from guidance.viz.view.command import view
 from guidance.viz.view.places import Destination, FlightSource, RecordFile
 

@@ -44,7 +44,7 @@ def view(
     with contextlib.ExitStack() as closing:
         closing.callback(source.close)
         require_rerun()
-        from guidance.viz.view.opening import opened  # noqa: PLC0415 - Rerun takes a second
+        from guidance.viz.view.painter import opened  # noqa: PLC0415 - Rerun takes a second
 
         if source.live:
             os.nice(NICE)

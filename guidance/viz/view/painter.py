@@ -1,24 +1,46 @@
-"""Lays a flight out for Rerun, item by item as they come from a file, a file that grows, or a daemon."""
+"""A recording of Rerun, opened where it is to go, and a flight laid out in it, item by item as they come.
 
+They come from a file, a file that grows, or a daemon; the recording goes into a file, or behind servers on loopback.
+"""
+
+import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from guidance.certificate import Certificate
+from guidance.errors import ConfigError, OutputError
+from guidance.files import private_file, private_folder
 from guidance.game import Winner
-from guidance.log import Aggregator, Cycle, CycleEntry, Item, SettingsOf
+from guidance.log import Aggregator, Cycle, CycleEntry, Item, SettingsOf, title_of
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
 from guidance.log.reader import CONFIG, entry_of
-from guidance.viz.shapes import circle, fence_edges, isochron_at
-from guidance.viz.view import names
-from guidance.viz.view.plots import PLOTS
+from guidance.viz.shapes import Array, circle, fence_edges, isochron_at
+from guidance.viz.view.layout import (
+    COLOURS,
+    COLUMN,
+    DISC,
+    EVADER,
+    EVENTS,
+    FENCE,
+    GUARANTEE,
+    ISOCHRON,
+    MEETING,
+    PLOTS,
+    PURSUER,
+    STATE,
+    TARGET,
+    TIMELINE,
+    layout,
+)
+from guidance.viz.view.places import Destination
+from guidance.viz.view.serving import WebPage, free_port, recording_server
 
-TIMELINE: Final = "flight"
+APPLICATION: Final = "guidance"
 DRAWN_EVERY_S: Final = 0.2
 """How often the circle, the isochron and the meeting point are drawn anew."""
 
@@ -27,8 +49,6 @@ MOST_AT_ONCE: Final = 250
 
 _POINTS: Final = 73
 _GRAVE: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
-
-Array = NDArray[np.float64]
 
 
 class Painter:
@@ -85,13 +105,13 @@ class Painter:
             return
         cycles = [cycle for cycle, _ in told]
         now_s = np.array([cycle.now_s for cycle in cycles])
-        for name in (names.PURSUER, names.EVADER):
-            self._track(name, now_s, np.array([getattr(cycle, names.COLUMN[name]) for cycle in cycles]))
+        for name in (PURSUER, EVADER):
+            self._track(name, now_s, np.array([getattr(cycle, COLUMN[name]) for cycle in cycles]))
         for plot in PLOTS:
             for name, curve in plot.curves.items():
                 self._plot(f"{plot.path}/{name}", now_s, np.array([curve.of(cycle) for cycle in cycles]))
         certificates = [certificate for _, certificate in told]
-        self._plot(f"{names.GUARANTEE}/value", now_s, np.array(list(map(self._guaranteed, cycles, certificates))))
+        self._plot(f"{GUARANTEE}/value", now_s, np.array(list(map(self._guaranteed, cycles, certificates))))
 
     def _begin(self, now_s: float) -> None:
         """A flight begins: what was known in one before it is known no more."""
@@ -100,7 +120,7 @@ class Painter:
         self._tails.clear()
         self._engaged_s = None
         self._fenced = False
-        for name in (names.DISC, names.ISOCHRON, names.MEETING):
+        for name in (DISC, ISOCHRON, MEETING):
             self._log(now_s, name, rr.Clear(recursive=False))
 
     def _cycle(self, row: CycleEntry) -> None:
@@ -113,7 +133,7 @@ class Painter:
             self._fence()
         if row.state != self._state:
             self._state = row.state
-            self._log(row.now_s, names.STATE, rr.TextDocument(row.state))
+            self._log(row.now_s, STATE, rr.TextDocument(row.state))
         if certificate is not None and row.now_s - self._drawn_s >= DRAWN_EVERY_S:
             self._drawn_s = row.now_s
             self._game(row.now_s, certificate)
@@ -129,8 +149,8 @@ class Painter:
     def _still(self) -> None:
         """What holds for all times: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for name in (names.PURSUER, names.EVADER):
-            points = rr.Points3D.from_fields(colors=[names.COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
+        for name in (PURSUER, EVADER):
+            points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
             self._to.log(name, points, static=True)
         for plot in PLOTS:
             for name, curve in plot.curves.items():
@@ -138,11 +158,11 @@ class Painter:
                 self._to.log(f"{plot.path}/{name}", style, static=True)
         with_target = self._settings.cycle.target_game_m is not None
         label = "L, m from T" if with_target else "V + t since engagement, s"
-        style = rr.SeriesLines(names=[label], colors=[names.COLOURS[names.PURSUER]])
-        self._to.log(f"{names.GUARANTEE}/value", style, static=True)
+        style = rr.SeriesLines(names=[label], colors=[COLOURS[PURSUER]])
+        self._to.log(f"{GUARANTEE}/value", style, static=True)
         if self._settings.cycle.target_game_m is not None:
             at = rr.Points3D([self._settings.cycle.target_game_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
-            self._to.log(names.TARGET, at, static=True)
+            self._to.log(TARGET, at, static=True)
 
     def _fence(self) -> None:
         home = self._aggregator.home_m
@@ -151,29 +171,27 @@ class Painter:
         self._fenced = True
         edges = [lifted(edge, home[2]) for edge in fence_edges(self._aggregator.envelope, home)]
         if edges:
-            strips = rr.LineStrips3D(edges, colors=[names.COLOURS[names.FENCE]], radii=rr.Radius.ui_points(1.5))
-            self._to.log(names.FENCE, strips, static=True)
+            strips = rr.LineStrips3D(edges, colors=[COLOURS[FENCE]], radii=rr.Radius.ui_points(1.5))
+            self._to.log(FENCE, strips, static=True)
 
     def _game(self, now_s: float, certificate: Certificate) -> None:
         cycle = self._settings.cycle
         evader = certificate.evader_game_m
         rim = lifted(circle(evader, cycle.standoff.radius_m, _POINTS), evader[2] + cycle.standoff.height_m)
-        self._line(now_s, names.DISC, rim)
+        self._line(now_s, DISC, rim)
         if certificate.no_game:
             return
-        self._line(now_s, names.ISOCHRON, lifted(isochron_at(cycle, certificate, _POINTS), 0.0))
+        self._line(now_s, ISOCHRON, lifted(isochron_at(cycle, certificate, _POINTS), 0.0))
         name = "q*" if cycle.target_game_m is None else "g*"
-        star = rr.Points3D(
-            [certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[names.COLOURS[names.MEETING]]
-        )
-        self._log(now_s, names.MEETING, star)
+        star = rr.Points3D([certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
+        self._log(now_s, MEETING, star)
 
     def _line(self, now_s: float, name: str, curve: Array) -> None:
-        self._log(now_s, name, rr.LineStrips3D([curve], colors=[names.COLOURS[name]], radii=rr.Radius.ui_points(1.5)))
+        self._log(now_s, name, rr.LineStrips3D([curve], colors=[COLOURS[name]], radii=rr.Radius.ui_points(1.5)))
 
     def _say(self, now_s: float, text: str) -> None:
         grave = any(word in text for word in _GRAVE)
-        self._log(now_s, names.EVENTS, rr.TextLog(text, level="WARN" if grave else "INFO"))
+        self._log(now_s, EVENTS, rr.TextLog(text, level="WARN" if grave else "INFO"))
 
     def _track(self, name: str, now_s: Array, positions: Array) -> None:
         """The place at every cycle, and the line to here from where the last one ended."""
@@ -184,7 +202,7 @@ class Painter:
         self._columns(name, now_s[known], rr.Points3D.columns(positions=run))
         line = np.concatenate([self._tails.get(name, run[:1]), run])
         self._tails[name] = run[-1:]
-        strip = rr.LineStrips3D([line], colors=[names.COLOURS[name]], radii=rr.Radius.ui_points(1.0))
+        strip = rr.LineStrips3D([line], colors=[COLOURS[name]], radii=rr.Radius.ui_points(1.0))
         self._log(float(now_s[known][-1]), f"{name}/track", strip)
 
     def _plot(self, name: str, now_s: Array, values: Array) -> None:
@@ -203,3 +221,60 @@ class Painter:
 def lifted(curve: Array, height_m: float) -> Array:
     """A curve (n, 2) at a height: (n, 3)."""
     return np.column_stack([curve, np.full(len(curve), height_m)])
+
+
+def opened(
+    metadata: Mapping[str, str],
+    settings_of: SettingsOf,
+    source: str,
+    place: Destination,
+    say: Callable[[str], None],
+    closing: contextlib.ExitStack,
+) -> Painter:
+    """Open a recording and say where it can be seen.
+
+    Args:
+        metadata: Of the record or of the flight that lasts.
+        settings_of: Makes a flight's settings of it.
+        source: Named in errors.
+        place: A file, or where it is served.
+        say: Is told where it can be seen.
+        closing: Closes the recording in the end.
+
+    Raises:
+        ConfigError: If the metadata has no settings, or a port is none.
+        OutputError: If the file cannot be written.
+        LinkError: If a port is in use.
+    """
+    recording = rr.RecordingStream(APPLICATION)
+    closing.callback(recording.disconnect)
+    sink = _file(place.save) if place.save is not None else _served(place, say, closing)
+    with_target = settings_of(metadata).cycle.target_game_m is not None
+    recording.set_sinks(sink, default_blueprint=layout(with_target=with_target))
+    recording.send_recording_name(title_of(metadata))
+    return Painter(recording, settings_of, metadata, source)
+
+
+def _file(path: Path) -> rr.FileSink:
+    try:
+        private_folder(path.parent)
+        private_file(path)  # Rerun would only say in its log that it cannot
+    except OSError as error:
+        raise OutputError(f"--save {path}: cannot be written ({error.strerror}); choose another file") from error
+    return rr.FileSink(path)
+
+
+def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:
+    port, web_port = _port("--port", place.port), _port("--web-port", place.web_port)
+    sink = recording_server(port)
+    page = WebPage(web_port, sink.uri, port)
+    closing.callback(page.close)
+    say(f"look at  {page.url}")
+    say(f"or with  rerun --connect {sink.uri}")
+    return sink
+
+
+def _port(option: str, port: int) -> int:
+    if not 0 <= port <= 65535:
+        raise ConfigError(f"{option} {port}: allowed is 0 (pick a free one) to 65535")
+    return port or free_port()

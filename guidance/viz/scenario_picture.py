@@ -1,17 +1,23 @@
-"""A scenario as a picture, before anything flies: who starts where, what is promised, and how mathematics plays it."""
+"""A scenario as a picture: before anything flies, as mathematics plays it, and after a flight, as it was flown."""
 
-from collections.abc import Sequence
+import contextlib
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from guidance.files import private_file
+from guidance.flight import State
 from guidance.frames import Vector
+from guidance.session.result import FlightResult, ending_words
+from guidance.session.spec import plan_of
 from guidance.sim.batch import stack, starts
 from guidance.sim.maths import game_of, moments, opening
+from guidance.sim.outcome import Outcome
 from guidance.sim.players import evader_strategy, pursuer_strategy, speed_set, standoff, target_game_m
 from guidance.sim.scenario import Scenario
-from guidance.viz.chase import draw_fence
 from guidance.viz.figures import (
     COURSE,
     EVADER,
@@ -19,6 +25,9 @@ from guidance.viz.figures import (
     MEETING,
     PURSUER,
     TARGET,
+    Chase,
+    draw_chase,
+    draw_fence,
     draw_place,
     draw_standoff,
     label_plan,
@@ -29,7 +38,7 @@ from guidance.viz.figures import (
     save,
     space_and_plan,
 )
-from guidance.viz.shapes import Array, circle, isochron
+from guidance.viz.shapes import Array, circle, isochron, isochron_at
 
 
 def draw_scenario(scenario: Scenario, path: Path) -> None:
@@ -98,3 +107,58 @@ def _courses(plan: Any, scenario: Scenario, until_s: float) -> None:  # noqa: AN
 def _vector(place: Array) -> Vector:
     x, y, z = (float(part) for part in place)
     return (x, y, z)
+
+
+def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
+    """Draw the flight into a PNG.
+
+    Raises:
+        OutputError: If the file cannot be written.
+    """
+    figure, space, plan = space_and_plan()
+    chase = chase_of(result)
+    for axes, dimensions in ((space, 3), (plan, 2)):
+        draw_chase(axes, chase, dimensions)
+    label_plan(plan)
+    for axes, dimensions in ((space, 3), (plan, 2)):
+        draw_fence(axes, chase.fence, chase.fence_height_m, dimensions)
+    label_space(space)
+    figure.suptitle(literal(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}"))
+    legend_below(figure, plan)
+    with contextlib.suppress(OSError):  # `save` says what cannot be written
+        private_file(path)
+    save(figure, path)
+
+
+def chase_of(result: FlightResult) -> Chase:
+    """Return what is drawn of a flight: the game is from the engagement until the landing begins."""
+    scenario = result.scenario
+    playing = {State.ENGAGED, State.PAUSED, State.ON_STATION}
+    samples = result.samples
+    begun = next((place for place, one in enumerate(samples) if one.state in playing), len(samples))
+    ended = next((place for place in range(begun, len(samples)) if samples[place].state not in playing), len(samples))
+    settings = plan_of(scenario=scenario).flight.cycle
+    engaged = None if result.engaged is None or result.engaged.no_game else result.engaged
+    home_x, home_y = scenario.home_m
+    return Chase(
+        (_places(one.pursuer_m for one in samples[:begun]), _places(one.pursuer_m for one in samples[ended:])),
+        _places(one.pursuer_m for one in samples[begun:ended]),
+        _places(one.evader_m for one in samples[begun:ended]),
+        settings.standoff,
+        reached_m=next((one.evader_m for one in samples if one.state is State.ON_STATION), None),
+        isochron=None if engaged is None else isochron_at(settings, engaged),
+        meeting_m=None if engaged is None else (*engaged.meeting_point_game_m[:2], 0.0),
+        target_m=settings.target_game_m,
+        fence=(circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361),),
+    )
+
+
+def _places(places: Iterable[Vector]) -> Array:
+    return np.array(list(places)).reshape(-1, 3)
+
+
+def _score(outcome: Outcome) -> str:
+    unit = "s" if outcome.game == "pe" else "m from T"
+    if math.isnan(outcome.achieved):
+        return "no game was played" if math.isnan(outcome.predicted) else f"{outcome.predicted:.2f} {unit} predicted"
+    return f"{outcome.achieved:.2f} {unit} flown, {outcome.predicted:.2f} {unit} predicted"
