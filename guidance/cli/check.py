@@ -159,20 +159,21 @@ def _apply(
 
 def _print_changes(wanted: "Sequence[ParameterChange]") -> None:
     lines = [(one.name, one.now, one.then, str(one.verdict), one.why) for one in wanted]
-    _print_table(("name", "now", "then", "as it is", "why"), lines, style=3)
+    _print_table(("name", "now", "then", "as it is", "why"), lines)
 
 
 def _print_rows(rows: "Sequence[Finding]") -> None:
     lines = [(row.name, row.value, row.wanted, str(row.verdict), row.advice) for row in rows]
-    _print_table(("name", "value", "wanted", "verdict", "how to set it"), lines, style=3)
+    _print_table(("name", "value", "wanted", "verdict", "how to set it"), lines)
 
 
-def _print_table(headings: Sequence[str], lines: Sequence[Sequence[str]], *, style: int) -> None:
+def _print_table(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
+    """Print rows whose fourth cell is a verdict."""
     from rich.text import Text  # noqa: PLC0415 - only where somebody looks
 
     from guidance.screen import Sheet, console  # noqa: PLC0415
 
-    rows = [[Text(cell, style=_STYLE[cell] if n == style else "") for n, cell in enumerate(line)] for line in lines]
+    rows = [[Text(cell, style=_STYLE[cell] if n == 3 else "") for n, cell in enumerate(line)] for line in lines]
     console().print(Sheet(headings, rows, left=range(len(headings))))
 
 

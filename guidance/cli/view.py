@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from guidance.log.live import LiveFlight
+    from guidance.log.broadcast import LiveFlight
 
 
 def view(
@@ -68,7 +68,7 @@ def view(
 
 def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> "LiveFlight":
     from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
-    from guidance.log.live import LiveFlight  # noqa: PLC0415 - Zenoh takes a second
+    from guidance.log.broadcast import LiveFlight  # noqa: PLC0415 - Zenoh takes a second
     from guidance.session.control_bus import join_session  # noqa: PLC0415
 
     return LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)

@@ -1,20 +1,23 @@
 """What the loop does, published for whoever looks on: `guidance/<name>/live/cycle` and `/event`, as a record has them.
 
 The loop only appends to a bounded queue. A thread of our own lays out JSON and publishes, and only while somebody has
-subscribed. It drops rather than waits: an onlooker that hangs or dies is Zenoh's matter, and never the loop's.
+subscribed. It drops rather than waits: an onlooker that hangs or dies is no concern of the loop. Who looks on takes
+what arrives as items of a record, and drops the oldest first.
 """
 
 import contextlib
 import json
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 import zenoh
 
+from guidance.errors import ConfigError, LinkError
 from guidance.links.wires.zenoh import is_over
-from guidance.log.entries import CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, InputsEntry
+from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry
+from guidance.log.reader import Idle, Item
 from guidance.messages import EvaderReport, Message
 
 MOST_WAITING: Final = 256
@@ -134,3 +137,82 @@ def is_watched(publisher: "zenoh.Publisher") -> bool:
     """Whether anybody has subscribed."""
     status: Any = publisher.matching_status  # an object; its stub says bool
     return bool(status.matching)
+
+
+MOST_ARRIVED: Final = 4096
+TIMEOUT_S: Final = 4.0
+
+TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
+"""What a daemon broadcasts, by the end of its key, and the topic that a record has it under."""
+
+
+class LiveFlight:
+    """A daemon's flight, from now on.
+
+    Args:
+        session: The daemon's bus, joined; closed with this.
+        name: The vehicle's; None for the only one there is.
+
+    Raises:
+        ConfigError: If there are several daemons and no name.
+        LinkError: If nobody answers.
+    """
+
+    live = True
+    trusted = False
+
+    def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
+        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=MOST_ARRIVED)
+        self._session = session
+        try:
+            self._flight = self._find(name)
+            self.name = str(self._flight["name"])
+            self._session.declare_subscriber(broadcast_key(self.name, "*"), self._hear)
+        except BaseException:
+            self.close()
+            raise
+
+    def metadata(self, _idle: Idle) -> Mapping[str, str]:
+        """As a record of this flight has it."""
+        return dict(self._flight["metadata"])
+
+    def items(self, idle: Idle) -> Iterator[Item]:
+        """Yield what arrives, until `idle` ends it; first what the vehicle said before we came."""
+        if "heard" in self._flight:
+            yield _item(CYCLE_TOPIC, self._flight["heard"])
+        while True:
+            while self._arrived:
+                topic, data = self._arrived.popleft()
+                try:
+                    yield _item(topic, json.loads(data))
+                except (ValueError, KeyError, TypeError):  # whoever is on the bus may say anything
+                    continue
+            if idle():
+                return
+
+    def close(self) -> None:
+        """Leave the bus. May be called twice."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def _find(self, name: str | None) -> dict[str, Any]:
+        there = {str(one["name"]): one for one in self._ask(name or "*")}
+        if len(there) > 1:
+            raise ConfigError(f"--name: which vehicle? daemons on this bus: {', '.join(sorted(there))}")
+        if not there:
+            who = name or "any daemon"
+            raise LinkError(f"{who}: no answer within {TIMEOUT_S:g} s; is it running?")
+        return there.popitem()[1]
+
+    def _ask(self, name: str) -> list[dict[str, Any]]:
+        replies = self._session.get(broadcast_key(name, FLIGHT), timeout=TIMEOUT_S, target=zenoh.QueryTarget.ALL)
+        return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+
+    def _hear(self, sample: "zenoh.Sample") -> None:
+        """On Zenoh's thread: keep it and be gone."""
+        topic = TOPICS.get(str(sample.key_expr).rpartition("/")[2])
+        if topic is not None:
+            self._arrived.append((topic, sample.payload.to_bytes()))
+
+
+def _item(topic: str, row: Mapping[str, Any]) -> Item:
+    return Item(float(row["now_s"]), topic, "json", json.dumps(row).encode())

@@ -1,15 +1,24 @@
-"""Export by the name of the file that is wanted."""
+"""Export by the name of the file that is wanted: frames as .tlog here, tables and maps in rooms of their own.
 
-from collections.abc import Callable, Mapping
+A .tlog is the telemetry log of QGroundControl, Mission Planner and mavlogdump of pymavlink. Every frame is preceded by
+8 bytes: its time in microseconds since 1970, big-endian. A record without a start in UTC (virtual time has none) begins
+in 1970.
+"""
+
+import heapq
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 
+from pymavlink.dialects.v20 import all as dialect
+
 from guidance.errors import ConfigError, OutputError
 from guidance.extras import require
-from guidance.log.maps import write_geojson, write_kml
-from guidance.log.places import Feature, features_of
-from guidance.log.reader import SettingsOf, metadata_of, title_of
-from guidance.log.tlog import write_tlog
+from guidance.links.framing import MAGIC_V1, MAGIC_V2, Framer
+from guidance.log.maps import Feature, features_of, write_geojson, write_kml
+from guidance.log.reader import Item, SettingsOf, Survey, metadata_of, scan, title_of
 
 
 def _geojson(path: Path, out: Path, settings_of: SettingsOf) -> int:
@@ -25,24 +34,17 @@ def _map(path: Path, settings_of: SettingsOf) -> tuple[list[Feature], str]:
     return features_of(path, settings_of(metadata)), title_of(metadata)
 
 
-def _csv(path: Path, out: Path, _: SettingsOf) -> int:
+def _table(path: Path, out: Path, _: SettingsOf) -> int:
     require(str(out), "sim")
-    from guidance.log.table import write_csv  # noqa: PLC0415 - pyarrow is of an extra
+    from guidance.log.table import write_table  # noqa: PLC0415 - pyarrow is of an extra
 
-    return write_csv(path, out)
-
-
-def _parquet(path: Path, out: Path, _: SettingsOf) -> int:
-    require(str(out), "sim")
-    from guidance.log.table import write_parquet  # noqa: PLC0415 - as above
-
-    return write_parquet(path, out)
+    return write_table(path, out)
 
 
 EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]] = {
     ".tlog": ("frames", lambda path, out, _: write_tlog(path, out)),
-    ".csv": ("cycles", _csv),
-    ".parquet": ("cycles", _parquet),
+    ".csv": ("cycles", _table),
+    ".parquet": ("cycles", _table),
     ".geojson": ("features", _geojson),
     ".kml": ("features", _kml),
 }
@@ -63,3 +65,70 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
         return f"{write(path, out, settings_of)} {what}"
     except OSError as error:
         raise OutputError(f"{out}: cannot be written ({error.strerror or error}); choose another file") from error
+
+
+ENCODING: Final = "mavlink"
+_CRC_EXTRA: Final = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
+"""Every dialect's: what a vehicle said beyond the common messages belongs into its log too."""
+
+_REORDER_S: Final = 1.0
+"""Frames are written vehicle by vehicle once a cycle; within this time they are put in order."""
+
+
+def write_tlog(path: Path, out: Path) -> int:
+    """Write the raw frames of both directions and all vehicles, oldest first; return how many.
+
+    Raises:
+        ConfigError: If the record cannot be read.
+        OSError: If `out` cannot be written.
+    """
+    survey, count = Survey(), 0
+    with out.open("wb") as stream:
+        for now_s, frame in _ordered(_frames(path, survey)):
+            stream.write(struct.pack(">Q", max(0, round((now_s + started_unix_s(survey)) * 1e6))) + frame)
+            count += 1
+    return count
+
+
+def started_unix_s(survey: Survey) -> float:
+    """Return where the record's clock has its zero, seconds since 1970; zero where that is not known."""
+    started = survey.metadata.get("started_utc")
+    if started is None:
+        return 0.0
+    try:
+        return datetime.fromisoformat(started).timestamp()
+    except ValueError:
+        return 0.0
+
+
+def _frames(path: Path, survey: Survey) -> Iterator[tuple[float, bytes]]:
+    framers: dict[str, Framer] = {}
+    for item in scan(path, survey):
+        if item.encoding != ENCODING:
+            continue
+        if _is_one_frame(item):
+            yield item.now_s, item.data
+        else:  # a piece of a byte stream
+            framer = framers.setdefault(item.topic, Framer(_CRC_EXTRA))
+            yield from ((item.now_s, frame.data) for frame in framer.feed(item.data))
+
+
+def _is_one_frame(item: Item) -> bool:
+    data = item.data
+    if len(data) < 8:
+        return False
+    if data[0] == MAGIC_V1:
+        return len(data) == 8 + data[1]
+    return data[0] == MAGIC_V2 and len(data) == 12 + data[1] + 13 * (data[2] & 1)
+
+
+def _ordered(frames: Iterator[tuple[float, bytes]]) -> Iterator[tuple[float, bytes]]:
+    waiting: list[tuple[float, int, bytes]] = []
+    for number, (now_s, frame) in enumerate(frames):
+        heapq.heappush(waiting, (now_s, number, frame))
+        while waiting[0][0] < now_s - _REORDER_S:
+            first_s, _, first = heapq.heappop(waiting)
+            yield first_s, first
+    while waiting:
+        first_s, _, first = heapq.heappop(waiting)
+        yield first_s, first

@@ -1,14 +1,29 @@
-"""Which commit of the project this is, where that can be known from files alone: nothing is run, nothing is asked."""
+"""What a record was made by: versions, and the commit where it can be known from files alone.
+
+Nothing is run, nothing is asked.
+"""
 
 import json
+import platform
 import re
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Final
 
 PACKAGE: Final = "pursuit-guidance"
+_RECORDED: Final = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
 _HASH: Final = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
 _LONGEST_BYTES: Final = 4 * 1024 * 1024
+
+
+def versions() -> dict[str, str]:
+    """Name what a record was made by: Python, the packages whose numbers or bytes are in it, the commit if known."""
+    made_at = commit()
+    return {
+        "python": platform.python_version(),
+        **{name: version(name) for name in _RECORDED},
+        **({} if made_at is None else {"commit": made_at}),
+    }
 
 
 def commit() -> str | None:

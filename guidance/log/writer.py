@@ -9,13 +9,11 @@ written never disturbs the flight: recording stops and `failed` says why.
 import calendar
 import json
 import math
-import platform
 import time
-from collections.abc import Mapping, Sequence
-from importlib.metadata import version
+from collections.abc import Mapping
 from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from mcap.writer import CompressionType, Writer
 from typing_extensions import Buffer
@@ -23,7 +21,6 @@ from typing_extensions import Buffer
 from guidance.files import private_file, private_folder
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
-from guidance.log.provenance import PACKAGE, commit
 from guidance.log.scene import Scene
 from guidance.messages import EvaderReport
 
@@ -40,62 +37,8 @@ ROTATED_BYTES = 256_000_000
 Until then the writer remembers where each of its chunks is: a megabyte in 100 s.
 """
 
-_PACKAGES = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "mcap")
-
 PART = "part"
 """Key of a file's number in its metadata; the first has none."""
-
-
-class Record(Protocol):
-    """Where a cycle is kept. Nothing is raised and nothing is waited for that could disturb a flight."""
-
-    @property
-    def failed(self) -> str | None:
-        """Why nothing is written any more; None while all is well."""
-
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame."""
-
-    def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle."""
-
-    def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Keep one event."""
-
-    def report(self, report: EvaderReport) -> None:
-        """Keep one report of the evader."""
-
-
-class Records:
-    """Several records as one. It has failed once any of them has."""
-
-    def __init__(self, records: Sequence[Record]) -> None:
-        self._records = records
-
-    @property
-    def failed(self) -> str | None:
-        """Why one of them writes nothing any more; None while all is well."""
-        return next((record.failed for record in self._records if record.failed is not None), None)
-
-    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame."""
-        for record in self._records:
-            record.frame(now_s, topic, frame)
-
-    def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle."""
-        for record in self._records:
-            record.cycle(entry)
-
-    def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Keep one event."""
-        for record in self._records:
-            record.event(now_s, event, detail)
-
-    def report(self, report: EvaderReport) -> None:
-        """Keep one report of the evader."""
-        for record in self._records:
-            record.report(report)
 
 
 class Recorder:
@@ -233,16 +176,6 @@ class _Whole(BytesIO):
     def tell(self) -> int:
         """Where the file stands."""
         return self._raw.tell()
-
-
-def versions() -> dict[str, str]:
-    """Name what a record was made by: Python, the packages whose numbers or bytes are in it, the commit if known."""
-    made_at = commit()
-    return {
-        "python": platform.python_version(),
-        **{name: version(name) for name in _PACKAGES},
-        **({} if made_at is None else {"commit": made_at}),
-    }
 
 
 def started_utc(now_s: float) -> str:

@@ -7,7 +7,7 @@ from guidance.clock import Timing
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import BEGUN, cycle_entry
-from guidance.log.writer import Record
+from guidance.log.record import Record
 
 HEARTBEAT_S = 1.0
 

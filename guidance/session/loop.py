@@ -15,7 +15,7 @@ from typing import Final, Protocol
 
 from guidance.clock import Clock, Timing
 from guidance.flight import Event
-from guidance.log.writer import Record
+from guidance.log.record import Record
 from guidance.session.daemon import Daemon
 from guidance.session.scheduling import GcScheduler
 from guidance.session.spec import FlightPlan

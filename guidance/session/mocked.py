@@ -10,8 +10,9 @@ from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.files import writing
 from guidance.links.opening import KINDS
-from guidance.log.background import BackgroundRecorder
-from guidance.log.writer import Recorder, started_utc, versions
+from guidance.log.provenance import versions
+from guidance.log.record import BackgroundRecorder
+from guidance.log.writer import Recorder, started_utc
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress

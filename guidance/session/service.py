@@ -12,10 +12,10 @@ from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, credentials_of
-from guidance.log.background import BackgroundRecorder
 from guidance.log.broadcast import Broadcast
-from guidance.log.null import NullRecorder
-from guidance.log.writer import Recorder, started_utc, versions
+from guidance.log.provenance import versions
+from guidance.log.record import BackgroundRecorder, NullRecorder
+from guidance.log.writer import Recorder, started_utc
 from guidance.session.answers import StartupResponder
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon

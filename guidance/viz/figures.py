@@ -41,9 +41,9 @@ def figure_of(width: float, height: float) -> Figure:
     return figure
 
 
-def space_and_plan(width: float = 12.0, height: float = 6.4) -> tuple[Figure, Any, Any]:
+def space_and_plan() -> tuple[Figure, Any, Any]:
     """Return a figure with axes in space and, beside them, axes seen from above."""
-    figure = figure_of(width, height)
+    figure = figure_of(12.0, 6.4)
     grid = figure.add_gridspec(1, 3, width_ratios=[1.0, 0.06, 0.9])  # room for the label of the height
     return figure, figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[2])
 
@@ -53,14 +53,14 @@ def literal(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def save(figure: Figure, path: Path, dpi: int = 130) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format of its name.
 
     Raises:
         OutputError: If the file cannot be written.
     """
     try:
-        figure.savefig(path, dpi=dpi)
+        figure.savefig(path, dpi=130)
     except (OSError, ValueError) as error:  # ValueError: a format that matplotlib does not know
         reason = error.strerror if isinstance(error, OSError) else str(error).split(" (")[0]
         raise OutputError(f"{path}: cannot be written ({reason}); choose another file, as flight.png") from error

@@ -27,8 +27,7 @@ from guidance.links.wires.zenoh_access import (
     credentials_of,
     read_credentials,
 )
-from guidance.log.broadcast import Broadcast
-from guidance.log.live import LiveFlight
+from guidance.log.broadcast import Broadcast, LiveFlight
 from guidance.session.control_bus import ControlBus, OwnerToken, ask, join_session
 from guidance.session.orders import Mailbox
 from sitl_mock.errors import ConfigError as MockConfigError

@@ -26,12 +26,10 @@ from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
-from guidance.log.columns import SCHEMA
 from guidance.log.entries import EVADER_TOPIC
-from guidance.log.export import EXPORTS, export
-from guidance.log.maps import write_geojson
-from guidance.log.places import Feature, features_of
-from guidance.log.tlog import started_unix_s, write_tlog
+from guidance.log.export import EXPORTS, export, started_unix_s, write_tlog
+from guidance.log.maps import Feature, features_of, write_geojson
+from guidance.log.table import SCHEMA
 from guidance.log.writer import Recorder
 from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
 from guidance.session.recorded import recorded_settings

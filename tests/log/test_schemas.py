@@ -15,9 +15,8 @@ from guidance.clock import Timing
 from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, REPORT
-from guidance.log.foxglove import time_of
 from guidance.log.reader import Item
-from guidance.log.scene import DRAWN, EVERY_S, disc
+from guidance.log.scene import DRAWN, EVERY_S, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
 

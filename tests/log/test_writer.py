@@ -16,7 +16,8 @@ from guidance.flight import State
 from guidance.log import writer as record
 from guidance.log.codec import plain
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, CycleEntry, InputsEntry
-from guidance.log.writer import Recorder, started_utc, versions
+from guidance.log.provenance import versions
+from guidance.log.writer import Recorder, started_utc
 
 
 class Pair(NamedTuple):
@@ -121,7 +122,7 @@ FLYING = """
 import sys
 from pathlib import Path
 from guidance.flight import State
-from guidance.log.background import BackgroundRecorder
+from guidance.log.record import BackgroundRecorder
 from guidance.log.entries import CycleEntry, InputsEntry
 from guidance.clock import MonotonicClock
 from guidance.log.writer import Recorder

@@ -10,9 +10,9 @@ from guidance.config import parse
 from guidance.flight import State
 from guidance.log import compare, cycles_of, events_of
 from guidance.log import writer as record
-from guidance.log.background import BackgroundRecorder
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
+from guidance.log.record import BackgroundRecorder
 from guidance.log.writer import Recorder
 from guidance.session.recorded import recorded_settings
 from guidance.session.service import _recording

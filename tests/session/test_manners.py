@@ -13,9 +13,9 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.errors import LinkError
 from guidance.flight import State
-from guidance.log.background import MOST_WAITING as MOST_ROWS
-from guidance.log.background import BackgroundRecorder
 from guidance.log.entries import CycleEntry, InputsEntry
+from guidance.log.record import MOST_WAITING as MOST_ROWS
+from guidance.log.record import BackgroundRecorder
 from guidance.log.writer import Recorder
 from guidance.session import log as log_module
 from guidance.session.answers import StartupResponder

@@ -16,9 +16,8 @@ import pytest
 
 from guidance.errors import ConfigError, LinkError
 from guidance.log import cycles_of, metadata_of
-from guidance.log.broadcast import Broadcast, is_watched
+from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
 from guidance.log.entries import CYCLE
-from guidance.log.live import LiveFlight
 from guidance.log.reader import Item
 from guidance.session.control_bus import host_session, join_session
 from guidance.viz.beside import command

@@ -18,9 +18,8 @@ from guidance.clock import Clock
 from guidance.errors import GuidanceError, LinkError
 from guidance.links.wires.zenoh import is_over
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.log.broadcast import FLIGHT, broadcast_key
+from guidance.log.broadcast import FLIGHT, TOPICS, broadcast_key
 from guidance.log.entries import CYCLE_TOPIC
-from guidance.log.live import TOPICS
 from guidance.log.reader import Item
 from guidance.session.control_bus import JOIN_LIMIT_S, answers, control_key, join_session
 from guidance.session.orders import ALIVE, STATUS

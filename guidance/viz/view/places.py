@@ -17,7 +17,7 @@ class Destination(NamedTuple):
 
 
 class FlightSource(Protocol):
-    """Where a flight's items come from: `RecordFile`, or `guidance.log.live.LiveFlight`."""
+    """Where a flight's items come from: `RecordFile`, or `guidance.log.broadcast.LiveFlight`."""
 
     @property
     def name(self) -> str:
