@@ -29,6 +29,6 @@ def compare(
     - `guidance compare old new --by regret --rows 20`: two versions of a policy
     """
     require("guidance compare", "sim")
-    from guidance.sweeps.comparison import compare_paths  # noqa: PLC0415 - pyarrow takes a moment
+    from guidance.sweeps.compare import compare_paths  # noqa: PLC0415 - pyarrow takes a moment
 
     compare_paths(a, b, column=column, rows=rows, as_json=as_json)

@@ -87,7 +87,7 @@ def run(
     - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths/rows'))"`: the rows
     """
     require("guidance sweep", "sim")
-    from guidance.sweeps.command import checked_way, run_sweep  # noqa: PLC0415 - pyarrow takes a moment
+    from guidance.sweeps.running import checked_way, run_sweep  # noqa: PLC0415 - pyarrow takes a moment
 
     signal.signal(signal.SIGTERM, _terminated)
     try:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from guidance.autopilots import AUTOPILOTS, Autopilot, Finding, Verdict, Wants
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, judge
 from guidance.messages import Heartbeat, Home, ParameterSet
-from guidance.preflight import fence, place, streams
+from guidance.preflight import fence, telemetry
 from guidance.preflight.survey import Facts
 from guidance.vehicle import local_frame
 
@@ -49,8 +49,8 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
             any_inclusion=autopilot.one_inclusion_is_enough,
         ),
         *fence.home_row(wants),
-        *place.rows(facts, autopilot.projection, wants),
-        *streams.rows(facts, autopilot),
+        *telemetry.position_rows(facts, autopilot.projection, wants),
+        *telemetry.stream_rows(facts, autopilot),
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from guidance.messages import EvaderReport, Heartbeat, Message, Parameter, ParameterRequest, Request
-from guidance.preflight.uploaded import Reading, Uploaded
+from guidance.preflight.fence import Reading, Uploaded
 from guidance.vehicle import VehicleState
 
 ASK_AGAIN_S: Final = 5.0

@@ -1,4 +1,4 @@
-"""One chunk of a sweep: its rows played, as a Parquet file's bytes. Runs wherever the work is."""
+"""One chunk of a sweep: its rows played, or flown, as a Parquet file's bytes. Runs wherever the work is."""
 
 import gc
 import math
@@ -12,14 +12,14 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
+from guidance.clock import VirtualClock
 from guidance.errors import GuidanceError
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome, invalid
 from guidance.sim.scenario import Scenario
 from guidance.sim.team_maths import TeamOutcome, invalid_teams, play_teams
 from guidance.sim.teams import TeamScenario
-from guidance.sweeps.columns import SCHEMA, TEAM_SCHEMA
-from guidance.sweeps.plan import Cases, Plan
+from guidance.sweeps.plan import SCHEMA, TEAM_SCHEMA, Cases, Plan
 from guidance.sweeps.rows import Scenarios
 
 MOST_GAMES = 16384
@@ -184,8 +184,6 @@ def _no_game(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome:
 
 
 def _flown(scenario: Scenario) -> Outcome:
-    from guidance.sweeps.flight import flown  # noqa: PLC0415 - the mock, and only where something is flown
-
     try:
         return flown(scenario)
     except GuidanceError as error:
@@ -196,3 +194,22 @@ def _flown(scenario: Scenario) -> Outcome:
             seed=scenario.seed,
             end="failed",
         )
+
+
+def flown(scenario: Scenario) -> Outcome:
+    """Fly a scenario against the mock in this process, in virtual time and without a record.
+
+    Raises:
+        GuidanceError: If it cannot be flown.
+    """
+    from guidance.session.fly import fly  # noqa: PLC0415 - the mock, and only where something is flown
+    from guidance.session.result import outcome_of_flight  # noqa: PLC0415
+    from guidance.sim.stepped import SteppedWorld  # noqa: PLC0415
+
+    clock = VirtualClock()
+    world = SteppedWorld(scenario, clock)
+    try:
+        result = fly(scenario, world, clock)
+    finally:
+        world.close()
+    return outcome_of_flight(result, "fast")

@@ -3,7 +3,8 @@
 import heapq
 import json
 import math
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +14,9 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from guidance.errors import ConfigError
-from guidance.sweeps.folder import Folder
+from guidance.log.codec import plain
+from guidance.screen import Sheet, console
+from guidance.sweeps.folder import Folder, read_folder
 from guidance.sweeps.pairing import pair_numbers, paired, rows_pair
 from guidance.sweeps.plan import ROW
 from guidance.sweeps.statistics import (
@@ -120,18 +123,21 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
     else:
         _add_apart(a, groups, {number: number for number in matched} if matched else None, first=True)
         _add_apart(b, groups, {other: number for number, other in matched.items()} if matched else None, first=False)
-    return {
-        "paired": pairing,
-        "intervals": "95 %: Student's t of the paired differences"
-        if pairing
-        else "95 %: Welch's t for means, Newcombe's for shares",
-        "groups": [_summed_up(group) for group in groups.values() if group.rows_a or group.rows_b],
-        "largest": [
-            {"row_a": -one[2], "row_b": one[3], "end_a": one[4], "end_b": one[5], "column": column}
-            | {"a": _finite(one[6]), "b": _finite(one[7]), "difference": _finite(one[7] - one[6])}
-            for one in largest
-        ],
-    }
+    compared: dict[str, Any] = plain(
+        {
+            "paired": pairing,
+            "intervals": "95 %: Student's t of the paired differences"
+            if pairing
+            else "95 %: Welch's t for means, Newcombe's for shares",
+            "groups": [_summed_up(group) for group in groups.values() if group.rows_a or group.rows_b],
+            "largest": [
+                {"row_a": -one[2], "row_b": one[3], "end_a": one[4], "end_b": one[5], "column": column}
+                | {"a": one[6], "b": one[7], "difference": one[7] - one[6]}
+                for one in largest
+            ],
+        }
+    )
+    return compared
 
 
 def _add_apart(folder: Folder, groups: dict[int, RowGroup], matched: dict[int, int] | None, *, first: bool) -> None:
@@ -175,9 +181,9 @@ def _summed_up(group: RowGroup) -> dict[str, Any]:
         "rows_b": group.rows_b,
         "columns": {
             name: {
-                "a": _finite(_mean_of(group.of_a, name)),
-                "b": _finite(_mean_of(group.of_b, name)),
-                "difference": {key: _finite(value) for key, value in group.difference(name)._asdict().items()},
+                "a": _mean_of(group.of_a, name),
+                "b": _mean_of(group.of_b, name),
+                "difference": group.difference(name),
             }
             for name in (CAPTURED, *COLUMNS)
         },
@@ -187,10 +193,6 @@ def _summed_up(group: RowGroup) -> dict[str, Any]:
 def _mean_of(moments: dict[str, Moments], name: str) -> float:
     known = moments.get(name, NONE)
     return known.mean if known.count else math.nan
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def compare_outcomes(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
@@ -222,3 +224,72 @@ def read_outcome(path: Path) -> dict[str, Any]:
     if not isinstance(outcome, dict) or not {"end", "winner", *COLUMNS} <= set(outcome):
         raise ConfigError(f"{path}: is no outcome; it must be what guidance scenario run FILE --json wrote")
     return outcome
+
+
+def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) -> None:
+    """Compare two sweeps' folders or two outcomes' files, and print what came out.
+
+    Args:
+        a: A sweep's folder or an outcome's JSON file.
+        b: Another of the same kind.
+        column: What a sweep's rows are compared by.
+        rows: How many of the largest differences are listed.
+        as_json: Whether plain JSON is printed.
+
+    Raises:
+        ConfigError: If they are neither.
+    """
+    if a.is_dir() != b.is_dir():
+        raise ConfigError(f"{a}, {b}: must be two outcomes or two sweeps, not one of each")
+    if a.is_dir():
+        compared = compare_sweeps(read_folder(a), read_folder(b), column=column, rows=rows)
+    else:
+        compared = compare_outcomes(read_outcome(a), read_outcome(b))
+    if as_json:
+        sys.stdout.write(json.dumps(compared, indent=1) + "\n")
+        return
+    there = console()
+    there.print(f"A {a}\nB {b}", soft_wrap=True)
+    tables = _sweeps(compared) if "groups" in compared else [_outcomes(compared)]
+    for table in tables:
+        there.print(table)
+
+
+def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Sheet:
+    rows = [(name, *(_said(values[part]) for part in ("a", "b", "difference"))) for name, values in compared.items()]
+    return Sheet(("column", "A", "B", "B − A"), rows)
+
+
+def _sweeps(compared: Mapping[str, Any]) -> list[Sheet]:
+    tables = []
+    words = "paired rows" if compared["paired"] else "rows that do not pair: what is swept differs"
+    for group in compared["groups"]:
+        policies = group["a"] if group["a"] == group["b"] else f"{group['a']}, in B {group['b']}"
+        count = str(group["rows_a"]) if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
+        rows = []
+        for name, values in group["columns"].items():
+            apart = values["difference"]
+            reach = f"{_said(apart['low'])} to {_said(apart['high'])}"
+            shown = "share captured" if name == CAPTURED else name
+            rows.append((shown, _said(values["a"]), _said(values["b"]), _said(apart["estimate"]), reach))
+        tables.append(Sheet(("mean of", "A", "B", "B − A", "95 %"), rows, title=f"{policies}: {count} {words}"))
+    if compared["largest"]:
+        column = compared["largest"][0]["column"]
+        headings = ("row in A", "row in B", "end in A", "end in B", f"{column} in A", "in B", "B − A")
+        largest: list[Sequence[str]] = [
+            (
+                *(str(row[name]) for name in ("row_a", "row_b", "end_a", "end_b")),
+                *(_said(row[name]) for name in ("a", "b", "difference")),
+            )
+            for row in compared["largest"]
+        ]
+        tables.append(Sheet(headings, largest, title="the rows that differ most"))
+    return tables
+
+
+def _said(value: Any) -> str:  # noqa: ANN401 - any column
+    if isinstance(value, float):
+        return f"{value:.5g}"
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    return "-" if value is None else str(value)

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from guidance.files import private_file
 from guidance.sweeps.statistics import share
-from guidance.sweeps.tally import Tally
-from guidance.sweeps.worst import Worst
+from guidance.sweeps.tally import Tally, Worst
 from guidance.viz.figures import figure_of, literal
 
 _DPI: Final = 160

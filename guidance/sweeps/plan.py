@@ -1,4 +1,7 @@
-"""A sweep laid out: which values, policies and seed a row has. A pure function of the plan and the row's number."""
+"""A sweep laid out: which values, policies and seed a row has, and in which columns of Arrow it is told.
+
+A pure function of the plan and the row's number.
+"""
 
 import json
 import math
@@ -7,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -17,9 +20,22 @@ from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.sim.files import FOLDER as SCENARIOS
 from guidance.sim.files import has_teams, load_any
+from guidance.sim.outcome import Outcome
+from guidance.sim.team_maths import TeamOutcome
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.columns import SCHEMA, TEAM_SCHEMA
 from guidance.sweeps.model import Pair, Sweep, Way
+
+_KINDS: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+
+
+def _schema(row: type) -> pa.Schema:
+    words = pa.list_(pa.string())
+    return pa.schema([(name, _KINDS.get(kind, words)) for name, kind in row.__annotations__.items()])
+
+
+SCHEMA: Final = _schema(Outcome)
+TEAM_SCHEMA: Final = _schema(TeamOutcome)
+
 
 ROW = "row"
 

@@ -11,12 +11,12 @@ from rich.console import Console
 
 from guidance.errors import OutputError
 from guidance.files import private_folder
+from guidance.log.codec import plain
 from guidance.screen import Sheet, console
 from guidance.sweeps.drawing import draw_all
 from guidance.sweeps.folder import Folder, read_folder, write_whole
-from guidance.sweeps.statistics import Interval, mean, share
-from guidance.sweeps.tally import QUANTILES, Tally, tallied
-from guidance.sweeps.worst import Worst, write_worst
+from guidance.sweeps.statistics import mean, share
+from guidance.sweeps.tally import QUANTILES, Tally, Worst, tallied, write_worst
 
 
 def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
@@ -60,28 +60,31 @@ def summed_up(folder: Folder, tallies: Sequence[Tally], cases: Sequence[Worst], 
         cases: The rows that went worst.
         unit: Of the regret, `s` or `m`.
     """
-    return {
-        "title": folder.plan.sweep.title,
-        "scenario": folder.plan.scenario["title"],
-        "as": folder.plan.way,
-        "digest": folder.plan.digest,
-        "rows": sum(tally.rows for tally in tallies),
-        "rows_planned": folder.plan.rows,
-        "unit": unit,
-        "intervals": "95 %: Wilson's for probabilities, Student's t for means",
-        "policies": [_of_pair(tally) for tally in tallies],
-        "worst": [
-            {
-                "file": case.path.name,
-                "row": case.row,
-                "pursuer": case.tally.pair.pursuer,
-                "evader": case.tally.pair.evader,
-                "end": case.end,
-                "regret": _number(case.regret),
-            }
-            for case in cases
-        ],
-    }
+    summary: dict[str, Any] = plain(
+        {
+            "title": folder.plan.sweep.title,
+            "scenario": folder.plan.scenario["title"],
+            "as": folder.plan.way,
+            "digest": folder.plan.digest,
+            "rows": sum(tally.rows for tally in tallies),
+            "rows_planned": folder.plan.rows,
+            "unit": unit,
+            "intervals": "95 %: Wilson's for probabilities, Student's t for means",
+            "policies": [_of_pair(tally) for tally in tallies],
+            "worst": [
+                {
+                    "file": case.path.name,
+                    "row": case.row,
+                    "pursuer": case.tally.pair.pursuer,
+                    "evader": case.tally.pair.evader,
+                    "end": case.end,
+                    "regret": case.regret,
+                }
+                for case in cases
+            ],
+        }
+    )
+    return summary
 
 
 def _of_pair(tally: Tally) -> dict[str, Any]:
@@ -92,27 +95,19 @@ def _of_pair(tally: Tally) -> dict[str, Any]:
         "rows": tally.rows,
         "games": tally.valid,
         "ends": dict(tally.ends),
-        "capture": _interval(share(tally.ends["captured"], tally.valid)),
-        "predicted_mean": _interval(mean(tally.predicted)),
+        "capture": share(tally.ends["captured"], tally.valid),
+        "predicted_mean": mean(tally.predicted),
         "regret_games": tally.regret.count,
-        "regret_mean": _interval(mean(tally.regret)),
+        "regret_mean": mean(tally.regret),
         "regret_quantiles": {f"{quantile:g}": value for quantile, value in quantiles},
         "capture_by_key": {
             bins.column: [
-                {"at": label, "games": int(games), **_interval(share(int(captures), int(games)))}
+                {"at": label, "games": int(games), **share(int(captures), int(games))._asdict()}
                 for label, games, captures in zip(bins.labels, tally.games[place], tally.captures[place], strict=True)
             ]
             for place, bins in enumerate(tally.bins)
         },
     }
-
-
-def _interval(interval: Interval) -> dict[str, float | None]:
-    return {name: _number(value) for name, value in interval._asdict().items()}
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _show(there: Console, folder: Folder, tallies: Sequence[Tally], unit: str) -> None:

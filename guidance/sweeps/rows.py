@@ -11,8 +11,7 @@ from guidance.game import EVADER_POLICIES, PURSUER_POLICIES
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamScenario
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
-from guidance.sweeps.axes import Axis
-from guidance.sweeps.keys import placed
+from guidance.sweeps.axes import Axis, placed
 from guidance.sweeps.model import Pair
 from guidance.sweeps.plan import Cases, Plan, policy_in
 

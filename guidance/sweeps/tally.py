@@ -1,20 +1,91 @@
-"""What a sweep's rows come to, counted chunk by chunk: memory holds a chunk, and eight bytes a row for the regret."""
+"""What a sweep's rows come to, counted chunk by chunk, and the worst of them as scenario files to fly again.
 
+Memory holds a chunk, and eight bytes a row for the regret. Captures are counted by the values of every swept column: a
+grid's own, or even bins over what is drawn at random.
+"""
+
+import itertools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import tomli_w
 from numpy.typing import NDArray
 from pyarrow import parquet
 
-from guidance.sweeps.bins import Bins, bins_of
-from guidance.sweeps.folder import Folder
+from guidance.sim.scenario import Scenario
+from guidance.sim.teams import TeamScenario
+from guidance.sweeps.axes import Axis
+from guidance.sweeps.distributions import Choice, Number
+from guidance.sweeps.folder import Folder, write_whole
 from guidance.sweeps.model import Pair
-from guidance.sweeps.plan import ROW
+from guidance.sweeps.plan import ROW, Plan
+from guidance.sweeps.rows import Scenarios
 from guidance.sweeps.statistics import NONE, Array, Moments
+
+_BINS = 10
+_MOST_VALUES = 25
+
+
+class Bins(NamedTuple):
+    """Bins of one column.
+
+    Attributes:
+        column: Name.
+        labels: Of each bin, for a table.
+        centres: Where each is drawn; its number where the column holds no numbers.
+        edges: Between the bins, one fewer than there are; None where each bin is one value.
+        values: What each bin is, where it is one value.
+    """
+
+    column: str
+    labels: tuple[str, ...]
+    centres: tuple[float, ...]
+    edges: NDArray[np.float64] | None
+    values: tuple[float | str, ...]
+
+    def places(self, column: pa.ChunkedArray) -> NDArray[np.intp]:
+        """Return the bin of every row; what lies beyond the last one is counted there."""
+        if self.edges is not None:
+            return np.asarray(np.searchsorted(self.edges, column.to_numpy(), side="right"))
+        order = {value: place for place, value in enumerate(self.values)}
+        return np.array([order[value] for value in column.to_pylist()], dtype=np.intp)
+
+
+def bins_of(axis: Axis) -> list[Bins]:
+    """Return bins for each column of an axis."""
+    columns = list(axis.columns())
+    extremes = axis.extremes()
+    if isinstance(axis.distribution, Number):
+        extremes = list(axis.distribution.shown)
+    if axis.distribution is not None and not isinstance(axis.distribution, Choice):
+        across = [[value[place] for value in extremes] for place in range(axis.width)] or [extremes]
+        return [_even(column, values) for column, values in zip(columns, across, strict=True)]
+    found = []
+    for cells, column in zip(axis.cells(extremes), columns, strict=True):
+        distinct = list(dict.fromkeys(cells.to_pylist()))
+        numbers = not any(isinstance(value, str) for value in distinct)
+        found.append(_even(column, distinct) if numbers and len(distinct) > _MOST_VALUES else _each(column, distinct))
+    return found
+
+
+def _even(column: str, values: list[float]) -> Bins:
+    ends = np.linspace(min(values), max(values), _BINS + 1)
+    centres = 0.5 * (ends[1:] + ends[:-1])
+    labels = tuple(f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(ends.tolist()))
+    return Bins(column, labels, tuple(centres.tolist()), ends[1:-1], ())
+
+
+def _each(column: str, values: list[float | str]) -> Bins:
+    texts = any(isinstance(value, str) for value in values)
+    labels = tuple(value if isinstance(value, str) else f"{value:.4g}" for value in values)
+    centres = tuple(float(place if texts else value) for place, value in enumerate(values))
+    return Bins(column, labels, centres, None, tuple(values))
+
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 1.0)
 _COLUMNS: Final = (
@@ -139,3 +210,38 @@ def tallied(folder: Folder, *, worst: int) -> list[Tally]:
         for number in np.unique(pairs).tolist():
             tallies[number].add(table.filter(pa.array(pairs == number)))
     return [tally for tally in tallies if tally.rows]
+
+
+class Worst(NamedTuple):
+    """A row that came out badly, its scenario's file, how it ended and its regret, NaN if there is none."""
+
+    path: Path
+    row: int
+    tally: Tally
+    end: str
+    regret: float
+
+
+def scenario_of(plan: Plan, row: int) -> Scenario | TeamScenario | str:
+    """Return what a row plays, or why it is no game."""
+    return next(iter(Scenarios(plan).of(plan.cases(np.array([row], dtype=np.int64)))))
+
+
+def write_worst(folder: Folder, tallies: Sequence[Tally], out: Path) -> Iterator[Worst]:
+    """Write the worst rows of every tally as `worst-001.toml` and so on, the worst of all first.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    ranked = sorted(((bad, number) for number, tally in enumerate(tallies) for bad in tally.ranked))
+    for number, (bad, whose) in enumerate(ranked, 1):
+        scenario = scenario_of(folder.plan, bad.row)
+        if isinstance(scenario, str):  # a row without a game is never ranked
+            continue
+        path, pair = out / f"worst-{number:03d}.toml", tallies[whose].pair
+        about = (
+            f"Row {bad.row} of the sweep {folder.plan.digest[:12]}, {pair.pursuer} against {pair.evader}: {bad.end}."
+        )
+        document = {**scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True), "description": about}
+        write_whole(path, tomli_w.dumps(document).encode())
+        yield Worst(path, bad.row, tallies[whose], bad.end, bad.regret)

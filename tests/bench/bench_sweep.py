@@ -24,11 +24,10 @@ import psutil
 
 from guidance.sim.maths import play
 from guidance.sweeps.chunk import as_table, computed, rows_of, table_of
-from guidance.sweeps.command import run_sweep
 from guidance.sweeps.executors import executor
 from guidance.sweeps.report import write_report
 from guidance.sweeps.rows import Scenarios
-from guidance.sweeps.running import planned
+from guidance.sweeps.running import planned, run_sweep
 
 GAMES = """
 title = "Short chases"

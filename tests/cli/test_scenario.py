@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 from guidance.cli import app
 from guidance.errors import ConfigError
 from guidance.sim.outcome import Outcome
-from guidance.sweeps.columns import SCHEMA
+from guidance.sweeps.plan import SCHEMA
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.toml"
 

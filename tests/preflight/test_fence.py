@@ -14,7 +14,7 @@ from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Heartbeat, Home, Origin
 from guidance.preflight import Facts, PreflightMemory, Verdict, Wants, rows
-from guidance.preflight.uploaded import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
+from guidance.preflight.fence import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
 from guidance.vehicle import VehicleState, observe
 from sitl_mock import MockVehicle
 

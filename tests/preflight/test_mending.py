@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS, PX4, autopilot_named
 from guidance.preflight import Facts, Verdict, Wants, changes, parameter_names, rows
-from guidance.preflight.uploaded import Uploaded
+from guidance.preflight.fence import Uploaded
 from sitl_mock import MockVehicle
 
 WANTS = Wants(

@@ -15,7 +15,7 @@ from guidance.game.team import match_teams
 from guidance.sim.files import load_any, load_scenario
 from guidance.sim.team_maths import TeamOutcome, opening_of, play_teams, summary_of
 from guidance.sim.teams import TeamScenario, teams_of
-from guidance.sweeps.columns import TEAM_SCHEMA
+from guidance.sweeps.plan import TEAM_SCHEMA
 from guidance.viz.team_picture import draw_teams, region
 
 TAD = {

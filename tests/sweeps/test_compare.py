@@ -16,7 +16,7 @@ from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder
 from guidance.sweeps.pairing import pair_numbers, rows_pair
 from guidance.sweeps.running import begun, finish
-from guidance.sweeps.worst import scenario_of
+from guidance.sweeps.tally import scenario_of
 
 BASE = """
 scenario = "short.toml"

@@ -1,13 +1,9 @@
 import json
 import math
-import tomllib
 
 import numpy as np
 import pyarrow as pa
 import pytest
-import tomli_w
-from hypothesis import given
-from hypothesis import strategies as st
 from pyarrow import parquet
 from scipy import stats
 from typer.testing import CliRunner
@@ -15,11 +11,9 @@ from typer.testing import CliRunner
 from guidance.cli.sweep import sweep as app
 from guidance.sim.files import load_scenario
 from guidance.sim.maths import play
-from guidance.sweeps.bins import bins_of
 from guidance.sweeps.drawing import key_label
 from guidance.sweeps.report import write_report
-from guidance.sweeps.tally import QUANTILES, tallied
-from guidance.sweeps.worst import without_unset
+from guidance.sweeps.tally import QUANTILES, bins_of, tallied
 
 
 def rows_of(folder):
@@ -135,23 +129,3 @@ def test_bins_cover_all_that_is_drawn(mixed):
 )
 def test_axes_carry_their_units(column, label):
     assert key_label(column) == label
-
-
-PLAIN = st.text() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False, allow_infinity=False) | st.booleans()
-DOCUMENTS = st.dictionaries(
-    st.text(min_size=1),
-    st.recursive(
-        PLAIN | st.lists(PLAIN, max_size=3),
-        lambda inner: (
-            st.dictionaries(st.text(min_size=1), inner, max_size=3)
-            | st.lists(st.dictionaries(st.text(min_size=1), inner, max_size=2), min_size=1, max_size=2)
-        ),
-        max_leaves=8,
-    ),
-    max_size=4,
-)
-
-
-@given(DOCUMENTS)
-def test_what_is_written_as_toml_is_read_back_the_same(document):
-    assert tomllib.loads(tomli_w.dumps(without_unset(document))) == document

@@ -17,10 +17,9 @@ from typer.testing import CliRunner
 from guidance.cli.sweep import sweep as app
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.sweeps import chunk, executors
-from guidance.sweeps.command import Interrupted
 from guidance.sweeps.executors import ProcessExecutor, SerialExecutor, executor
 from guidance.sweeps.folder import Folder, alone, opened, read_folder, write_whole
-from guidance.sweeps.running import begun, finish, planned
+from guidance.sweeps.running import Interrupted, begun, finish, planned
 
 COMMAND = [sys.executable, "-c", "from guidance.cli import main; main()", "sweep"]
 
