@@ -1,4 +1,4 @@
-"""The `guidance` command: one module a sub-command, registered here by name."""
+"""The `guidance` command: its sub-commands, registered here by name."""
 
 import sys
 import traceback
@@ -6,25 +6,18 @@ from typing import Annotated
 
 import typer
 
-from guidance.cli.check import check
-from guidance.cli.compare import compare
-from guidance.cli.ctl import ctl
-from guidance.cli.doctor import doctor
+from guidance.cli.arguments import Program
+from guidance.cli.check import check, doctor
+from guidance.cli.configuration import init, schema
+from guidance.cli.daemon import ctl, run
+from guidance.cli.displays import panel, view
 from guidance.cli.fly import fly
-from guidance.cli.groups import Program
-from guidance.cli.init import init
-from guidance.cli.log import log
-from guidance.cli.panel import panel
 from guidance.cli.paper import paper
-from guidance.cli.replay import replay
-from guidance.cli.report import report
-from guidance.cli.run import run
+from guidance.cli.records import log, replay, report
 from guidance.cli.scenario import scenario
-from guidance.cli.schema import schema
 from guidance.cli.solve import solve
 from guidance.cli.streams import open_outlets
-from guidance.cli.sweep import sweep
-from guidance.cli.view import view
+from guidance.cli.sweep import compare, sweep
 from guidance.cli.zenoh import zenoh
 from guidance.errors import GuidanceError, OutputError
 

@@ -1,4 +1,4 @@
-"""`guidance check`: preflight alone, and setting what it wants."""
+"""`guidance check` and `doctor`: is the vehicle ready, and setting what it wants; is this computer."""
 
 import contextlib
 import json
@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from guidance.cli.asking import agree
-from guidance.cli.belonging import refuse_others
+from guidance.cli.arguments import agree, refuse_others
 from guidance.errors import FlightError
 
 if TYPE_CHECKING:
@@ -182,3 +181,25 @@ def _print_verdict(refused: Sequence[str]) -> None:
 
     words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
     console().print(words, style=_STYLE["refuse" if refused else "pass"])
+
+
+def doctor(
+    config: Annotated[
+        str | None, typer.Argument(help="A vehicle file, for its ports, folders and rights; the usual ones without.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+) -> None:
+    """Look at this computer: clocks, cadence, real-time scheduling, ports, serial rights, folders, disk and extras.
+
+    Nothing is changed, and no vehicle is needed; `guidance check` looks at the vehicle. Ends with 0, or with 4 if
+    something keeps a daemon from starting.
+
+    - `guidance doctor`: the usual ports, this folder
+    - `guidance doctor vehicle.toml`: what this file needs
+    """
+    from guidance.config import find  # noqa: PLC0415 - pydantic takes a moment
+    from guidance.session.host import examine  # noqa: PLC0415
+    from guidance.session.plan_fence import load_vehicle  # noqa: PLC0415
+
+    rows = examine(None if config is None else load_vehicle(find(config, "vehicles")))
+    raise typer.Exit(tell(rows, as_json=as_json))

@@ -4,11 +4,11 @@ import contextlib
 import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from guidance.cli.asking import agree
+from guidance.cli.arguments import agree, refuse_others
 
 if TYPE_CHECKING:
     from guidance.viz.panel import PanelBeside
@@ -89,8 +89,6 @@ def fly(
     - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
     """
-    from guidance.cli.belonging import refuse_others  # noqa: PLC0415
-
     given = {"--fast": fast, "--link": link, "--port": port, "--yes": yes, "--autopilot": autopilot, "--end": end}
     given |= {"--panel": panel}
     if vehicle is not None:
@@ -102,7 +100,7 @@ def fly(
     if fast:
         refuse_others("--fast", given, dict.fromkeys(("--link", "--port", "--panel"), "in real time"))
 
-    signal.signal(signal.SIGTERM, _terminated)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with contextlib.ExitStack() as closing:
         viewer = _viewer(closing) if view else None
         pages = _panel(closing, out) if panel else None
@@ -165,7 +163,3 @@ def _panel(closing: contextlib.ExitStack, out: Path | None) -> "PanelBeside":
     beside = PanelBeside(free_endpoint(), *options_of(None, Path("flights") if out is None else out.parent))
     closing.callback(beside.close)
     return beside
-
-
-def _terminated(*_: object) -> NoReturn:
-    sys.exit(128 + signal.SIGTERM)

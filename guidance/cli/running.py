@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from guidance.cli.belonging import refuse_others
+from guidance.cli.arguments import agree, refuse_others
 from guidance.errors import ConfigError
 from guidance.files import private_file, writing
 from guidance.screen import Cell, Sheet, pairs
@@ -166,7 +166,6 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
 
 def _may_arm(config: Path) -> None:
     """Ask before the vehicle of a file is armed: one on loopback may be real too, behind a router."""
-    from guidance.cli.asking import agree  # noqa: PLC0415
     from guidance.config import find  # noqa: PLC0415
     from guidance.session.plan_fence import load_vehicle  # noqa: PLC0415
 

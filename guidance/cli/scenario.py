@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from guidance.cli.groups import CommandGroup
+from guidance.cli.arguments import CommandGroup
 
 scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from guidance.cli.belonging import refuse_others
+from guidance.cli.arguments import refuse_others
 from guidance.errors import ConfigError
 from guidance.extras import require
 

@@ -1,25 +1,29 @@
 """The states of a CSV or Parquet file, solved and written chunk by chunk: memory holds one chunk, not the file.
 
 A cell that should be a number and is not costs its own row, whose reason says not_a_number, and is named at the end.
+How far it is, a bar shows on a terminal, and a plain line now and then elsewhere.
 """
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv, parquet
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from guidance.cli.solve_progress import solving
 from guidance.cli.solve_teams import TEAM_COLUMNS, has_teams, team_answers
 from guidance.errors import ConfigError
 from guidance.files import writing
 from guidance.game import Ball, Game, Reason, Solution, Winner, solve
-from guidance.screen import console
+from guidance.screen import console, redraws
 
 PURSUER = ("pursuer_x_m", "pursuer_y_m", "pursuer_z_m")
 EVADER = ("evader_x_m", "evader_y_m")
@@ -227,3 +231,43 @@ def _columns(answer: Solution) -> dict[str, Any]:
     columns["winner"] = [Winner(code).word for code in answer.winner.tolist()]
     columns["reason"] = [Reason(code).word for code in answer.reason.tolist()]
     return columns
+
+
+LINE_S: Final = 5.0
+"""Where nothing can be redrawn, so often at most."""
+
+Told = Callable[[int], None]
+"""Takes how many rows have been solved."""
+
+
+@contextmanager
+def solving(there: Console, rows: int, clock: Callable[[], float] = time.monotonic) -> Iterator[Told]:
+    """Show how many rows of a file have been solved, and yield what it is told by.
+
+    Args:
+        there: Where to show it.
+        rows: Of the file.
+        clock: Tells s.
+    """
+    if not redraws(there):
+        yield _lines(there, rows, clock)
+        return
+    columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
+    with Progress(*columns, console=there, transient=True) as bar:
+        task = bar.add_task("", total=rows)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def _lines(there: Console, rows: int, clock: Callable[[], float]) -> Told:
+    begun_s = said_s = clock()
+
+    def tell(done: int) -> None:
+        nonlocal said_s
+        now_s = clock()
+        if now_s - said_s < LINE_S or done == 0:
+            return
+        said_s = now_s
+        left_s = (now_s - begun_s) * max(0, rows - done) / done
+        there.print(f"{done} of {rows} rows, about {left_s:.0f} s left", soft_wrap=True)
+
+    return tell

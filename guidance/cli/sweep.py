@@ -1,13 +1,13 @@
-"""`guidance sweep`: a scenario played a million times over, and the report of it."""
+"""`guidance sweep` and `compare`: a scenario played a million times over, its report, and two of them side by side."""
 
 import signal
 import sys
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 
-from guidance.cli.groups import CommandGroup
+from guidance.cli.arguments import CommandGroup
 from guidance.extras import require
 
 
@@ -89,7 +89,7 @@ def run(
     require("guidance sweep", "sim")
     from guidance.sweeps.running import checked_way, run_sweep  # noqa: PLC0415 - pyarrow takes a moment
 
-    signal.signal(signal.SIGTERM, _terminated)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         path = run_sweep(file, way=checked_way(way), workers=workers, scheduler=scheduler, out=out, chunk=chunk)
     except KeyboardInterrupt as interruption:
@@ -118,5 +118,27 @@ def report(
         typer.echo(str(path), err=as_json)
 
 
-def _terminated(*_: object) -> NoReturn:
-    sys.exit(128 + signal.SIGTERM)
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A", help="An outcome (JSON), or a sweep's folder.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The same, to hold against it.")],
+    column: Annotated[
+        str, typer.Option("--by", help="Column whose largest differences are listed (sweeps only).")
+    ] = "achieved",
+    rows: Annotated[int, typer.Option(min=0, help="How many of the largest differences are listed.")] = 10,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Hold two outcomes, or two sweeps, against each other; differences are B minus A.
+
+    Two outcomes, as `guidance scenario run FILE --json` prints them: column by column. Two sweeps: the means of all
+    columns and the probability of capture, with 95 % intervals of their differences, and the rows that differ most.
+    Rows pair where both sweeps have the same values and seeds in them, and the intervals are then those of the paired
+    differences; else the two are taken as independent.
+
+    - `guidance compare maths.json flown.json`: the same scenario, in mathematics and flown
+    - `guidance compare sweeps/flown-maths sweeps/flown-fast`: the same for a sweep
+    - `guidance compare old new --by regret --rows 20`: two versions of a policy
+    """
+    require("guidance compare", "sim")
+    from guidance.sweeps.compare import compare_paths  # noqa: PLC0415 - pyarrow takes a moment
+
+    compare_paths(a, b, column=column, rows=rows, as_json=as_json)

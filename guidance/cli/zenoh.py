@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from guidance.cli.groups import CommandGroup
+from guidance.cli.arguments import CommandGroup
 
 zenoh = typer.Typer(cls=CommandGroup, help="Certificates and a router for Zenoh between machines.")
 

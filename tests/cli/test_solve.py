@@ -11,7 +11,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.cli.solve_progress import solving
+from guidance.cli.solve_file import solving
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 
