@@ -113,8 +113,8 @@ def _opened(
 
 def _awaited(name: str | None, vehicle: str | None) -> tuple[str, float]:
     from guidance.config import find  # noqa: PLC0415
-    from guidance.session.plan_fence import load_vehicle  # noqa: PLC0415
     from guidance.session.vehicle import FOUND_WITHIN_S  # noqa: PLC0415
+    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
     if vehicle is not None:
         return f"a HEARTBEAT at {vehicle}", FOUND_WITHIN_S
@@ -199,7 +199,7 @@ def doctor(
     """
     from guidance.config import find  # noqa: PLC0415 - pydantic takes a moment
     from guidance.session.host import examine  # noqa: PLC0415
-    from guidance.session.plan_fence import load_vehicle  # noqa: PLC0415
+    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
     rows = examine(None if config is None else load_vehicle(find(config, "vehicles")))
     raise typer.Exit(tell(rows, as_json=as_json))

@@ -14,7 +14,8 @@ from guidance.cli.showing import live_line, report
 from guidance.errors import FlightError
 from guidance.screen import console as screen
 from guidance.session.mission import Progress
-from guidance.session.mocked import fly_mock, next_folder
+from guidance.session.mocked import fly_mock
+from guidance.session.recorded import next_folder
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.session.vehicle import Asked, fly_url, left_out
 from guidance.sim.files import load_scenario

@@ -130,7 +130,8 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
     if run.way == "maths":
         return play([scenario])[0]
     from guidance.cli.showing import live_line, tell_dropped  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.mocked import RECORD, fly_mock, next_folder  # noqa: PLC0415
+    from guidance.session.mocked import fly_mock  # noqa: PLC0415
+    from guidance.session.recorded import RECORD, next_folder  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def say(words: str) -> None:
@@ -167,7 +168,7 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
 def _may_arm(config: Path) -> None:
     """Ask before the vehicle of a file is armed: one on loopback may be real too, behind a router."""
     from guidance.config import find  # noqa: PLC0415
-    from guidance.session.plan_fence import load_vehicle  # noqa: PLC0415
+    from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
     url = load_vehicle(find(str(config), "vehicles")).vehicle.url
     agree(f"{config}: {url} may be a real vehicle. Arm it, take off and engage? Propellers will turn")

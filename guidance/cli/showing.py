@@ -21,7 +21,7 @@ from guidance.flight import State
 from guidance.screen import pairs, redraws
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
-from guidance.session.mocked import OUTCOME, PICTURE, RECORD
+from guidance.session.recorded import OUTCOME, PICTURE, RECORD
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome, outcome_json
 

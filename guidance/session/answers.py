@@ -10,8 +10,7 @@ from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.preflight import Finding, Verdict, advice, refusals
-from guidance.session.handover import ON_GROUND
-from guidance.session.orders import STATUS, WORDS, Answer
+from guidance.session.orders import ON_GROUND, STATUS, WORDS, Answer
 from guidance.session.vehicle_file import Config
 from guidance.vehicle import VehicleState
 

@@ -25,8 +25,8 @@ from guidance.session.daemon import Daemon
 from guidance.session.log import Log
 from guidance.session.loop import PERIOD_S
 from guidance.session.opening import open_all
-from guidance.session.plan_fence import load_vehicle
 from guidance.session.spec import FlightPlan, plan_of
+from guidance.session.vehicle_file import load_vehicle
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0

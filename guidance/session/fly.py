@@ -7,13 +7,12 @@ from guidance.clock import Clock
 from guidance.log.record import Record
 from guidance.session.daemon import Daemon
 from guidance.session.log import SILENT, Logger
-from guidance.session.loop import Signals, run
+from guidance.session.loop import Signals, World, run
 from guidance.session.mission import MOCKED, Conduct, Mission, Progress
-from guidance.session.notify import Notifier
 from guidance.session.orders import Mailbox
+from guidance.session.process import Notifier
 from guidance.session.result import FlightResult
 from guidance.session.spec import FlightPlan, plan_of
-from guidance.session.world import World
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.sensor import SensedEvader
 

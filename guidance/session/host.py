@@ -22,7 +22,7 @@ from guidance.extras import EXTRAS, how_to_add
 from guidance.links.endpoint import parse
 from guidance.session.control_token import default_path
 from guidance.session.loop import PERIOD_S
-from guidance.session.scheduling import PRIORITY
+from guidance.session.process import PRIORITY
 from guidance.session.vehicle_file import Config, Control
 
 CYCLES: Final = 50

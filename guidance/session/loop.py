@@ -1,5 +1,8 @@
 """The one loop of every flight: fifty times a second, signals heard in between, frames and garbage kept for the gaps.
 
+It runs in three worlds: the mock stepped in this process by a moved clock (`guidance.sim.stepped`), the mock as a child
+process in real time (`guidance.sim.live`), and a vehicle that is not ours (`guidance.session.opening`).
+
 In real time the cycles keep a grid of their own, which is moved along by a little (`nudge_s`) so that they begin just
 after the vehicle's position arrives: a setpoint then rests on what is 2 ms old, and not on what is half a period old on
 average.
@@ -9,17 +12,64 @@ import contextlib
 import math
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import Final, Protocol
 
 from guidance.clock import Clock, Timing
 from guidance.flight import Event
+from guidance.links.port import EvaderSource, VehicleLink
+from guidance.links.wires.shared import Passed
 from guidance.log.record import Record
 from guidance.session.daemon import Daemon
-from guidance.session.scheduling import GcScheduler
+from guidance.session.process import GcScheduler
 from guidance.session.spec import FlightPlan
-from guidance.session.world import World
+from guidance.sim.players import EvaderPlayer
+
+
+class World(Protocol):
+    """The vehicle and whom it pursues, as the flight reaches them."""
+
+    @property
+    def real_time(self) -> bool:
+        """Whether time passes by itself."""
+        ...
+
+    @property
+    def link(self) -> VehicleLink:
+        """The vehicle."""
+        ...
+
+    @property
+    def evader_source(self) -> EvaderSource:
+        """What is heard of the evader."""
+        ...
+
+    @property
+    def player(self) -> EvaderPlayer | None:
+        """The evader, where this process plays it; None where it is somebody else's."""
+        ...
+
+    def advance(self) -> None:
+        """Bring the world up to the clock's present.
+
+        Raises:
+            LinkError: If the world has ended: the mock autopilot died, say.
+        """
+        ...
+
+    def engage(self) -> None:
+        """The game has begun: faults that count from engagement do from now on."""
+        ...
+
+    def drain(self) -> Sequence[Passed]:
+        """Return the raw frames that passed since the last call, for the record."""
+        ...
+
+    def close(self) -> None:
+        """End everything this world has started."""
+        ...
+
 
 PERIOD_S: Final = 0.02
 AGE_S: Final = 0.002

@@ -17,12 +17,11 @@ from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
 from guidance.session.answers import missing
 from guidance.session.daemon import Daemon
-from guidance.session.handover import ON_GROUND
 from guidance.session.linked_flight import Stopped
-from guidance.session.loop import PERIOD_S
+from guidance.session.loop import PERIOD_S, World
+from guidance.session.orders import ON_GROUND
 from guidance.session.result import FlightResult, conclude, note
 from guidance.session.sequencer import PATIENCE_S, MissionSequencer
-from guidance.session.world import World
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import SensedEvader
 

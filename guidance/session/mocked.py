@@ -1,32 +1,23 @@
-"""A flight of the mock, in virtual time or of a live process, and where a flight's files go."""
+"""A flight of the mock, in virtual time or of a live process."""
 
 import contextlib
-import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final
 
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
-from guidance.files import writing
 from guidance.links.opening import KINDS
-from guidance.log.provenance import versions
 from guidance.log.record import BackgroundRecorder
-from guidance.log.writer import Recorder, started_utc
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
+from guidance.session.loop import World
 from guidance.session.mission import Progress
 from guidance.session.onlookers import admitted
+from guidance.session.recorded import RECORD, metadata_of, recording
 from guidance.session.result import FlightResult
-from guidance.session.vehicle_file import Config
-from guidance.session.world import World
 from guidance.sim.live import OVER, ZENOH
 from guidance.sim.mock_files import check_faults
 from guidance.sim.scenario import PURSUER, Scenario
-
-RECORD: Final = "record.mcap"
-PICTURE: Final = "flight.png"
-OUTCOME: Final = "outcome.json"
 
 
 def fly_mock(
@@ -95,48 +86,3 @@ def _mock(scenario: Scenario, clock: Clock, *, fast: bool, link: str, port: int,
         yield world
     finally:
         world.close()
-
-
-def metadata_of(scenario: Scenario, config: Config | None, clock: Clock | None) -> dict[str, str]:
-    """Return what a record says of its flight: files, seed, versions and, where time is real, when it began."""
-    return {
-        "scenario": scenario.model_dump_json(exclude_unset=config is not None),
-        **({} if config is None else {"config": config.model_dump_json()}),
-        "seed": str(scenario.seed),
-        **versions(),
-        **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
-    }
-
-
-def next_folder(parent: Path, stem: str) -> Path:
-    """Return the first of `parent/stem-001`, `-002`, … that is not there yet."""
-    return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
-
-
-def refuse_another_flight(folder: Path) -> None:
-    """Refuse a folder in which another flight lies, whole or in part: nothing of it is overwritten or mixed with ours.
-
-    Raises:
-        ConfigError: With what is there.
-    """
-    for name in (RECORD, OUTCOME, PICTURE, "report.html"):
-        if (folder / name).exists():
-            raise ConfigError(f"--out {folder}: another flight lies there ({name}), which stays; give a new folder")
-
-
-@contextlib.contextmanager
-def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
-    """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle.
-
-    Raises:
-        ConfigError: If another flight lies there.
-        OutputError: If it cannot be written.
-    """
-    refuse_another_flight(path.parent)
-    with writing(path.parent):
-        written = Recorder(path, metadata)
-    recorder = BackgroundRecorder(written) if real_time else written
-    try:
-        yield recorder
-    finally:
-        recorder.close()

@@ -65,19 +65,18 @@ class Surveyed(NamedTuple):
     parameters: Mapping[str, float]
 
 
-def survey(url: str, asked: str | None = None, *, clock: Clock | None = None) -> Surveyed:
+def survey(url: str, asked: str | None = None) -> Surveyed:
     """Find the autopilot at a URL and read its limits. Nothing is set, armed or ordered.
 
     Args:
         url: Where it is; see `guidance.links.endpoint`.
         asked: The name of the autopilot that is expected there.
-        clock: By which time passes.
 
     Raises:
         ConfigError: If the URL is wrong, or what is there is flown by nothing here.
         LinkError: If nothing is there.
     """
-    clock = MonotonicClock() if clock is None else clock
+    clock = MonotonicClock()
     wire = open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)
     try:
         found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=url)

@@ -23,9 +23,9 @@ from guidance.links.wires.zenoh import open_session
 from guidance.links.wires.zenoh_access import Credentials, credentials_of
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import OwnerToken
-from guidance.session.evader_section import ON_ZENOH, EvaderSection
+from guidance.session.sections import ON_ZENOH, EvaderSection
 from guidance.session.vehicle_file import Config
-from guidance.sim.evader import EvaderPlayer
+from guidance.sim.players import EvaderPlayer
 
 _WIRE_LIMIT_S = 5.0
 OWN_ID = 255

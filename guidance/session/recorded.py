@@ -1,20 +1,80 @@
-"""The settings a record was flown with, as its metadata has them, and the same with some of them changed."""
+"""The files of a flight: where they go, what its record says of it, and the settings that are read back from there.
 
+The settings are those that it was flown with, as the metadata has them, or the same with some of them changed.
+"""
+
+import contextlib
+import itertools
 import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
+from guidance.clock import Clock
 from guidance.config import parse
 from guidance.errors import ConfigError
+from guidance.files import writing
 from guidance.flight import FlightSettings
+from guidance.log.provenance import versions
 from guidance.log.reader import CONFIG, SCENARIO
+from guidance.log.record import BackgroundRecorder
+from guidance.log.writer import Recorder, started_utc
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.scenario import Scenario
 
+RECORD: Final = "record.mcap"
+PICTURE: Final = "flight.png"
+OUTCOME: Final = "outcome.json"
+
 _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "game.policy"}}
 """What people say for the longer key."""
+
+
+def metadata_of(scenario: Scenario, config: Config | None, clock: Clock | None) -> dict[str, str]:
+    """Return what a record says of its flight: files, seed, versions and, where time is real, when it began."""
+    return {
+        "scenario": scenario.model_dump_json(exclude_unset=config is not None),
+        **({} if config is None else {"config": config.model_dump_json()}),
+        "seed": str(scenario.seed),
+        **versions(),
+        **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
+    }
+
+
+def next_folder(parent: Path, stem: str) -> Path:
+    """Return the first of `parent/stem-001`, `-002`, … that is not there yet."""
+    return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
+
+
+def refuse_another_flight(folder: Path) -> None:
+    """Refuse a folder in which another flight lies, whole or in part: nothing of it is overwritten or mixed with ours.
+
+    Raises:
+        ConfigError: With what is there.
+    """
+    for name in (RECORD, OUTCOME, PICTURE, "report.html"):
+        if (folder / name).exists():
+            raise ConfigError(f"--out {folder}: another flight lies there ({name}), which stays; give a new folder")
+
+
+@contextlib.contextmanager
+def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
+    """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle.
+
+    Raises:
+        ConfigError: If another flight lies there.
+        OutputError: If it cannot be written.
+    """
+    refuse_another_flight(path.parent)
+    with writing(path.parent):
+        written = Recorder(path, metadata)
+    recorder = BackgroundRecorder(written) if real_time else written
+    try:
+        yield recorder
+    finally:
+        recorder.close()
 
 
 def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | None = None) -> FlightSettings:

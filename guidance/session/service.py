@@ -1,4 +1,4 @@
-"""What `guidance run` and `guidance check` do: open everything, run, and close everything again."""
+"""What `guidance run` does: open everything, run, and close everything again."""
 
 import contextlib
 import logging
@@ -19,19 +19,14 @@ from guidance.log.writer import Recorder, started_utc
 from guidance.session.answers import StartupResponder
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon
-from guidance.session.handover import ORDER_OF
 from guidance.session.log import Log
 from guidance.session.loop import Signals, run
 from guidance.session.metrics import Metrics, MetricsServer
-from guidance.session.notify import Notifier
 from guidance.session.opening import open_all
-from guidance.session.orders import Mailbox
-from guidance.session.plan_fence import load_vehicle
-from guidance.session.scheduling import claim
+from guidance.session.orders import ORDER_OF, Mailbox
+from guidance.session.process import Notifier, claim
 from guidance.session.spec import FlightPlan, plan_of
-from guidance.session.vehicle_file import Config
-
-SURVEY_LIMIT_S: Final = 20.0
+from guidance.session.vehicle_file import Config, load_vehicle
 
 _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record")
 """Sections that are opened at the start: a change of these needs a restart."""

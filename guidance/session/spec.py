@@ -20,9 +20,8 @@ from guidance.flight.settings import LIMITS_S, Reserve
 from guidance.frames import Amsl, Vector
 from guidance.game import Ball, Cylinder, SpeedSet, StandOff
 from guidance.preflight import Wants
-from guidance.session.evader_section import EvaderSection
-from guidance.session.game_sections import LimitsSection
 from guidance.session.merging import merged
+from guidance.session.sections import EvaderSection, LimitsSection
 from guidance.session.vehicle_file import Config, FlightSection, Preflight
 from guidance.sim import players
 from guidance.sim.scenario import Scenario

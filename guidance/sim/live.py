@@ -13,9 +13,8 @@ from guidance.links.opening import link_over, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.wires.shared import Passed, TappedWire, share
 from guidance.links.wires.zenoh import ZenohWire, open_session
-from guidance.sim.evader import EvaderPilot
 from guidance.sim.mock_files import check_faults, faults_after, fleet, script
-from guidance.sim.players import evader_settings
+from guidance.sim.players import EvaderPilot, evader_settings
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
 from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError

@@ -1,14 +1,144 @@
-"""From a scenario to its game and its players: strategies, with their courses laid out from where the players start."""
+"""From a scenario to its game and its players: strategies, with their courses laid out from where the players start.
+
+The evader of a mocked flight is a ground vehicle, commanded over MAVLink like any other, that plays a policy.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from guidance.frames import Amsl, Vector
+from guidance.autopilots import GPS_GLOBAL_ORIGIN, HOME_POSITION, ROVER, Mode
+from guidance.frames import Amsl, GameFrame, Vector, ned_from_game
 from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
-from guidance.sim.evader import EvaderSettings
+from guidance.links.port import VehicleLink
+from guidance.messages import Heartbeat, LocalPosition, Message, Setpoint
 from guidance.sim.scenario import Player, Scenario
-from guidance.strategies import Course, Strategy, random_turns, recorded, waypoints
+from guidance.strategies import Course, Strategy, StrategyMemory, evade, random_turns, recorded, waypoints
 from guidance.strategies.course import Array
+from guidance.vehicle import VehicleState, local_frame, observe
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+REPEAT_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class EvaderSettings:
+    """What the evader plays.
+
+    Attributes:
+        game: The game it believes in; its own point capture unless told otherwise.
+        strategy: What it plays.
+        target_game_m: The place it wants to reach, in the game frame; None in the PE game.
+        site: Latitude and longitude in degrees and altitude of the game frame's zero.
+    """
+
+    game: Game
+    strategy: Strategy
+    target_game_m: Vector | None
+    site: tuple[float, float, Amsl]
+
+
+class EvaderPlayer(Protocol):
+    """An evader that this process plays itself."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can begin to play."""
+        ...
+
+    def position_game_m(self) -> Vector | None:
+        """Where it is in the game frame, None until it knows."""
+        ...
+
+    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
+        """Move on to the present, playing or standing still."""
+        ...
+
+    def stop(self) -> None:
+        """The flight is over: disarm."""
+        ...
+
+
+class EvaderPilot:
+    """Readies the evader's vehicle, waits, and plays once the game has begun."""
+
+    def __init__(self, link: VehicleLink, settings: EvaderSettings) -> None:
+        self._link = link
+        self._settings = settings
+        self._began_s: float | None = None
+        self._requested_s = float("-inf")
+        self.vehicle = VehicleState()
+        self.messages: Sequence[Message] = ()
+
+    @property
+    def ready(self) -> bool:
+        """Armed, guided, and its place on Earth known."""
+        heartbeat = self.vehicle.last(Heartbeat)
+        guided = heartbeat is not None and ROVER.mode_of(heartbeat.custom_mode) is Mode.GUIDED
+        return guided and self.vehicle.armed and self.position_game_m() is not None
+
+    def position_game_m(self) -> Vector | None:
+        """Where its own telemetry has it in the game frame, None until heard."""
+        frame = self._game_frame()
+        local = self.vehicle.last(LocalPosition)
+        return None if frame is None or local is None else frame.position_from_ned(local.position_ned_m)
+
+    def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
+        """Run one cycle: listen, and either ready the vehicle, or play, or stand still."""
+        self.messages = self._link.receive()
+        self.vehicle = observe(self.vehicle, self.messages)
+        if not self.ready:
+            self._make_ready(now_s)
+            return
+        position = self.position_game_m()
+        if playing and pursuer_game_m is not None and position is not None:
+            self._began_s = now_s if self._began_s is None else self._began_s
+            velocity = self._velocity_ned_m_s(pursuer_game_m, position, now_s - self._began_s)
+            self._link.send_setpoint(Setpoint(velocity))
+        else:
+            self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
+
+    def stop(self) -> None:
+        """Disarm the vehicle: it stands on the ground."""
+        self._link.request(ROVER.disarm())
+
+    def _make_ready(self, now_s: float) -> None:
+        if now_s - self._requested_s < REPEAT_S:
+            return
+        self._requested_s = now_s
+        for request in (
+            *ROVER.stream_requests(),
+            ROVER.request_message(HOME_POSITION),
+            ROVER.request_message(GPS_GLOBAL_ORIGIN),
+            ROVER.set_mode(Mode.GUIDED),
+            ROVER.arm(),
+        ):
+            self._link.request(request)
+
+    def _velocity_ned_m_s(self, pursuer_game_m: Vector, evader_game_m: Vector, played_s: float) -> Vector:
+        target = self._settings.target_game_m
+        velocity = evade(
+            self._settings.strategy,
+            self._settings.game,
+            np.array(pursuer_game_m),
+            np.array((evader_game_m[0], evader_game_m[1], 0.0)),
+            None if target is None else np.array(target),
+            StrategyMemory(None, played_s),
+        )
+        x, y, _ = (float(part) for part in velocity)
+        return ned_from_game((x, y, 0.0))
+
+    def _game_frame(self) -> GameFrame | None:
+        frame = local_frame(self.vehicle, ROVER.projection)
+        if frame is None:
+            return None
+        latitude_deg, longitude_deg, altitude = self._settings.site
+        return GameFrame(frame.ned_from_wgs84(latitude_deg, longitude_deg, altitude))
+
 
 PURSUER_STREAM, EVADER_STREAM = 1, 2
 """Streams of random numbers, so that the players of one seed turn independently."""

@@ -9,9 +9,8 @@ from guidance.links import MemoryWire, Wire
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import Passed, TappedWire
-from guidance.sim.evader import EvaderPilot
 from guidance.sim.mock_files import faulted_fleet, faults_after
-from guidance.sim.players import evader_settings
+from guidance.sim.players import EvaderPilot, evader_settings
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
 from sitl_mock.faults import Faulted
 

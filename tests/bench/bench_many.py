@@ -31,9 +31,9 @@ from guidance.session.control_bus import ControlBus, answers, ask, control_key, 
 from guidance.session.daemon import Daemon
 from guidance.session.fly import fly
 from guidance.session.orders import Mailbox
-from guidance.session.plan_fence import load_vehicle
 from guidance.session.service import reload
 from guidance.session.spec import plan_of
+from guidance.session.vehicle_file import load_vehicle
 from guidance.sim.files import load_scenario
 from guidance.sim.stepped import SteppedWorld
 

@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from guidance.cli import app, flying
 from guidance.errors import ConfigError
-from guidance.session.mocked import OUTCOME, PICTURE, RECORD
+from guidance.session.recorded import OUTCOME, PICTURE, RECORD
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 

@@ -15,7 +15,7 @@ from guidance.log.writer import Recorder
 from guidance.session.daemon import Daemon
 from guidance.session.loop import run
 from guidance.session.mission import Conduct, Mission
-from guidance.session.mocked import metadata_of
+from guidance.session.recorded import metadata_of
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.sim.scenario import PURSUER
 from guidance.sim.sensor import SensedEvader

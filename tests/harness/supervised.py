@@ -8,13 +8,12 @@ from guidance.flight import State
 from guidance.links.port import EvaderSource
 from guidance.session.daemon import Daemon
 from guidance.session.log import Log
-from guidance.session.loop import PERIOD_S
+from guidance.session.loop import PERIOD_S, World
 from guidance.session.metrics import Metrics
 from guidance.session.mission import Conduct, Mission
-from guidance.session.notify import Notifier
 from guidance.session.orders import Mailbox
+from guidance.session.process import Notifier
 from guidance.session.spec import FlightPlan
-from guidance.session.world import World
 from guidance.sim.scenario import Scenario
 
 

@@ -17,7 +17,7 @@ from guidance.links.evaders.zenoh import read_json
 from guidance.links.router import open_router
 from guidance.links.wires.zenoh import open_session
 from guidance.links.wires.zenoh_access import ZenohSection, credentials_of, read_credentials
-from guidance.session.plan_fence import load_vehicle
+from guidance.session.vehicle_file import load_vehicle
 from sitl_mock.cli import app as mock
 from tests.links.peer import until
 from tests.links.rigs import free_port

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from guidance.flight import Event, State
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
-from guidance.session.mocked import next_folder
+from guidance.session.recorded import next_folder
 from guidance.session.result import ending_words, outcome_of_flight
 from guidance.sim.files import load_scenario
 from guidance.sim.players import game

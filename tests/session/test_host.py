@@ -11,7 +11,7 @@ from guidance.autopilots import Verdict
 from guidance.cli import app
 from guidance.config import find
 from guidance.session import host
-from guidance.session.plan_fence import load_vehicle
+from guidance.session.vehicle_file import load_vehicle
 
 
 @pytest.fixture(autouse=True)

@@ -21,8 +21,8 @@ from guidance.session import log as log_module
 from guidance.session.answers import StartupResponder
 from guidance.session.log import Log
 from guidance.session.metrics import Metrics, MetricsServer
-from guidance.session.notify import Notifier
 from guidance.session.orders import MOST_WAITING, Mailbox
+from guidance.session.process import Notifier
 from guidance.session.vehicle_file import Config
 
 

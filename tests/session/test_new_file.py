@@ -10,8 +10,7 @@ from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found
 from guidance.session.new_file import LIMITS, Surveyed, survey, vehicle_file, write_new
-from guidance.session.plan_fence import load_vehicle
-from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_file import Config, load_vehicle
 
 QUADROTOR = 2
 PX4, ARDUPILOT = 12, 3

@@ -10,10 +10,9 @@ from guidance.config import config_folder, find, load, parse
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, State
 from guidance.game import Ball, Cylinder
-from guidance.session.plan_fence import load_vehicle
 from guidance.session.service import reload
 from guidance.session.spec import plan_of
-from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_file import Config, load_vehicle
 
 TRIANGLE = [[47.397, 8.545], [47.399, 8.545], [47.399, 8.548]]
 ZENOH = "zenoh://127.0.0.1:7447/uav1"

@@ -16,8 +16,8 @@ from guidance.game import Ball, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.log.reader import Item
-from guidance.session.plan_fence import load_vehicle
 from guidance.session.recorded import recorded_settings
+from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel import levels
 from guidance.viz.panel.bus import Heard, Joined, Said
 from guidance.viz.panel.hub import HISTORY_S, MOST_DAEMONS, MOST_EVENTS, Hub
