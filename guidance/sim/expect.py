@@ -1,7 +1,8 @@
 """What a scenario expects of its outcome, so that it is also a test: `expect.capture_time_s = { max = 12 }`."""
 
 import math
-from typing import Any, Literal, NamedTuple, Self, TypeAlias
+from collections.abc import Mapping
+from typing import Any, Final, Literal, NamedTuple, Self, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
@@ -9,6 +10,10 @@ from guidance.config import RENAMED_EVENTS, Section
 
 End: TypeAlias = Literal["captured", "arrived", "time_up", "yielded", "failed"]
 """How a run ends: the paper's two ways, the scenario's time limit, a pilot's takeover, or a flight that went wrong."""
+
+
+WINNERS: Final[Mapping[str, str]] = {"captured": "pursuer", "arrived": "evader"}
+"""Who wins by an end; nobody by another."""
 
 
 class Range(Section):
@@ -86,8 +91,7 @@ class Expectations(Section):
             raise ValueError(f"expect.capture_time_s contradicts expect.end = {self.end!r}: there is no capture then")
         if self.end == "arrived" and game == "pe":
             raise ValueError("expect.end = 'arrived': game = \"pe\" has no place to arrive at")
-        winners = {"captured": "pursuer", "arrived": "evader"}
-        wins = winners.get(str(self.end))
+        wins = WINNERS.get(str(self.end))
         if wins is not None and self.winner is not None and self.winner != wins:
             raise ValueError(f"expect.winner = {self.winner!r} contradicts expect.end = {self.end!r}: {wins} wins then")
 

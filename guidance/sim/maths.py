@@ -72,11 +72,14 @@ class Moment(NamedTuple):
     end: NDArray[np.int8]
 
 
-def play(scenarios: Sequence[Scenario], *, on_end: Callable[[], None] = lambda: None) -> list[Outcome]:
+def play(
+    scenarios: Sequence[Scenario], *, cycle_s: float = CYCLE_S, on_end: Callable[[], None] = lambda: None
+) -> list[Outcome]:
     """Play scenarios to their ends; outcomes in their order. Faults are not played: they are an autopilot's.
 
     Args:
         scenarios: What is played, of any kinds.
+        cycle_s: How long velocities are held at most.
         on_end: Called whenever a game has ended, in any order.
     """
     kinds: dict[Hashable, list[int]] = {}
@@ -85,13 +88,13 @@ def play(scenarios: Sequence[Scenario], *, on_end: Callable[[], None] = lambda: 
     outcomes: dict[int, Outcome] = {}
     for indices in kinds.values():
         alike = [scenarios[index] for index in indices]
-        for row, outcome in _play_alike(alike):
+        for row, outcome in _play_alike(alike, cycle_s):
             outcomes[indices[row]] = outcome
             on_end()
     return [outcomes[index] for index in range(len(scenarios))]
 
 
-def moments(scenarios: Sequence[Scenario]) -> Iterator[Moment]:
+def moments(scenarios: Sequence[Scenario], *, cycle_s: float = CYCLE_S) -> Iterator[Moment]:
     """Play scenarios of one kind; yield every moment, with some games that have ended still among them."""
     batch, moment = stack(scenarios), _begin(scenarios)
     with quiet(np):
@@ -104,7 +107,7 @@ def moments(scenarios: Sequence[Scenario]) -> Iterator[Moment]:
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
                 batch, moment, ahead = (keep(part, running) for part in (batch, moment, ahead))
             if len(moment.row):
-                moment = _advance(batch, moment, ahead)
+                moment = _advance(batch, moment, ahead, cycle_s)
 
 
 def opening(scenarios: Sequence[Scenario]) -> Solution:
@@ -114,10 +117,10 @@ def opening(scenarios: Sequence[Scenario]) -> Solution:
     return solve(game_of(batch, batch.believed_m_s), P, E, batch.target_m)
 
 
-def _play_alike(scenarios: Sequence[Scenario]) -> Iterator[tuple[int, Outcome]]:
+def _play_alike(scenarios: Sequence[Scenario], cycle_s: float) -> Iterator[tuple[int, Outcome]]:
     first = opening(scenarios)
     told = np.zeros(len(scenarios), dtype=bool)
-    for moment in moments(scenarios):
+    for moment in moments(scenarios, cycle_s=cycle_s):
         for place in np.flatnonzero((moment.end != _RUNNING) & ~told[moment.row]):
             row = int(moment.row[place])
             told[row] = True
@@ -158,7 +161,7 @@ def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     return np.where(moment.end == _RUNNING, now, moment.end).astype(np.int8)
 
 
-def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
+def _advance(batch: Batch, moment: Moment, ahead: Ahead, cycle_s: float) -> Moment:
     """Ask both players, and move both for as long as nothing can happen; games that have ended stand still."""
     sensor, heard, seen = batch.kind.sensor, moment.heard, _everything(batch, moment)
     if heard is not None:
@@ -168,7 +171,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     no_game = ~np.isfinite(v[:, 0])
     waiting = seen.age_s > TIMEOUT_S
     v[no_game | waiting] = 0.0
-    h = np.minimum(CYCLE_S, batch.limit_s - moment.now_s)
+    h = np.minimum(cycle_s, batch.limit_s - moment.now_s)
     for limit in (ahead.capture_s, ahead.arrival_s, ahead.turn_s, *_changes_s(batch, moment, heard)):
         h = np.minimum(h, limit)
     h = np.where(moment.end == _RUNNING, h, 0.0)

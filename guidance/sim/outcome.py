@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Final, NamedTuple, Protocol
 
 from guidance.game import Winner
+from guidance.sim.expect import WINNERS
 from guidance.sim.scenario import Scenario
 
 
@@ -105,13 +106,8 @@ def outcome_of(
         events: What happened, in order.
         reason: Why there was no game.
     """
-    captured, comparable = end == "captured", predicted_winner != "evader"
-    if scenario.game == "pe":
-        achieved = game_time_s if captured else math.nan
-        regret = achieved - predicted
-    else:
-        achieved = final_distance_m if captured else (0.0 if end == "arrived" else math.nan)
-        regret = predicted - achieved
+    comparable = predicted_winner != "evader"
+    achieved, regret = achieved_and_regret(scenario.game, end, game_time_s, final_distance_m, predicted)
     return Outcome(
         scenario=scenario.title,
         run=run,
@@ -120,10 +116,10 @@ def outcome_of(
         evader_policy=scenario.evader.policy,
         seed=scenario.seed,
         end=end,
-        winner={"captured": "pursuer", "arrived": "evader"}.get(end, "none"),
+        winner=WINNERS.get(end, "none"),
         predicted_winner=predicted_winner,
         game_time_s=game_time_s,
-        capture_time_s=game_time_s if captured else math.nan,
+        capture_time_s=game_time_s if end == "captured" else math.nan,
         final_distance_m=final_distance_m,
         predicted=predicted,
         time_needed_s=time_needed_s,
@@ -138,6 +134,25 @@ def outcome_of(
         duration_s=duration_s,
         reason=reason,
     )
+
+
+def achieved_and_regret(
+    game: str, end: str, game_time_s: float, final_distance_m: float, predicted: float
+) -> tuple[float, float]:
+    """Return what a game came to, in the unit of its value, and what the pursuer lost against that.
+
+    Args:
+        game: "pe" or "tad".
+        end: How it ended, a word.
+        game_time_s: From engagement to the end.
+        final_distance_m: Of the evader from its target, in TAD.
+        predicted: The game's value at engagement: s in PE, m in TAD.
+    """
+    if game == "pe":
+        achieved = game_time_s if end == "captured" else math.nan
+        return achieved, achieved - predicted
+    achieved = final_distance_m if end == "captured" else (0.0 if end == "arrived" else math.nan)
+    return achieved, predicted - achieved
 
 
 def final_distance_m(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> float:

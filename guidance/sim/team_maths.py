@@ -8,11 +8,11 @@ import numpy as np
 
 from guidance.game import Ball, End, Game
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
-from guidance.sim.outcome import winner_name
+from guidance.sim.expect import WINNERS
+from guidance.sim.outcome import achieved_and_regret, winner_name
 from guidance.sim.teams import Teams, TeamScenario, teams_of
 
 _ENDS = {End.CAPTURED: "captured", End.ARRIVED: "arrived", End.TIME_UP: "time_up"}
-_WINS = {"captured": "pursuer", "arrived": "evader"}
 
 
 class TeamOutcome(NamedTuple):
@@ -159,12 +159,7 @@ def _outcomes(scenario: TeamScenario, teams: Teams, played: TeamRollout, row: in
         sure = bool(first.first[row, j] >= 0)
         time, predicted = float(played.time_s[row, j]), float(first.value[row, j])
         distance = float(played.distance_m[row, j])
-        if scenario.game == "pe":
-            achieved = time if end == "captured" else math.nan
-            regret = achieved - predicted
-        else:
-            achieved = distance if end == "captured" else (0.0 if end == "arrived" else math.nan)
-            regret = predicted - achieved
+        achieved, regret = achieved_and_regret(scenario.game, end, time, distance, predicted)
         rows.append(
             TeamOutcome(
                 scenario=scenario.title,
@@ -179,7 +174,7 @@ def _outcomes(scenario: TeamScenario, teams: Teams, played: TeamRollout, row: in
                 guaranteed=int(first.guaranteed[row]),
                 captured=ends.count("captured"),
                 end=end,
-                winner=_WINS.get(end, "none"),
+                winner=WINNERS.get(end, "none"),
                 predicted_winner=winner_name(int(first.winner[row, j])),
                 first=int(first.first[row, j]),
                 second=int(first.second[row, j]),

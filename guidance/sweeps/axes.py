@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from guidance.config import as_toml
 from guidance.errors import ConfigError
 from guidance.sweeps.distributions import DISTRIBUTIONS, Annulus, Distribution, distribution_of
-from guidance.toml_text import as_toml
 
 _PART = re.compile(r"(?P<name>[a-z_][a-z0-9_]*)(?P<places>(\[\d+\])*)")
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from guidance.config import as_toml
 from guidance.errors import ConfigError
 from guidance.strategies import uniform
-from guidance.toml_text import as_toml
 
 Seeds = NDArray[np.int64]
 

@@ -18,7 +18,7 @@ from guidance.session.onlookers import free_endpoint
 from guidance.session.recorded import RECORD, recorded_settings
 from guidance.viz.beside import options_of
 from guidance.viz.panel import afterwards
-from guidance.viz.panel.bus import DaemonBus, Heard
+from guidance.viz.panel.bus import Arrived, DaemonBus
 from guidance.viz.panel.hub import Hub
 from guidance.viz.panel.records import Past, RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
@@ -114,7 +114,7 @@ def test_a_flight_that_a_panel_looks_at_sends_the_same_setpoints_bit_for_bit(rec
     heard = SimpleNamespace(cycles=0)
 
     def look(_):
-        heard.cycles += sum(isinstance(news, Heard) for news in list(bus._news))
+        heard.cycles += sum(isinstance(news, Arrived) for news in list(bus._news))
         hub.listen()
         hub.message()
         if not heard.cycles:

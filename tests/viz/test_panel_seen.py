@@ -19,7 +19,7 @@ from guidance.log.reader import Item
 from guidance.session.recorded import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel import levels
-from guidance.viz.panel.bus import Heard, Joined, Said
+from guidance.viz.panel.bus import Arrived, Joined, Said
 from guidance.viz.panel.hub import HISTORY_S, MOST_DAEMONS, MOST_EVENTS, Hub
 from guidance.viz.panel.levels import Level
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
@@ -178,7 +178,7 @@ def test_levels_follow_the_limits_that_the_flight_acts_on(level, wanted):
 
 def test_a_page_that_joins_is_told_everything_and_then_only_what_is_new(told, record):
     items = [item for item in scan(record) if item.topic in {CYCLE_TOPIC, EVENT_TOPIC}]
-    told.tell(*(Heard("uav1", 100.0, item) for item in items), Said("uav1", 100.0, {"state": "landed"}))
+    told.tell(*(Arrived("uav1", 100.0, item) for item in items), Said("uav1", 100.0, {"state": "landed"}))
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["snapshot"]["state"] == "landed"
     assert everything["status"] == {"state": "landed"}
@@ -197,7 +197,7 @@ def test_a_page_that_joins_is_told_everything_and_then_only_what_is_new(told, re
 
 def test_what_happened_before_a_page_came_is_told_once(told):
     event = {"now_s": 2.0, "event": "checks passed", "detail": "checking -> ready"}
-    told.tell(Heard("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.tell(Arrived("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
     told.hub.settle()  # nobody was there
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["events"] == [event]
@@ -209,18 +209,18 @@ def test_the_history_is_of_five_minutes_however_long_a_flight_lasts(told, record
     row = json.loads(last.data)
     for number in range(3000):
         data = json.dumps({**row, "now_s": row["now_s"] + 0.25 * number}).encode()
-        told.tell(Heard("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
+        told.tell(Arrived("uav1", 100.0, Item(0.0, CYCLE_TOPIC, "json", data)))
     rows = told.read(whole=True)["daemons"][0]["history"]["rows"]
     assert len(rows) <= HISTORY_S / 0.25
     assert rows[-1][0] - rows[0][0] <= HISTORY_S
     # A daemon that was started anew has a clock of its own: nothing of before is drawn beside it.
-    told.tell(Heard("uav1", 100.0, last))
+    told.tell(Arrived("uav1", 100.0, last))
     assert len(told.read(whole=True)["daemons"][0]["history"]["rows"]) == 1
 
 
 def test_a_daemon_that_falls_silent_is_said_to(told, record):
     (last,) = [item for item in scan(record) if item.topic == CYCLE_TOPIC][-1:]
-    told.tell(Heard("uav1", 100.0, last))
+    told.tell(Arrived("uav1", 100.0, last))
     for after_s, contact in ((0.5, "ok"), (1.5, "caution"), (2.5, "warning")):
         told.clock.sleep_until(100.0 + after_s)
         told.tell(Said("uav1", 100.0 + after_s, {"state": "ready"}))  # its loop hangs, its bus answers
@@ -230,7 +230,7 @@ def test_a_daemon_that_falls_silent_is_said_to(told, record):
 def test_nonsense_on_the_bus_is_passed_over_and_bounded(told):
     for data in (b"", b"{", b"[]", b'{"now_s": 1}', b'{"now_s": "x", "event": 3}'):
         for topic in (CYCLE_TOPIC, EVENT_TOPIC):
-            told.tell(Heard("uav1", 100.0, Item(0.0, topic, "json", data)))
+            told.tell(Arrived("uav1", 100.0, Item(0.0, topic, "json", data)))
     told.tell(Joined("odd", {"config": "no JSON"}, None), Said("odd", 100.0, {"state": "waiting"}))
     told.tell(*(Said(f"uav{number}", 100.0, {}) for number in range(2 * MOST_DAEMONS)))
     daemons = told.read(whole=True)["daemons"]
@@ -244,7 +244,7 @@ def test_a_configuration_read_again_is_the_scene_from_then_on(told):
     document = load_vehicle(find("px4", "vehicles")).model_dump(mode="json")
     document["limits"]["ceiling_m"] = 44.0
     event = {"now_s": 2.0, "event": RELOADED, "detail": json.dumps(document)}
-    told.tell(Heard("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
+    told.tell(Arrived("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(event).encode())))
     (daemon,) = told.read(whole=True)["daemons"]
     assert daemon["scene"]["ceiling_m"] == 44.0
     assert daemon["events"] == [{"now_s": 2.0, "event": RELOADED, "detail": ""}]

@@ -58,7 +58,7 @@ class Said(NamedTuple):
     status: Mapping[str, Any]
 
 
-class Heard(NamedTuple):
+class Arrived(NamedTuple):
     """One cycle or event of a daemon, as it was broadcast, and when it came (of the panel's clock)."""
 
     name: str
@@ -66,7 +66,7 @@ class Heard(NamedTuple):
     item: Item
 
 
-News = Joined | Said | Heard
+News = Joined | Said | Arrived
 
 
 class DaemonBus:
@@ -190,7 +190,7 @@ class DaemonBus:
         _, name, _, what = str(sample.key_expr).split("/", 3)
         if what in TOPICS:
             item = Item(0.0, TOPICS[what], "json", sample.payload.to_bytes())
-            self._news.append(Heard(name, self._clock.now_s(), item))
+            self._news.append(Arrived(name, self._clock.now_s(), item))
 
     def _leave(self) -> None:
         session, self._session = self._session, None

@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
-from guidance.viz.panel.bus import Heard, Joined, News, Said
+from guidance.viz.panel.bus import Joined, News, Said
 from guidance.viz.panel.levels import of_age, of_operator
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 
@@ -213,6 +213,3 @@ class Hub:
         """Leave all buses."""
         for bus in self._buses:
             bus.close()
-
-
-__all__ = ["Bus", "Heard", "Hub", "Watched"]
