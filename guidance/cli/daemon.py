@@ -89,7 +89,7 @@ def ctl(
     from guidance.cli.ctl_shown import watch as show_again  # noqa: PLC0415
     from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
-    from guidance.session.control_bus import ask, own_name  # noqa: PLC0415
+    from guidance.session.control_client import ask, own_name  # noqa: PLC0415
     from guidance.session.orders import ALIVE, STATUS  # noqa: PLC0415
 
     if order not in {ALIVE, STATUS} or as_json:

@@ -157,7 +157,7 @@ def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:
 
 
 def _panel(closing: contextlib.ExitStack, out: Path | None) -> "PanelBeside":
-    from guidance.session.onlookers import free_endpoint  # noqa: PLC0415
+    from guidance.session.control_bus import free_endpoint  # noqa: PLC0415
     from guidance.viz.beside import PanelBeside, options_of  # noqa: PLC0415
 
     beside = PanelBeside(free_endpoint(), *options_of(None, Path("flights") if out is None else out.parent))

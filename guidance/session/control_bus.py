@@ -1,39 +1,37 @@
-"""Orders over Zenoh, on loopback: `guidance/<name>/ctl/<order>` is asked, JSON is the answer; and who owns the vehicle.
+"""The end of the control bus that is ordered: it takes orders to the loop, over Zenoh on loopback, and answers back.
 
-A liveliness token says that the vehicle has an owner. It vanishes with the owner's process, however that ends.
+A liveliness token says that the vehicle has an owner. It vanishes with the owner's process, however that ends. People
+may look on and order in the same way while a flight lasts that is not a daemon's: it has a bus of its own, and its
+broadcast on it.
 """
 
 import contextlib
-import getpass
 import json
+import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import zenoh
 
-from guidance.errors import ConfigError, LinkError
-from guidance.links.wires.zenoh import is_over, open_session
+from guidance.errors import LinkError
+from guidance.links.wires.zenoh import is_over
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.log.broadcast import Broadcast
 from guidance.session import control_token
+from guidance.session.control_client import control_key, join_session
 from guidance.session.control_token import ControlToken
-from guidance.session.orders import STATUS, WORDS, Answer, Mailbox, Question
+from guidance.session.orders import Answer, Mailbox, Question
 
 ANSWER_LIMIT_S: Final = 2.0
-JOIN_LIMIT_S: Final = 3.0
 LONGEST_NAME: Final = 64
 """Characters of who gave an order: it is said by whoever asks, and kept in the record."""
 
 MOST_WAITING: Final = 16
 _LOOK_EVERY_S: Final = 0.5
-
-
-def control_key(name: str, order: str) -> str:
-    """Return the key that an order is asked on."""
-    return f"guidance/{name}/ctl/{order}"
 
 
 def hosting_config(endpoint: str, token: ControlToken | None = None) -> zenoh.Config:
@@ -66,35 +64,6 @@ def host_session(endpoint: str, token: ControlToken | None = None) -> "zenoh.Ses
         raise LinkError(
             f"control.endpoint = {endpoint!r}: cannot listen there; does another daemon own this vehicle? "
             "`guidance ctl status` asks it"
-        ) from error
-
-
-def join_session(
-    endpoint: str,
-    token_file: Path | None = None,
-    credentials: Credentials = NO_CREDENTIALS,
-    *,
-    timeout_s: float = JOIN_LIMIT_S,
-) -> "zenoh.Session":
-    """Join the control bus of a daemon, with its token where it has one, or by a router that knows our certificate.
-
-    Raises:
-        ConfigError: If the token may not be read by us.
-        LinkError: If nobody listens at the endpoint, or the token is not the daemon's.
-    """
-    if credentials.tls is not None:
-        return open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
-    path = control_token.default_path(endpoint) if token_file is None else token_file
-    token = control_token.read(path)
-    try:
-        shown = Credentials(auth=None if token is None else token.for_client())
-        return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
-    except LinkError as error:
-        used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
-        raise LinkError(
-            f"control {endpoint}: no session within {timeout_s:g} s: no daemon is there, or it does not let us in "
-            f"({used}); is `guidance run` running, by the same user? "
-            "--token-file says where another daemon's token lies"
         ) from error
 
 
@@ -248,77 +217,40 @@ class ControlBus:
             control_token.discard(self._issued)
 
 
-TIMEOUT_S: Final = 4.0
-
-
 def name_in(data: bytes) -> str:
     """Read who gives an order, as printable text of bounded length, whatever was sent."""
     text = data[: 4 * LONGEST_NAME].decode("utf-8", errors="replace")
     return "".join(one for one in text if one.isprintable())[:LONGEST_NAME].strip()
 
 
-def own_name(program: str) -> str:
-    """Return how a program of this user names itself in an order."""
-    try:
-        return f"{program}, {getpass.getuser()}"
-    except (KeyError, OSError):  # a user without a name
-        return program
+class Onlookers(NamedTuple):
+    """Where their orders come in, and what they hear a flight by; None where nobody can be there."""
+
+    mailbox: Mailbox
+    broadcast: Broadcast | None = None
 
 
-def ask(
-    order: str,
-    *,
-    endpoint: str,
-    name: str | None,
-    timeout_s: float = TIMEOUT_S,
-    token_file: Path | None = None,
-    credentials: Credentials = NO_CREDENTIALS,
-    by: str = "",
-) -> Mapping[str, Any]:
-    """Give an order to the daemon called `name`; without a name, to the only one there is.
-
-    Args:
-        order: One of `WORDS`.
-        endpoint: Where the daemon listens for orders.
-        name: The daemon's; None takes the only one there is.
-        timeout_s: How long an answer is waited for.
-        token_file: The secret that lets us in, where it is not the default one.
-        credentials: For a router that judges certificates, in place of a token.
-        by: Who gives it, for the log and the record.
+@contextlib.contextmanager
+def admitted(name: str, metadata: Mapping[str, str], endpoint: str | None) -> Iterator[Onlookers]:
+    """Let onlookers in at an endpoint, whoever can read its token; nobody where there is no endpoint.
 
     Raises:
-        ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
-        LinkError: If nobody answers, or the daemon does not let us in.
+        OutputError: If the token cannot be written.
+        LinkError: If the endpoint cannot be had.
     """
-    if order not in WORDS:
-        raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
-    session = join_session(endpoint, token_file, credentials)
-    try:
-        if name is None:
-            # Never an order to all: first find out who is there.
-            there = answers(session, control_key("*", STATUS), timeout_s)
-            names = sorted(str(answer["name"]) for answer in there)
-            if not names:
-                raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
-            if len(names) > 1:
-                raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
-            name = names[0]
-        answered = answers(session, control_key(name, order), timeout_s, by)
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
-    if not answered:
-        raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
-    return answered[0]
+    mailbox = Mailbox()
+    if endpoint is None:
+        yield Onlookers(mailbox)
+        return
+    with (
+        contextlib.closing(ControlBus(name, mailbox, endpoint=endpoint, host=True)) as control,
+        contextlib.closing(Broadcast(name, control.session, metadata)) as broadcast,
+    ):
+        yield Onlookers(mailbox, broadcast)
 
 
-def answers(session: Any, key: str, timeout_s: float, by: str = "") -> list[dict[str, Any]]:  # noqa: ANN401 - zenoh.Session
-    """Ask on a control key and return every answer.
-
-    Args:
-        session: A control bus, joined.
-        key: Of one daemon's order, or of several.
-        timeout_s: How long they are waited for.
-        by: Who gives the order; empty for a question.
-    """
-    replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None)
-    return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+def free_endpoint() -> str:
+    """Return a control endpoint on a port of loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -8,11 +8,11 @@ from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
 from guidance.log.record import BackgroundRecorder
+from guidance.session.control_bus import admitted
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
 from guidance.session.loop import World
 from guidance.session.mission import Progress
-from guidance.session.onlookers import admitted
 from guidance.session.recorded import RECORD, metadata_of, recording
 from guidance.session.result import FlightResult
 from guidance.sim.live import OVER, ZENOH

@@ -20,14 +20,13 @@ from guidance.links.wires.udp import UdpWire
 from guidance.log.broadcast import Broadcast
 from guidance.messages import Home
 from guidance.session.checkup import Checkup
-from guidance.session.control_bus import ControlBus
+from guidance.session.control_bus import ControlBus, Onlookers, admitted
 from guidance.session.fly import fly
 from guidance.session.log import Log
 from guidance.session.loop import Signals
 from guidance.session.meeting import identify, wait_until_placed
 from guidance.session.merging import config_of
 from guidance.session.mission import Conduct, Progress
-from guidance.session.onlookers import Onlookers, admitted
 from guidance.session.opening import VehicleWorld, open_all
 from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.process import Notifier

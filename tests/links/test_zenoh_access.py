@@ -28,7 +28,8 @@ from guidance.links.wires.zenoh_access import (
     read_credentials,
 )
 from guidance.log.broadcast import Broadcast, LiveFlight
-from guidance.session.control_bus import ControlBus, OwnerToken, ask, join_session
+from guidance.session.control_bus import ControlBus, OwnerToken
+from guidance.session.control_client import ask, join_session
 from guidance.session.orders import Mailbox
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.transports.zenoh_keys import read_keys

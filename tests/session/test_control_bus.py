@@ -9,10 +9,11 @@ import pytest
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.session import control_bus as asking
 from guidance.session import control_bus as buses
-from guidance.session.control_bus import ControlBus, OwnerToken, ask, control_key
-from guidance.session.control_bus import join_session as open_session
+from guidance.session import control_client as asking
+from guidance.session.control_bus import ControlBus, OwnerToken
+from guidance.session.control_client import ask, control_key
+from guidance.session.control_client import join_session as open_session
 from guidance.session.orders import Mailbox
 
 

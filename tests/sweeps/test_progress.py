@@ -5,8 +5,7 @@ import io
 from rich.console import Console
 
 from guidance.sweeps.executors import ProcessExecutor, SerialExecutor
-from guidance.sweeps.progress import shown
-from guidance.sweeps.running import begun, finish
+from guidance.sweeps.running import begun, finish, shown
 
 
 def test_games_are_told_one_by_one_within_a_chunk(plan_from, tmp_path):

@@ -13,8 +13,8 @@ from aiohttp.test_utils import TestClient, TestServer
 from guidance.clock import MonotonicClock
 from guidance.errors import OutputError
 from guidance.log import cycles_of
+from guidance.session.control_bus import free_endpoint
 from guidance.session.mocked import fly_mock
-from guidance.session.onlookers import free_endpoint
 from guidance.session.recorded import RECORD, recorded_settings
 from guidance.viz.beside import options_of
 from guidance.viz.panel import afterwards
