@@ -49,6 +49,10 @@ class SteppedMock:
 class SteppedWorld:
     """The world of virtual time: both vehicles in one process. `advance` steps them to the clock's present.
 
+    Attributes:
+        faulted: The vehicles with what goes wrong with them, by name; more may be injected.
+        vehicles: The same without.
+
     Raises:
         ConfigError: If a fault of the scenario is none that its vehicle can have.
     """
@@ -58,9 +62,9 @@ class SteppedWorld:
     def __init__(self, scenario: Scenario, clock: Clock) -> None:
         self._clock = clock
         self._scenario = scenario
-        self._faulted = faulted_fleet(scenario)
-        self.vehicles = {name: faulted.vehicle for name, faulted in self._faulted.items()}
-        self._mocks = {name: SteppedMock(name, faulted, clock) for name, faulted in self._faulted.items()}
+        self.faulted = faulted_fleet(scenario)
+        self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
+        self._mocks = {name: SteppedMock(name, faulted, clock) for name, faulted in self.faulted.items()}
         pursuer, evader = self._mocks[PURSUER], self._mocks[EVADER]
         self.link: VehicleLink = PymavlinkLink(pursuer.wire, clock.now_s, system_id=PURSUER_ID)
         self.evader_link: VehicleLink = PymavlinkLink(evader.wire, clock.now_s, system_id=EVADER_ID)
@@ -76,7 +80,7 @@ class SteppedWorld:
     def engage(self) -> None:
         """Put the faults in place that count from engagement."""
         for name, keys in faults_after(self._scenario, "engaged"):
-            self._faulted[name].inject(keys)
+            self.faulted[name].inject(keys)
 
     def drain(self) -> Sequence[Passed]:
         """All frames that passed since the last call, of one vehicle after the other."""

@@ -16,17 +16,21 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from tests.faults.drawing import KINDS, draw_case
-from tests.faults.flying import Row, fly
+from tests.faults.drawing import AUTOPILOTS, KINDS, SHARED, draw_case
+from tests.faults.flying import Row, Starts, fly
 
 FLIGHTS = 60
 TOLD_EVERY = 20
 WALLS = ("fence", "polygon", "floor", "ceiling", "stand-off")
 
 
+_STARTS = Starts()
+"""Of this process."""
+
+
 def flown(seed: int, number: int, folder: Path | None) -> Row:
     """Fly one by its number, in a process of the pool."""
-    return fly(draw_case(seed, number), folder)
+    return fly(draw_case(seed, number), folder, _STARTS)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -59,8 +63,9 @@ def _numbers(seed: int, flights: int, kind: str | None) -> list[int]:
 
 
 def _all(console: Console, seed: int, numbers: Sequence[int], jobs: int, folder: Path | None) -> Iterator[Row]:
+    chunk = len(AUTOPILOTS) * SHARED  # those of one game in one process
     with ProcessPoolExecutor(max(1, min(jobs, len(numbers) or 1))) as pool:
-        waiting = pool.map(flown, [seed] * len(numbers), numbers, [folder] * len(numbers))
+        waiting = pool.map(flown, [seed] * len(numbers), numbers, [folder] * len(numbers), chunksize=chunk)
         columns = (TextColumn("{task.completed}/{task.total} flights"), TimeRemainingColumn())
         with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
             task = progress.add_task("", total=len(numbers))

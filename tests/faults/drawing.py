@@ -15,6 +15,10 @@ from guidance.sim.scenario import Scenario
 Keys = dict[str, Any]
 
 GAME_S = 9.0
+SHARED = 5
+"""So many flights have one game: their way to its start is flown once."""
+
+AUTOPILOTS = ("px4", "arducopter")
 PILOT_MODES = {"px4": ("POSCTL", "ALTCTL", "STABILIZED"), "arducopter": ("LOITER", "ALT_HOLD", "STABILIZE")}
 POLICIES = ("optimal", "optimal", "optimal", "random_turns", "pure_evade", "waypoints")
 MOTION = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "ATTITUDE")
@@ -52,6 +56,12 @@ class Case:
         """What goes wrong, by name; an evader's link is told from the pursuer's."""
         stalled = ("loop_stall",) if self.stalls else ()
         return (*(_named(fault.kind, fault.vehicle) for fault in self.scenario.fault), *stalled)
+
+    @property
+    def game(self) -> Scenario:
+        """The scenario until it is engaged: without the faults that count from there."""
+        early = [fault for fault in self.scenario.fault if fault.after != "engaged"]
+        return self.scenario.model_copy(update={"fault": early})
 
     @property
     def again(self) -> str:
@@ -92,8 +102,8 @@ def _shares(draw: Draw, low: float = 0.05, high: float = 0.6) -> Keys:
     return {"probability": draw.between(low, high)}
 
 
-def _from_start(_draw: Draw, keys: Keys) -> Keys:
-    return {"after": "start", "at_s": 0.0, **keys}
+def _early_or_late(draw: Draw, keys: Keys) -> Keys:
+    return {**draw.one({}, {"after": "start", "at_s": 0.0}), **keys}
 
 
 def _bad_fields(draw: Draw) -> Keys:
@@ -127,11 +137,11 @@ PURSUER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
         "for_s": draw.between(1.0, 6.0),
     },
     "corrupt": lambda draw: {**_shares(draw, 0.02, 0.5), "bits": draw.one(1, 2, 3)},
-    "ack_lost": lambda draw: _from_start(draw, _shares(draw, 0.3, 1.0)),
-    "ack_late": lambda draw: _from_start(draw, {"delay_s": draw.between(0.2, 3.0)}),
-    "ack_wrong": lambda draw: _from_start(draw, {"result": draw.one(1, 2, 4, 5)}),
-    "ack_in_progress": lambda draw: _from_start(draw, {}),
-    "ack_foreign": lambda draw: _from_start(draw, {}),
+    "ack_lost": lambda draw: _early_or_late(draw, _shares(draw, 0.3, 1.0)),
+    "ack_late": lambda draw: _early_or_late(draw, {"delay_s": draw.between(0.2, 3.0)}),
+    "ack_wrong": lambda draw: _early_or_late(draw, {"result": draw.one(1, 2, 4, 5)}),
+    "ack_in_progress": lambda draw: _early_or_late(draw, {}),
+    "ack_foreign": lambda draw: _early_or_late(draw, {}),
     "heartbeat_gap": lambda draw: {"gap_s": draw.between(1.0, 5.0)},
     "v1_frames": _nothing,
     "signed_frames": _nothing,
@@ -210,21 +220,26 @@ KINDS = (*PURSUER_FAULTS, *(_named(kind, "evader") for kind in EVADER_FAULTS), L
 
 
 def draw_case(seed: int, number: int) -> Case:
-    """Draw flight `number` of the run `seed`. The kinds of faults come round in turn, so that none is left out."""
-    autopilot = ("px4", "arducopter")[number % 2]
+    """Draw flight `number` of the run `seed`. The kinds of faults come round in turn, so that none is left out.
+
+    So do the autopilots, and about `SHARED` flights of each have one geometry, one game and one wind.
+    """
+    turn, place = divmod(number, len(KINDS))
+    autopilot, played = AUTOPILOTS[(turn + place) % len(AUTOPILOTS)], number // (len(AUTOPILOTS) * SHARED)
+    draw = Draw(Random(f"game {seed} {autopilot} {played}"), autopilot)
+    document = _game(draw, autopilot)
+    document["seed"] = played
+    corners = _corners(draw, document) if draw.chance(0.3) else None
     draw = Draw(Random(f"faults {seed} {number}"), autopilot)
-    first = (number // 2 + seed) % len(KINDS)
+    first = (place + seed) % len(KINDS)
     more = draw.random.choices((0, 1, 2), (5, 3, 2))[0]
     kinds = (KINDS[first], *draw.random.sample(KINDS, more))
-    document = _game(draw, autopilot)
     stalls = tuple(
         Stall(draw.between(0.5, 6.0), draw.between(0.05, 0.8 if draw.chance(0.7) else 3.0))
         for kind in kinds
         if kind == LOOP_STALL
     )
     document["fault"] = [_fault(draw, kind) for kind in dict.fromkeys(kinds) if kind != LOOP_STALL]
-    document["seed"] = number
-    corners = _corners(draw, document) if draw.chance(0.3) else None
     return Case(seed, number, parse(Scenario, document, source=f"flight {number}"), corners, stalls)
 
 

@@ -9,6 +9,7 @@ flight, or that obeys another program, no wall is asked; that the other program 
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from guidance.control import Polygon
@@ -19,6 +20,7 @@ from guidance.frames import Amsl
 from guidance.messages import LocalPosition
 from guidance.sim.scenario import EVADER, PURSUER
 from guidance.sim.stepped import SteppedWorld
+from sitl_mock import MockVehicle
 from sitl_mock.faults import frames
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.world import Home
@@ -61,21 +63,63 @@ class Sight(NamedTuple):
     blind_m: float
 
 
+class Recently:
+    """The largest of what was met in the last seconds: what a later one exceeds is forgotten."""
+
+    def __init__(self) -> None:
+        self._met: deque[tuple[float, float]] = deque()
+
+    def take(self, now_s: float, value: float) -> float:
+        """Take one in, and return the largest."""
+        met = self._met
+        while met and met[-1][1] <= value:
+            met.pop()
+        met.append((now_s, value))
+        while now_s - met[0][0] > REMEMBERED_S:
+            met.popleft()
+        return met[0][1]
+
+
+class Heard:
+    """When setpoints come through to a vehicle and are taken, faults of its link included; put before its `step_links`."""
+
+    def __init__(self, vehicle: MockVehicle) -> None:
+        self._vehicle, self._step_links = vehicle, vehicle.step_links
+        self._last_s, self._gap_s = math.inf, 0.0
+        vehicle.step_links = self._listen  # type: ignore[method-assign]
+
+    def _listen(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
+        taken = not self._vehicle.autopilot.conditions.offboard_refused
+        if taken and any(_is_setpoint(frame) for arrived in frames_in.values() for frame in arrived):
+            self._gap_s, self._last_s = max(self._gap_s, now_s - self._last_s), now_s
+        return self._step_links(now_s, frames_in)
+
+    def longest_gap_s(self, now_s: float) -> float:
+        """Return for how long it had none, at the worst, since the last call."""
+        since_s = now_s - self._last_s if self._vehicle.mode in GUIDED else 0.0
+        gap_s, self._gap_s = max(self._gap_s, since_s), 0.0
+        return gap_s
+
+
 class Watch:
-    """Looks at every cycle of one flight."""
+    """Looks at every cycle of one flight.
+
+    Attributes:
+        case: What is flown; of a flight that goes on from a copy, its own from there on.
+    """
 
     def __init__(self, case: Case, world: SteppedWorld) -> None:
-        self._case = case
+        self.case = case
         self._pursuer, self._rover = world.vehicles[PURSUER], world.vehicles[EVADER]
+        self._heard = Heard(self._pursuer)
         self._polygon = None if case.corners_m is None else Polygon(case.corners_m)
-        self._recent: deque[Sight] = deque()
+        self._level, self._height, self._blind, self._evaders = (Recently() for _ in range(4))
         self._engaged_s: float | None = None
         self._home_m: Vector | None = None
         self._guided_s = -math.inf
         self._ours = False
         self._entered_m = 0.0
         self._before: Sight | None = None
-        self._heard_s, self._gap_s = math.inf, 0.0
         self._ended_s: float | None = None
         self._pilots: str | None = None
         self._states: list[State] = []
@@ -84,19 +128,6 @@ class Watch:
         self._granted_m: dict[str, float] = {}
         self._asked_down_m_s = 0.0
         self._sunk_m = self._risen_m = 0.0
-        self._listen()
-
-    def _listen(self) -> None:
-        """Note when a setpoint comes through to the vehicle, faults of its link included."""
-        inner, flown = self._pursuer.step_links, self._pursuer
-
-        def step_links(now_s: float, frames_in: Any) -> Any:
-            taken = not flown.autopilot.conditions.offboard_refused
-            if taken and any(_is_setpoint(frame) for arrived in frames_in.values() for frame in arrived):
-                self._gap_s, self._heard_s = max(self._gap_s, now_s - self._heard_s), now_s
-            return inner(now_s, frames_in)
-
-        flown.step_links = step_links  # type: ignore[method-assign]
 
     def wrong(self, invariant: str, now_s: float, amount: float, said: str = "") -> None:
         """Keep the worst of each kind."""
@@ -119,7 +150,7 @@ class Watch:
             self.wrong("no chase of an old place", now_s, flight.tracking.silence_s(now_s))
 
     def _numbers(self, now_s: float, frame: bytes) -> None:
-        limits = self._case.scenario.speed_limits
+        limits = self.case.scenario.speed_limits
         north, east, down = (frames.value(frame, name) for name in ("vx", "vy", "vz"))
         if not all(map(math.isfinite, (north, east, down))):
             self.wrong("numbers", now_s, math.inf)
@@ -133,7 +164,7 @@ class Watch:
         local, home_m = flight.vehicle.last(LocalPosition), flight.tracking.home_ned_m
         if local is None or home_m is None:
             return
-        limits = self._case.scenario.limits
+        limits = self.case.scenario.limits
         height_m = home_m[2] - local.position_ned_m[2] + flight.tracking.held_back_ned_m[2]
         if height_m < limits.floor_m - SPARE_M and self._asked_down_m_s > ASKED_M_S:
             self.wrong("nothing is asked further out", now_s, self._asked_down_m_s, "below the floor")
@@ -170,12 +201,12 @@ class Watch:
 
     def _accuse_rightly(self, now_s: float, outputs: Outputs, flight: Any) -> None:
         accused = any(happening.event is Event.RIVAL for happening in outputs.happenings)
-        if accused and "evader_forger" not in self._case.kinds:
+        if accused and "evader_forger" not in self.case.kinds:
             self.wrong("no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s))
 
     def _follow_pilot(self, now_s: float) -> None:
         """A pilot who took the vehicle keeps it."""
-        wanted = {fault.keys().get("mode") for fault in self._case.scenario.fault if fault.kind == "pilot_mode"}
+        wanted = {fault.keys().get("mode") for fault in self.case.scenario.fault if fault.kind == "pilot_mode"}
         mode = self._pursuer.mode
         if self._pilots is None and self._engaged_s is not None and mode in wanted:
             self._pilots = mode
@@ -192,11 +223,9 @@ class Watch:
         elif mode not in HOLDS or now_s - self._guided_s > BRAKING_S:
             self._ours = False
         sight = self._sight(now_s, flight)
-        self._recent.append(sight)
-        while now_s - self._recent[0].now_s > REMEMBERED_S:
-            self._recent.popleft()
+        allowed = self._allowed(sight)
         if self._ours and self._home_m is not None:
-            self._walls(sight, self._home_m)
+            self._walls(sight, self._home_m, allowed)
         else:
             self._entered_m = 0.0
         self._before = sight
@@ -206,20 +235,27 @@ class Watch:
         return self._engaged_s is not None and now_s - self._engaged_s >= begun_s
 
     def _begun_s(self, kind: str) -> float:
-        return min((fault.at_s for fault in self._case.scenario.fault if fault.kind == kind), default=math.inf)
+        return min((fault.at_s for fault in self.case.scenario.fault if fault.kind == kind), default=math.inf)
 
     def _notice_another(self, now_s: float, state: State) -> None:
         """Another program is noticed within two seconds, where nothing else goes wrong."""
-        if self._case.kinds == ("second_source",) and self._engaged_s is not None and state in SETPOINT_STATES:
+        if self.case.kinds == ("second_source",) and self._engaged_s is not None and state in SETPOINT_STATES:
             since_s = now_s - self._engaged_s - self._begun_s("second_source")
             if since_s > NOTICED_S:
                 self.wrong("another program is noticed", now_s, since_s)
 
-    def _walls(self, sight: Sight, home_m: Vector) -> None:
-        limits = self._case.scenario.limits
+    def _allowed(self, sight: Sight) -> tuple[float, float, float]:
+        """Return the largest error of late, horizontally and of the height, with what is flown blind; the evader's."""
+        blind_m = self._blind.take(sight.now_s, sight.blind_m)
+        level_m, height_m = sight.error_m
+        evader_m = self._evaders.take(sight.now_s, math.hypot(*sight.evader_error_m))
+        level_m, height_m = self._level.take(sight.now_s, level_m), self._height.take(sight.now_s, height_m)
+        return level_m + blind_m, height_m + blind_m, evader_m
+
+    def _walls(self, sight: Sight, home_m: Vector, allowed_m: tuple[float, float, float]) -> None:
+        level_m, height_m, evader_m = allowed_m
+        limits = self.case.scenario.limits
         north, east, down = (at - home for at, home in zip(sight.pursuer_m, home_m, strict=True))
-        blind_m = max(one.blind_m for one in self._recent)
-        level_m, height_m = (max(one.error_m[axis] for one in self._recent) + blind_m for axis in (0, 1))
         self._breach("fence", sight, math.hypot(north, east) - limits.fence_radius_m, level_m)
         if self._polygon is not None and not self._polygon.contains((north, east)):
             beyond_m = min(math.dist((north, east), point) for point in self._polygon.nearest_points((north, east)))
@@ -227,7 +263,6 @@ class Watch:
         self._weakened(sight)
         self._breach("floor", sight, limits.floor_m + down, height_m + self._sunk_m)
         self._breach("ceiling", sight, -down - limits.ceiling_m, height_m + self._risen_m)
-        evader_m = max(math.hypot(*one.evader_error_m) for one in self._recent)
         self._breach("stand-off", sight, self._into(sight), math.hypot(level_m, height_m) + evader_m)
 
     def _weakened(self, sight: Sight) -> None:
@@ -235,7 +270,7 @@ class Watch:
         begun_s = math.inf if self._engaged_s is None else self._engaged_s
         spans = [
             (begun_s + fault.at_s, begun_s + fault.at_s + (fault.for_s or math.inf) + BRAKING_S)
-            for fault in self._case.scenario.fault
+            for fault in self.case.scenario.fault
             if fault.kind == "thrust_loss"
         ]
         if self._before is None or not any(first <= sight.now_s <= last for first, last in spans):
@@ -257,7 +292,7 @@ class Watch:
         return self._entered_m
 
     def _gap(self, pursuer_m: Vector, evader_m: Vector) -> float:
-        disc = self._case.scenario.standoff
+        disc = self.case.scenario.standoff
         beside_m = math.dist(pursuer_m[:2], evader_m[:2]) - max(0.5, disc.radius_m - 1.0)
         above_m = evader_m[2] - pursuer_m[2] - max(0.5, disc.height_m - 1.0)
         return max(beside_m, above_m)
@@ -287,8 +322,7 @@ class Watch:
         estimate = flight.tracking.evader(now_s)
         if estimate is not None and believed is not None:
             evader_error = _apart(_in_frame(frame, believed, estimate.position_ned_m), there)
-        since_s = now_s - self._heard_s if self._pursuer.mode in GUIDED else 0.0
-        blind_s, self._gap_s = max(self._gap_s, since_s), 0.0
+        blind_s = self._heard.longest_gap_s(now_s)
         blind_m = math.hypot(*pursuer.truth.velocity_ned_m_s) * blind_s if blind_s > BLIND_AFTER_S else 0.0
         return Sight(now_s, here, there, (level_m, height_m), evader_error, blind_m)
 
