@@ -92,6 +92,8 @@ def _worst_sd(one: float, shared: float, other: float) -> float:
     return math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
 
 
+_NOISE_SIGMAS: Final = 3.0
+
 _FITS: Final[Mapping[ReportOutcome, bool]] = {
     **dict.fromkeys((ReportOutcome.STARTED, ReportOutcome.ACCEPTED, ReportOutcome.REORDERED), True),
     **dict.fromkeys((ReportOutcome.OUTLIER, ReportOutcome.TOO_FAR, ReportOutcome.JUMPED), False),
@@ -130,8 +132,14 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
         fits=None if track.outcome is None else _FITS.get(track.outcome),
         apart_s=apart_s if math.isfinite(apart_s) else 0.0,
     )
-    speed_m_s = 2.0 * settings.declared_speed_m_s
-    return Observer(clock, track, listen(observer.rivals, one, speed_m_s=speed_m_s, margin_m=settings.reach_m))
+    rivals = listen(
+        observer.rivals,
+        one,
+        speed_m_s=2.0 * settings.declared_speed_m_s,
+        margin_m=settings.reach_m,
+        noise_m=_NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m),
+    )
+    return Observer(clock, track, rivals)
 
 
 def compare_clocks(observer: Observer, answer: Timesync) -> Observer:

@@ -3,7 +3,8 @@
 Somebody who sends reports as the evader (a forger, or another vehicle with its identity) is not heard alone: the
 evader goes on. So what is looked for is two tellings that take turns. They contradict each other
 
-- in *place*: reports that do not fit the estimate, agree with each other, and come between those that fit;
+- in *place*: reports that do not fit the estimate, agree with each other, and come between those that fit, from where
+  one evader cannot have got there meanwhile: one that lies about its velocity misses the estimate, but not its own way;
 - by their *clock*: reports whose sender's clock is seconds away from the one believed, between those of that one;
 - in *sequence*: MAVLink's numbers and the sender's time, of which one counts on and the other goes back;
 - by who *sent* them, where the carrier tells (`EvaderReport.peer`);
@@ -102,7 +103,7 @@ def told(
     return Told(report.received_s, report.sent_s, true_s, place_m, fits, apart_s, report.sequence, report.peer)
 
 
-def listen(rivals: Rivals, one: Told, *, speed_m_s: float, margin_m: float) -> Rivals:
+def listen(rivals: Rivals, one: Told, *, speed_m_s: float, margin_m: float, noise_m: float) -> Rivals:
     """Take in one report.
 
     Args:
@@ -110,6 +111,7 @@ def listen(rivals: Rivals, one: Told, *, speed_m_s: float, margin_m: float) -> R
         one: The report.
         speed_m_s: Reports agree whose places one evader of this speed can have been at,
         margin_m: give or take this.
+        noise_m: Two reports of one place are not further apart.
     """
     now_s = one.received_s
     kept = (*rivals.recent[-_MOST + 1 :], one)
@@ -120,14 +122,12 @@ def listen(rivals: Rivals, one: Told, *, speed_m_s: float, margin_m: float) -> R
     if now_s - rivals.judged_s < _JUDGED_EVERY_S:
         return rivals
     rivals = _learnt(rivals._replace(judged_s=now_s), now_s)
-    why = _why(rivals, now_s, speed_m_s, margin_m)
+    why = "place" if _in_place(rivals.recent, speed_m_s, margin_m, noise_m) else _why(rivals, now_s)
     return rivals if why is None else rivals._replace(seen_s=now_s, why=why)
 
 
-def _why(rivals: Rivals, now_s: float, speed_m_s: float, margin_m: float) -> str | None:
+def _why(rivals: Rivals, now_s: float) -> str | None:
     recent = rivals.recent
-    if _in_place(recent, speed_m_s, margin_m):
-        return "place"
     if _by_clock(recent):
         return "clock"
     if _in_sequence(recent):
@@ -144,16 +144,28 @@ def _turns(marks: Sequence[bool]) -> int:
     return sum(not mark for mark in inner)
 
 
-def _in_place(recent: Sequence[Told], speed_m_s: float, margin_m: float) -> bool:
+def _in_place(recent: Sequence[Told], speed_m_s: float, margin_m: float, noise_m: float) -> bool:
     if sum(one.fits is False for one in recent) <= _TURNS:
         return False
     ordered = sorted((one for one in recent if one.fits is not None), key=lambda one: one.true_s)
     strangers = [one for one in ordered if not one.fits]
-    agreeing = sum(
-        math.dist(one.place_m, other.place_m) <= margin_m + speed_m_s * (other.true_s - one.true_s)
-        for one, other in itertools.pairwise(strangers)
-    )
-    return agreeing >= _TURNS and _turns([bool(one.fits) for one in ordered]) >= _TURNS
+    agreeing = sum(_can_follow(one, other, speed_m_s, margin_m) for one, other in itertools.pairwise(strangers))
+    return agreeing >= _TURNS and _leaps(ordered, speed_m_s, noise_m) >= _TURNS
+
+
+def _leaps(ordered: Sequence[Told], speed_m_s: float, noise_m: float) -> int:
+    """How often the telling goes over to those that do not fit, and back, by a leap at least one way."""
+    leaps, out = 0, None
+    for one, other in itertools.pairwise(ordered):
+        if one.fits and not other.fits:
+            out = not _can_follow(one, other, speed_m_s, noise_m)
+        elif other.fits and not one.fits and out is not None:
+            leaps += out or not _can_follow(one, other, speed_m_s, noise_m)
+    return leaps
+
+
+def _can_follow(one: Told, other: Told, speed_m_s: float, margin_m: float) -> bool:
+    return math.dist(one.place_m, other.place_m) <= margin_m + speed_m_s * (other.true_s - one.true_s)
 
 
 def _by_clock(recent: Sequence[Told]) -> bool:
