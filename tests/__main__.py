@@ -71,7 +71,7 @@ STEPS = {
     ),
     "faults": Step(
         "flights in which things go wrong, held against the mock's truth (docs/faults.md)",
-        (sys.executable, "-m", "tests.faults", "--flights", "12", "--jobs", "1"),
+        (sys.executable, "-m", "tests.faults", "--jobs", "1"),
         arguments="--flights 1000 --seed 7",
         gives_way=True,
     ),

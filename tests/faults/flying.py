@@ -8,9 +8,7 @@ import time
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
-
-from typing_extensions import Self
+from typing import NamedTuple, Self
 
 from guidance.clock import VirtualClock
 from guidance.control import Polygon

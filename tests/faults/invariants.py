@@ -81,7 +81,7 @@ class Recently:
 
 
 class Heard:
-    """When setpoints come through to a vehicle and are taken, faults of its link included; put before its `step_links`."""
+    """When setpoints come through to a vehicle and are taken, faults of its link included: before its `step_links`."""
 
     def __init__(self, vehicle: MockVehicle) -> None:
         self._vehicle, self._step_links = vehicle, vehicle.step_links

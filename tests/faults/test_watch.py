@@ -47,6 +47,15 @@ def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch):
     assert violation.amount > 1.0
 
 
+def test_a_flight_that_goes_on_from_a_copy_is_the_one_from_the_ground(tmp_path):
+    case = draw_case(1, 15)
+    starts = flying.Starts()
+    starts.keep(case, flying.Sortie(case).stand_by())
+    copied, whole = flying.fly(case, starts=starts), flying.fly(case, tmp_path)
+    assert copied._replace(processor_s=0.0) == whole._replace(processor_s=0.0)
+    assert copied.end == "yielded (vehicle telemetry lost)"
+
+
 def test_the_same_number_is_the_same_flight_and_no_fault_is_left_out():
     assert draw_case(3, 17) == draw_case(3, 17) != draw_case(4, 17)
     assert {kind for number in range(2 * len(KINDS)) for kind in draw_case(1, number).kinds} == set(KINDS)
