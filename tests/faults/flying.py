@@ -14,8 +14,9 @@ from guidance.clock import VirtualClock
 from guidance.control import Polygon
 from guidance.flight import FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
+from guidance.log.record import Records
 from guidance.log.replay import compare
-from guidance.log.writer import Recorder, Records
+from guidance.log.writer import Recorder
 from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S, run
 from guidance.session.mission import Conduct, Mission
