@@ -257,7 +257,7 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401
             f"distributed.comm.tls ca-file, client.cert and client.key ({error})"
         ) from error
     except (OSError, ValueError, AssertionError) as error:
-        why = str(error) or "of what listens, this is not the protocol: tcp:// or tls://"
+        why = str(error) or "not by this protocol, tcp:// or tls://, and with these certificates"
         raise LinkError(f"--scheduler {scheduler}: no Dask scheduler answers there ({why})") from error
     try:
         client.wait_for_workers(1, timeout=CONNECT_S)
