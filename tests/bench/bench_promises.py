@@ -76,7 +76,7 @@ def load(seconds: float) -> Iterator[Row]:
         gap_ms = 20.0 + got["jitter_most_ms"]
         yield Row(
             f"flood: {kind}",
-            f"{got['flooded_hz']:.0f} datagrams of {len(make())} bytes a second from {ports} ports, {seconds:g} s",
+            f"{got['flooded_hz']:.0f} datagrams a second, {len(make())} bytes each, senders: {ports}; {seconds:g} s",
             f"setpoints at {got['rate_hz']:.2f} Hz, longest gap {gap_ms:.1f} ms; {told(got)}; load {got['load']:.1f}",
             max(0, round(seconds * (50.0 - got["rate_hz"]))) + round(got["late"]),
             STREAM_PX4,
