@@ -225,27 +225,20 @@ def approach(
         gaps: To the disc.
         settings: How the vehicle brakes.
     """
-    north, east, braking = _over_ground(desired_ned_m_s, flown_ned_m_s, evader_ned_m_s, gaps, settings)
-    return Approached((north, east, _vertical(desired_ned_m_s[2], flown_ned_m_s[2], gaps.height_m, settings)), braking)
-
-
-def _over_ground(
-    desired: Vector, flown: Vector, evader: Vector, gaps: Gaps, settings: Approach
-) -> tuple[float, float, bool]:
+    down = _vertical(desired_ned_m_s[2], flown_ned_m_s[2], gaps.height_m, settings)
+    (north, east, _), (evader_north, evader_east, _) = desired_ned_m_s, evader_ned_m_s
     to_north, to_east = gaps.towards_north, gaps.towards_east
-    north, east = desired[0] - evader[0], desired[1] - evader[1]
-    closing = north * to_north + east * to_east
-    closing_now = (flown[0] - evader[0]) * to_north + (flown[1] - evader[1]) * to_east
+    relative_north, relative_east = north - evader_north, east - evader_east
+    closing = relative_north * to_north + relative_east * to_east
+    closing_now = (flown_ned_m_s[0] - evader_north) * to_north + (flown_ned_m_s[1] - evader_east) * to_east
     left_m = gaps.ground_m - settings.margin_m - settings.lag_s * closing_now
     allowed = closing_allowed(left_m, settings.braking_m_s2, settings.settle_s, settings.backing_m_s)
     if closing <= allowed:
-        return desired[0], desired[1], False
+        return Approached((north, east, down), braking=False)
     across = max(0.0, allowed / closing) if closing > 0.0 else 0.0
-    return (
-        evader[0] + across * (north - closing * to_north) + allowed * to_north,
-        evader[1] + across * (east - closing * to_east) + allowed * to_east,
-        True,
-    )
+    north = evader_north + across * (relative_north - closing * to_north) + allowed * to_north
+    east = evader_east + across * (relative_east - closing * to_east) + allowed * to_east
+    return Approached((north, east, down), braking=True)
 
 
 def _vertical(desired_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:

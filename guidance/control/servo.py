@@ -19,8 +19,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.control.shaping import next_acceleration
-from guidance.frames import Vector
+from guidance.control.shaping import shape
+from guidance.frames import Vector, difference
 
 _ZERO: Vector = (0.0, 0.0, 0.0)
 _LONGEST_STEP_S = 0.1
@@ -101,7 +101,7 @@ def serve(
     dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
     begun = memory.reference_ned_m_s is not None
     before = memory.reference_ned_m_s if memory.reference_ned_m_s is not None else flown_ned_m_s
-    acceleration = next_acceleration(
+    reference, acceleration = shape(
         desired_ned_m_s,
         before,
         memory.acceleration_ned_m_s2,
@@ -111,15 +111,17 @@ def serve(
         dt_s=dt_s,
         settle_per_s=gains.settle_per_s,
     )
-    reference = _moved(before, acceleration, dt_s)
 
-    late = memory.expected_ned_m_s if begun else flown_ned_m_s
-    expected = _moved(late, _less(reference, late), 1.0 - math.exp(-dt_s / gains.lag_s))
-    error = _less(expected, flown_ned_m_s)
-    lesson_s = dt_s * _weight(math.hypot(error[0], error[1]), gains.learning_within_m_s)
+    north, east, down = memory.expected_ned_m_s if begun else flown_ned_m_s  # as late as the vehicle
+    share = 1.0 - math.exp(-dt_s / gains.lag_s)
+    expected = (
+        north + (reference[0] - north) * share,
+        east + (reference[1] - east) * share,
+        down + (reference[2] - down) * share,
+    )
+    error = difference(expected, flown_ned_m_s)
     drag_per_s = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s
-    drag_per_s = _learned_drag(drag_per_s, expected, error, gains, lesson_s)
-    trim = _learned_trim(memory.trim_ned_m_s2, error, gains, lesson_s)
+    drag_per_s, trim = _learned(drag_per_s, memory.trim_ned_m_s2, expected, error, gains, dt_s)
 
     feed_forward = (
         acceleration[0] + drag_per_s * reference[0] + trim[0],
@@ -129,33 +131,24 @@ def serve(
     return Served(reference, feed_forward, ServoMemory(reference, acceleration, expected, drag_per_s, trim))
 
 
-def _weight(error_m_s: float, within_m_s: float) -> float:
-    """Return how much an error counts: a large one is more likely a vehicle at its limits than one that needs more."""
-    if error_m_s > 3.0 * within_m_s:
-        return 0.0
-    return (within_m_s / error_m_s) ** 2 if error_m_s > within_m_s else 1.0
+def _learned(
+    drag_per_s: float, trim_ned_m_s2: Vector, expected: Vector, error: Vector, gains: ServoGains, dt_s: float
+) -> tuple[float, Vector]:
+    """Return drag and trim with what one error teaches, within their bounds.
 
-
-def _learned_drag(drag_per_s: float, expected: Vector, error: Vector, gains: ServoGains, dt_s: float) -> float:
+    A large error is more likely a vehicle at its limits than one that needs more: it counts less, or not at all.
+    """
+    off_m_s, within_m_s = math.hypot(error[0], error[1]), gains.learning_within_m_s
+    lesson_s = dt_s
+    if off_m_s > within_m_s:
+        lesson_s = 0.0 if off_m_s > 3.0 * within_m_s else dt_s * (within_m_s / off_m_s) ** 2
     speed = math.hypot(expected[0], expected[1])
-    if speed < _SLOW_M_S:
-        return drag_per_s
-    missing = (error[0] * expected[0] + error[1] * expected[1]) / speed
-    drag_per_s += gains.drag_learning_per_s2 * missing * dt_s / speed
-    return min(gains.drag_limit_per_s, max(0.0, drag_per_s))
-
-
-def _learned_trim(trim: Vector, error: Vector, gains: ServoGains, dt_s: float) -> Vector:
-    gain = gains.trim_learning_per_s2 * dt_s
-    north, east = trim[0] + gain * error[0], trim[1] + gain * error[1]
+    if speed >= _SLOW_M_S:
+        missing = (error[0] * expected[0] + error[1] * expected[1]) / speed
+        drag_per_s += gains.drag_learning_per_s2 * missing * lesson_s / speed
+        drag_per_s = min(gains.drag_limit_per_s, max(0.0, drag_per_s))
+    gain = gains.trim_learning_per_s2 * lesson_s
+    north, east = trim_ned_m_s2[0] + gain * error[0], trim_ned_m_s2[1] + gain * error[1]
     size = math.hypot(north, east)
     share = gains.trim_limit_m_s2 / size if size > gains.trim_limit_m_s2 else 1.0
-    return (share * north, share * east, 0.0)
-
-
-def _less(one: Vector, other: Vector) -> Vector:
-    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])
-
-
-def _moved(start: Vector, rate: Vector, time: float) -> Vector:
-    return (start[0] + rate[0] * time, start[1] + rate[1] * time, start[2] + rate[2] * time)
+    return drag_per_s, (share * north, share * east, 0.0)

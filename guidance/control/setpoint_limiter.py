@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from guidance.control.envelope import Envelope, Limiter, Situation
 from guidance.control.fence import FenceGeometry, measure_fence
-from guidance.control.shaping import clamp, next_acceleration, slew, usable
+from guidance.control.shaping import clamp, shape, slew, usable
 from guidance.control.velocity_constraints import VelocityConstraint, feasible_velocity, shrink, slide
 from guidance.frames import Vector, wrap_rad
 from guidance.messages import Setpoint
@@ -87,11 +87,12 @@ def limit(
     """
     if memory is None or not usable(*(number for part in memory[:3] for number in part), memory.yaw_rad):
         memory = start(situation, envelope)
-    here = _known(situation)
+    active: list[Limiter] = []
+    here: Situation | None = situation
+    if not _all_usable(command, situation):
+        here, command = _known(situation), _numbers_only(command, memory, active)
     if here is None:
         return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
-    active: list[Limiter] = []
-    command = _numbers_only(command, memory, active)
     if not 0.0 <= dt_s <= _LONGEST_STEP_S:
         active.append(Limiter.CLOCK)
         dt_s = _LONGEST_STEP_S if dt_s > _LONGEST_STEP_S else 0.0
@@ -113,11 +114,15 @@ def limit(
     return Limited(Setpoint(velocity, feed_forward, yaw_rad), tuple(active), sent)
 
 
+def _all_usable(command: Setpoint, situation: Situation) -> bool:
+    place, velocity, yaw_rad, evader, moving, acceleration = situation
+    asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
+    return usable(*asked, *place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ()))
+
+
 def _known(situation: Situation) -> Situation | None:
     """The situation with an evader velocity that is a number or None; None where it cannot be judged."""
     place, velocity, yaw_rad, evader, moving, acceleration = situation
-    if usable(*place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ())):
-        return situation
     if not usable(*place, *velocity, yaw_rad, *(evader or ())):
         return None
     return situation._replace(
@@ -139,7 +144,7 @@ def _shape(
     allowed = clamp(desired, envelope.speeds)
     _note_vector(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, desired)
     before = clamp(memory.velocity_ned_m_s, envelope.speeds)
-    acceleration = next_acceleration(
+    step = shape(
         allowed,
         before,
         clamp(memory.acceleration_ned_m_s2, envelope.accelerations),
@@ -148,10 +153,9 @@ def _shape(
         jerk_m_s3=envelope.jerk_m_s3,
         dt_s=dt_s,
     )
-    north, east, down = (now + rate * dt_s for now, rate in zip(before, acceleration, strict=True))
-    shaped = clamp((north, east, down), envelope.speeds)
+    shaped = clamp(step.velocity_m_s, envelope.speeds)
     _note_vector(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
-    return shaped, acceleration
+    return shaped, step.acceleration_m_s2
 
 
 def _yaw(
@@ -162,7 +166,8 @@ def _yaw(
         return None
     largest, turn = envelope.yaw_rate_rad_s * dt_s, wrap_rad(desired_rad - memory.yaw_rad)
     allowed = min(largest, max(-largest, turn))
-    _note(active, Limiter.YAW, allowed, turn)
+    if abs(allowed - turn) > NOTED:
+        active.append(Limiter.YAW)
     return wrap_rad(memory.yaw_rad + allowed)
 
 
@@ -219,11 +224,6 @@ def _without_pushing(acceleration: Vector, constraints: tuple[VelocityConstraint
     for one in constraints:
         acceleration = shrink(acceleration, one)
     return acceleration
-
-
-def _note(active: list[Limiter], limiter: Limiter, got: float, desired: float) -> None:
-    if abs(got - desired) > NOTED:
-        active.append(limiter)
 
 
 def _note_vector(active: list[Limiter], ground: Limiter, vertical: Limiter, got: Vector, desired: Vector) -> None:

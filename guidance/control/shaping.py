@@ -5,6 +5,7 @@ own axis, because the game is played on the cylinder ‖u_xy‖ ≤ a, |u_z| ≤
 """
 
 import math
+from typing import NamedTuple
 
 from guidance.control.envelope import Bounds
 from guidance.frames import Vector
@@ -46,7 +47,14 @@ def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vec
     return (previous_ned[0] + north, previous_ned[1] + east, previous_ned[2] + down)
 
 
-def next_acceleration(
+class Shaped(NamedTuple):
+    """A velocity after one step, and the acceleration of that step."""
+
+    velocity_m_s: Vector
+    acceleration_m_s2: Vector
+
+
+def shape(
     desired_m_s: Vector,
     velocity_m_s: Vector,
     acceleration_m_s2: Vector,
@@ -56,11 +64,12 @@ def next_acceleration(
     jerk_m_s3: float,
     dt_s: float,
     settle_per_s: float | None = None,
-) -> Vector:
-    """The acceleration over the next dt that brings the velocity to the desired one, within acceleration and jerk.
+) -> Shaped:
+    """Bring a velocity towards the desired one over the next dt, within acceleration and jerk.
 
-    It is no larger than what the jerk limit can take back to nothing before the desired velocity is reached, so that
-    the velocity arrives without overshoot (Σ of a stair of jerk·dt, which a²/(2·jerk) + a·dt bounds from above).
+    The acceleration is no larger than what the jerk limit can take back to nothing before the desired velocity is
+    reached, so that the velocity arrives without overshoot (Σ of a stair of jerk·dt, which a²/(2·jerk) + a·dt bounds
+    from above).
 
     Args:
         desired_m_s: Where to.
@@ -72,11 +81,13 @@ def next_acceleration(
         dt_s: Seconds.
         settle_per_s: Largest gain from the velocity still missing to the acceleration; None for no such limit.
     """
-    north, east, down = (desired - now for desired, now in zip(desired_m_s, velocity_m_s, strict=True))
+    now_north, now_east, now_down = velocity_m_s
+    north, east, down = desired_m_s[0] - now_north, desired_m_s[1] - now_east, desired_m_s[2] - now_down
     ground = math.hypot(north, east)
     eased = approach_speed(ground, jerk_m_s3, dt_s), approach_speed(abs(down), jerk_m_s3, dt_s)
     if settle_per_s is not None:
         eased = min(eased[0], settle_per_s * ground), min(eased[1], settle_per_s * abs(down))
     level = min(eased[0], ground_m_s2) / ground if ground > 0.0 else 0.0
     steep = math.copysign(min(eased[1], vertical_m_s2), down)
-    return slew((north * level, east * level, steep), acceleration_m_s2, jerk_m_s3 * dt_s)
+    shaped = slew((north * level, east * level, steep), acceleration_m_s2, jerk_m_s3 * dt_s)
+    return Shaped((now_north + shaped[0] * dt_s, now_east + shaped[1] * dt_s, now_down + shaped[2] * dt_s), shaped)

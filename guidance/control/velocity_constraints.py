@@ -24,7 +24,7 @@ from typing import Final, NamedTuple
 
 from guidance.control.envelope import Envelope, Limiter, Situation
 from guidance.control.fence import FenceGeometry
-from guidance.frames import Vector
+from guidance.frames import Vector, difference
 
 COVER_M = 0.5
 """Height above the lid from which on an evader that flees is trusted to go on."""
@@ -38,25 +38,28 @@ _STILL: Vector = (0.0, 0.0, 0.0)
 
 
 class Stop(NamedTuple):
-    """Seconds of travel until standing still: displacement = velocity · seconds."""
+    """How a vehicle comes to stand still: displacement = drift + velocity · seconds, on the ground and vertically."""
 
     ground_s: float
     vertical_s: float
+    drift_ned_m: Vector
 
 
-def stop(velocity_ned_m_s: Vector, envelope: Envelope) -> Stop:
-    """Seconds of travel from this velocity until a standstill."""
-    north, east, down = velocity_ned_m_s
+def stop(asked_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope) -> Stop:
+    """Return how a vehicle comes to stand still.
+
+    Args:
+        asked_ned_m_s: What it is asked for, which lasts for as long as it brakes.
+        flown_ned_m_s: What it flies, which it drifts with before it answers.
+        envelope: Its braking and reaction.
+    """
+    (north, east, down), (flown_north, flown_east, flown_down) = asked_ned_m_s, flown_ned_m_s
+    reaction_s = envelope.reaction_s
     return Stop(
-        envelope.reaction_s + math.hypot(north, east) / (2.0 * envelope.braking_m_s2),
-        envelope.reaction_s + abs(down) / (2.0 * envelope.vertical_braking_m_s2),
+        reaction_s + math.hypot(north, east) / (2.0 * envelope.braking_m_s2),
+        reaction_s + abs(down) / (2.0 * envelope.vertical_braking_m_s2),
+        (flown_north * reaction_s, flown_east * reaction_s, flown_down * reaction_s),
     )
-
-
-def drift_ned_m(velocity_ned_m_s: Vector, envelope: Envelope) -> Vector:
-    """Where a vehicle with this velocity goes before it answers."""
-    north, east, down = velocity_ned_m_s
-    return (north * envelope.reaction_s, east * envelope.reaction_s, down * envelope.reaction_s)
 
 
 def surge_ned_m(velocity_ned_m_s: Vector, acceleration_ned_m_s2: Vector, envelope: Envelope) -> Vector:
@@ -103,20 +106,17 @@ class VelocityConstraint(NamedTuple):
         return self._replace(distance_m=0.0)
 
 
-def constrain(
-    limiter: Limiter, normal_ned: Vector, distance_m: float, stop: Stop, drift_ned_m: Vector
-) -> VelocityConstraint:
+def constrain(limiter: Limiter, normal_ned: Vector, distance_m: float, stop: Stop) -> VelocityConstraint:
     """Make a constraint.
 
     Args:
         limiter: Its name.
         normal_ned: Unit vector towards what is forbidden.
         distance_m: To what is forbidden, ≤ 0 beyond it.
-        stop: Seconds of travel until a standstill.
-        drift_ned_m: Where the vehicle goes before it answers.
+        stop: How the vehicle comes to stand still.
     """
-    north, east, down = normal_ned
-    drift_m = max(0.0, north * drift_ned_m[0] + east * drift_ned_m[1]) + max(0.0, down * drift_ned_m[2])
+    (north, east, down), (drift_north, drift_east, drift_down) = normal_ned, stop.drift_ned_m
+    drift_m = max(0.0, north * drift_north + east * drift_east) + max(0.0, down * drift_down)
     return VelocityConstraint(
         limiter,
         (north * stop.ground_s, east * stop.ground_s, down * stop.vertical_s),
@@ -158,9 +158,7 @@ def shrink(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
     return (north, east, down)
 
 
-def floor_and_ceiling(
-    down_m: float, envelope: Envelope, stop: Stop, drift_ned_m: Vector
-) -> tuple[VelocityConstraint, VelocityConstraint]:
+def floor_and_ceiling(down_m: float, envelope: Envelope, stop: Stop) -> tuple[VelocityConstraint, VelocityConstraint]:
     """The vehicle would come to rest at or above the floor and at or below the ceiling.
 
     Below the floor nothing descends, above the ceiling nothing climbs; the way back is free and not taken by itself
@@ -169,13 +167,12 @@ def floor_and_ceiling(
     Args:
         down_m: Where the vehicle is, in its local frame.
         envelope: The limits: heights above home.
-        stop: The time that stopping takes, over the ground and vertically.
-        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
+        stop: How the vehicle comes to stand still.
     """
     height_m = envelope.home_ned_m[2] - down_m
     return (
-        constrain(Limiter.FLOOR, _DOWN, height_m - envelope.floor_m, stop, drift_ned_m),
-        constrain(Limiter.CEILING, _UP, envelope.ceiling_m - height_m, stop, drift_ned_m),
+        constrain(Limiter.FLOOR, _DOWN, height_m - envelope.floor_m, stop),
+        constrain(Limiter.CEILING, _UP, envelope.ceiling_m - height_m, stop),
     )
 
 
@@ -201,43 +198,35 @@ def stand_off_constraints(
 
     flight = situation.evader_velocity_ned_m_s or _STILL
     fleeing_m_s = max(0.0, flight[0] * toward[0] + flight[1] * toward[1]) * min(1.0, above_m / COVER_M)
-    fleeing = (fleeing_m_s * toward[0], fleeing_m_s * toward[1])
-    seconds = stop(_less_over_ground(velocity_ned_m_s, fleeing), envelope)
-    drift = drift_ned_m(_less_over_ground(situation.velocity_ned_m_s, fleeing), envelope)
+    fleeing = (fleeing_m_s * toward[0], fleeing_m_s * toward[1], 0.0)
+    seen_from_it = stop(
+        difference(velocity_ned_m_s, fleeing), difference(situation.velocity_ned_m_s, fleeing), envelope
+    )
 
     gap_m = math.hypot(beside_m, above_m)
     normals = [(beside_m / gap_m, above_m / gap_m)] if gap_m > 0.0 else [(1.0, 0.0), (0.0, 1.0)]
     found = []
     for level, steep in normals:
-        one = constrain(Limiter.STAND_OFF, (level * toward[0], level * toward[1], steep), gap_m, seconds, drift)
-        found.append(one._replace(distance_m=one.distance_m + level * fleeing_m_s * seconds.ground_s))
+        one = constrain(Limiter.STAND_OFF, (level * toward[0], level * toward[1], steep), gap_m, seen_from_it)
+        found.append(one._replace(distance_m=one.distance_m + level * fleeing_m_s * seen_from_it.ground_s))
     return tuple(found)
 
 
-def _less_over_ground(velocity: Vector, other: tuple[float, float]) -> Vector:
-    return (velocity[0] - other[0], velocity[1] - other[1], velocity[2])
-
-
-def polygon_constraints(
-    fence: FenceGeometry, envelope: Envelope, stop: Stop, drift_ned_m: Vector
-) -> tuple[VelocityConstraint, ...]:
+def polygon_constraints(fence: FenceGeometry, envelope: Envelope, stop: Stop) -> tuple[VelocityConstraint, ...]:
     """Return what the polygon forbids: to come to rest beyond an edge, less the margin.
 
     Args:
         fence: Where the vehicle is to the fences.
         envelope: The limits, of which the fence's margin is kept.
-        stop: The time that stopping takes, over the ground and vertically.
-        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
+        stop: How the vehicle comes to stand still.
     """
     return tuple(
-        constrain(Limiter.FENCE_POLYGON, (*edge.outward, 0.0), edge.gap_m - envelope.fence_margin_m, stop, drift_ned_m)
+        constrain(Limiter.FENCE_POLYGON, (*edge.outward, 0.0), edge.gap_m - envelope.fence_margin_m, stop)
         for edge in fence.edges
     )
 
 
-def keep_in_circle(
-    velocity_ned_m_s: Vector, fence: FenceGeometry, envelope: Envelope, stop: Stop, drift_ned_m: Vector
-) -> Vector:
+def keep_in_circle(velocity_ned_m_s: Vector, fence: FenceGeometry, envelope: Envelope, stop: Stop) -> Vector:
     """The vehicle would come to rest within the circle, or outside no further out than it is.
 
     The stop point is moved onto the circle where it lies beyond: along the fence the path is bent inwards, and the
@@ -247,13 +236,12 @@ def keep_in_circle(
         velocity_ned_m_s: What is asked for.
         fence: Where the vehicle is to the fences.
         envelope: The limits: radius and margin.
-        stop: The time that stopping takes, over the ground and vertically.
-        drift_ned_m: How far it moves while it stops without being commanded to, m NED.
+        stop: How the vehicle comes to stand still.
     """
     if envelope.fence_radius_m is None:
         return velocity_ned_m_s
     north_m, east_m = fence.about_home_m
-    drift_m = max(0.0, math.hypot(north_m + drift_ned_m[0], east_m + drift_ned_m[1]) - fence.from_home_m)
+    drift_m = max(0.0, math.hypot(north_m + stop.drift_ned_m[0], east_m + stop.drift_ned_m[1]) - fence.from_home_m)
     limit_m = max(envelope.fence_radius_m - envelope.fence_margin_m - drift_m, fence.from_home_m)
     north, east = north_m + velocity_ned_m_s[0] * stop.ground_s, east_m + velocity_ned_m_s[1] * stop.ground_s
     reached_m = math.hypot(north, east)
@@ -293,13 +281,14 @@ def feasible_velocity(
         fence: Where the vehicle is to the fences.
         envelope: What is allowed.
     """
-    seconds, drift = stop(velocity_ned_m_s, envelope), drift_ned_m(situation.velocity_ned_m_s, envelope)
+    stopping = stop(velocity_ned_m_s, situation.velocity_ned_m_s, envelope)
     surge = surge_ned_m(situation.velocity_ned_m_s, situation.acceleration_ned_m_s2, envelope)
-    going = (drift[0] + surge[0], drift[1] + surge[1], drift[2])
+    north_m, east_m, down_m = stopping.drift_ned_m
+    stopping = stopping._replace(drift_ned_m=(north_m + surge[0], east_m + surge[1], down_m))
     constraints = (
         *stand_off_constraints(velocity_ned_m_s, situation, envelope),
-        *polygon_constraints(fence, envelope, seconds, going),
-        *floor_and_ceiling(situation.position_ned_m[2], envelope, seconds, drift),
+        *polygon_constraints(fence, envelope, stopping),
+        *floor_and_ceiling(situation.position_ned_m[2], envelope, stopping),
     )
     active: list[VelocityConstraint] = []
     velocity = velocity_ned_m_s
@@ -308,7 +297,7 @@ def feasible_velocity(
         if slid is not velocity:
             active.append(one)
             velocity = slid
-    inside = keep_in_circle(velocity, fence, envelope, seconds, going)
+    inside = keep_in_circle(velocity, fence, envelope, stopping)
     if inside is not velocity:
         active.append(circle_constraint(fence))
         velocity = inside

@@ -42,6 +42,7 @@ class Heard:
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._game_frame: GameFrame | None = None
         self._taken_up_ned_m = NOWHERE
+        self._jumps = (NOWHERE, NOWHERE)
         self.vehicle = VehicleState()
         self.tracking = Tracking(settings.cycle, settings.autopilot)
         self.echo = Echo()
@@ -82,9 +83,10 @@ class Heard:
     def _place(self) -> None:
         """Put vehicle, fences and start where they are in the local frame as it is believed now."""
         tracking, held_back_ned_m = self.tracking, self.tracking.held_back_ned_m
-        taken_up_ned_m = difference(self.vehicle.jumped_ned_m, held_back_ned_m)
         self.moved_ned_m = NOWHERE
-        if taken_up_ned_m != self._taken_up_ned_m:
+        jumps = self.vehicle.jumped_ned_m, held_back_ned_m
+        if jumps != self._jumps:
+            self._jumps, taken_up_ned_m = jumps, difference(*jumps)
             self.moved_ned_m = difference(taken_up_ned_m, self._taken_up_ned_m)
             self._taken_up_ned_m = taken_up_ned_m
         home_ned_m, frame = tracking.home_ned_m, tracking.local_frame
@@ -97,7 +99,9 @@ class Heard:
                 self.start_ned_m = tracking.game_frame.position_to_ned(self._settings.start_game_m)
         self.local = self.vehicle.last(LocalPosition)
         if self.local is not None:
-            self.position_ned_m = difference(self.local.position_ned_m, held_back_ned_m)
+            self.position_ned_m = self.local.position_ned_m
+            if held_back_ned_m != NOWHERE:
+                self.position_ned_m = difference(self.position_ned_m, held_back_ned_m)
             self.fence = measure_fence(self.position_ned_m, self.cycle.envelope)
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:

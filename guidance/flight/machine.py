@@ -103,10 +103,12 @@ class Flight:
     @property
     def battery_needed(self) -> float:
         """The share of the charge below which it returns: before a flight to the fence and back, in it from here."""
+        if self.settings.reserve is None:
+            return self.settings.battery_minimum
         here, home = self._heard.position_ned_m, self._heard.tracking.home_ned_m
         if self.state in BEFORE_FLIGHT or here is None or home is None:
-            return self.settings.battery_to_start
-        return self.settings.battery_needed(math.dist(here[:2], home[:2]), home[2] - here[2])
+            return self.settings.reserve.needed(self.settings.farthest_m, self.settings.takeoff_height_m)
+        return self.settings.reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
 
     def operator_silence_s(self, now_s: float) -> float:
         """Seconds since a person's last order or sign of life; 0 before the first one."""
@@ -175,7 +177,8 @@ class Flight:
 
         heard.take_in(inputs, in_flight=self.state not in BEFORE_FLIGHT)
         playing.begin_cycle(heard)
-        self._note_modes()
+        if heard.beats:
+            self._note_modes()
         happenings = tuple(self._follow(inputs, dt_s))
         pilots = self._mode_left is Mode.OTHER
         requests = self._asking.requests(self.state, heard, now_s, asked_once=pilots)

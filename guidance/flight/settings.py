@@ -133,12 +133,3 @@ class FlightSettings:
     operator_return_s: float = math.inf
     reserve: Reserve | None = None
     farthest_m: float = 0.0
-
-    def battery_needed(self, away_m: float, height_m: float) -> float:
-        """Return the share of the charge below which it returns from this far and high, metres from home."""
-        return self.battery_minimum if self.reserve is None else self.reserve.needed(away_m, height_m)
-
-    @property
-    def battery_to_start(self) -> float:
-        """The share that it starts with at least: enough to come home from the edge of its fence."""
-        return self.battery_needed(self.farthest_m, self.takeoff_height_m)

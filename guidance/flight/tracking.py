@@ -86,7 +86,7 @@ class Tracking:
     def rival(self, now_s: float) -> str:
         """Return by what a second source of the evader's reports shows now; empty where none does."""
         rivals = self._observer.rivals
-        return rivals.why if rivals.there(now_s) else ""
+        return rivals.why if rivals.why and rivals.there(now_s) else ""
 
     def silence_s(self, now_s: float) -> float:
         """Seconds since a report of the evader arrived that could be used; infinite if none ever did."""

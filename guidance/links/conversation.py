@@ -18,6 +18,7 @@ from guidance.plausible import is_plausible
 
 Send = Callable[[str, dict[str, Any]], None]
 Admit = Callable[[Frame], str | None]
+"""Sees each of the vehicle's frames first; a word says why one is not heard, and is counted."""
 
 HEARD: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
 _HEARD_IDS: Final = frozenset(IDS[name] for name in HEARD)
@@ -34,13 +35,13 @@ class Address(NamedTuple):
 class Conversation:
     """One vehicle's messages, in order of arrival, bounded; our requests to it, repeated until answered."""
 
-    def __init__(self, wire: Wire, send: Send, admit: Admit, *, vehicle: Address, own: Address) -> None:
+    def __init__(self, wire: Wire, send: Send, admit: Admit | None, *, vehicle: Address, own: Address) -> None:
         """Begin to hear a wire.
 
         Args:
             wire: Where the vehicle and others speak.
             send: Puts a message, by name and fields, on the wire.
-            admit: Sees each of the vehicle's frames first; a word says why one is not heard, and is counted.
+            admit: What the vehicle's frames pass first; None lets all of them through.
             vehicle: Who is heard.
             own: Who we are: what is addressed to another station is not for us.
         """
@@ -74,7 +75,7 @@ class Conversation:
         if (frame.system_id, frame.component_id) != self._vehicle:
             self.counts["foreign"] += 1
             self.others.add(frame.system_id)
-        elif (reason := self._admit(frame)) is not None:
+        elif self._admit is not None and (reason := self._admit(frame)) is not None:
             self.counts[reason] += 1
         elif frame.message_id not in _HEARD_IDS:
             self.counts["unused"] += 1
@@ -142,8 +143,8 @@ class Conversation:
         for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
             self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._vehicle._asdict()))
             self.counts["requests_sent"] += 1
-        if self.heartbeats and (question := self._timesync.ask(now_s)) is not None:
-            self._send("TIMESYNC", question)
+        if self.heartbeats and now_s >= self._timesync.next_ask_s:
+            self._send("TIMESYNC", self._timesync.ask(now_s))
 
     def receive(self, now_s: float) -> list[Message]:
         """Poll, and return all messages since the last call, oldest first."""

@@ -46,12 +46,6 @@ class Frame(NamedTuple):
         """Its sender's count of frames, modulo 256."""
         return self.data[4 if self.data[0] == MAGIC_V2 else 2]
 
-    @property
-    def payload(self) -> bytes:
-        """As sent: without the zeros at its end in MAVLink 2."""
-        start = 10 if self.data[0] == MAGIC_V2 else 6
-        return self.data[start : start + self.data[1]]
-
 
 class Framer:
     """Feed pieces of a byte stream, get frames. `crc_extra` maps a message id to MAVLink's seed for its checksum.
@@ -188,7 +182,8 @@ def fields_of(frame: Frame) -> dict[str, Any]:
     """
     layout = _LAYOUTS[frame.message_id]
     size = layout.struct.size
-    payload = frame.payload[:size].ljust(size, b"\0")
+    start = 10 if frame.data[0] == MAGIC_V2 else 6
+    payload = frame.data[start : start + min(size, frame.data[1])].ljust(size, b"\0")
     values = layout.struct.unpack(payload)
     if layout.counts is None:
         fields = dict(zip(layout.names, values, strict=True))

@@ -40,8 +40,8 @@ class PymavlinkLink:
         self._wire = wire
         self._clock = clock
         self._station = Station(*own, signing_key=signing_key, clock=clock, unix_s=unix_s)
-        vehicle = Address(system_id, component_id)
-        self._conversation = Conversation(wire, self._send, self._station.doubts, vehicle=vehicle, own=own)
+        vehicle, admit = Address(system_id, component_id), None if signing_key is None else self._station.doubts
+        self._conversation = Conversation(wire, self._send, admit, vehicle=vehicle, own=own)
         self._closed = False
 
     @property

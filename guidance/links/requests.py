@@ -148,10 +148,8 @@ class TimesyncPeer:
             return Timesync(received_s, remote_ns=tc1, local_ns=ts1), None
         return None, None
 
-    def ask(self, now_s: float) -> dict[str, Any] | None:
-        """The fields of a question, if one is due. A question at time 0 would read as a reply, so it is never 0."""
-        if now_s < self.next_ask_s:
-            return None
+    def ask(self, now_s: float) -> dict[str, Any]:
+        """The fields of a question; the next is due at `next_ask_s`. At time 0 it would read as a reply: never 0."""
         self.next_ask_s = now_s + TIMESYNC_EVERY_S
         self.asked_ns.append(_nanoseconds(now_s) or 1)
         return {"tc1": 0, "ts1": self.asked_ns[-1]}

@@ -83,14 +83,14 @@ def test_shrinking_for_one_wall_breaks_no_other(velocity, several):
     ],
 )
 def test_a_wall_s_distance_is_what_the_drift_leaves_of_it(normal, drift, left_m):
-    built = constrain(Limiter.FLOOR, normal, 10.0, Stop(2.0, 3.0), drift)
+    built = constrain(Limiter.FLOOR, normal, 10.0, Stop(2.0, 3.0, drift))
     assert built.distance_m == pytest.approx(left_m)
     assert built.normal_ned_s == pytest.approx((2.0 * normal[0], 2.0 * normal[1], 3.0 * normal[2]))
     assert built.limiter is Limiter.FLOOR
 
 
 def test_beyond_a_wall_its_distance_is_nothing():
-    assert constrain(Limiter.FLOOR, (0.0, 0.0, 1.0), -5.0, Stop(2.0, 3.0), (0.0, 0.0, 0.0)).distance_m == 0.0
+    assert constrain(Limiter.FLOOR, (0.0, 0.0, 1.0), -5.0, Stop(2.0, 3.0, (0.0, 0.0, 0.0))).distance_m == 0.0
 
 
 def test_a_wall_that_forbids_all_is_the_same_wall_without_distance():

@@ -98,14 +98,13 @@ class MavlinkEvader:
             for frame in self._framer.feed(data, stream=self._wire.stream):
                 if self._is_meant(frame):
                     reports += self._read(frame, received_s)
-        if self._clock is not None and self._counts["reports"]:
-            self._ask(self._clock())
+        if (
+            self._clock is not None
+            and self._counts["reports"]
+            and (now_s := self._clock()) >= self._timesync.next_ask_s
+        ):
+            self._wire.send(self._station.pack("TIMESYNC", self._timesync.ask(now_s)))
         return reports
-
-    def _ask(self, now_s: float) -> None:
-        question = self._timesync.ask(now_s)
-        if question is not None:
-            self._wire.send(self._station.pack("TIMESYNC", question))
 
     def _is_meant(self, frame: Frame) -> bool:
         if NAMES[frame.message_id] not in (self._carrier.message, "TIMESYNC"):
