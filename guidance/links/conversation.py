@@ -80,17 +80,14 @@ class Conversation:
         elif frame.message_id not in _HEARD_IDS:
             self.counts["unused"] += 1
         else:
-            self.hear(NAMES[frame.message_id], fields_of(frame), received_s)
-
-    def hear(self, name: str, fields: Fields, received_s: float) -> None:
-        """Take one message of the vehicle; what cannot be meant is counted as invalid and dropped."""
-        self.counts["received"] += 1
-        try:
-            self._interpret(name, fields, received_s)
-        except (KeyError, TypeError, ValueError, ArithmeticError):
-            self.counts["invalid"] += 1
+            self.counts["received"] += 1
+            try:
+                self._interpret(NAMES[frame.message_id], fields_of(frame), received_s)
+            except (KeyError, TypeError, ValueError, ArithmeticError):
+                self.counts["invalid"] += 1
 
     def _interpret(self, name: str, fields: Fields, received_s: float) -> None:
+        """Take one message of the vehicle; one that cannot be meant is an error, and is counted as invalid."""
         if "target_system" in fields and not self._is_for_us(fields):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
