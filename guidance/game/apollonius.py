@@ -1,7 +1,12 @@
-"""The Apollonius circle, the sphere of the paper's remark, the barrier, and what a race to a target comes to.
+"""The Apollonius circle, the barrier, and the sphere: the game of an evader that moves in all three dimensions.
 
-Li, Wang & Xie, sections II-B and IV. What the paper writes in δ is computed from both speeds, its fractions multiplied
-by v², so that δ² − 1 = (u − v)(u + v)/v² keeps its digits as δ → 1.
+Li, Wang & Xie, sections II-B and IV, in the paper's own δ. `solve` has the circle's part of it in `tad.race`.
+
+The evader in space is that of the paper's remark. P, E and T lie in one plane and neither player gains by leaving it,
+so the game is the planar one (z_P = 0) played in that plane; its circle is the sphere's section. The state is folded
+into it, with the first axis from E to T (PE: from P to E), solved there, and the answer unfolded. Where all three are
+on one line the second axis is what rounding left; what leans towards the first is taken off, so that no velocity is
+unfolded to more than its bound.
 """
 
 from typing import NamedTuple
@@ -9,22 +14,11 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import (
-    Array,
-    Library,
-    Plane,
-    Real,
-    component,
-    dot2,
-    is_array,
-    norm2,
-    root,
-    select,
-    select2,
-    unit2,
-    vectors,
-)
+from guidance.game.arrays import Array, Library, Real, Space, Truth, component, is_array, select, vectors
+from guidance.game.game import Game
+from guidance.game.pe import Geometry, Play, pursuit
 from guidance.game.records import is_finite
+from guidance.game.tad import defence
 
 
 class Apollonius(NamedTuple):
@@ -37,20 +31,6 @@ class Apollonius(NamedTuple):
 
     centre_m: Array
     radius_m: Array
-
-
-class Race(NamedTuple):
-    """What both players' race to a target comes to in the paper's game.
-
-    Attributes:
-        margin: B as a time: how much sooner the pursuer can be there, s.
-        final_distance: L, m; negative where the evader wins.
-        run: vector from E to g*, the point of the circle closest to the target, m.
-    """
-
-    margin: Array
-    final_distance: Array
-    run: Plane
 
 
 def apollonius_circle(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> Apollonius:
@@ -71,7 +51,7 @@ def apollonius_circle(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
     centre, hand = _centre(P, E, ratio), (ratio - 1.0) * (ratio + 1.0)
     w = P - E
     x, y, z = (component(w, index) for index in range(3))
-    radius = root(xp, z * z * hand + ratio * ratio * (x * x + y * y)) / hand
+    radius = xp.sqrt(z * z * hand + ratio * ratio * (x * x + y * y)) / hand
     foot = xp.stack((centre[..., 0], centre[..., 1], 0.0 * centre[..., 2] + E[..., 2]), axis=-1)
     return Apollonius(foot, radius)
 
@@ -91,7 +71,7 @@ def apollonius_sphere(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
     w = P - E
     x, y, z = (component(w, index) for index in range(3))
     hand = (ratio - 1.0) * (ratio + 1.0)
-    return Apollonius(_centre(P, E, ratio), ratio * root(xp, x * x + y * y + z * z) / hand)
+    return Apollonius(_centre(P, E, ratio), ratio * xp.sqrt(x * x + y * y + z * z) / hand)
 
 
 def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_ratio: Real) -> Array:
@@ -112,43 +92,6 @@ def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_rati
     return speed_ratio * speed_ratio * near - far
 
 
-def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane) -> Race:
-    """Return how the race for a target ends in the paper's game.
-
-    L = ‖c − T‖ − r = d_δ/(δ² − 1) − r, eq. (41), is the difference of two lengths that grow without bound as δ → 1.
-    Times their sum it is the barrier B over δ² − 1, which cancels nothing and is zero exactly where B is:
-
-        L = B / (d_δ + √((δ² − 1) z² + δ² d²))
-
-    Args:
-        xp: array library.
-        speeds: u and v, m/s.
-        to_evader: horizontal vector from P to E, m.
-        z: height of P above E's plane, m.
-        to_target: horizontal vector from E to T, m.
-    """
-    u, v = speeds
-    hand = (u - v) * (u + v)
-    from_target = (v * v * to_evader[0] - hand * to_target[0], v * v * to_evader[1] - hand * to_target[1])
-    d_delta = norm2(xp, from_target)
-    span = v * root(xp, hand * (z * z) + (u * u) * dot2(to_evader, to_evader))
-    way = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
-    near, far = dot2(to_target, to_target), dot2(way, way) + z * z
-    b = (u * u) * near - (v * v) * far
-    left = root(xp, near)
-    both = u * left + v * root(xp, far)
-    direction = unit2(xp, from_target, d_delta)
-    final = b / select(xp, b == 0, 1.0, d_delta + span)
-    # g* from E's side of the circle, or from T: whichever is the shorter way, and so the one that loses fewer digits
-    by_target = span > hand * left
-    scale = span / hand
-    centre = (v * v / hand * to_evader[0], v * v / hand * to_evader[1])
-    base = select2(xp, by_target, to_target, centre)
-    length = select(xp, by_target, final, -scale)
-    run = (base[0] + length * direction[0], base[1] + length * direction[1])
-    return Race(b / (u * v * select(xp, b == 0, 1.0, both)), final, run)
-
-
 def _given(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) -> tuple[Library, Array, Array, Real]:
     xp, taken = vectors({"pursuer": pursuer, "evader": evader})
     if not is_array(speed_ratio):
@@ -163,3 +106,76 @@ def _centre(P: Array, E: Array, ratio: Array) -> Array:
     if is_array(hand):
         ratio, hand = ratio[..., None], hand[..., None]
     return (ratio * ratio * E - P) / hand
+
+
+def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Play:
+    """Play the game of an evader in space; see `solve` for what the answer means.
+
+    Args:
+        xp: array library.
+        game: of the set Ball, with an evader in space.
+        P: position of the pursuer, m.
+        E: position of the evader, m.
+        T: position of the target, m, or None for PE.
+        seen: the evader's observed velocity, m/s, or None.
+    """
+    to_evader = _minus(E, P)
+    first, far = _unit(xp, to_evader if T is None else _minus(T, E))
+    along = _dot(to_evader, first)
+    second, across = _across(xp, to_evader, first, along)
+    nought, still = 0.0 * along, (0.0, 0.0)
+    if T is None:
+        state = Geometry((nought, nought), nought, (along, nought), along, nought, None, still)
+        play = pursuit(xp, game, state)
+    else:
+        distance = xp.sqrt(along * along + across * across)
+        state = Geometry((nought, nought), nought, (along, across), distance, nought, None, still)
+        play = defence(xp, game, state, (far, nought))
+
+    def unfold(v: Space) -> Space:
+        return (
+            v[0] * first[0] + v[1] * second[0],
+            v[0] * first[1] + v[1] * second[1],
+            v[0] * first[2] + v[1] * second[2],
+        )
+
+    run = unfold(play.meeting)
+    meeting = (E[0] + run[0], E[1] + run[1], E[2] + run[2])
+    flown = unfold(play.pursuer)
+    if seen is not None:
+        flown = _follow(xp, game, play.time <= 0, seen, flown)
+    return play._replace(meeting=meeting, pursuer=flown, evader=unfold(play.evader))
+
+
+def _across(xp: Library, v: Space, first: Space, along: Real) -> tuple[Space, Real]:
+    """Return the direction and length of what a vector has across the first axis."""
+    second, across = _unit(xp, (v[0] - along * first[0], v[1] - along * first[1], v[2] - along * first[2]))
+    lean = _dot(second, first)
+    return (second[0] - lean * first[0], second[1] - lean * first[1], second[2] - lean * first[2]), across
+
+
+def _follow(xp: Library, game: Game, caught: Truth, seen: Space, flown: Space) -> Space:
+    """Keep with a captured evader, at no more than its speed bound."""
+    direction, length = _unit(xp, seen)
+    pace = select(xp, length > game.evader_speed_m_s, game.evader_speed_m_s, length)
+    return (
+        select(xp, caught, pace * direction[0], flown[0]),
+        select(xp, caught, pace * direction[1], flown[1]),
+        select(xp, caught, pace * direction[2], flown[2]),
+    )
+
+
+def _minus(a: Space, b: Space) -> Space:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _dot(a: Space, b: Space) -> Real:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _unit(xp: Library, v: Space) -> tuple[Space, Real]:
+    """Direction and length; the x axis where the length is zero."""
+    length = xp.sqrt(_dot(v, v))
+    some = length > 0
+    inverse = 1.0 / select(xp, some, length, 1.0)
+    return (select(xp, some, v[0] * inverse, 1.0), v[1] * inverse, v[2] * inverse), length

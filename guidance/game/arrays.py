@@ -41,8 +41,30 @@ Plane: TypeAlias = tuple[Real, Real]
 Space: TypeAlias = tuple[Real, Real, Real]
 """The x, y and z components of a vector."""
 
-FLOATS: Library = SimpleNamespace(sqrt=math.sqrt)
+FLOATS: Library = SimpleNamespace(sqrt=math.sqrt, maximum=max)
 """What the kernels ask of a library, for the floats of a single state."""
+
+
+class Differentiating:
+    """A library that differentiates, with what the kernels ask of it beyond the array API standard."""
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the library has
+        return getattr(self._library, name)
+
+    def sqrt(self, square: Real) -> Real:
+        """Return a square root, with a derivative at zero that is finite."""
+        if isinstance(square, float):
+            return math.sqrt(square)
+        some = square > 0
+        return select(self, some, self._library.sqrt(select(self, some, square, 1.0)), square)
+
+    def maximum(self, a: Array, b: Real) -> Array:
+        """Return the larger of two numbers elementwise, of which the second may be a float."""
+        return self._library.maximum(a, constant(self._library, a, b))
+
 
 DOUBLE = np.dtype(np.float64)
 
@@ -62,11 +84,11 @@ def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Li
         return np, given
     known = [value for value in given.values() if is_array_api_obj(value)]
     try:
-        xp = array_namespace(*known) if known else np
+        xp: Library = array_namespace(*known) if known else np
     except TypeError:
         kinds = ", ".join(f"{name}: {type(value).__name__}" for name, value in given.items())
         raise ConfigError(f"arrays of different libraries cannot be mixed: {kinds}") from None
-    xp = np if is_numpy(xp) else xp
+    xp = np if is_numpy(xp) else Differentiating(xp)
     taken = {name: _as_array(xp, name, value) for name, value in given.items()}
     wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
     return xp, {name: array if array.dtype == wide else xp.astype(array, wide) for name, array in taken.items()}
@@ -107,8 +129,13 @@ def component(array: Array, index: int) -> Real:
 
 
 def components(array: Array) -> Space:
-    """Take all three, (..., 3) → three of (...); a state of plain numbers is three of them already."""
-    return array if type(array) is tuple else (component(array, 0), component(array, 1), component(array, 2))
+    """Take all three, (..., 3) → three of (...)."""
+    return component(array, 0), component(array, 1), component(array, 2)
+
+
+def components_or_none(array: Array | None) -> Space | None:
+    """Take all three of what may not be there."""
+    return None if array is None else components(array)
 
 
 def select(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
@@ -150,26 +177,6 @@ def choose(xp: Library, condition: Truth, yes: Real, no: Real) -> Real:
     if isinstance(condition, (np.bool_, bool)):
         return yes if condition else no
     return xp.where(condition, yes, no)
-
-
-def positive_part(value: Real) -> Real:
-    """Return max(value, 0), exactly and without a library call; NaN stays NaN."""
-    return 0.5 * (value + abs(value))
-
-
-def larger(xp: Library, a: Real, b: Real) -> Real:
-    """Return the larger of two numbers elementwise."""
-    return (a if a > b else b) if xp is FLOATS else select(xp, a > b, a, b)
-
-
-def root(xp: Library, square: Real) -> Real:
-    """Return a square root; at zero with a derivative that is finite, in the libraries that differentiate."""
-    if xp is np or xp is FLOATS:
-        return xp.sqrt(square)
-    if isinstance(square, float):
-        return math.sqrt(square)
-    some = square > 0
-    return select(xp, some, xp.sqrt(select(xp, some, square, 1.0)), square)
 
 
 def quiet(xp: Library) -> AbstractContextManager[object]:
@@ -227,15 +234,13 @@ def dot2(a: Plane, b: Plane) -> Real:
 
 def norm2(xp: Library, v: Plane) -> Real:
     """Length of a plane vector."""
-    if xp is FLOATS:
-        return math.sqrt(v[0] * v[0] + v[1] * v[1])
-    return root(xp, v[0] * v[0] + v[1] * v[1])
+    return xp.sqrt(v[0] * v[0] + v[1] * v[1])
 
 
 def norm3(xp: Library, vectors: Array) -> Real:
     """Length of vectors, (..., 3) → (...)."""
     x, y, z = components(vectors)
-    return root(xp, x * x + y * y + z * z)
+    return xp.sqrt(x * x + y * y + z * z)
 
 
 def unit2(xp: Library, v: Plane, length: Real) -> Plane:
@@ -259,12 +264,6 @@ def select2(xp: Library, condition: Truth, yes: Plane, no: Plane) -> Plane:
     if condition is True or condition is False:
         return yes if condition else no
     return select(xp, condition, yes[0], no[0]), select(xp, condition, yes[1], no[1])
-
-
-def bounded2(xp: Library, v: Plane, bound: Real) -> Plane:
-    """Shorten a plane vector to a bound, keeping its direction."""
-    scale = bound / larger(xp, norm2(xp, v), bound)
-    return v[0] * scale, v[1] * scale
 
 
 def pack(xp: Library, shape: tuple[int, ...], like: Array, components: Sequence[Real], plus: Real = 0.0) -> Array:

@@ -5,22 +5,17 @@ so that a game is the same game whichever kind of number it was written with.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Literal, TypeAlias
-
-import numpy as np
+from typing import Literal, TypeAlias, TypeVar
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Plane, Real, is_array, less_length, pair_length
+from guidance.game.arrays import Plane, Real, is_array, less_length, pair_length
 from guidance.game.records import (
-    exchanged,
     is_zero,
     record_hash,
     require,
     require_kind,
-    rows_of,
     same_record,
     take,
     take_fields,
@@ -28,6 +23,8 @@ from guidance.game.records import (
 )
 
 STILL = (0.0, 0.0)
+
+Record = TypeVar("Record", "StandOff", "Game")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,9 +198,10 @@ class Game:
         Raises:
             ConfigError: a number is not finite or out of range, or the evader is too fast.
         """
-        require("evader_speed_m_s", evader_speed_m_s)
-        require("information_age_s", information_age_s, zero_allowed=True)
-        other = exchanged(self, evader_speed_m_s=float(evader_speed_m_s), information_age_s=float(information_age_s))
+        if not (0.0 < evader_speed_m_s < math.inf and 0.0 <= information_age_s < math.inf):
+            require("evader_speed_m_s", evader_speed_m_s)
+            require("information_age_s", information_age_s, zero_allowed=True)
+        other = _exchanged(self, evader_speed_m_s=float(evader_speed_m_s), information_age_s=float(information_age_s))
         Game._require_speeds(other)
         return other
 
@@ -214,19 +212,19 @@ class Game:
         wherever it is by then.
         """
         spread_m = self.evader_speed_m_s * self.information_age_s
-        smaller = exchanged(self.standoff, radius_m=max(self.standoff.radius_m - spread_m, 0.0))
-        return exchanged(self, standoff=smaller, information_age_s=0.0)
+        smaller = _exchanged(self.standoff, radius_m=max(self.standoff.radius_m - spread_m, 0.0))
+        return _exchanged(self, standoff=smaller, information_age_s=0.0)
 
     def _require_speeds(self) -> None:
         hand = speed_in_hand(self)
-        if not is_array(hand) and not hand > 0:
+        if isinstance(hand, float) and not hand > 0:
             raise ConfigError(
                 f"evader_speed_m_s = {self.evader_speed_m_s!r} with {self.pursuer!r} and wind_m_s = {self.wind_m_s!r}: "
                 "the pursuer must be faster than evader and wind together (speed ratio δ > 1); a slower pursuer is "
                 "another game"
             )
         target = math.hypot(*self.target_velocity_m_s)
-        if not is_array(self.evader_speed_m_s) and not target < self.evader_speed_m_s:
+        if isinstance(self.evader_speed_m_s, float) and not target < self.evader_speed_m_s:
             raise ConfigError(
                 f"target_velocity_m_s = {self.target_velocity_m_s!r}: must be slower than the evader "
                 f"({self.evader_speed_m_s!r} m/s), which otherwise never reaches its target"
@@ -243,6 +241,14 @@ class Game:
                 "evader_space = 'space': an evader that flies is defined for the speed set Ball, without stand-off, "
                 "wind or moving target"
             )
+
+
+def _exchanged(record: Record, **values: object) -> Record:
+    """Return a record with some values exchanged, of which none is checked again."""
+    other: Record = object.__new__(type(record))
+    for name in record.__dataclass_fields__:
+        object.__setattr__(other, name, values[name] if name in values else getattr(record, name))
+    return other
 
 
 def speed_in_hand(game: Game) -> Real:
@@ -278,6 +284,26 @@ def wind_speed(game: Game) -> Real:
     return pair_length(game.wind_m_s)
 
 
+def head_wind(wind: Plane, n: Plane) -> Real:
+    """Return by how much a wind is kinder to the pursuer, m/s, than if it blew against heading n: ‖w‖ + n·w.
+
+    As ‖w‖ ‖n + w/‖w‖‖²/2, which does not cancel where it does.
+    """
+    strength = pair_length(wind)
+    inverse = 1.0 / (strength + (strength == 0))
+    x, y = n[0] + wind[0] * inverse, n[1] + wind[1] * inverse
+    return 0.5 * strength * (x * x + y * y)
+
+
+def least_square_in_hand(game: Game) -> Real:
+    """Return u² − (v + ‖w‖)², what is left of the pursuer's speed against an evader that runs from it up the wind.
+
+    Against one that runs along n, u² − ‖v n − w‖², it is 2 v (‖w‖ + n·w) more, see `head_wind`.
+    """
+    u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
+    return speed_in_hand(game) * (u + v + wind_speed(game))
+
+
 def parameters(game: Game) -> dict[str, Real]:
     """Return every number of a game that may differ from row to row, by name."""
     own = {
@@ -297,33 +323,3 @@ def parameters(game: Game) -> dict[str, Real]:
         "climb_m_s": pursuer.climb_m_s,
         "descent_m_s": pursuer.descent_m_s,
     }
-
-
-def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
-    """Return the game of some rows: every parameter that is an array, as `rows` takes them from it."""
-    if not game.varies:
-        return game
-    pursuer = replace(game.pursuer, **rows_of(game.pursuer, rows))
-    standoff = replace(game.standoff, **rows_of(game.standoff, rows))
-    x, y = (rows(part) if is_array(part) else part for part in game.wind_m_s)
-    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=(x, y), **rows_of(game, rows))
-
-
-def simplified(game: Game) -> Game:
-    """Return the same game with every NumPy array that holds one number throughout as that number: with the same bits.
-
-    An array whose number no game allows stays what it is, for `solve` to give the reason in every row.
-    """
-    if not any(map(_is_single, parameters(game).values())):
-        return game
-    try:
-        return for_rows(game, lambda value: value.item(0) if _is_single(value) else value)
-    except ConfigError:
-        return game
-
-
-def _is_single(value: Real) -> bool:
-    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.size == 0:
-        return False
-    first = value.item(0)
-    return value.item(-1) == first and bool((value == first).all())

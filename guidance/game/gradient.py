@@ -31,21 +31,21 @@ from guidance.game.arrays import (
     Plane,
     Space,
     component,
+    components,
     constant,
     dot2,
     norm2,
     pack,
-    positive_part,
     quiet,
-    root,
     select,
     select2,
     unit2,
     vectors,
 )
 from guidance.game.game import Ball, Cylinder, Game
-from guidance.game.reach import Geometry, level_time, take_apart, vertical_speed
-from guidance.game.solution import Solution, leading_shape, solve
+from guidance.game.pe import Geometry, level_time, take_apart, vertical_speed
+from guidance.game.rows import leading_shape
+from guidance.game.solution import Solution, solve
 
 ValueFunction: TypeAlias = Callable[[Array, Array, Array | None], Array]
 """Value of the positions of P, E and T, (..., 3) each, or of P, E and None; (...)."""
@@ -83,7 +83,7 @@ def value_gradient(game: Game, pursuer: ArrayLike, evader: ArrayLike, target: Ar
     shape, like = leading_shape(game, given), given["pursuer"]
     solution = solve(game, like, given["evader"], given.get("target"))
     with quiet(xp):
-        state = take_apart(xp, game, like, given["evader"], None)
+        state = take_apart(xp, game, components(like), components(given["evader"]), None)
         by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, given.get("target"))
     return Gradient(
         pack(xp, shape, like, by_pursuer),
@@ -143,10 +143,10 @@ def _by_meeting_point(xp: Library, game: Game, state: Geometry, run: Plane, t: A
     e = unit2(xp, y, length)
     if isinstance(game.pursuer, Cylinder):
         rate = 1.0 / (game.pursuer.horizontal_m_s + dot2(e, wind))
-        above = t <= positive_part(level_time(xp, game, game.pursuer, state.z))
+        above = t <= xp.maximum(level_time(xp, game, game.pursuer, state.z), 0.0)
         lift = _sign(xp, state.z) / vertical_speed(xp, game.pursuer, state.z)
         return select2(xp, above, (0.0, 0.0), (rate * e[0], rate * e[1])), select(xp, above, lift, 0.0)
-    reach = positive_part(length - game.standoff.radius_m)
+    reach = xp.maximum(length - game.standoff.radius_m, 0.0)
     distance = norm2(xp, (reach, state.z))
     rate = 1.0 / (game.pursuer.speed_m_s * distance + reach * dot2(e, wind))
     return (rate * reach * e[0], rate * reach * e[1]), rate * state.z
@@ -162,8 +162,8 @@ def _short(xp: Library, game: Game, state: Geometry, goal: Plane, t: Array) -> t
     if isinstance(game.pursuer, Cylinder):
         fall = vertical_speed(xp, game.pursuer, state.z)
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * t
-        above = positive_part(above - game.capture_radius_m - fall * t)
-    beside = positive_part(beside)
+        above = xp.maximum(above - game.capture_radius_m - fall * t, 0.0)
+    beside = xp.maximum(beside, 0.0)
     distance = norm2(xp, (beside, above))
     share, rise = beside / distance, above / distance
     if isinstance(game.pursuer, Cylinder):
@@ -285,13 +285,13 @@ def _saddle(xp: Library, game: Game, gradient: Gradient, minimises: Array) -> Ar
     """What the best of both adds, turned so that the pursuer minimises."""
     x, y, z = (-minimises * component(gradient.pursuer, index) for index in range(3))
     if isinstance(game.pursuer, Ball):
-        pursuer = game.pursuer.speed_m_s * root(xp, x * x + y * y + z * z)
+        pursuer = game.pursuer.speed_m_s * xp.sqrt(x * x + y * y + z * z)
     else:
         vertical = select(xp, z > 0, game.pursuer.climb_m_s * z, -game.pursuer.descent_m_s * z)
         pursuer = game.pursuer.horizontal_m_s * norm2(xp, (x, y)) + vertical
     a, b, c = (component(gradient.evader, index) for index in range(3))
     free = c if game.evader_space == "space" else 0.0 * c
-    return game.evader_speed_m_s * root(xp, a * a + b * b + free * free) - pursuer
+    return game.evader_speed_m_s * xp.sqrt(a * a + b * b + free * free) - pursuer
 
 
 def _plane(vectors: Array) -> Plane:

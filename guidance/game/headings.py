@@ -21,18 +21,16 @@ from guidance.game.arrays import (
     Truth,
     dot2,
     norm2,
-    positive_part,
-    root,
     select,
     unit2,
 )
-from guidance.game.game import STILL, Cylinder, Game
-from guidance.game.reach import Geometry, ball_time, head_wind, least_square_in_hand
+from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
+from guidance.game.pe import Geometry, ball_time
 from guidance.game.records import is_zero
 
 
 class Hunt(NamedTuple):
-    """What a heading of the evader is judged by, of a Cylinder its horizontal part; see `reach` for the symbols."""
+    """What a heading of the evader is judged by, of a Cylinder its horizontal part; see `pe` for the symbols."""
 
     u: Real
     v: Real
@@ -106,8 +104,8 @@ def hunt_for(xp: Library, game: Game, state: Geometry, to_target: Plane, goal: P
         z2, met_s, met_m = 0.0, 0.0, capture
     else:
         z2 = state.z * state.z
-        met_s = positive_part(abs(state.z) - capture) / u
-        met_m = radius if is_zero(capture) else radius + root(xp, positive_part(capture * capture - z2))
+        met_s = xp.maximum(abs(state.z) - capture, 0.0) / u
+        met_m = radius if is_zero(capture) else radius + xp.sqrt(xp.maximum(capture * capture - z2, 0.0))
     return Hunt(
         u=u,
         v=v,

@@ -1,9 +1,25 @@
-"""The pursuit-evasion game: capture as soon as possible against delay (Li, Wang & Xie, section III).
+"""The pursuit-evasion game: how soon the pursuer can have the evader (Li, Wang & Xie, section III).
 
-The evader's best heading is straight away from where the wind drifts the pursuer to: then the capture circle of `reach`
-needs longest to span the evader's own circle. In still air that is the paper's q*, eq. (16), with d → d + v τ − R and
-z → z − h. A Ball flies straight to that meeting point, eq. (20), a Cylinder at a along the line of sight and at b
-vertically, and it holds what is already met.
+One closed form does for both speed sets, capture radius, stand-off and wind. While the pursuer flies for t seconds, the
+circle of ground points where it would hold an evader captured grows:
+
+    Ball(u):         radius R + √((u t + l)² − z²),  from u t + l = |z| on
+    Cylinder(a, b):  radius R + l + a t,             from b t + l = |z| on
+
+with z the pursuer's height above the stand-off disc, R the disc's radius and l the capture radius. An evader whose
+distance from the disc is `gap + run · t` is caught when the circle has grown as far. For Ball that is a quadratic,
+
+    (u² − v²) t² + 2 (u l − v gap) t + l² − z² − gap² = 0,   v = run,
+
+whose discriminant is written below as (u gap − v l)² + (u² − v²) z², a sum of squares that no rounding turns negative,
+and u² − v² as (u − v)(u + v), for which u − v is what callers give. With R = l = 0 it is the paper's capture time.
+
+The evader's best heading is straight away from where the wind drifts the pursuer to: then that circle needs longest to
+span the evader's own. In still air that is the paper's q*, eq. (16), with d → d + v τ − R and z → z − h. A Ball flies
+straight to that meeting point, eq. (20), a Cylinder at a along the line of sight and at b vertically, and it holds what
+is already met. With wind the distance is a plane vector y + m t, not a straight line in t: the largest of its
+projections on a direction. Fixing the direction at the last estimate bounds it from below, so that the steps of `climb`
+lead up to the answer and never pass it: Newton's method on a concave function, quadratic at the end.
 
 Where the paper is silent: right above the evader (d = 0, outside its set R₀, eq. (13)) any heading of the evader is as
 good as any other, and the formulas divide by zero. The value is their limit, z/√(u² − v²). A Ball copies the evader's
@@ -11,26 +27,265 @@ observed velocity there and spends the rest of its speed on the descent, √(u²
 still, or whose velocity is unknown, it goes straight down. The evader keeps its observed heading, or takes the x axis.
 """
 
-from guidance.game.arrays import Library, Plane, Real, Space, Truth, dot2, norm2, root, select, select2, unit2
-from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, speed_in_hand
-from guidance.game.reach import Geometry, Play, climb, cover_time, head_wind, steer
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.game.arrays import (
+    FLOATS,
+    Library,
+    Plane,
+    Real,
+    Space,
+    Truth,
+    dot2,
+    half_of_digits,
+    norm2,
+    select,
+    select2,
+    unit2,
+)
+from guidance.game.game import Ball, Cylinder, Game, Reason, Winner, head_wind, speed_in_hand
+from guidance.game.records import is_zero
+
+TOUCH_M = 1e-9
+"""What is left of a distance that is met, for a pursuer that is told to hold what is met: rounding leaves that much."""
+
+NEWTON_STEPS = 10
+"""Eight reach the last bit even at δ = 1.02; wider speed ratios need four or five."""
+
+
+class Geometry(NamedTuple):
+    """A state of the game by components, each of the leading shape, with what every kernel needs of it."""
+
+    evader: Plane
+    """Position of the evader, m."""
+    ground: Real
+    """Height of the evader's plane, m."""
+    to_evader: Plane
+    """Horizontal vector from the pursuer to the evader, m."""
+    distance: Real
+    """Its length d, m."""
+    z: Real
+    """Height of the pursuer above the stand-off disc, m."""
+    seen: Plane | None
+    """Observed velocity of the evader, at most v, m/s; None where it is unknown."""
+    hold: Plane
+    """Velocity of a pursuer that has nothing to gain: the evader's, or none."""
+
+
+class Play(NamedTuple):
+    """A kernel's answer by components; see `Solution`."""
+
+    winner: Real
+    value: Real
+    margin: Real
+    meeting: Space
+    time: Real
+    pursuer: Space
+    evader: Space
+    reason: Real
+
+
+def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) -> Geometry:
+    """Gather what the kernels need of a state.
+
+    Args:
+        xp: array library.
+        game: the stand-off's height, and the evader's speed bound.
+        P: position of the pursuer, m.
+        E: position of the evader, m.
+        seen: the evader's observed velocity, m/s, or None.
+    """
+    (x, y, height), (east, north, ground) = P, E
+    to_evader = (east - x, north - y)
+    distance = xp.sqrt(to_evader[0] * to_evader[0] + to_evader[1] * to_evader[1])
+    z = height - ground - game.standoff.height_m
+    if seen is None:
+        return Geometry((east, north), ground, to_evader, distance, z, None, (0.0, 0.0))
+    bound, (run, rise, _) = game.evader_speed_m_s, seen
+    scale = bound / xp.maximum(xp.sqrt(run * run + rise * rise), bound)
+    hold = (run * scale, rise * scale)
+    return Geometry((east, north), ground, to_evader, distance, z, hold, hold)
+
+
+def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real:
+    """Return the time from now, s, until the capture circle spans `gap + run · t`; zero if it does now.
+
+    Args:
+        xp: array library.
+        game: speed set and capture radius.
+        gap: horizontal distance to the stand-off disc now, m; negative inside.
+        spare: by how much the pursuer's horizontal speed exceeds `run`, at which that distance grows, m/s.
+        z: height of the pursuer above the stand-off disc, m, of either sign.
+    """
+    pursuer, capture = game.pursuer, game.capture_radius_m
+    if isinstance(pursuer, Cylinder):
+        return xp.maximum(xp.maximum((gap - capture) / spare, level_time(xp, game, pursuer, z)), 0.0)
+    u = pursuer.speed_m_s
+    run = u - spare
+    hand = spare * (u + run)
+    if is_zero(capture) and is_zero(game.standoff.radius_m):
+        cross = u * gap
+        return (run * gap + xp.sqrt(hand * (z * z) + cross * cross)) / hand  # V, eq. (19), of both speeds
+    above = (abs(z) - capture) / u
+    half, cross = run * gap - u * capture, u * gap - run * capture
+    t = _positive_root(xp, hand, half, xp.sqrt(hand * (z * z) + cross * cross), gap * gap + z * z - capture * capture)
+    return xp.maximum(select(xp, gap + run * above > 0, t, above), 0.0)
+
+
+def _positive_root(xp: Library, hand: Real, half: Real, delta: Real, beyond: Real) -> Real:
+    """Solve hand·t² − 2 half·t − beyond = 0, `delta` being √(half² + hand·beyond), by the form that does not cancel."""
+    kept = half >= 0
+    other = select(xp, kept, 1.0, delta - half)
+    return select(xp, kept, (half + delta) / hand, beyond / other)
+
+
+def level_time(xp: Library, game: Game, pursuer: Cylinder, z: Real) -> Real:
+    """Return the time, s, in which a Cylinder gains the height of the disc; negative if it has more than that.
+
+    Args:
+        xp: array library.
+        game: the capture radius.
+        pursuer: its speed set.
+        z: height of the pursuer above the stand-off disc, m, of either sign.
+    """
+    return (abs(z) - game.capture_radius_m) / vertical_speed(xp, pursuer, z)
+
+
+def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Real:
+    """Return the vertical speed in the direction that is needed: descent from above the disc, climb from below."""
+    return select(xp, z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
+
+
+def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]) -> tuple[Real, Plane, Real]:
+    """Find the largest t = cover(n) over all directions n, that of y + m t; return t, n and ‖y + m t‖.
+
+    A row keeps the time of its first step after which none is needed, whatever the others of the batch go on with. A
+    library that may be tracing is not asked for that.
+
+    Args:
+        xp: array library.
+        y: a plane vector now, m.
+        m: its rate, m/s.
+        cover: time, s, as a function of the direction that the vector's length is measured in.
+    """
+
+    def towards(t: Real) -> tuple[Plane, Real]:
+        then = (y[0] + m[0] * t, y[1] + m[1] * t)
+        distance = norm2(xp, then)
+        return unit2(xp, then, distance), distance
+
+    t = cover(unit2(xp, y, norm2(xp, y)))
+    done: Truth = False
+    for _ in range(NEWTON_STEPS - 1):
+        further = cover(towards(t)[0])
+        if xp is np or xp is FLOATS:
+            further = select(xp, done, t, further)
+            done = done | (further - t <= half_of_digits(further) * further)
+        t = further
+        if done is True or (done is not False and done.all()):
+            break
+    return t, *towards(t)
+
+
+def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Real) -> Real:
+    """Solve ‖(y + m t, z)‖ = u t + capture for its root t ≥ 0, with ‖m‖ < u; zero if it is captured now.
+
+    Args:
+        xp: array library.
+        u: the pursuer's speed, m/s.
+        capture: what it has within its reach now, m.
+        y: horizontal vector from the pursuer to the evader, m.
+        m: the evader's velocity less the wind, m/s.
+        z: height of the pursuer above the disc, m, of either sign.
+    """
+    pace = norm2(xp, m)
+    return ball_time(xp, (u - pace) * (u + pace), dot2(y, m) - u * capture, dot2(y, y) + z * z - capture * capture)[0]
+
+
+def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, Real]:
+    """Solve hand·t² − 2 half·t − beyond = 0 for its root t ≥ 0, and return √(half² + hand·beyond) with it.
+
+    Where `beyond`, the square of what is out of reach now, is not positive, the time is zero.
+
+    Args:
+        xp: array library.
+        hand: u² − ‖m‖², m²/s², positive.
+        half: half of the linear coefficient, m²/s.
+        beyond: the square of what is out of reach now, m².
+    """
+    inside, kept = beyond <= 0, half >= 0
+    out = select(xp, inside, 0.0, beyond)
+    delta = xp.sqrt(half * half + hand * out)
+    # Libraries that differentiate take the derivative of |half| at zero for zero.
+    size = abs(half) if xp is np or xp is FLOATS else select(xp, kept, half, -half)
+    both = size + delta
+    t = select(xp, kept, both, out) / select(xp, kept, hand, both)
+    return select(xp, inside, 0.0 * t, t), delta
+
+
+def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold: Plane) -> Space:
+    """Return the pursuer's velocity over the ground, m/s, that has the evader captured at a given point after `t`.
+
+    Args:
+        xp: array library.
+        game: speed set, stand-off disc, wind.
+        to: horizontal vector from the pursuer to where the evader will be, m.
+        gap: what is left to gain horizontally now, m; a Cylinder with nothing to gain holds.
+        t: time to that capture, s; zero when it has come.
+        z: height of the pursuer above the stand-off disc, m.
+        hold: horizontal velocity over the ground of a pursuer that has nothing to gain.
+    """
+    wind = game.wind_m_s
+    y = to if game.calm else (to[0] - wind[0] * t, to[1] - wind[1] * t)
+    if isinstance(game.pursuer, Cylinder):
+        ahead, pace = unit2(xp, y, xp.sqrt(y[0] * y[0] + y[1] * y[1])), game.pursuer.horizontal_m_s
+        air = (pace * ahead[0], pace * ahead[1])
+        vertical = select(xp, z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
+    else:
+        air, vertical = _aim(xp, game, game.pursuer, y, z)
+    flown = air if game.calm else (air[0] + wind[0], air[1] + wind[1])
+    if isinstance(game.pursuer, Ball):
+        met = t <= 0
+        return *select2(xp, met, hold, flown), select(xp, met, 0.0, vertical)
+    over = abs(z) - game.capture_radius_m
+    return *select2(xp, gap > TOUCH_M, flown, hold), select(xp, over > TOUCH_M, vertical, 0.0)
+
+
+def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Plane, Real]:
+    """Point a Ball at the disc around y: horizontal and vertical velocity through the air."""
+    radius, length = game.standoff.radius_m, norm2(xp, y)
+    reach = length if is_zero(radius) else xp.maximum(length - radius, 0.0)
+    distance = xp.sqrt(reach * reach + z * z)
+    rate = pursuer.speed_m_s / select(xp, distance > 0, distance, 1.0)
+    pace = rate if is_zero(radius) else rate * (reach / select(xp, length > 0, length, 1.0))
+    return (pace * y[0], pace * y[1]), -z * rate
 
 
 def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     """Play the PE game from a state taken apart; see `solve` for what the answer means."""
     v, age = game.evader_speed_m_s, game.information_age_s
-    t, direction, free = _flee(xp, game, state)
+    lead = v * age - game.standoff.radius_m
+    gap = state.distance + lead
+    if game.calm:
+        distance, direction = state.distance, unit2(xp, state.to_evader, state.distance)
+        t = cover_time(xp, game, gap, game.pursuer.horizontal_m_s - v, state.z)
+    else:
+        t, direction, distance = _up_the_wind(xp, game, state, lead)
+    free = distance <= 0
+    if free is not False and state.seen is not None:
+        direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)
     run = v * (t + age)
     dash = (run * direction[0], run * direction[1])
-    gap = state.distance + (v * age - game.standoff.radius_m)
     if isinstance(game.pursuer, Cylinder):
         gap = gap - game.capture_radius_m
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
     flown = steer(xp, game, to, gap, t, state.z, state.hold)
-    overhead = free & (t > 0) & (gap + v * t > 0)
-    if isinstance(game.pursuer, Ball):
-        flown = _follow(xp, game, game.pursuer, state, overhead, flown)
-    reason = select(xp, overhead, int(Reason.OVERHEAD), int(Reason.SOLVED))
+    reason: Real = int(Reason.SOLVED)
+    if free is not False:
+        flown, reason = _overhead(xp, game, state, free & (t > 0) & (gap + v * t > 0), flown)
     return Play(
         winner=int(Winner.PURSUER),
         value=t,
@@ -43,32 +298,26 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> Play:
     )
 
 
-def _flee(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Truth]:
-    """Find the capture time, the evader's heading, and whether any other heading were as good."""
-    v, wind = game.evader_speed_m_s, game.wind_m_s
-    lead = v * game.information_age_s - game.standoff.radius_m
-    if game.calm:
-        distance = state.distance
-        direction = unit2(xp, state.to_evader, distance)
-        t = cover_time(xp, game, distance + lead, game.pursuer.horizontal_m_s - v, state.z)
-    else:
-        least = speed_in_hand(game)
+def _up_the_wind(xp: Library, game: Game, state: Geometry, lead: Real) -> tuple[Real, Plane, Real]:
+    """Find the capture time, the evader's heading, and how far from the pursuer's drift it is then."""
+    wind, least = game.wind_m_s, speed_in_hand(game)
 
-        def cover(n: Plane) -> Real:
-            return cover_time(xp, game, dot2(n, state.to_evader) + lead, least + head_wind(wind, n), state.z)
+    def cover(n: Plane) -> Real:
+        return cover_time(xp, game, dot2(n, state.to_evader) + lead, least + head_wind(wind, n), state.z)
 
-        t, direction, distance = climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
-    free = distance <= 0
-    if free is not False and state.seen is not None:
-        direction = select2(xp, free, unit2(xp, state.seen, norm2(xp, state.seen)), direction)
-    return t, direction, free
+    return climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
 
 
-def _follow(xp: Library, game: Game, pursuer: Ball, state: Geometry, overhead: Truth, flown: Space) -> Space:
-    """Above the evader: copy its velocity, and spend the rest of the speed on the height, if there is any."""
-    rest = pursuer.speed_m_s
+def _overhead(xp: Library, game: Game, state: Geometry, above: Truth, flown: Space) -> tuple[Space, Real]:
+    """Above the evader a Ball copies its velocity, and spends the rest of the speed on the height, if there is any."""
+    if xp is np and not np.any(above):
+        return flown, int(Reason.SOLVED)
+    reason = select(xp, above, int(Reason.OVERHEAD), int(Reason.SOLVED))
+    if isinstance(game.pursuer, Cylinder):
+        return flown, reason
+    rest = game.pursuer.speed_m_s
     if state.seen is not None:
-        rest = root(xp, rest * rest - dot2(state.seen, state.seen))
+        rest = xp.sqrt(rest * rest - dot2(state.seen, state.seen))
     copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
     vertical = select(xp, state.z > 0, -rest, select(xp, state.z < 0, rest, 0.0))
-    return *select2(xp, overhead, copied, (flown[0], flown[1])), select(xp, overhead, vertical, flown[2])
+    return (*select2(xp, above, copied, (flown[0], flown[1])), select(xp, above, vertical, flown[2])), reason

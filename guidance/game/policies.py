@@ -12,11 +12,23 @@ from typing import Protocol
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, component, norm2, pack, quiet, select, unit2, vectors
+from guidance.game.arrays import (
+    Array,
+    component,
+    components,
+    components_or_none,
+    norm2,
+    pack,
+    quiet,
+    select,
+    unit2,
+    vectors,
+)
 from guidance.game.game import Game
-from guidance.game.reach import catch_time, steer, take_apart
-from guidance.game.solution import leading_shape, solve
-from guidance.game.tad import guard_time
+from guidance.game.pe import steer, take_apart
+from guidance.game.rows import leading_shape
+from guidance.game.solution import solve
+from guidance.game.tad import catch_time, guard_time
 
 
 class Policy(Protocol):
@@ -89,7 +101,8 @@ def _lead_pursuit(
     xp, given = vectors({"pursuer": pursuer, "evader": evader} | seen)
     shape, P, E = leading_shape(game, given), given["pursuer"], given["evader"]
     with quiet(xp):
-        state = take_apart(xp, game, P, E, given.get("evader_velocity_m_s", 0.0 * E))
+        observed = components(given.get("evader_velocity_m_s", 0.0 * E))
+        state = take_apart(xp, game, components(P), components(E), observed)
         run, wind = state.hold, game.wind_m_s
         t = catch_time(xp, game, state.to_evader, (run[0] - wind[0], run[1] - wind[1]), state.z)
         to = (state.to_evader[0] + run[0] * t, state.to_evader[1] + run[1] * t)
@@ -171,7 +184,8 @@ def _fly_straight(game: Game, pursuer: ArrayLike, evader: ArrayLike, aim: ArrayL
     xp, given = vectors({"pursuer": pursuer, "evader": evader, "aim": aim} | observed)
     shape, at = leading_shape(game, given), given["aim"]
     with quiet(xp):
-        state = take_apart(xp, game, given["pursuer"], given["evader"], given.get("evader_velocity_m_s"))
+        moving = components_or_none(given.get("evader_velocity_m_s"))
+        state = take_apart(xp, game, components(given["pursuer"]), components(given["evader"]), moving)
         goal = (component(at, 0) - state.evader[0], component(at, 1) - state.evader[1])
         to = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
         gap = norm2(xp, to) - game.standoff.radius_m - game.capture_radius_m

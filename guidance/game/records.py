@@ -6,7 +6,7 @@ So that a record is the same whichever kind of number it was written with, equal
 import math
 from collections.abc import Callable
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from guidance.game.arrays import Array, Real, as_reals, is_array
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
-
-Record = TypeVar("Record", bound="DataclassInstance")
 
 
 def same_record(one: "DataclassInstance", other: object) -> bool:
@@ -44,14 +42,6 @@ def rows_of(record: "DataclassInstance", rows: Callable[[Array], Array]) -> dict
     """Return every number of a record that is an array, as `rows` takes its rows from it."""
     values = {part.name: getattr(record, part.name) for part in fields(record) if part.init}
     return {name: rows(value) for name, value in values.items() if is_array(value)}
-
-
-def exchanged(record: Record, **values: object) -> Record:
-    """Return a record with some values exchanged, of which none is checked again."""
-    other: Record = object.__new__(type(record))
-    for name in record.__dataclass_fields__:
-        object.__setattr__(other, name, values[name] if name in values else getattr(record, name))
-    return other
 
 
 def take_fields(record: "DataclassInstance", *, zero_allowed: bool = False) -> None:

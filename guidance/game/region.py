@@ -1,7 +1,7 @@
 """The point of the evader's region closest to its target: g* of the paper, and what becomes of it in every other game.
 
 The evader owns the points that it reaches before the pursuer can have it captured there. In the paper's game they are
-the Apollonius disc, and everything is written down (`apollonius.race`). Else one unknown is left, its heading, whose
+the Apollonius disc, and everything is written down (`tad.race`). Else one unknown is left, its heading, whose
 end is a point of the region's edge (`headings`). The region is convex while the information is young enough
 (`guaranteed_age_s`), so that the distance from T has one minimum along its edge. Newton's method finds that by the
 first and second derivative of the capture time, a few steps from the closest point of a circle that touches the edge.
@@ -25,14 +25,13 @@ from guidance.game.arrays import (
     half_of_digits,
     is_array,
     norm2,
-    root,
     select,
     select2,
     unit2,
 )
 from guidance.game.game import STILL, Game, guaranteed_age_s
 from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
-from guidance.game.reach import Geometry
+from guidance.game.pe import Geometry
 from guidance.game.records import is_zero
 
 STEPS = 3
@@ -171,7 +170,7 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     if hunt.drift is not None:
         goal = _plus(goal, way.t, hunt.drift)
     back = (v * v * e0[0] - hand * goal[0], v * v * e0[1] - hand * goal[1])
-    span = v * root(xp, hand * z2 + (u * u) * dot2(e0, e0))
+    span = v * xp.sqrt(hand * z2 + (u * u) * dot2(e0, e0))
     length = norm2(xp, back)
     scale = span / select(xp, length > 0, length, 1.0)
     run = (v * v * e0[0] - scale * back[0] + hand * lag[0], v * v * e0[1] - scale * back[1] + hand * lag[1])
@@ -192,7 +191,7 @@ def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
         e0 = _plus(e0, -hunt.radius, way.to)
     if not is_zero(hunt.capture):
         near = norm2(xp, way.flown)
-        distance = root(xp, near * near + z2)
+        distance = xp.sqrt(near * near + z2)
         share = hunt.capture / select(xp, distance > 0, distance, 1.0)
         e0, z2 = _plus(e0, -share, in_plane(way.n, way.flown)), ((1.0 - share) * (1.0 - share)) * z2
     return e0 if hunt.wind is None else _plus(e0, -way.t, hunt.wind), z2

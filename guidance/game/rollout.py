@@ -23,22 +23,21 @@ from guidance.game.arrays import (
     Library,
     choose,
     component,
+    components,
     constant,
-    larger,
     norm2,
     norm3,
-    positive_part,
     quiet,
-    root,
     select,
     spread,
     vectors,
 )
 from guidance.game.game import Ball, Game, wind_speed
+from guidance.game.pe import TOUCH_M, take_apart, vertical_speed
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
-from guidance.game.reach import TOUCH_M, take_apart, vertical_speed
 from guidance.game.records import is_zero, require
-from guidance.game.solution import leading_shape, solve
+from guidance.game.rows import leading_shape
+from guidance.game.solution import solve
 
 SHARE = {1: 1.0, 4: 0.5}
 """Share of the least time to the end that a step of an order may take; Runge-Kutta must not look past the end."""
@@ -322,16 +321,16 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         evader: position E, (..., 3), m.
         target: position T, (..., 3), m, or None for PE.
     """
-    state = take_apart(xp, game, pursuer, evader, None)
+    state = take_apart(xp, game, components(pursuer), components(evader), None)
     closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + wind_speed(game)
     capture, turn = game.capture_radius_m, math.inf
     beside = state.distance - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
-        ahead = positive_part(norm2(xp, (positive_part(beside), state.z)) - capture) / closing
+        ahead = xp.maximum(norm2(xp, (xp.maximum(beside, 0.0), state.z)) - capture, 0.0) / closing
     else:
         met = capture + 2.0 * TOUCH_M
         above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
-        ahead = positive_part(larger(xp, (beside - met) / closing, above))
+        ahead = xp.maximum(xp.maximum((beside - met) / closing, above), 0.0)
         over = abs(state.z) - capture
         inside = (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z)
         turn = select(xp, over > TOUCH_M, inside, math.inf)
@@ -340,4 +339,4 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
     x, y, z = (component(target, index) - component(evader, index) for index in range(3))
     rise = z if game.evader_space == "space" else 0.0 * z
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
-    return Ahead(ahead, root(xp, x * x + y * y + rise * rise) / speed, turn)
+    return Ahead(ahead, xp.sqrt(x * x + y * y + rise * rise) / speed, turn)

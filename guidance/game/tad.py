@@ -2,7 +2,7 @@
 
 The evader owns the points that it reaches before the pursuer can have it captured there. With the target among them it
 wins. Otherwise it goes for the point of that region closest to the target, and the pursuer meets it there: g* of eq.
-(38) in the paper's game (`apollonius.race`), and what `region` finds in every other. A Cylinder's region is the planar
+(38) in the paper's game (`race`), and what `region` finds in every other. A Cylinder's region is the planar
 one together with the disc ‖X − E‖ ≤ v (t_z + τ) that the evader has while the pursuer's height is not yet spent; its
 pursuer flies horizontally by the planar region alone, and holds over the evader what it has met.
 
@@ -21,25 +21,35 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.game.apollonius import race
-from guidance.game.arrays import (
-    FLOATS,
-    Library,
-    Plane,
-    Real,
-    Space,
-    Truth,
-    norm2,
-    positive_part,
-    select,
-    select2,
-    unit2,
-)
+from guidance.game.arrays import FLOATS, Array, Library, Plane, Real, Space, Truth, dot2, norm2, select, select2, unit2
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason, Winner
-from guidance.game.pe import pursuit
-from guidance.game.reach import Geometry, Play, catch_in_ball, catch_time, cover_time, level_time, steer, vertical_speed
+from guidance.game.pe import (
+    Geometry,
+    Play,
+    catch_in_ball,
+    climb,
+    cover_time,
+    level_time,
+    pursuit,
+    steer,
+    vertical_speed,
+)
 from guidance.game.records import is_zero
 from guidance.game.region import Closest, closest_point, is_circle
+
+
+class Race(NamedTuple):
+    """What both players' race to a target comes to in the paper's game.
+
+    Attributes:
+        margin: B as a time: how much sooner the pursuer can be there, s.
+        final_distance: L, m; negative where the evader wins.
+        run: vector from E to g*, the point of the circle closest to the target, m.
+    """
+
+    margin: Array
+    final_distance: Array
+    run: Plane
 
 
 class Contest(NamedTuple):
@@ -152,6 +162,43 @@ def _paper(xp: Library, game: Game, state: Geometry, to_target: Plane, z: Real) 
     return Contest(to_target, arrival, arrival - ended.margin, ended.margin, -u * ended.margin, edge)
 
 
+def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane) -> Race:
+    """Return how the race for a target ends in the paper's game.
+
+    L = ‖c − T‖ − r = d_δ/(δ² − 1) − r, eq. (41), is the difference of two lengths that grow without bound as δ → 1.
+    Times their sum it is the barrier B over δ² − 1, which cancels nothing and is zero exactly where B is:
+
+        L = B / (d_δ + √((δ² − 1) z² + δ² d²))
+
+    Args:
+        xp: array library.
+        speeds: u and v, m/s.
+        to_evader: horizontal vector from P to E, m.
+        z: height of P above E's plane, m.
+        to_target: horizontal vector from E to T, m.
+    """
+    u, v = speeds
+    hand = (u - v) * (u + v)
+    from_target = (v * v * to_evader[0] - hand * to_target[0], v * v * to_evader[1] - hand * to_target[1])
+    d_delta = norm2(xp, from_target)
+    span = v * xp.sqrt(hand * (z * z) + (u * u) * dot2(to_evader, to_evader))
+    way = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
+    near, far = dot2(to_target, to_target), dot2(way, way) + z * z
+    b = (u * u) * near - (v * v) * far
+    left = xp.sqrt(near)
+    both = u * left + v * xp.sqrt(far)
+    direction = unit2(xp, from_target, d_delta)
+    final = b / select(xp, b == 0, 1.0, d_delta + span)
+    # g* from E's side of the circle, or from T: whichever is the shorter way, and so the one that loses fewer digits
+    by_target = span > hand * left
+    scale = span / hand
+    centre = (v * v / hand * to_evader[0], v * v / hand * to_evader[1])
+    base = select2(xp, by_target, to_target, centre)
+    length = select(xp, by_target, final, -scale)
+    run = (base[0] + length * direction[0], base[1] + length * direction[1])
+    return Race(b / (u * v * select(xp, b == 0, 1.0, both)), final, run)
+
+
 def _choose_edge(xp: Library, condition: Truth, yes: Closest, no: Closest) -> Closest:
     return Closest(
         select2(xp, condition, yes.run, no.run),
@@ -164,9 +211,29 @@ def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
     """Return when the evader can be at its target, and where that is then, from the evader."""
     v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
     if adrift == STILL:
-        return positive_part(norm2(xp, to_target) / v - age), to_target
+        return xp.maximum(norm2(xp, to_target) / v - age, 0.0), to_target
     arrival = catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
     return arrival, (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)
+
+
+def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Real:
+    """Return the time from now, s, until an evader at `y` from the pursuer, moving at `m` in the air, is captured.
+
+    Args:
+        xp: array library.
+        game: speed set, capture radius, stand-off disc.
+        y: horizontal vector from the pursuer to the evader, m.
+        m: the evader's velocity less the wind, m/s.
+        z: height of the pursuer above the stand-off disc, m, of either sign.
+    """
+    pursuer, radius, capture = game.pursuer, game.standoff.radius_m, game.capture_radius_m
+    if isinstance(pursuer, Cylinder):
+        level = catch_in_ball(xp, pursuer.horizontal_m_s, radius + capture, y, m, 0.0)
+        return xp.maximum(level, level_time(xp, game, pursuer, z))
+    u = pursuer.speed_m_s
+    if is_zero(radius):
+        return catch_in_ball(xp, u, capture, y, m, z)
+    return climb(xp, y, m, lambda n: cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z))[0]
 
 
 def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
@@ -190,7 +257,7 @@ def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
     capture = game.capture_radius_m
     if isinstance(game.pursuer, Cylinder):
         return (beside <= capture) & (abs(state.z) <= capture)
-    beside = positive_part(beside)
+    beside = xp.maximum(beside, 0.0)
     return norm2(xp, (beside, state.z)) <= capture
 
 
@@ -198,7 +265,7 @@ def _with_falling(
     xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest
 ) -> Closest:
     """Join the disc that the evader has while the pursuer's height is not spent to the planar region."""
-    falling, adrift = positive_part(level_time(xp, game, pursuer, state.z)), game.target_velocity_m_s
+    falling, adrift = xp.maximum(level_time(xp, game, pursuer, state.z), 0.0), game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
     goal = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
     far = norm2(xp, goal)
@@ -233,5 +300,5 @@ def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: R
     else:
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * arrival
         above = abs(state.z) - game.capture_radius_m - vertical_speed(xp, game.pursuer, state.z) * arrival
-        flown, above = 0.0, positive_part(above)
-    return norm2(xp, (select(xp, lost, positive_part(beside), 1.0), above)) - flown
+        flown, above = 0.0, xp.maximum(above, 0.0)
+    return norm2(xp, (select(xp, lost, xp.maximum(beside, 0.0), 1.0), above)) - flown

@@ -19,19 +19,18 @@ from guidance.game.arrays import (
     Real,
     Space,
     component,
+    components,
     dot2,
     pack,
-    positive_part,
     quiet,
-    root,
     select,
     select2,
     unit2,
     vectors,
 )
 from guidance.game.game import Ball, Game
-from guidance.game.reach import Geometry, steer, take_apart
-from guidance.game.solution import leading_shape
+from guidance.game.pe import Geometry, steer, take_apart
+from guidance.game.rows import leading_shape
 from guidance.game.tad import guard_time
 
 
@@ -61,7 +60,7 @@ def proportional_navigation(
     xp, given = vectors({"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": evader_velocity_m_s})
     shape, pursuer = leading_shape(game, given), given["pursuer"]
     with quiet(xp):
-        state = take_apart(xp, game, *given.values())
+        state = take_apart(xp, game, *map(components, given.values()))
         x, y, z = (0.0 if previous_m_s is None else component(previous_m_s, index) for index in range(3))
         previous = (x, y, z)
         if isinstance(game.pursuer, Ball):
@@ -73,12 +72,12 @@ def proportional_navigation(
 
 def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, gained_s: Real) -> Space:
     """Turn a Ball's velocity towards the nearest point of the disc."""
-    e, reach = unit2(xp, state.to_evader, state.distance), positive_part(state.distance - game.standoff.radius_m)
+    e, reach = unit2(xp, state.to_evader, state.distance), xp.maximum(state.distance - game.standoff.radius_m, 0.0)
     sight = (reach * e[0], reach * e[1], -state.z)
     course = _turned(xp, sight, previous, state.hold, gained_s)
     headwind = course[0] * game.wind_m_s[0] + course[1] * game.wind_m_s[1]
     wind = dot2(game.wind_m_s, game.wind_m_s)
-    pace = headwind + root(xp, pursuer.speed_m_s * pursuer.speed_m_s - wind + headwind * headwind)
+    pace = headwind + xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - wind + headwind * headwind)
     met = _length(xp, sight) <= game.capture_radius_m
     level = select2(xp, met, state.hold, (pace * course[0], pace * course[1]))
     return *level, select(xp, met, 0.0, pace * course[2])
@@ -126,7 +125,7 @@ def _cross(a: Space, b: Space) -> Space:
 
 
 def _length(xp: Library, v: Space) -> Array:
-    return root(xp, _dot(v, v))
+    return xp.sqrt(_dot(v, v))
 
 
 def _scaled(factor: Real, v: Space) -> Space:

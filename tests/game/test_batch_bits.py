@@ -263,7 +263,7 @@ def test_an_array_of_one_number_is_that_number_and_costs_no_more(oracle, monkeyp
                 varied = solve(full(few, 20, lambda value: 1.01 * value), P, E, target)
                 assert all(same(a[:-1], b[:-1]) for a, b in zip(single, varied, strict=True))
                 with monkeypatch.context() as patched:
-                    patched.setattr(solving, "speed_in_hand", None)  # asked row by row, where a number varies
+                    patched.setattr(solving, "refused_rows", None)  # asked row by row, where a number varies
                     alike = solve(full(few, 20), P, E, target)
                 assert all(same(a, b) for a, b in zip(single, alike, strict=True))
 

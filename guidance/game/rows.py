@@ -1,0 +1,84 @@
+"""Games whose numbers differ from row to row: the shape of a batch, some of its rows, and what is the same in all."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.game.arrays import Array, Library, Real, is_array, select
+from guidance.game.game import Game, Reason, parameters, speed_in_hand
+from guidance.game.records import rows_of
+
+SIGNED = ("wind_x_m_s", "wind_y_m_s")
+ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
+
+
+def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
+    """Return the common leading shape of named vectors and of the parameters that differ from row to row.
+
+    Raises:
+        ConfigError: a vector is not an array (..., 3), or the shapes do not broadcast.
+    """
+    shapes = {}
+    for name, array in given.items():
+        shape = array.shape
+        if not shape or shape[-1] != 3:
+            raise ConfigError(f"{name} = {array!r}: must be an array of shape (..., 3), not {tuple(shape)}")
+        shapes[name] = tuple(shape[:-1])
+    if game.varies:
+        shapes |= {name: tuple(getattr(value, "shape", ())) for name, value in parameters(game).items()}
+    different = set(shapes.values())
+    if len(different) == 1:
+        return different.pop()
+    try:
+        return np.broadcast_shapes(*different)
+    except ValueError:
+        raise ConfigError(f"the leading shapes do not fit each other: {shapes}") from None
+
+
+def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
+    """Return the game of some rows: every parameter that is an array, as `rows` takes them from it."""
+    if not game.varies:
+        return game
+    pursuer = replace(game.pursuer, **rows_of(game.pursuer, rows))
+    standoff = replace(game.standoff, **rows_of(game.standoff, rows))
+    x, y = (rows(part) if is_array(part) else part for part in game.wind_m_s)
+    return replace(game, pursuer=pursuer, standoff=standoff, wind_m_s=(x, y), **rows_of(game, rows))
+
+
+def simplified(game: Game) -> Game:
+    """Return the same game with every NumPy array that holds one number throughout as that number: with the same bits.
+
+    An array whose number no game allows stays what it is, for `solve` to give the reason in every row.
+    """
+    if not any(map(_is_single, parameters(game).values())):
+        return game
+    try:
+        return for_rows(game, lambda value: value.item(0) if _is_single(value) else value)
+    except ConfigError:
+        return game
+
+
+def _is_single(value: Real) -> bool:
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.size == 0:
+        return False
+    first = value.item(0)
+    return value.item(-1) == first and bool((value == first).all())
+
+
+def refused_rows(xp: Library, game: Game, fault: Real) -> Real:
+    """Return what is wrong with each row, or else the reason why its numbers allow no game.
+
+    Args:
+        xp: array library.
+        game: whose parameters differ from row to row.
+        fault: 0, or what else is wrong with a row.
+    """
+    fault = select(xp, speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
+    for name, value in parameters(game).items():
+        allowed = value - value == 0
+        if name not in SIGNED:
+            allowed = allowed & (value >= 0 if name in ZERO_ALLOWED else value > 0)
+        fault = select(xp, allowed, fault, int(Reason.OUT_OF_RANGE))
+    return fault
