@@ -1,4 +1,4 @@
-"""A client for protocol pieces: pymavlink packs what it sends and parses what comes back; the clock moves by hand."""
+"""A vehicle and its client, and a client for protocol pieces; the clock moves by hand."""
 
 from types import SimpleNamespace
 
@@ -7,10 +7,11 @@ from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.protocols import LatePiece
+from tests.harness.client import Fly, velocity
 
 
 class Wire:
-    """One protocol piece of vehicle 1/1 on one side, one pymavlink client on the other."""
+    """One protocol piece of vehicle 1/1 on one side; on the other one pymavlink, which packs and parses for a client."""
 
     def __init__(self, piece, client=(255, 190)):
         self.piece = piece
@@ -59,3 +60,15 @@ class Wire:
 def wire():
     """``wire(piece)`` puts a piece on one end of a wire and a pymavlink client on the other."""
     return Wire
+
+
+@pytest.fixture(scope="session")
+def fly():
+    """See `Fly`."""
+    return Fly()
+
+
+@pytest.fixture(scope="session")
+def ned_velocity():
+    """A velocity setpoint."""
+    return velocity

@@ -127,7 +127,7 @@ def test_a_wrong_use_is_one_line_and_exit_code_2(start, arguments, named):
 
 
 def test_the_page_of_modes_is_what_the_command_draws():
-    page = (Path(__file__).parents[3] / "sitl_mock" / "MODES.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "sitl_mock" / "MODES.md").read_text(encoding="utf-8")
     assert page.endswith(CliRunner().invoke(app, ["modes"]).output)
 
 

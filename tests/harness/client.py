@@ -2,8 +2,6 @@
 
 import math
 
-import pytest
-
 from sitl_mock import MockVehicle
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.mavlink.dialect import spec_of
@@ -178,15 +176,3 @@ class Fly:
     def airborne(self, flavour, height=20.0, **settings):
         key = (flavour, height, repr(sorted(settings.items())))
         return self._flown(key, lambda: Flight(flavour, **settings).airborne(height))
-
-
-@pytest.fixture(scope="session")
-def fly():
-    """See `Fly`."""
-    return Fly()
-
-
-@pytest.fixture(scope="session")
-def ned_velocity():
-    """A velocity setpoint."""
-    return velocity
