@@ -11,7 +11,7 @@ from tests.harness.client import Fly, velocity
 
 
 class Wire:
-    """One protocol piece of vehicle 1/1 on one side; on the other one pymavlink, which packs and parses for a client."""
+    """One protocol piece of vehicle 1/1 on one side, and pymavlink on the other: it packs and parses for a client."""
 
     def __init__(self, piece, client=(255, 190)):
         self.piece = piece
