@@ -82,12 +82,16 @@ class Conversation:
         else:
             self.counts["received"] += 1
             try:
-                self._interpret(NAMES[frame.message_id], fields_of(frame), received_s)
+                self.hear(NAMES[frame.message_id], fields_of(frame), received_s)
             except (KeyError, TypeError, ValueError, ArithmeticError):
                 self.counts["invalid"] += 1
 
-    def _interpret(self, name: str, fields: Fields, received_s: float) -> None:
-        """Take one message of the vehicle; one that cannot be meant is an error, and is counted as invalid."""
+    def hear(self, name: str, fields: Fields, received_s: float) -> None:
+        """Take one message of the vehicle.
+
+        Raises:
+            KeyError, TypeError, ValueError, ArithmeticError: If it cannot be meant.
+        """
         if "target_system" in fields and not self._is_for_us(fields):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
