@@ -1,6 +1,7 @@
 """The daemon's core: one call a cycle, time given. Orders and answers, preflight, log, metrics, signs of life."""
 
 import logging
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ from guidance.session.spec import FlightPlan
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
+_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 _GRAVE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
     Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
@@ -77,6 +79,7 @@ class Daemon:
         self._linked = LinkedFlight(self.flight, self._link, self._evader, self._recording.kept)
         self._judged_s = float("-inf")
         self._rows = ()
+        self._refused_for: dict[str, str] = {}
 
     @property
     def rows(self) -> tuple[Finding, ...]:
@@ -263,13 +266,20 @@ class Daemon:
             self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self._rows))
 
     def _reply(self, question: Question, now_s: float, reason: str) -> None:
-        """Answer an order, accepted where there is no reason against it, and keep who gave it."""
+        """Answer an order, accepted where there is no reason against it, and keep who gave it.
+
+        A mission asks every second: what it is refused for is said once, and again when that changes.
+        """
         order, accepted = question.order, not reason
-        self.metrics.order(order if order in WORDS else "unknown", accepted=accepted)
+        known, words = order if order in WORDS else "unknown", _NUMBER.sub("", reason)
+        self.metrics.order(known, accepted=accepted)
+        repeated = not accepted and not question.by and words == self._refused_for.get(known)
+        self._refused_for[known] = words
         level = logging.INFO if accepted else logging.WARNING
         why = {} if accepted else {"reason": reason}
         by = {"by": question.by} if question.by else {}
-        self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **by, **why)
+        if not repeated:
+            self._log.say(level, "order", order=order, accepted=accepted, state=self.flight.state, **by, **why)
         question.answer(
             {"accepted": accepted, "order": order, "name": self.name, "state": str(self.flight.state), **why}
         )

@@ -57,6 +57,29 @@ def test_what_no_longer_passes_is_refused_by_name_until_it_is_mended_and_nobody_
     assert read_since(one, flown_s + 0.001) == set()
 
 
+def test_who_asks_again_and_again_is_refused_in_a_line_for_each_reason(base):
+    one = base.standing_by()
+
+    def refused():
+        said = [fields["reason"] for _, message, fields in one.log.lines if message == "order" and "reason" in fields]
+        one.log.lines.clear()
+        return [reason.split()[2] for reason in said]
+
+    refused()
+    for value in (5.0, 5.0, 6.0):  # another number is no other reason
+        change(one, "COM_OF_LOSS_T", value)
+        assert not one.order("engage")["accepted"]
+    assert refused() == ["COM_OF_LOSS_T"]
+    one.mailbox.ask("engage", "a person")
+    one.run(2.0)
+    assert refused() == ["COM_OF_LOSS_T"]
+    change(one, "COM_OF_LOSS_T", 0.5)
+    change(one, "GF_ACTION", 0.0)
+    for _ in range(3):
+        one.order("engage")
+    assert refused() == ["GF_ACTION"]
+
+
 def unanswered(one, name):
     """From now on one parameter is not answered."""
     step = one.vehicle.step
