@@ -116,6 +116,7 @@ class Watch:
         self._level, self._height, self._blind, self._evaders = (Recently() for _ in range(4))
         self._engaged_s: float | None = None
         self._home_m: Vector | None = None
+        self._home_off_m = (0.0, 0.0)
         self._guided_s = -math.inf
         self._ours = False
         self._entered_m = 0.0
@@ -183,6 +184,7 @@ class Watch:
         """Judge what the state machine did."""
         if self._engaged_s is None and outputs.state is State.ENGAGED:
             self._engaged_s = now_s
+            self._home_off_m = self._home_off(flight.tracking.home_ned_m)
         if self._home_m is None and outputs.state is State.CLIMBING:
             self._home_m = self._pursuer.autopilot.state.home_m
         for happening in outputs.happenings:
@@ -198,6 +200,10 @@ class Watch:
             self.wrong("an end is one", now_s, 1.0, str(outputs.state))
         self._follow_pilot(now_s)
         self._notice_another(now_s, outputs.state)
+
+    def _home_off(self, told_ned_m: Vector | None) -> tuple[float, float]:
+        """How far from home the vehicle was told that home is, before it flew; in flight home stays where it was."""
+        return (0.0, 0.0) if told_ned_m is None or self._home_m is None else _apart(told_ned_m, self._home_m)
 
     def _accuse_rightly(self, now_s: float, outputs: Outputs, flight: Any) -> None:
         accused = any(happening.event is Event.RIVAL for happening in outputs.happenings)
@@ -254,15 +260,16 @@ class Watch:
 
     def _walls(self, sight: Sight, home_m: Vector, allowed_m: tuple[float, float, float]) -> None:
         level_m, height_m, evader_m = allowed_m
+        about_m, above_m = level_m + self._home_off_m[0], height_m + self._home_off_m[1]
         limits = self.case.scenario.limits
         north, east, down = (at - home for at, home in zip(sight.pursuer_m, home_m, strict=True))
-        self._breach("fence", sight, math.hypot(north, east) - limits.fence_radius_m, level_m)
+        self._breach("fence", sight, math.hypot(north, east) - limits.fence_radius_m, about_m)
         if self._polygon is not None and not self._polygon.contains((north, east)):
             beyond_m = min(math.dist((north, east), point) for point in self._polygon.nearest_points((north, east)))
-            self._breach("polygon", sight, beyond_m, level_m)
+            self._breach("polygon", sight, beyond_m, about_m)
         self._weakened(sight)
-        self._breach("floor", sight, limits.floor_m + down, height_m + self._sunk_m)
-        self._breach("ceiling", sight, -down - limits.ceiling_m, height_m + self._risen_m)
+        self._breach("floor", sight, limits.floor_m + down, above_m + self._sunk_m)
+        self._breach("ceiling", sight, -down - limits.ceiling_m, above_m + self._risen_m)
         self._breach("stand-off", sight, self._into(sight), math.hypot(level_m, height_m) + evader_m)
 
     def _weakened(self, sight: Sight) -> None:
