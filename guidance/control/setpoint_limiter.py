@@ -85,11 +85,11 @@ def limit(
         dt_s: Time since the last call, seconds.
         fence: Where the vehicle is to the fences, where that is measured already.
     """
-    if memory is None or not usable(*(number for part in memory[:3] for number in part), memory.yaw_rad):
-        memory = start(situation, envelope)
     active: list[Limiter] = []
     here: Situation | None = situation
-    if not _all_usable(command, situation):
+    if memory is None or not _all_usable(command, situation, memory):
+        if memory is None or not usable(*(number for part in memory[:3] for number in part), memory.yaw_rad):
+            memory = start(situation, envelope)
         here, command = _known(situation), _numbers_only(command, memory, active)
     if here is None:
         return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
@@ -114,10 +114,12 @@ def limit(
     return Limited(Setpoint(velocity, feed_forward, yaw_rad), tuple(active), sent)
 
 
-def _all_usable(command: Setpoint, situation: Situation) -> bool:
+def _all_usable(command: Setpoint, situation: Situation, memory: LimitMemory) -> bool:
     place, velocity, yaw_rad, evader, moving, acceleration = situation
     asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
-    return usable(*asked, *place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ()))
+    sent, led_to_it, fed, turned = memory
+    seen = (*place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ()))
+    return usable(*asked, *seen, *sent, *led_to_it, *fed, turned)
 
 
 def _known(situation: Situation) -> Situation | None:

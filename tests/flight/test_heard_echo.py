@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.flight.echo import APART_S, REMEMBERED_S, STRANGE_REPORTS, TOLERANCE_M_S, WINDOW_S, Echo
+from guidance.flight.heard import APART_S, REMEMBERED_S, STRANGE_REPORTS, TOLERANCE_M_S, WINDOW_S, Echo
 from guidance.messages import PositionTarget, Setpoint
 
 
