@@ -7,7 +7,7 @@ from pydantic import Field
 
 from guidance.config import Section, as_toml, config_folder, find, line_of, load, parse
 from guidance.errors import ConfigError
-from guidance.sim.files import load_any
+from guidance.sim.scenario_file import load_any
 from guidance.sweeps.running import planned
 
 

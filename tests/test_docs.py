@@ -25,7 +25,7 @@ from click.testing import CliRunner
 
 from guidance.cli import app as guidance_app
 from guidance.log.entries import CYCLE_TOPIC
-from guidance.sim.files import json_schema
+from guidance.sim.scenario_file import json_schema
 from sitl_mock.cli import app as mock_app
 from tests.bench.bench_walk import lines_of, named_walks
 

@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.cli.flying import fly_scenario
+from guidance.cli.fly_scenario import fly_scenario
 from guidance.files import private_file, private_folder
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.sweeps.folder import alone, write_whole
 from guidance.viz.report import page
 

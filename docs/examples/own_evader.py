@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guidance.game import Ball, Game, StandOff, rollout, solve
-from guidance.sim.files import load_scenario
 from guidance.sim.maths import play
+from guidance.sim.scenario_file import load_scenario
 
 Array = NDArray[np.float64]
 GAME = Game(Ball(6.0), evader_speed_m_s=3.0, standoff=StandOff(3.0, 5.0))

@@ -10,7 +10,6 @@ from guidance.cli.arguments import Program
 from guidance.cli.check import check, doctor
 from guidance.cli.configuration import init, schema
 from guidance.cli.daemon import ctl, run
-from guidance.cli.displays import panel, view
 from guidance.cli.fly import fly
 from guidance.cli.paper import paper
 from guidance.cli.records import log, replay, report
@@ -18,6 +17,7 @@ from guidance.cli.scenario import scenario
 from guidance.cli.solve import solve
 from guidance.cli.streams import open_outlets
 from guidance.cli.sweep import compare, sweep
+from guidance.cli.viewers import panel, view
 from guidance.cli.zenoh import zenoh
 from guidance.errors import GuidanceError, OutputError
 

@@ -88,8 +88,8 @@ def _checkup(
 ) -> "AbstractContextManager[Checkup]":
     if vehicle is not None:
         from guidance.links.endpoint import parse  # noqa: PLC0415
-        from guidance.session.vehicle import Asked, checkup_at  # noqa: PLC0415 - zenoh and mavsdk take a second
-        from guidance.sim.files import load_scenario  # noqa: PLC0415
+        from guidance.session.fly_vehicle import Asked, checkup_at  # noqa: PLC0415 - zenoh and mavsdk take a second
+        from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
         parse(vehicle)  # which is wrong before anybody waits
         return checkup_at(load_scenario(name or "pe")[1], Asked(vehicle, autopilot, link))
@@ -113,7 +113,7 @@ def _opened(
 
 def _awaited(name: str | None, vehicle: str | None) -> tuple[str, float]:
     from guidance.config import find  # noqa: PLC0415
-    from guidance.session.vehicle import FOUND_WITHIN_S  # noqa: PLC0415
+    from guidance.session.fly_vehicle import FOUND_WITHIN_S  # noqa: PLC0415
     from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
     if vehicle is not None:

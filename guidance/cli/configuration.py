@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from guidance.session.new_file import Surveyed
+    from guidance.session.new_vehicle_file import Surveyed
 
 
 def init(
@@ -37,7 +37,7 @@ def init(
     - `guidance init --autopilot px4`: before there is a vehicle
     """
     from guidance.errors import ConfigError  # noqa: PLC0415 - NumPy takes a moment
-    from guidance.session.new_file import vehicle_file, write_new  # noqa: PLC0415
+    from guidance.session.new_vehicle_file import vehicle_file, write_new  # noqa: PLC0415
 
     if out.exists():
         raise ConfigError(f"--out {out}: is there already, and is not overwritten; choose another name")
@@ -64,8 +64,8 @@ def _asked() -> tuple[str | None, str | None]:
 def _surveyed(url: str, autopilot: str | None) -> "Surveyed":
     from guidance.links.endpoint import parse  # noqa: PLC0415
     from guidance.screen import console, waiting  # noqa: PLC0415
-    from guidance.session.new_file import LIMITS, READ_WITHIN_S, survey  # noqa: PLC0415
-    from guidance.session.vehicle import FOUND_WITHIN_S  # noqa: PLC0415
+    from guidance.session.fly_vehicle import FOUND_WITHIN_S  # noqa: PLC0415
+    from guidance.session.new_vehicle_file import LIMITS, READ_WITHIN_S, survey  # noqa: PLC0415
 
     parse(url)  # which is wrong before anybody waits
     with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", FOUND_WITHIN_S + READ_WITHIN_S):
@@ -110,7 +110,7 @@ def _vehicle() -> dict[str, Any]:
 
 
 def _scenario() -> dict[str, Any]:
-    from guidance.sim.files import json_schema  # noqa: PLC0415 - as above
+    from guidance.sim.scenario_file import json_schema  # noqa: PLC0415 - as above
 
     return json_schema()
 
@@ -119,7 +119,7 @@ def _sweep() -> dict[str, Any]:
     from guidance.extras import require  # noqa: PLC0415
 
     require("schema sweep", "sim")
-    from guidance.sweeps.model import Sweep  # noqa: PLC0415 - as above
+    from guidance.sweeps.sweep_file import Sweep  # noqa: PLC0415 - as above
 
     return _titled("Sweep", Sweep.model_json_schema())
 

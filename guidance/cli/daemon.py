@@ -38,7 +38,7 @@ def run(
 
         def beside(found: "Config") -> None:
             from guidance.errors import ConfigError  # noqa: PLC0415
-            from guidance.viz.beside import PanelBeside, options_of  # noqa: PLC0415
+            from guidance.viz.subprocesses import PanelBeside, options_of  # noqa: PLC0415
 
             control = found.control
             if control.by_tls:
@@ -85,8 +85,8 @@ def ctl(
     - `guidance ctl status --json`: for programs
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
-    from guidance.cli.ctl_shown import answer_words, status_table  # noqa: PLC0415
-    from guidance.cli.ctl_shown import watch as show_again  # noqa: PLC0415
+    from guidance.cli.daemon_status import answer_words, status_table  # noqa: PLC0415
+    from guidance.cli.daemon_status import watch as show_again  # noqa: PLC0415
     from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
     from guidance.session.control_client import ask, own_name  # noqa: PLC0415

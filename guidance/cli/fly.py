@@ -106,8 +106,8 @@ def fly(
         pages = _panel(closing, out) if panel else None
         watch = (lambda _: None) if viewer is None else viewer.start
         try:
-            from guidance.cli.flying import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
-            from guidance.session.vehicle import Asked  # noqa: PLC0415
+            from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
+            from guidance.session.fly_vehicle import Asked  # noqa: PLC0415
 
             client = link or "mavsdk"
             asked = None if vehicle is None else Asked(vehicle, autopilot, client, end or "return")
@@ -158,7 +158,7 @@ def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:
 
 def _panel(closing: contextlib.ExitStack, out: Path | None) -> "PanelBeside":
     from guidance.session.control_bus import free_endpoint  # noqa: PLC0415
-    from guidance.viz.beside import PanelBeside, options_of  # noqa: PLC0415
+    from guidance.viz.subprocesses import PanelBeside, options_of  # noqa: PLC0415
 
     beside = PanelBeside(free_endpoint(), *options_of(None, Path("flights") if out is None else out.parent))
     closing.callback(beside.close)

@@ -88,7 +88,7 @@ def export(
     """
     from guidance.log import making_sense_of  # noqa: PLC0415
     from guidance.log.export import export as write  # noqa: PLC0415
-    from guidance.session.recorded import recorded_settings  # noqa: PLC0415
+    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
 
     with making_sense_of(file):
         written = write(file, out, recorded_settings)
@@ -115,7 +115,7 @@ def replay(
     """
     from guidance.log import making_sense_of  # noqa: PLC0415 - numpy takes its time
     from guidance.log.replay import compare_into  # noqa: PLC0415
-    from guidance.session.recorded import changes_of, recorded_settings  # noqa: PLC0415
+    from guidance.session.flight_files import changes_of, recorded_settings  # noqa: PLC0415
 
     wanted = changes_of(changes or [])
     with making_sense_of(file):
@@ -183,7 +183,7 @@ def report(
     """
     require("guidance report", "plot")
     from guidance.log import making_sense_of  # noqa: PLC0415
-    from guidance.session.recorded import recorded_settings  # noqa: PLC0415
+    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
     from guidance.viz.report import write_report  # noqa: PLC0415 - matplotlib takes a second
 
     with making_sense_of(file):

@@ -61,7 +61,7 @@ def run(
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, once a
       person orders `guidance ctl start` and `guidance ctl engage`; with `--engage` it is **armed** without
     """
-    from guidance.cli.running import STANDARD_OUTPUT, Run, run_scenario  # noqa: PLC0415 - `guidance --help` is to be quick
+    from guidance.cli.scenario_run import STANDARD_OUTPUT, Run, run_scenario  # noqa: PLC0415 - `guidance --help` is to be quick
     from guidance.screen import console  # noqa: PLC0415
 
     asked = Run(way, config, engage, yes, link, port, out, seed, json_file, over)
@@ -73,7 +73,7 @@ def list_all(
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON list, with what each expects.")] = False,
 ) -> None:
     """List the scenarios that come along, a line each; `guidance scenario show NAME` explains one and draws it."""
-    from guidance.cli.catalogue import listed, listing  # noqa: PLC0415
+    from guidance.cli.scenario_catalogue import listed, listing  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
 
     if as_json:
@@ -96,8 +96,8 @@ def show(
     - `guidance scenario show barrier_pursuer`
     - `guidance scenario show my_own.toml --out my_own.png`
     """
-    from guidance.cli.catalogue import explained  # noqa: PLC0415
-    from guidance.cli.catalogue import show as show_scenario  # noqa: PLC0415
+    from guidance.cli.scenario_catalogue import explained  # noqa: PLC0415
+    from guidance.cli.scenario_catalogue import show as show_scenario  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
 
     if as_json:

@@ -10,7 +10,7 @@ Reading:
 
 Replay:
     replay: the present code over a record, a `ReplayedCycle` each. compare: counts what differs, in a `Comparison`.
-    SettingsOf: makes a flight's settings of a record's metadata (`guidance.session.recorded.recorded_settings`).
+    SettingsOf: makes a flight's settings of a record's metadata (`guidance.session.flight_files.recorded_settings`).
 """
 
 from guidance.log.aggregation import Aggregator, Cycle

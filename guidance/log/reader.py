@@ -43,7 +43,7 @@ CONFIG: Final = "config"
 """Keys of the metadata: a mocked flight's scenario and a daemon's vehicle file, as JSON."""
 
 SettingsOf = Callable[[Mapping[str, str]], FlightSettings]
-"""What makes a flight's settings of a record's metadata (`guidance.session.recorded.recorded_settings`)."""
+"""What makes a flight's settings of a record's metadata (`guidance.session.flight_files.recorded_settings`)."""
 
 
 class Item(NamedTuple):

@@ -24,9 +24,9 @@ from guidance.preflight.survey import COUNTED_S
 from guidance.session.daemon import Daemon
 from guidance.session.log import Log
 from guidance.session.loop import PERIOD_S
-from guidance.session.opening import open_all
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import load_vehicle
+from guidance.session.vehicle_world import open_all
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0

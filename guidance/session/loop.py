@@ -1,7 +1,7 @@
 """The one loop of every flight: fifty times a second, signals heard in between, frames and garbage kept for the gaps.
 
 It runs in three worlds: the mock stepped in this process by a moved clock (`guidance.sim.stepped`), the mock as a child
-process in real time (`guidance.sim.live`), and a vehicle that is not ours (`guidance.session.opening`).
+process in real time (`guidance.sim.live`), and a vehicle that is not ours (`guidance.session.vehicle_world`).
 
 In real time the cycles keep a grid of their own, which is moved along by a little (`nudge_s`) so that they begin just
 after the vehicle's position arrives: a setpoint then rests on what is 2 ms old, and not on what is half a period old on

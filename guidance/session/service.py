@@ -22,11 +22,11 @@ from guidance.session.daemon import Daemon
 from guidance.session.log import Log
 from guidance.session.loop import Signals, run
 from guidance.session.metrics import Metrics, MetricsServer
-from guidance.session.opening import open_all
 from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.process import Notifier, claim
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
+from guidance.session.vehicle_world import open_all
 
 _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record")
 """Sections that are opened at the start: a change of these needs a restart."""

@@ -20,7 +20,7 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.team_maths import TeamOutcome, invalid_teams, play_teams
 from guidance.sim.teams import TeamScenario
 from guidance.sweeps.plan import SCHEMA, TEAM_SCHEMA, Cases, Plan
-from guidance.sweeps.rows import Scenarios
+from guidance.sweeps.row_scenarios import Scenarios
 
 MOST_GAMES = 16384
 """Games played side by side share the cost of a step, up to some thousands of each kind."""

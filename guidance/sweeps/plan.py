@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from guidance.config import find
 from guidance.errors import ConfigError
-from guidance.sim.files import FOLDER as SCENARIOS
-from guidance.sim.files import has_teams, load_any
 from guidance.sim.outcome import Outcome
+from guidance.sim.scenario_file import FOLDER as SCENARIOS
+from guidance.sim.scenario_file import has_teams, load_any
 from guidance.sim.team_maths import TeamOutcome
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.model import Pair, Sweep, Way
+from guidance.sweeps.sweep_file import Pair, Sweep, Way
 
 _KINDS: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 

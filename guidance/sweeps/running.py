@@ -19,9 +19,9 @@ from guidance.screen import console, redraws
 from guidance.sweeps.chunk import rows_for
 from guidance.sweeps.executors import Executor, executor, workers_by_default
 from guidance.sweeps.folder import MANIFEST, Folder, alone, opened
-from guidance.sweeps.model import Way, load_sweep
 from guidance.sweeps.plan import Plan, laid_out
-from guidance.sweeps.rows import Scenarios, check
+from guidance.sweeps.row_scenarios import Scenarios, check
+from guidance.sweeps.sweep_file import Way, load_sweep
 
 Told = Callable[[int], None]
 """Is told how many rows were written just now."""

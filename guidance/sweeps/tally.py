@@ -22,10 +22,10 @@ from guidance.sim.teams import TeamScenario
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.distributions import Choice, Number
 from guidance.sweeps.folder import Folder, write_whole
-from guidance.sweeps.model import Pair
 from guidance.sweeps.plan import ROW, Plan
-from guidance.sweeps.rows import Scenarios
+from guidance.sweeps.row_scenarios import Scenarios
 from guidance.sweeps.statistics import NONE, Array, Moments
+from guidance.sweeps.sweep_file import Pair
 
 _BINS = 10
 _MOST_VALUES = 25

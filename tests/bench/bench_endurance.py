@@ -45,8 +45,8 @@ from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.reader import CONFIG as CONFIG_KEY
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon
+from guidance.session.flight_files import recorded_settings
 from guidance.session.loop import run
-from guidance.session.recorded import recorded_settings
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock

@@ -35,7 +35,7 @@ from guidance.session.orders import Mailbox
 from guidance.session.service import reload
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import load_vehicle
-from guidance.sim.files import load_scenario
+from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.toml"

@@ -22,9 +22,9 @@ from guidance.flight import Flight
 from guidance.log import compare, cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.writer import Recorder
+from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import fly
-from guidance.session.recorded import recorded_settings
-from guidance.sim.files import load_scenario
+from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from guidance.sim.maths import play
 from guidance.sweeps.chunk import as_table, computed, rows_of, table_of
 from guidance.sweeps.executors import executor
 from guidance.sweeps.report import write_report
-from guidance.sweeps.rows import Scenarios
+from guidance.sweeps.row_scenarios import Scenarios
 from guidance.sweeps.running import planned, run_sweep
 
 GAMES = """

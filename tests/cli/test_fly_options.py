@@ -4,9 +4,9 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from guidance.cli import app, flying
+from guidance.cli import app, fly_scenario
 from guidance.errors import ConfigError
-from guidance.session.recorded import OUTCOME, PICTURE, RECORD
+from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 
@@ -82,7 +82,7 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
         panel.terminate()  # as a person does who has seen enough
         return 0
 
-    monkeypatch.setattr(flying, "fly_scenario", flown)
+    monkeypatch.setattr(fly_scenario, "fly_scenario", flown)
     monkeypatch.setattr("signal.signal", lambda *_: None)
     done = CliRunner().invoke(app, ["fly", "pe", "--panel", *vehicle, "--out", str(tmp_path / "pe-001")])
     assert done.exit_code == 0

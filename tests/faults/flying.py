@@ -19,8 +19,8 @@ from guidance.log.replay import compare
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Daemon
 from guidance.session.loop import PERIOD_S, run
+from guidance.session.flight_files import metadata_of
 from guidance.session.mission import Conduct, Mission
-from guidance.session.recorded import metadata_of
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.sim.mock_files import faults_after
 from guidance.sim.scenario import PURSUER

@@ -19,8 +19,8 @@ from guidance.messages import EvaderReport, Setpoint
 from guidance.monitor import Alarm
 from guidance.session.linked_flight import LinkedFlight
 from guidance.session.spec import plan_of
-from guidance.sim.files import load_scenario
 from guidance.sim.scenario import Scenario, Target
+from guidance.sim.scenario_file import load_scenario
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home
 

@@ -32,7 +32,7 @@ from guidance.log.maps import Feature, features_of, write_geojson
 from guidance.log.table import SCHEMA
 from guidance.log.writer import Recorder
 from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.viz.shapes import fence_edges
 
 

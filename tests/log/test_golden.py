@@ -11,7 +11,7 @@ import pytest
 
 from guidance.log import replay, survey_of
 from guidance.log.codec import plain
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 
 GOLDEN = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 

@@ -12,7 +12,7 @@ from guidance.log import compare, metadata_of, replay, scan, title_of
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT_TOPIC
 from guidance.log.replay import angle_between_rad
 from guidance.log.writer import Recorder
-from guidance.session.recorded import changes_of, recorded_settings
+from guidance.session.flight_files import changes_of, recorded_settings
 
 
 def rewritten(path, out, change=lambda number, row: row, repeat=1):

@@ -13,8 +13,8 @@ from guidance.log import Survey, compare, cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE_TOPIC, CycleEntry, InputsEntry
 from guidance.log.replay import Comparison
 from guidance.log.writer import Recorder, part_path
+from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import fly
-from guidance.session.recorded import recorded_settings
 from guidance.session.vehicle_file import RecordSection
 from guidance.sim.stepped import SteppedWorld
 

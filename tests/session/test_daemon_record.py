@@ -14,7 +14,7 @@ from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
 from guidance.log.record import BackgroundRecorder
 from guidance.log.writer import Recorder
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.session.service import _recording
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config

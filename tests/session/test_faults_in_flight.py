@@ -8,7 +8,7 @@ import tomli_w
 
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.session.mocked import fly_mock
+from guidance.session.fly_mock import fly_mock
 from guidance.session.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.mock_files import faulted_fleet, fleet, script

@@ -12,10 +12,10 @@ from mcap.reader import make_reader
 
 from guidance.flight import Event, State
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC
-from guidance.session.recorded import next_folder
+from guidance.session.flight_files import next_folder
 from guidance.session.result import ending_words, outcome_of_flight
-from guidance.sim.files import load_scenario
 from guidance.sim.players import game
+from guidance.sim.scenario_file import load_scenario
 from guidance.viz.scenario_picture import draw
 from guidance.viz.shapes import isochron
 from tests.harness.flights import NEAR, flown

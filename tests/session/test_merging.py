@@ -15,14 +15,14 @@ from guidance.config import find, load, parse
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
+from guidance.session.flight_files import recorded_settings
 from guidance.session.merging import merged
 from guidance.session.mission import Conduct
-from guidance.session.recorded import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
-from guidance.sim.files import load_scenario
 from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import load_scenario
 from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
 from sitl_mock.child import running

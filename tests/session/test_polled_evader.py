@@ -3,7 +3,7 @@ from guidance.links import MemoryWire
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import share
-from guidance.session.opening import ASK_AGAIN_S, PolledEvader
+from guidance.session.vehicle_world import ASK_AGAIN_S, PolledEvader
 from sitl_mock import Home, MockVehicle
 
 

@@ -7,9 +7,9 @@ import pytest
 from guidance.config import parse
 from guidance.game import Exact, rollout
 from guidance.sim.batch import stack, starts
-from guidance.sim.files import load_scenario
 from guidance.sim.maths import game_of, moments, play
 from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import load_scenario
 
 CHASE = {
     "title": "chase",

@@ -12,9 +12,9 @@ from mcap.writer import Writer
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE_TOPIC
-from guidance.sim.files import json_schema, load_document, load_scenario
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import json_schema, load_document, load_scenario
 
 DATA = Path(__file__).parents[1] / "data"
 SHORT = tomllib.loads((DATA / "short_chase.toml").read_text())

@@ -7,9 +7,9 @@ import pytest
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
 from guidance.session.spec import plan_of
-from guidance.sim.files import has_teams, load_document, load_scenario
 from guidance.sim.players import evader_settings, game, site
 from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import has_teams, load_document, load_scenario
 
 SHORT = tomllib.loads((Path(__file__).parents[1] / "data" / "short_chase.toml").read_text())
 

@@ -12,7 +12,7 @@ from guidance.estimation import Observer, TrackSettings, observe, predict
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import compare
 from guidance.messages import EvaderReport
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
 from guidance.sim.sensor import Noise, SensedEvader, begin, listen

@@ -12,7 +12,7 @@ from guidance.config import parse
 from guidance.errors import ConfigError, OutputError
 from guidance.game import Ball, Game, solve
 from guidance.game.team import match_teams
-from guidance.sim.files import load_any, load_scenario
+from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.team_maths import TeamOutcome, opening_of, play_teams, summary_of
 from guidance.sim.teams import TeamScenario, teams_of
 from guidance.sweeps.plan import TEAM_SCHEMA

@@ -6,10 +6,10 @@ import pytest
 from guidance.config import parse
 from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder
-from guidance.sweeps.model import Sweep
 from guidance.sweeps.plan import laid_out
-from guidance.sweeps.rows import check
+from guidance.sweeps.row_scenarios import check
 from guidance.sweeps.running import begun, finish
+from guidance.sweeps.sweep_file import Sweep
 
 SCENARIO = """
 title = "Short"

@@ -10,9 +10,9 @@ from guidance.sim.scenario import Scenario
 from guidance.sweeps.axes import random_axis
 from guidance.sweeps.chunk import table_of
 from guidance.sweeps.distributions import distribution_of
-from guidance.sweeps.model import load_sweep
 from guidance.sweeps.plan import laid_out, plan_of
-from guidance.sweeps.rows import Scenarios, check
+from guidance.sweeps.row_scenarios import Scenarios, check
+from guidance.sweeps.sweep_file import load_sweep
 
 HEAD = 'scenario = "short.toml"\n'
 

@@ -9,8 +9,8 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from guidance.cli.sweep import sweep as app
-from guidance.sim.files import load_scenario
 from guidance.sim.maths import play
+from guidance.sim.scenario_file import load_scenario
 from guidance.sweeps.drawing import key_label
 from guidance.sweeps.report import write_report
 from guidance.sweeps.tally import QUANTILES, bins_of, tallied

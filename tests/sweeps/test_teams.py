@@ -7,16 +7,16 @@ import pytest
 from pyarrow import parquet
 
 from guidance.errors import ConfigError
-from guidance.sim.files import load_any
+from guidance.sim.scenario_file import load_any
 from guidance.sim.team_maths import play_teams, summary_of
 from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.executors import SerialExecutor
 from guidance.sweeps.folder import read_folder
-from guidance.sweeps.model import load_sweep
 from guidance.sweeps.plan import laid_out
 from guidance.sweeps.report import write_report
-from guidance.sweeps.rows import Scenarios, check
+from guidance.sweeps.row_scenarios import Scenarios, check
 from guidance.sweeps.running import begun, finish
+from guidance.sweeps.sweep_file import load_sweep
 
 SCENARIO = """
 title = "Short"

@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.sim.scenario import Scenario
 from guidance.viz.report import write_report
 from tests.harness.flights import NEAR, flown

@@ -16,7 +16,7 @@ from guidance.game import Ball, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
 from guidance.log.reader import Item
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel import levels
 from guidance.viz.panel.bus import Arrived, Joined, Said

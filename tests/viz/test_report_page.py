@@ -18,7 +18,7 @@ from guidance.errors import ConfigError, OutputError
 from guidance.log import metadata_of, scan
 from guidance.log.entries import EVENT_TOPIC
 from guidance.log.writer import Recorder
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.session.result import outcome_of_flight
 from guidance.viz.report import PICTURES, charts, story_of, summary, write_report
 from guidance.viz.report import page as written

@@ -20,7 +20,7 @@ from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.log import Item, cycles_of, events_of, metadata_of, scan, survey_of
 from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import Config
 from guidance.viz.shapes import isochron_at
 from guidance.viz.view import Destination, RecordFile, view

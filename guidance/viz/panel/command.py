@@ -13,10 +13,10 @@ from guidance.errors import ConfigError, LinkError
 from guidance.extras import require
 from guidance.links.wires.zenoh_access import read_credentials
 from guidance.log import SettingsOf
-from guidance.viz.beside import end_with_parent
 from guidance.viz.panel.access import Access, origin_of, secured
 from guidance.viz.panel.bus import DaemonBus
 from guidance.viz.panel.hub import Hub
+from guidance.viz.subprocesses import end_with_parent
 
 NICE: Final = 5
 """A panel gives way to the loop that it looks at, and not to everything else: orders come through it."""

@@ -27,7 +27,7 @@ NICE: Final = 15
 EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
 
 _GUIDANCE: Final = "from guidance.cli import main; main()"
-_AFTERWARDS: Final = "guidance.viz.panel.afterwards"
+_PLAYBACK: Final = "guidance.viz.panel.playback"
 
 
 class Made(NamedTuple):
@@ -68,7 +68,7 @@ class RecordFolder:
             keys = {name: _key(name, path) for name, path in paths.items()}
             unread = [name for name, key in keys.items() if key not in self._outcomes]
             if unread:
-                out = await self._run("-m", _AFTERWARDS, "outcomes", *(str(paths[name]) for name in unread))
+                out = await self._run("-m", _PLAYBACK, "outcomes", *(str(paths[name]) for name in unread))
                 said = json.loads(out)
                 fresh = {keys[name]: said[str(paths[name])] for name in unread}
                 known = {key: self._outcomes[key] for key in keys.values() if key in self._outcomes}
@@ -103,7 +103,7 @@ class RecordFolder:
         if what in EXPORTS:
             await self._run("-c", _GUIDANCE, "log", "export", str(path), str(folder / f"flight.{what}"))
             return folder / f"flight.{what}"
-        asked = ("-m", _AFTERWARDS, "frames") if what == "frames" else ("-c", _GUIDANCE, "log", "events")
+        asked = ("-m", _PLAYBACK, "frames") if what == "frames" else ("-c", _GUIDANCE, "log", "events")
         made = folder / ("frames.json" if what == "frames" else "events.txt")
         made.write_bytes(await self._run(*asked, str(path)))
         return made

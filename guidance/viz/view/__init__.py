@@ -5,8 +5,8 @@ What it offers:
     ViewerBeside: does so in a process beside a flight.
 """
 
-from guidance.viz.beside import ViewerBeside
+from guidance.viz.subprocesses import ViewerBeside
 from guidance.viz.view.command import view
-from guidance.viz.view.places import Destination, FlightSource, RecordFile
+from guidance.viz.view.source import Destination, FlightSource, RecordFile
 
 __all__ = ["Destination", "FlightSource", "RecordFile", "ViewerBeside", "view"]

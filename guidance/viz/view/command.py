@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.log import SettingsOf
 from guidance.log.reader import Idle
-from guidance.viz.view.places import Destination, FlightSource
+from guidance.viz.view.source import Destination, FlightSource
 
 if TYPE_CHECKING:
     from guidance.viz.view.painter import Painter

@@ -37,8 +37,8 @@ from guidance.viz.view.layout import (
     TIMELINE,
     layout,
 )
-from guidance.viz.view.places import Destination
 from guidance.viz.view.serving import WebPage, free_port, recording_server
+from guidance.viz.view.source import Destination
 
 APPLICATION: Final = "guidance"
 DRAWN_EVERY_S: Final = 0.2

@@ -21,13 +21,13 @@ from guidance.links.endpoint import parse
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.session.meeting import identify, wait_until_placed
+from guidance.session.discovery import identify, wait_until_placed
+from guidance.session.fly_vehicle import laid_about
 from guidance.session.merging import config_of
 from guidance.session.mission import Conduct
-from guidance.session.opening import VehicleWorld
 from guidance.session.result import outcome_of_flight
 from guidance.session.spec import plan_of
-from guidance.session.vehicle import laid_about
+from guidance.session.vehicle_world import VehicleWorld
 from guidance.sim.scenario import EVADER_ID, Scenario
 from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import EvaderHere, SteppedMock

@@ -6,7 +6,7 @@ import logging
 import pytest
 from rich.console import Console
 
-from guidance.cli.ctl_shown import answer_words, status_table, watch
+from guidance.cli.daemon_status import answer_words, status_table, watch
 from guidance.session import log as logs
 from guidance.session.log import Log
 

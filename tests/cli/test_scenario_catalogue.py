@@ -5,10 +5,10 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.cli.catalogue import expected, facts, names, team_expected
+from guidance.cli.scenario_catalogue import expected, facts, names, team_expected
 from guidance.errors import OutputError
-from guidance.sim.files import load_any, load_scenario
 from guidance.sim.maths import opening, play
+from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.teams import TeamScenario
 from guidance.viz.scenario_picture import draw_scenario, played
 

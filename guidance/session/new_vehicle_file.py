@@ -15,8 +15,8 @@ from guidance.errors import ConfigError, OutputError
 from guidance.links.opening import Found, find_autopilot, link_over, open_wire
 from guidance.links.port import VehicleLink
 from guidance.messages import Parameter, ParameterRequest
-from guidance.session.meeting import identify
-from guidance.session.vehicle import FOUND_WITHIN_S
+from guidance.session.discovery import identify
+from guidance.session.fly_vehicle import FOUND_WITHIN_S
 from guidance.session.vehicle_file import Config
 
 _ASK_EVERY_S: Final = 2.0

@@ -1,6 +1,6 @@
 """Flights that are over, in a process of its own: how each ended, and all moments of one as the page draws them.
 
-`python -m guidance.viz.panel.afterwards outcomes FILE…` and `… frames FILE` write JSON to standard output. A record
+`python -m guidance.viz.panel.playback outcomes FILE…` and `… frames FILE` write JSON to standard output. A record
 that is large, damaged or a stranger's costs the panel nothing but the wait.
 """
 
@@ -16,7 +16,7 @@ from guidance.log import EventEntry, making_sense_of, metadata_of, scan, survey_
 from guidance.log.codec import plain
 from guidance.log.entries import BEGUN, EVENT, EVENT_TOPIC
 from guidance.log.reader import Survey, entry_of
-from guidance.session.recorded import recorded_settings
+from guidance.session.flight_files import recorded_settings
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 
 MOST_FRAMES: Final = 2500

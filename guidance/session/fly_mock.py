@@ -9,11 +9,11 @@ from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
 from guidance.log.record import BackgroundRecorder
 from guidance.session.control_bus import admitted
+from guidance.session.flight_files import RECORD, metadata_of, recording
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
 from guidance.session.loop import World
 from guidance.session.mission import Progress
-from guidance.session.recorded import RECORD, metadata_of, recording
 from guidance.session.result import FlightResult
 from guidance.sim.live import OVER, ZENOH
 from guidance.sim.mock_files import check_faults

@@ -43,8 +43,8 @@ def view(
     - `guidance view --live`: the daemon on this computer
     """
     from guidance.errors import ConfigError  # noqa: PLC0415 - with numpy, for this only
-    from guidance.session.recorded import recorded_settings  # noqa: PLC0415
-    from guidance.viz.beside import end_with_parent  # noqa: PLC0415
+    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
+    from guidance.viz.subprocesses import end_with_parent  # noqa: PLC0415
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
     from guidance.viz.view import view as show  # noqa: PLC0415
     from guidance.viz.view.command import require_rerun  # noqa: PLC0415
@@ -116,7 +116,7 @@ def panel(
     - `guidance panel --look`: without orders
     - `guidance panel --host 192.168.1.7 --certificate cert.pem --key key.pem --password-file password`: for a tablet
     """
-    from guidance.session.recorded import recorded_settings  # noqa: PLC0415 - with numpy, for this only
+    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415 - with numpy, for this only
     from guidance.viz.panel import PanelOptions, serve_panel  # noqa: PLC0415 - zenoh takes a moment
 
     endpoints = endpoint or ["tcp/127.0.0.1:7448"]

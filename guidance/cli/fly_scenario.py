@@ -10,17 +10,17 @@ from typing import Final, NoReturn
 
 from rich.console import Console
 
-from guidance.cli.showing import live_line, report
+from guidance.cli.flight_display import live_line, report
 from guidance.errors import FlightError
 from guidance.screen import console as screen
+from guidance.session.flight_files import next_folder
+from guidance.session.fly_mock import fly_mock
+from guidance.session.fly_vehicle import Asked, fly_url, left_out
 from guidance.session.mission import Progress
-from guidance.session.mocked import fly_mock
-from guidance.session.recorded import next_folder
 from guidance.session.result import FlightResult, outcome_of_flight
-from guidance.session.vehicle import Asked, fly_url, left_out
-from guidance.sim.files import load_scenario
 from guidance.sim.outcome import outcome_json
 from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import load_scenario
 
 INTERRUPTED: Final = 130
 

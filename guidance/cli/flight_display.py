@@ -19,9 +19,9 @@ from guidance.extras import how_to_add
 from guidance.files import private_file
 from guidance.flight import State
 from guidance.screen import pairs, redraws
+from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
-from guidance.session.recorded import OUTCOME, PICTURE, RECORD
 from guidance.session.result import FlightResult, ending_words
 from guidance.sim.outcome import Outcome, outcome_json
 

@@ -10,10 +10,10 @@ from guidance.config import config_folder
 from guidance.extras import how_to_add, require
 from guidance.screen import Sheet, pairs
 from guidance.sim.expect import Expectations
-from guidance.sim.files import FOLDER, load_any
 from guidance.sim.maths import opening
 from guidance.sim.outcome import winner_name
 from guidance.sim.scenario import Player, Scenario
+from guidance.sim.scenario_file import FOLDER, load_any
 from guidance.sim.team_maths import opening_of
 from guidance.sim.teams import TeamScenario
 

@@ -21,19 +21,19 @@ from guidance.log.broadcast import Broadcast
 from guidance.messages import Home
 from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus, Onlookers, admitted
+from guidance.session.discovery import identify, wait_until_placed
+from guidance.session.flight_files import RECORD, metadata_of, recording
 from guidance.session.fly import fly
 from guidance.session.log import Log
 from guidance.session.loop import Signals
-from guidance.session.meeting import identify, wait_until_placed
 from guidance.session.merging import config_of
 from guidance.session.mission import Conduct, Progress
-from guidance.session.opening import VehicleWorld, open_all
 from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.process import Notifier
-from guidance.session.recorded import RECORD, metadata_of, recording
 from guidance.session.result import FlightResult
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
+from guidance.session.vehicle_world import VehicleWorld, open_all
 from guidance.sim.scenario import EVADER, EVADER_ID, Scenario, Site, Wind
 from guidance.sim.stepped import EvaderHere
 

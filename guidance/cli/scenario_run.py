@@ -15,10 +15,10 @@ from guidance.errors import ConfigError
 from guidance.files import private_file, writing
 from guidance.screen import Cell, Sheet, pairs
 from guidance.sim.expect import CheckedExpectation
-from guidance.sim.files import load_any
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome, outcome_json
 from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import load_any
 from guidance.sim.team_maths import TeamOutcome, play_teams, summary_of
 from guidance.sim.teams import TeamScenario
 
@@ -129,9 +129,9 @@ def _row_table(rows: Sequence[TeamOutcome]) -> Sheet:
 def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
     if run.way == "maths":
         return play([scenario])[0]
-    from guidance.cli.showing import live_line, tell_dropped  # noqa: PLC0415 - zenoh and mavsdk take a second
-    from guidance.session.mocked import fly_mock  # noqa: PLC0415
-    from guidance.session.recorded import RECORD, next_folder  # noqa: PLC0415
+    from guidance.cli.flight_display import live_line, tell_dropped  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.flight_files import RECORD, next_folder  # noqa: PLC0415
+    from guidance.session.fly_mock import fly_mock  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
 
     def say(words: str) -> None:
@@ -141,7 +141,7 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
         return run.out if run.out is not None else next_folder(Path("flights"), name)
 
     if run.way == "vehicle":
-        from guidance.session.vehicle import fly_vehicle  # noqa: PLC0415
+        from guidance.session.fly_vehicle import fly_vehicle  # noqa: PLC0415
 
         assert run.config is not None
         if run.engage and not run.yes:

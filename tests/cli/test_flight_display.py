@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
-from guidance.cli.showing import _table, plain, words
+from guidance.cli.flight_display import _table, plain, words
 from guidance.flight import State
 from guidance.monitor import Alarm, Violation
 from guidance.session.mission import Progress
 from guidance.session.result import FlightResult
-from guidance.sim.files import load_scenario
 from guidance.sim.outcome import outcome_of
+from guidance.sim.scenario_file import load_scenario
 from guidance.sweeps.drawing import _differs
 from guidance.viz.scenario_picture import _score
 

@@ -9,7 +9,7 @@ from guidance.cli import app
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found
-from guidance.session.new_file import LIMITS, Surveyed, survey, vehicle_file, write_new
+from guidance.session.new_vehicle_file import LIMITS, Surveyed, survey, vehicle_file, write_new
 from guidance.session.vehicle_file import Config, load_vehicle
 
 QUADROTOR = 2
@@ -88,6 +88,6 @@ def test_the_limits_of_a_vehicle_that_runs_are_read(flavour, mock_vehicle):
 
 
 def test_a_port_where_nobody_is_is_said(monkeypatch):
-    monkeypatch.setattr("guidance.session.new_file.FOUND_WITHIN_S", 0.2)
+    monkeypatch.setattr("guidance.session.new_vehicle_file.FOUND_WITHIN_S", 0.2)
     with pytest.raises(LinkError, match="no autopilot's HEARTBEAT"):
         survey("udpout://127.0.0.1:9")

@@ -11,8 +11,8 @@ from guidance.clock import MonotonicClock
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.messages import Heartbeat, Setpoint
-from guidance.session.opening import open_all, signing_key
 from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_world import open_all, signing_key
 
 
 @pytest.fixture

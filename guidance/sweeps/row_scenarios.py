@@ -12,8 +12,8 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamScenario
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 from guidance.sweeps.axes import Axis, placed
-from guidance.sweeps.model import Pair
 from guidance.sweeps.plan import Cases, Plan, policy_in
+from guidance.sweeps.sweep_file import Pair
 
 _OF_A_COURSE = {"waypoints": "waypoints_m", "recorded": "track"}
 

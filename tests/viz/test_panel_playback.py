@@ -14,14 +14,14 @@ from guidance.clock import MonotonicClock
 from guidance.errors import OutputError
 from guidance.log import cycles_of
 from guidance.session.control_bus import free_endpoint
-from guidance.session.mocked import fly_mock
-from guidance.session.recorded import RECORD, recorded_settings
-from guidance.viz.beside import options_of
-from guidance.viz.panel import afterwards
+from guidance.session.flight_files import RECORD, recorded_settings
+from guidance.session.fly_mock import fly_mock
+from guidance.viz.panel import playback
 from guidance.viz.panel.bus import Arrived, DaemonBus
 from guidance.viz.panel.hub import Hub
 from guidance.viz.panel.records import Past, RecordFolder
 from guidance.viz.panel.snapshot import HISTORY
+from guidance.viz.subprocesses import options_of
 from tests.harness.flights import NEAR
 
 
@@ -76,7 +76,7 @@ async def test_what_is_made_of_a_record_is_of_that_folder_only(folder):
 
 async def test_the_routes_say_what_each_thing_is(folder, monkeypatch):
     async def quick(*arguments):
-        assert arguments[:2] == ("-m", "guidance.viz.panel.afterwards")
+        assert arguments[:2] == ("-m", "guidance.viz.panel.playback")
         return json.dumps({name: {"ended": "landed"} for name in arguments[3:]}).encode()
 
     monkeypatch.setattr(folder, "_run", quick)
@@ -92,7 +92,7 @@ async def test_the_routes_say_what_each_thing_is(folder, monkeypatch):
 
 
 def test_a_replay_is_the_whole_flight_in_the_order_it_was_flown(record, capsys):
-    assert afterwards.main("frames", str(record)) == 0
+    assert playback.main("frames", str(record)) == 0
     said = json.loads(capsys.readouterr().out)
     times = [frame["now_s"] for frame in said["frames"]]
     assert times == sorted(times)
