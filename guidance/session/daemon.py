@@ -14,11 +14,20 @@ from guidance.log.record import Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, is_done, missing, not_engageable, refusal, status
-from guidance.session.engaging import Engaging
 from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger
 from guidance.session.metrics import Metrics
-from guidance.session.orders import ALIVE, ON_GROUND, RESET, STATUS, WORDS, Mailbox, Question, ShutdownHandover
+from guidance.session.orders import (
+    ALIVE,
+    ON_GROUND,
+    RESET,
+    STATUS,
+    WORDS,
+    Engaging,
+    Mailbox,
+    Question,
+    ShutdownHandover,
+)
 from guidance.session.process import Notifier
 from guidance.session.recording import Recording
 from guidance.session.spec import FlightPlan

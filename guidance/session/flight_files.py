@@ -6,6 +6,9 @@ The settings are those that it was flown with, as the metadata has them, or the 
 import contextlib
 import itertools
 import json
+import logging
+import os
+import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,8 +21,9 @@ from guidance.files import writing
 from guidance.flight import FlightSettings
 from guidance.log.provenance import versions
 from guidance.log.reader import CONFIG, SCENARIO
-from guidance.log.record import BackgroundRecorder
+from guidance.log.record import BackgroundRecorder, NullRecorder
 from guidance.log.writer import Recorder, started_utc
+from guidance.session.log import Logger
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.scenario import Scenario
@@ -32,15 +36,12 @@ _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "gam
 """What people say for the longer key."""
 
 
-def metadata_of(scenario: Scenario, config: Config | None, clock: Clock | None) -> dict[str, str]:
+def flight_metadata(scenario: Scenario | None, config: Config | None, clock: Clock | None) -> dict[str, str]:
     """Return what a record says of its flight: files, seed, versions and, where time is real, when it began."""
-    return {
-        "scenario": scenario.model_dump_json(exclude_unset=config is not None),
-        **({} if config is None else {"config": config.model_dump_json()}),
-        "seed": str(scenario.seed),
-        **versions(),
-        **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
-    }
+    said = {} if scenario is None else {"scenario": scenario.model_dump_json(exclude_unset=config is not None)}
+    said |= {} if config is None else {"config": config.model_dump_json()}
+    said |= {} if scenario is None else {"seed": str(scenario.seed)}
+    return {**said, **versions(), **({} if clock is None else {"started_utc": started_utc(clock.now_s())})}
 
 
 def next_folder(parent: Path, stem: str) -> Path:
@@ -75,6 +76,32 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
         yield recorder
     finally:
         recorder.close()
+
+
+@contextlib.contextmanager
+def daemon_recording(
+    config: Config, metadata: Mapping[str, str], log: Logger
+) -> Iterator[BackgroundRecorder | NullRecorder | None]:
+    """Open the record of a daemon. Of one that cannot be written preflight says so; in flight it is done without."""
+    if config.record.folder is None:
+        yield None
+        return
+    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
+    recorder: BackgroundRecorder | NullRecorder
+    try:
+        rotate_bytes = round(config.record.rotate_mb * 1e6)
+        written = Recorder(path, metadata, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
+        recorder = BackgroundRecorder(written)
+    except OSError as error:
+        where = f"record.folder = {str(config.record.folder)!r}"
+        recorder = NullRecorder(f"{where}: cannot be written ({error.strerror})")
+    try:
+        yield recorder
+    finally:
+        recorder.close()
+        if recorder.failed is not None or recorder.dropped:
+            log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
 
 
 def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | None = None) -> FlightSettings:

@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
 from guidance.log.record import BackgroundRecorder
 from guidance.session.control_bus import admitted
-from guidance.session.flight_files import RECORD, metadata_of, recording
+from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
 from guidance.session.loop import World
@@ -56,7 +56,7 @@ def fly_mock(
         raise ConfigError(f"--port {port}: allowed is 0 (pick a free one) to 65535")
     check_faults(scenario)
     clock: Clock = VirtualClock() if fast else MonotonicClock()
-    metadata = metadata_of(scenario, None, None if fast else clock)
+    metadata = flight_metadata(scenario, None, None if fast else clock)
     with recording(folder / RECORD, metadata, real_time=not fast) as record:
         on_record(folder / RECORD)
         with (

@@ -22,7 +22,7 @@ from guidance.messages import Home
 from guidance.session.checkup import Checkup
 from guidance.session.control_bus import ControlBus, Onlookers, admitted
 from guidance.session.discovery import identify, wait_until_placed
-from guidance.session.flight_files import RECORD, metadata_of, recording
+from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
 from guidance.session.log import Log
 from guidance.session.loop import Signals
@@ -106,7 +106,7 @@ def fly_vehicle(
         if not engage:
             say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
         conduct = Conduct(engage, hand_over=hand_over)
-        broadcast = Broadcast(own.name, control.session, metadata_of(scenario, own, clock))
+        broadcast = Broadcast(own.name, control.session, flight_metadata(scenario, own, clock))
         closing.callback(broadcast.close)
         onlookers = Onlookers(mailbox, broadcast)
         return _conducted(scenario, Reached(own, world, clock), plan, conduct, out, onlookers, signals)
@@ -154,7 +154,7 @@ def fly_url(
         conduct = Conduct(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
         reached = Reached(own, world, clock, radio)
         plan = plan_of(own, laid)
-        with signals.installed(), admitted(own.name, metadata_of(laid, own, clock), control) as onlookers:
+        with signals.installed(), admitted(own.name, flight_metadata(laid, own, clock), control) as onlookers:
             result = _conducted(laid, reached, plan, conduct, folder, onlookers, signals, show)
         result.wall_s = time.perf_counter() - began_s
     return result, own.flight.on_terminate
@@ -176,7 +176,7 @@ def _conducted(
         closing.callback(log.close)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
-        metadata = metadata_of(scenario, own, clock)
+        metadata = flight_metadata(scenario, own, clock)
         record = closing.enter_context(recording(folder / RECORD, metadata, real_time=True))
         return fly(
             scenario,

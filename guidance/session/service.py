@@ -3,8 +3,7 @@
 import contextlib
 import logging
 import os
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -13,12 +12,10 @@ from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, credentials_of
 from guidance.log.broadcast import Broadcast
-from guidance.log.provenance import versions
-from guidance.log.record import BackgroundRecorder, NullRecorder
-from guidance.log.writer import Recorder, started_utc
 from guidance.session.answers import StartupResponder
 from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon
+from guidance.session.flight_files import daemon_recording, flight_metadata
 from guidance.session.log import Log
 from guidance.session.loop import Signals, run
 from guidance.session.metrics import Metrics, MetricsServer
@@ -77,8 +74,8 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         )
         world = open_all(config, clock, tapped=config.record.folder is not None)
         closing.callback(world.close)
-        metadata = _metadata(config, clock)
-        record = closing.enter_context(_recording(config, metadata, log))
+        metadata = flight_metadata(None, config, clock)
+        record = closing.enter_context(daemon_recording(config, metadata, log))
         broadcast = Broadcast(config.name, control.session, metadata)
         closing.callback(broadcast.close)
         daemon = Daemon(
@@ -120,33 +117,3 @@ def reload(path: Path, before: Config) -> FlightPlan:
     if changed:
         raise ConfigError(f"{path}: {', '.join(changed)} changed: end the daemon and start it again for that")
     return plan_of(after)
-
-
-def _metadata(config: Config, clock: MonotonicClock) -> dict[str, str]:
-    return {"config": config.model_dump_json(), **versions(), "started_utc": started_utc(clock.now_s())}
-
-
-@contextlib.contextmanager
-def _recording(
-    config: Config, metadata: Mapping[str, str], log: Log
-) -> Iterator[BackgroundRecorder | NullRecorder | None]:
-    """Open the record. Of one that cannot be written preflight says so; a vehicle in flight is served without."""
-    if config.record.folder is None:
-        yield None
-        return
-    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
-    recorder: BackgroundRecorder | NullRecorder
-    try:
-        rotate_bytes = round(config.record.rotate_mb * 1e6)
-        written = Recorder(path, metadata, rotate_s=config.record.rotate_s, rotate_bytes=rotate_bytes)
-        recorder = BackgroundRecorder(written)
-    except OSError as error:
-        where = f"record.folder = {str(config.record.folder)!r}"
-        recorder = NullRecorder(f"{where}: cannot be written ({error.strerror})")
-    try:
-        yield recorder
-    finally:
-        recorder.close()
-        if recorder.failed is not None or recorder.dropped:
-            log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)

@@ -18,8 +18,8 @@ from guidance.log.record import Records
 from guidance.log.replay import compare
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Daemon
+from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import PERIOD_S, run
-from guidance.session.flight_files import metadata_of
 from guidance.session.mission import Conduct, Mission
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.sim.mock_files import faults_after
@@ -202,7 +202,7 @@ def _from_the_ground(case: Case, folder: Path | None, starts: Starts | None) -> 
     """Fly one whole, record and replay it."""
     with tempfile.TemporaryDirectory() as scratch:
         path = (Path(scratch) if folder is None else folder) / f"{case.seed}-{case.number}.mcap"
-        record = Tape(path, metadata_of(case.scenario, None, None))
+        record = Tape(path, flight_metadata(case.scenario, None, None))
         sortie = Sortie(case, record).stand_by()
         if starts is not None and not case.game.fault:
             starts.keep(case, sortie)

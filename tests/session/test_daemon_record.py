@@ -14,8 +14,7 @@ from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
 from guidance.log.record import BackgroundRecorder
 from guidance.log.writer import Recorder
-from guidance.session.flight_files import recorded_settings
-from guidance.session.service import _recording
+from guidance.session.flight_files import daemon_recording, recorded_settings
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 
@@ -117,7 +116,7 @@ def test_a_record_that_cannot_even_be_opened_keeps_the_vehicle_on_the_ground_unl
     (tmp_path / "file").write_text("")
     document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
     bare = base()
-    with _recording(parse(Config, document, source="test"), {}, bare.log) as unwritten:
+    with daemon_recording(parse(Config, document, source="test"), {}, bare.log) as unwritten:
         one = base(record=unwritten, record_required=required).until(State.CHECKING if required else State.READY)
         one.run(3.0)
         started = one.order("start")

@@ -6,7 +6,6 @@ What it offers:
 """
 
 from guidance.viz.subprocesses import ViewerBeside
-from guidance.viz.view.command import view
-from guidance.viz.view.source import Destination, FlightSource, RecordFile
+from guidance.viz.view.command import Destination, FlightSource, RecordFile, view
 
 __all__ = ["Destination", "FlightSource", "RecordFile", "ViewerBeside", "view"]

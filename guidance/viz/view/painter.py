@@ -1,11 +1,7 @@
-"""A recording of Rerun, opened where it is to go, and a flight laid out in it, item by item as they come.
+"""Lays a flight out for Rerun, item by item as they come from a file, a file that grows, or a daemon."""
 
-They come from a file, a file that grows, or a daemon; the recording goes into a file, or behind servers on loopback.
-"""
-
-import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,10 +9,8 @@ import numpy as np
 import rerun as rr
 
 from guidance.certificate import Certificate
-from guidance.errors import ConfigError, OutputError
-from guidance.files import private_file, private_folder
 from guidance.game import Winner
-from guidance.log import Aggregator, Cycle, CycleEntry, Item, SettingsOf, title_of
+from guidance.log import Aggregator, Cycle, CycleEntry, Item, SettingsOf
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED
 from guidance.log.reader import CONFIG, entry_of
 from guidance.viz.shapes import Array, circle, fence_edges, isochron_at
@@ -35,12 +29,8 @@ from guidance.viz.view.layout import (
     STATE,
     TARGET,
     TIMELINE,
-    layout,
 )
-from guidance.viz.view.serving import WebPage, free_port, recording_server
-from guidance.viz.view.source import Destination
 
-APPLICATION: Final = "guidance"
 DRAWN_EVERY_S: Final = 0.2
 """How often the circle, the isochron and the meeting point are drawn anew."""
 
@@ -221,60 +211,3 @@ class Painter:
 def lifted(curve: Array, height_m: float) -> Array:
     """A curve (n, 2) at a height: (n, 3)."""
     return np.column_stack([curve, np.full(len(curve), height_m)])
-
-
-def opened(
-    metadata: Mapping[str, str],
-    settings_of: SettingsOf,
-    source: str,
-    place: Destination,
-    say: Callable[[str], None],
-    closing: contextlib.ExitStack,
-) -> Painter:
-    """Open a recording and say where it can be seen.
-
-    Args:
-        metadata: Of the record or of the flight that lasts.
-        settings_of: Makes a flight's settings of it.
-        source: Named in errors.
-        place: A file, or where it is served.
-        say: Is told where it can be seen.
-        closing: Closes the recording in the end.
-
-    Raises:
-        ConfigError: If the metadata has no settings, or a port is none.
-        OutputError: If the file cannot be written.
-        LinkError: If a port is in use.
-    """
-    recording = rr.RecordingStream(APPLICATION)
-    closing.callback(recording.disconnect)
-    sink = _file(place.save) if place.save is not None else _served(place, say, closing)
-    with_target = settings_of(metadata).cycle.target_game_m is not None
-    recording.set_sinks(sink, default_blueprint=layout(with_target=with_target))
-    recording.send_recording_name(title_of(metadata))
-    return Painter(recording, settings_of, metadata, source)
-
-
-def _file(path: Path) -> rr.FileSink:
-    try:
-        private_folder(path.parent)
-        private_file(path)  # Rerun would only say in its log that it cannot
-    except OSError as error:
-        raise OutputError(f"--save {path}: cannot be written ({error.strerror}); choose another file") from error
-    return rr.FileSink(path)
-
-
-def _served(place: Destination, say: Callable[[str], None], closing: contextlib.ExitStack) -> rr.GrpcServerSink:
-    port, web_port = _port("--port", place.port), _port("--web-port", place.web_port)
-    sink = recording_server(port)
-    page = WebPage(web_port, sink.uri, port)
-    closing.callback(page.close)
-    say(f"look at  {page.url}")
-    say(f"or with  rerun --connect {sink.uri}")
-    return sink
-
-
-def _port(option: str, port: int) -> int:
-    if not 0 <= port <= 65535:
-        raise ConfigError(f"{option} {port}: allowed is 0 (pick a free one) to 65535")
-    return port or free_port()
