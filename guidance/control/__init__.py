@@ -17,11 +17,10 @@ Limiting, always last:
     Polygon, NorthEast: corners of a fence, and a place, in metres about home.
 """
 
-from guidance.control.envelope import Envelope, Limiter, Situation, SpeedLimits, Speeds, StandOffLimit
+from guidance.control.envelope import Envelope, Limiter, Polygon, Situation, SpeedLimits, Speeds, StandOffLimit
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
 from guidance.control.follow import Approach, CatchUp, Following, FollowMemory, follow, less_drift, with_drift
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
-from guidance.control.polygon import Polygon
 from guidance.control.servo import ServoGains
 from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
 

@@ -14,8 +14,7 @@ from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import VehicleLink, Wire
 from guidance.links.pymavlink_link import OWN_HEARTBEAT, PymavlinkLink
 from guidance.links.signing import SigningKey
-from guidance.links.wires.serial import SerialWire
-from guidance.links.wires.tcp import TcpWire
+from guidance.links.wires.streams import SerialWire, TcpWire
 from guidance.links.wires.udp import UdpWire
 from guidance.links.wires.zenoh import ZenohWire
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials

@@ -52,7 +52,7 @@ FLIGHT = {
 CONTROL = {
     "control/test_velocity_constraints_together": "control/fence control/velocity_constraints",
     "control/test_hold": "control/hold",
-    "control/test_envelope": "control/envelope control/polygon",
+    "control/test_envelope": "control/envelope",
     "control/test_setpoint_limiter": "control/setpoint_limiter control/shaping",
     "control/test_velocity_constraints": "control/velocity_constraints",
     "control/test_follow_approach": "control/follow",

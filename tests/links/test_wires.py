@@ -14,9 +14,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import LinkError
 from guidance.links import MemoryWire
 from guidance.links.arrivals import MOST_WAITING, Arrivals
-from guidance.links.wires.serial import SerialWire
-from guidance.links.wires.stream import Tail
-from guidance.links.wires.tcp import TcpWire
+from guidance.links.wires.streams import SerialWire, Tail, TcpWire
 from guidance.links.wires.udp import UdpWire
 from guidance.links.wires.zenoh import ZenohWire
 from tests.links.peer import Peer, until

@@ -9,10 +9,9 @@ Carriers:
     Refused: why a message became no report.
 """
 
-from guidance.links.evaders.adsb import AdsbVehicle
+from guidance.links.evaders.broadcasts import AdsbVehicle, OpenDroneIdLocation
 from guidance.links.evaders.carrier import Refused
 from guidance.links.evaders.mavlink import FollowTarget, GlobalPositionInt, MavlinkEvader, OdometryCarrier
-from guidance.links.evaders.open_drone_id import OpenDroneIdLocation
 from guidance.links.evaders.ros import RosPose, rmw_key
 
 __all__ = [

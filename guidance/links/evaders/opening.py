@@ -9,9 +9,8 @@ from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
 from guidance.links.arrivals import Clock
 from guidance.links.endpoint import parse
-from guidance.links.evaders.adsb import AdsbVehicle
+from guidance.links.evaders.broadcasts import AdsbVehicle, OpenDroneIdLocation
 from guidance.links.evaders.mavlink import Carrier, FollowTarget, GlobalPositionInt, MavlinkEvader, OdometryCarrier
-from guidance.links.evaders.open_drone_id import OpenDroneIdLocation
 from guidance.links.evaders.ros import ODOMETRY_TYPE, POSE_TYPE, RosPose, rmw_key
 from guidance.links.evaders.zenoh import Reader, ZenohEvader, read_json
 from guidance.links.opening import open_wire

@@ -1,16 +1,55 @@
-"""TCP: either we call (`tcpout`) or we listen and talk to whoever called last (`tcpin`)."""
+"""Byte streams that may take only a part of a frame: TCP, and a serial port through pyserial.
 
+TCP either calls (`tcpout`) or listens and talks to whoever called last (`tcpin`). What a stream did not take of a frame
+goes first next time, and only whole frames are dropped.
+"""
+
+import contextlib
+import os
 import socket
+import termios
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
+
+import serial
 
 from guidance.errors import LinkError
 from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
-from guidance.links.wires.stream import Tail
 
 _WAIT_S: Final = 0.1
-_MOST_BYTES: Final = 16384
+_MOST_TCP_BYTES: Final = 16384
+_MOST_SERIAL_BYTES: Final = 4096
+
+
+class Tail:
+    """Remembers the unsent end of the last frame, so that the stream never holds half a frame followed by another."""
+
+    def __init__(self, write: Callable[[bytes], int]) -> None:
+        self._write = write
+        self._rest = b""
+        self.sent = 0
+        self.unsent = 0
+
+    def send(self, frame: bytes) -> None:
+        """Write without waiting. `write` returns how many bytes it took, and raises OSError when it can take none."""
+        try:
+            if self._rest:
+                self._rest = self._rest[self._write(self._rest) :]
+            if self._rest:
+                self.unsent += 1
+                return
+            self._rest = frame[self._write(frame) :]
+            self.sent += 1
+        except BlockingIOError:
+            self.unsent += 1
+        except OSError:
+            self.unsent += 1
+            self._rest = b""
+
+    def forget(self) -> None:
+        """A new peer begins with a whole frame."""
+        self._rest = b""
 
 
 class TcpWire:
@@ -70,7 +109,7 @@ class TcpWire:
             if self._peer is None:
                 self._peer = self._tuned(self._next_peer())
                 self._pick_up()
-            data = self._peer.recv(_MOST_BYTES)
+            data = self._peer.recv(_MOST_TCP_BYTES)
         except TimeoutError:
             return b""
         except OSError:
@@ -132,3 +171,68 @@ class TcpWire:
         self._hang_up()
         if self._server is not None:
             self._server.close()
+
+
+class SerialWire:
+    """One port, opened for ourselves alone, and opened again when it comes back after being unplugged."""
+
+    stream = True
+
+    def __init__(self, clock: Clock, *, device: str, baud: int, on_arrival: Wake | None = None) -> None:
+        """Open the port.
+
+        Raises:
+            LinkError: If it is not there, is in use, or cannot do this speed.
+        """
+        try:
+            self._port = serial.Serial(device, baud, timeout=_WAIT_S, write_timeout=0, exclusive=True)
+        except (OSError, ValueError, termios.error) as error:
+            raise LinkError(
+                f"serial {device}:{baud}: {error}; is it plugged in, free, able to do this speed, and may you open it "
+                "(the group dialout, as a rule)?"
+            ) from error
+        self._closed = False
+        self._lock = threading.Lock()
+        self._tail = Tail(self._write)
+        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
+        self._reader = Reader(self._read, self._arrivals, name=f"serial {device}")
+
+    def _read(self) -> bytes:
+        try:
+            if not self._port.is_open:
+                self._reopen()
+            return bytes(self._port.read(min(self._port.in_waiting, _MOST_SERIAL_BYTES) or 1))
+        except (OSError, termios.error) as error:
+            with self._lock, contextlib.suppress(OSError):
+                self._port.close()
+            raise ConnectionError("the port went away") from error
+
+    def _reopen(self) -> None:
+        with self._lock:
+            self._port.open()
+            self._tail.forget()
+
+    def _write(self, data: bytes) -> int:
+        return os.write(self._port.fileno(), data)  # pyserial's own write spins while the port is full
+
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """Pieces of the stream since the last call."""
+        return self._arrivals.take()
+
+    def send(self, frame: bytes) -> None:
+        """Write one frame; what the port does not take at once waits for the next, which is dropped if it must."""
+        with self._lock:
+            if not self._closed:
+                self._tail.send(frame)
+
+    def counters(self) -> Mapping[str, int]:
+        """Frames sent and not sent, and pieces dropped for want of room."""
+        dropped = self._arrivals.dropped
+        return {"wire_sent": self._tail.sent, "wire_unsent": self._tail.unsent, "wire_dropped": dropped}
+
+    def close(self) -> None:
+        """End the reader, then the port."""
+        if not self._closed:
+            self._closed = True
+            self._reader.close()
+            self._port.close()
