@@ -228,7 +228,7 @@ def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> P
     clock_s, obeyed, waiting = pending
     kind = setpoint.kind
     if kind is not _STREAM and kind is not _DIRECT:
-        return Pending(clock_s + dt_s, setpoint)
+        return _pending((clock_s + dt_s, setpoint, ()))
     if setpoint is not (waiting[-1][1] if waiting else obeyed):
         waiting = (*waiting, (clock_s + delay_s, setpoint))
     now_s = clock_s + 0.5 * dt_s

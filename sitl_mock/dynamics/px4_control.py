@@ -46,6 +46,9 @@ class Px4Memory(NamedTuple):
 
 
 _memory, _demand, _reference = maker_of(Px4Memory), maker_of(Demand), maker_of(Reference)
+_NOTHING: Final = Demand(0.0, 0.0, 0.0, 0.0)
+_UNMOVED: Final = (0.0, math.pi, 0.0, GRAVITY_M_S2)
+"""What `Px4Memory` begins with behind `spooled_s`."""
 
 
 @dataclass(frozen=True)
@@ -195,10 +198,9 @@ class Px4Control:
 
     def _idle(self, memory: Px4Memory, estimate: Estimate, kind: Kind, dt_s: float) -> tuple[Px4Memory, Demand]:
         spooled_s = min(memory.spooled_s + dt_s, self.gains.spool_s) if kind is Kind.IDLING else 0.0
-        thrust = self._thrust_least() if kind is Kind.IDLING else 0.0
-        return Px4Memory(kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, spooled_s), Demand(
-            0.0, 0.0, thrust, 0.0
-        )
+        demand = Demand(0.0, 0.0, self._thrust_least(), 0.0) if kind is Kind.IDLING else _NOTHING
+        reference = _reference((estimate.position_ned_m, ZERO, ZERO))
+        return _memory((kind, reference, ZERO, ZERO, spooled_s, *_UNMOVED)), demand
 
     def _stream_velocity(self, estimate: Estimate, setpoint: Setpoint) -> tuple[Ned, Ned]:
         """Velocity after position control and truncation (NaN: not controlled), and the acceleration fed forward."""

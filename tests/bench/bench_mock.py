@@ -138,10 +138,9 @@ def real_time(count, seconds):
         client.recv(2048)
         used_s, begun = _cpu_s(child.pid), time.perf_counter()
         while time.perf_counter() - begun < seconds:
-            data = client.recv(2048)
-            if data[7:10] == b"\x1e\0\0":
-                (message,) = decoder.feed(data, whole=True)
-                stamps.append(time.perf_counter() - message.time_boot_ms * 1e-3)
+            data, now_s = client.recv(2048), time.perf_counter()
+            heard = decoder.feed(data, whole=True)
+            stamps += [now_s - each.time_boot_ms * 1e-3 for each in heard if each.get_type() == "ATTITUDE"]
         spent_s = time.perf_counter() - begun
         share = (_cpu_s(child.pid) - used_s) / spent_s
         _end(child)

@@ -11,7 +11,7 @@ from sitl_mock import MockVehicle, TransportError
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.transports import Arrival, run
 from sitl_mock.transports.loop import Loop
-from sitl_mock.transports.udp import MAX_PEERS, PEER_FORGOTTEN_S, UdpEndpoint
+from sitl_mock.transports.udp import DATAGRAM_FULL, MAX_PEERS, PEER_FORGOTTEN_S, UdpEndpoint
 from sitl_mock.transports.zenoh_session import ZenohEndpoint, free_port, with_port
 
 
@@ -54,7 +54,17 @@ class TestUdp:
     def test_frames_go_to_the_fixed_port_before_anybody_has_spoken(self, client, clock):
         endpoint = UdpEndpoint("onboard", {"uav1": (0, client.getsockname()[1])}, clock)
         endpoint.send("uav1", "onboard", [b"one", b"two"])
-        assert [client.recv(100), client.recv(100)] == [b"one", b"two"]
+        endpoint.send("uav1", "onboard", [b"three"])
+        assert [client.recv(100), client.recv(100)] == [b"onetwo", b"three"]
+        endpoint.close()
+
+    def test_a_datagram_holds_whole_frames_and_no_more_than_any_network_takes(self, client, clock):
+        endpoint = UdpEndpoint("onboard", {"uav1": (0, client.getsockname()[1])}, clock)
+        frames = [bytes([number]) * 280 for number in range(1, 8)]
+        endpoint.send("uav1", "onboard", frames)
+        held = [client.recv(2048), client.recv(2048)]
+        assert max(map(len, held)) <= DATAGRAM_FULL
+        assert held == [b"".join(frames[:5]), b"".join(frames[5:])]
         endpoint.close()
 
     def test_another_links_frames_are_not_carried(self, client, clock):
