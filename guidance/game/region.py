@@ -37,6 +37,9 @@ from guidance.game.records import is_zero
 STEPS = 3
 """Newton steps that every row takes ..."""
 
+ROUNDS = 4
+"""Rounds from circle to circle, of a game with nothing but a disc, after which one step less does ..."""
+
 NEWTON_STEPS = 7
 """... and those that a row takes which needs them, before its bracket is halved."""
 
@@ -124,7 +127,8 @@ def _search(xp: Library, hunt: Hunt, old: Truth, within: Truth) -> Aim:
         reach = select(xp, old, FAN[1] - FAN[0], reach)
     if not (xp is np or xp is FLOATS):
         return _bracket(xp, hunt, start, reach, TRACED_STEPS)
-    aim, there = _newton(xp, hunt, start, within, STEPS, NEWTON_STEPS)
+    steps = STEPS - 1 if _is_bare(hunt) else STEPS
+    aim, there = _newton(xp, hunt, start, within, steps, NEWTON_STEPS)
     there = within | (there & (abs(aim.s - start.s) <= reach))
     if not isinstance(there, np.ndarray):
         return aim if there else _bracket(xp, hunt, start, reach, MORE_STEPS)
@@ -154,34 +158,58 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: i
     return aim, there
 
 
+def _is_bare(hunt: Hunt) -> bool:
+    """Say whether there is nothing but the disc that makes the game another than the paper's."""
+    alone = is_zero(hunt.capture) and is_zero(hunt.lag) and not is_zero(hunt.radius)
+    return alone and hunt.wind is None and hunt.drift is None
+
+
 def _touch(xp: Library, hunt: Hunt) -> Aim:
     """Begin with the closest point of a circle that touches the region's edge on the way to the target.
 
     It is the paper's, of the virtual pursuer that has the evader there, seen from where both would have started without
-    the lead that age, capture radius and wind give.
+    the lead that age, capture radius and wind give. With nothing but a disc that pursuer is the disc's point towards
+    the closest point of its own circle, which is found in rounds.
     """
-    way_on = (hunt.to_evader[0] + hunt.to_target[0], hunt.to_evader[1] + hunt.to_target[1])
-    disc = unit2(xp, way_on, norm2(xp, way_on))
-    way = follow(xp, hunt, Aim(0.0 * way_on[0], disc))
-    u, v, hand = hunt.u, hunt.v, (hunt.u - hunt.v) * (hunt.u + hunt.v)
+    hand = (hunt.u - hunt.v) * (hunt.u + hunt.v)
+    end = (hunt.to_evader[0] + hunt.to_target[0], hunt.to_evader[1] + hunt.to_target[1])
+    disc = unit2(xp, end, norm2(xp, end))
+    if _is_bare(hunt):
+        for _ in range(ROUNDS):
+            run = _circle(xp, hunt, _plus(hunt.to_evader, -hunt.radius, disc), hunt.z2, hunt.to_target)
+            end = _plus(run, hand, hunt.to_evader)
+            disc = unit2(xp, end, norm2(xp, end))
+        return Aim(_half_angle(xp, hunt, run), disc)
+    way = follow(xp, hunt, Aim(0.0 * end[0], disc))
     e0, z2 = _virtual(xp, hunt, way)
     lag = (hunt.lag * way.n[0], hunt.lag * way.n[1])
-    e0, goal = _plus(e0, 1.0, lag), _plus(hunt.to_target, -1.0, lag)
+    goal = _plus(hunt.to_target, -1.0, lag)
     if hunt.drift is not None:
         goal = _plus(goal, way.t, hunt.drift)
-    back = (v * v * e0[0] - hand * goal[0], v * v * e0[1] - hand * goal[1])
-    span = v * xp.sqrt(hand * z2 + (u * u) * dot2(e0, e0))
-    length = norm2(xp, back)
-    scale = span / select(xp, length > 0, length, 1.0)
-    run = (v * v * e0[0] - scale * back[0] + hand * lag[0], v * v * e0[1] - scale * back[1] + hand * lag[1])
-    over = norm2(xp, run) + dot2(run, hunt.ahead)
-    s = bounded(xp, across(run, hunt.ahead) / select(xp, over > 0, over, 1.0))
+    run = _plus(_circle(xp, hunt, _plus(e0, 1.0, lag), z2, goal), hand, lag)
+    s = _half_angle(xp, hunt, run)
     if is_zero(hunt.radius):
         return Aim(s, way.to)
     end = _plus(run, hand, hunt.to_evader)
     if hunt.wind is not None:
         end = _plus(end, -hand * way.t, hunt.wind)
     return Aim(s, unit2(xp, end, norm2(xp, end)))
+
+
+def _circle(xp: Library, hunt: Hunt, to_evader: Plane, z2: Real, goal: Plane) -> Plane:
+    """Return the vector from E to the point of the paper's circle that is closest to a goal, times u² − v²."""
+    u, v, hand = hunt.u, hunt.v, (hunt.u - hunt.v) * (hunt.u + hunt.v)
+    back = (v * v * to_evader[0] - hand * goal[0], v * v * to_evader[1] - hand * goal[1])
+    span = v * xp.sqrt(hand * z2 + (u * u) * dot2(to_evader, to_evader))
+    length = norm2(xp, back)
+    scale = span / select(xp, length > 0, length, 1.0)
+    return v * v * to_evader[0] - scale * back[0], v * v * to_evader[1] - scale * back[1]
+
+
+def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
+    """Return the heading of a run, as far as 90° from straight ahead."""
+    over = norm2(xp, run) + dot2(run, hunt.ahead)
+    return bounded(xp, across(run, hunt.ahead) / select(xp, over > 0, over, 1.0))
 
 
 def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
