@@ -32,8 +32,7 @@ class EvaderState(NamedTuple):
         turning: Probability that it is turning, 0 to 1.
         age_s: From the moment the last report was true, to now: τ of the game's l − uτ.
         silence_s: From the moment the last report arrived.
-        position_sd_m: Spread of the position over the ground, in its worst direction.
-        velocity_sd_m_s: The same of the velocity.
+        velocity_sd_m_s: Spread of the velocity over the ground, in its worst direction.
         covariance: (4, 4), of north, east (m) and their rates (m/s).
     """
 
@@ -45,9 +44,14 @@ class EvaderState(NamedTuple):
     turning: float
     age_s: float
     silence_s: float
-    position_sd_m: float
     velocity_sd_m_s: float
     covariance: Array
+
+    @property
+    def position_sd_m(self) -> float:
+        """Spread of the position over the ground, in its worst direction."""
+        (one, shared), (_, other) = self.covariance[:2, :2].tolist()
+        return _worst_sd(one, shared, other)
 
 
 def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderState | None:
@@ -71,7 +75,6 @@ def predict(track: Track, now_s: float, settings: TrackSettings) -> EvaderState 
         turning=moved.modes.turning,
         age_s=max(0.0, now_s - last.time_s),
         silence_s=max(0.0, now_s - last.received_s),
-        position_sd_m=_worst_sd(spread[0][0], spread[0][1], spread[1][1]),
         velocity_sd_m_s=velocity_sd_m_s,
         covariance=covariance[:4, :4],
     )

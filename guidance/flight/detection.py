@@ -1,6 +1,6 @@
 """Event detection: what happened, read once a cycle from what was heard, without memory of its own.
 
-One reading each of the vehicle itself, who else commands it, where it is, whether it may be trusted to fly on, what is
+One reading each of the vehicle itself and who commands it, where it is, whether it may be trusted to fly on, what is
 missing, the game, and how far the phase has come: the most severe first.
 """
 
@@ -79,7 +79,7 @@ def fit(context: EventContext) -> bool:
 
 
 def _vehicle(context: EventContext) -> Iterator[Event]:
-    """Read who flies the vehicle, and whether it is there at all."""
+    """Read who flies the vehicle, whether it is there at all, and whether it still flies by what we send."""
     vehicle = context.vehicle
     if _external_mode_change(context):
         yield Event.PILOT
@@ -89,6 +89,10 @@ def _vehicle(context: EventContext) -> Iterator[Event]:
         yield Event.TELEMETRY_LOST
     if not vehicle.armed and context.heard_since_entry:
         yield Event.DISARMED
+    if context.dt_s >= context.settings.autopilot.setpoint_timeout_s:
+        yield Event.LOOP_STOPPED
+    if context.foreign:
+        yield Event.FOREIGN
 
 
 def _external_mode_change(context: EventContext) -> bool:
@@ -119,14 +123,6 @@ def _telemetry_lost(context: EventContext) -> bool:
     if context.state in HANDING_OVER and math.isinf(age_s):
         return False  # found armed and handed over at once: its modes are heard, and no setpoint rests on its position
     return flying and age_s > TELEMETRY_LIMIT_S
-
-
-def _commands(context: EventContext) -> Iterator[Event]:
-    """Read whether the autopilot still flies by what we send."""
-    if context.dt_s >= context.settings.autopilot.setpoint_timeout_s:
-        yield Event.LOOP_STOPPED
-    if context.foreign:
-        yield Event.FOREIGN
 
 
 def _place(context: EventContext) -> Iterator[Event]:
@@ -235,7 +231,7 @@ def _clear(context: EventContext) -> bool:
     return waited and settled and heard and not _telemetry_lost(context)
 
 
-_READINGS: Final = (_vehicle, _commands, _place, _trust, _missing, _game, _phase)
+_READINGS: Final = (_vehicle, _place, _trust, _missing, _game, _phase)
 
 _PHASE_ENDS: Final[Mapping[State, tuple[Event, Callable[[EventContext], bool]]]] = {
     State.CONNECTING: (
