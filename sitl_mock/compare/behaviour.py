@@ -11,7 +11,8 @@ from typing import NamedTuple
 from sitl_mock.mavlink import Message
 
 GROUND, AIR = "ground", "air"
-_AIRBORNE_MM, _AIRBORNE_M = 1000, 1.0
+_AIRBORNE_MM = 1000
+"""Above the first home: a later one may be another height's (PX4's is, by metres)."""
 _CLOCKS = frozenset({"time_boot_ms", "time_usec", "time_unix_usec", "seq", "ts1", "tc1", "timestamp", "time_utc"})
 
 
@@ -58,10 +59,13 @@ Behaviour = Mapping[str, Stream]
 def behaviour_of(messages: Iterable[tuple[float, Message]]) -> Behaviour:
     """Measure messages in the order of their times."""
     streams: dict[str, Stream] = {}
-    phase = GROUND
+    phase, ground_mm = GROUND, None
     for at_s, message in messages:
         name = message.get_type()
-        phase = _phase(phase, name, message)
+        if name == "GLOBAL_POSITION_INT":
+            if ground_mm is None:
+                ground_mm = message.alt - message.relative_alt
+            phase = AIR if message.alt - ground_mm > _AIRBORNE_MM else GROUND
         stream = streams.setdefault(name, Stream())
         stream.count += 1
         stream.first_s = at_s if math.isnan(stream.first_s) else stream.first_s
@@ -79,12 +83,6 @@ def _take(values: dict[str, FieldRange], label: str, value: object) -> None:
     elif isinstance(value, list | tuple):
         for index, each in enumerate(value):
             _take(values, f"{label}[{index}]", each)
-
-
-def _phase(phase: str, name: str, message: Message) -> str:
-    if name == "GLOBAL_POSITION_INT":
-        return AIR if message.relative_alt > _AIRBORNE_MM else GROUND
-    return phase
 
 
 RATE_SHARE = 0.2
