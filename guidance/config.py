@@ -24,6 +24,24 @@ _PART: Final = re.compile(_NAME)
 
 Location = Sequence[str | int]
 
+RENAMED: Final[Mapping[str, str]] = {
+    "envelope": "limits",
+    "target": "evader",
+    "game.guarded": "game.target",
+    "preflight.target_height_limit_m": "preflight.evader_height_limit_m",
+}
+"""Keys of vehicle and scenario files that had another name in version 0.1: old -> new."""
+
+RENAMED_EVENTS: Final[Mapping[str, str]] = {
+    "target lost": "evader lost",
+    "target too fast for this vehicle": "evader too fast for this vehicle",
+}
+"""Events in scenario files, likewise."""
+
+Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
+Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
+Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
+
 
 def line_of(text: str, location: Location) -> int | None:
     """Return the line, counted from 1, on which a key or what holds it begins; None where it is not found.
@@ -82,26 +100,6 @@ def _written(value: Any) -> str:  # noqa: ANN401
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(_written, value)) + "]"
     return repr(value)
-
-
-RENAMED: Final[Mapping[str, str]] = {
-    "envelope": "limits",
-    "target": "evader",
-    "game.guarded": "game.target",
-    "preflight.target_height_limit_m": "preflight.evader_height_limit_m",
-}
-"""Keys of vehicle and scenario files that had another name in version 0.1: old -> new."""
-
-RENAMED_EVENTS: Final[Mapping[str, str]] = {
-    "target lost": "evader lost",
-    "target too fast for this vehicle": "evader too fast for this vehicle",
-}
-"""Events in scenario files, likewise."""
-
-
-Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
-Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
-Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
 
 
 class Section(BaseModel):

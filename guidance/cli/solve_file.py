@@ -37,6 +37,12 @@ NOT_A_NUMBER = "not_a_number"
 SHOWN = 5
 """Cells without a number that are named."""
 
+LINE_S: Final = 5.0
+"""Where nothing can be redrawn, so often at most."""
+
+Told = Callable[[int], None]
+"""Takes how many rows have been solved."""
+
 
 class Cell(NamedTuple):
     """A cell that should hold a number: its row, counted from 1, its column and what it holds."""
@@ -231,13 +237,6 @@ def _columns(answer: Solution) -> dict[str, Any]:
     columns["winner"] = [Winner(code).word for code in answer.winner.tolist()]
     columns["reason"] = [Reason(code).word for code in answer.reason.tolist()]
     return columns
-
-
-LINE_S: Final = 5.0
-"""Where nothing can be redrawn, so often at most."""
-
-Told = Callable[[int], None]
-"""Takes how many rows have been solved."""
 
 
 @contextmanager

@@ -29,6 +29,11 @@ FLIGHT: Final = "flight"
 _LOOK_EVERY_S: Final = 0.05
 _MOST_ASKED: Final = 16
 
+MOST_ARRIVED: Final = 4096
+TIMEOUT_S: Final = 4.0
+TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
+"""What a daemon broadcasts, by the end of its key, and the topic that a record has it under."""
+
 
 def broadcast_key(name: str, what: str) -> str:
     """Return the key that something is published, or asked for, on."""
@@ -137,13 +142,6 @@ def is_watched(publisher: "zenoh.Publisher") -> bool:
     """Whether anybody has subscribed."""
     status: Any = publisher.matching_status  # an object; its stub says bool
     return bool(status.matching)
-
-
-MOST_ARRIVED: Final = 4096
-TIMEOUT_S: Final = 4.0
-
-TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
-"""What a daemon broadcasts, by the end of its key, and the topic that a record has it under."""
 
 
 class LiveFlight:

@@ -17,21 +17,21 @@ from pymavlink.dialects.v20 import all as dialect
 from guidance.errors import ConfigError, OutputError
 from guidance.extras import require
 from guidance.links.framing import MAGIC_V1, MAGIC_V2, Framer
-from guidance.log.maps import Feature, features_of, write_geojson, write_kml
+from guidance.log.maps import features_of, write_geojson, write_kml
 from guidance.log.reader import Item, SettingsOf, Survey, metadata_of, scan, title_of
 
+ENCODING: Final = "mavlink"
+_CRC_EXTRA: Final = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
+"""Every dialect's: what a vehicle said beyond the common messages belongs into its log too."""
 
-def _geojson(path: Path, out: Path, settings_of: SettingsOf) -> int:
-    return write_geojson(*_map(path, settings_of), out)
+_REORDER_S: Final = 1.0
+"""Frames are written vehicle by vehicle once a cycle; within this time they are put in order."""
 
 
-def _kml(path: Path, out: Path, settings_of: SettingsOf) -> int:
-    return write_kml(*_map(path, settings_of), out)
-
-
-def _map(path: Path, settings_of: SettingsOf) -> tuple[list[Feature], str]:
+def _map(path: Path, out: Path, settings_of: SettingsOf) -> int:
     metadata = metadata_of(path)
-    return features_of(path, settings_of(metadata)), title_of(metadata)
+    features = features_of(path, settings_of(metadata))
+    return (write_kml if out.suffix == ".kml" else write_geojson)(features, title_of(metadata), out)
 
 
 def _table(path: Path, out: Path, _: SettingsOf) -> int:
@@ -45,8 +45,8 @@ EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]
     ".tlog": ("frames", lambda path, out, _: write_tlog(path, out)),
     ".csv": ("cycles", _table),
     ".parquet": ("cycles", _table),
-    ".geojson": ("features", _geojson),
-    ".kml": ("features", _kml),
+    ".geojson": ("features", _map),
+    ".kml": ("features", _map),
 }
 
 
@@ -65,14 +65,6 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
         return f"{write(path, out, settings_of)} {what}"
     except OSError as error:
         raise OutputError(f"{out}: cannot be written ({error.strerror or error}); choose another file") from error
-
-
-ENCODING: Final = "mavlink"
-_CRC_EXTRA: Final = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
-"""Every dialect's: what a vehicle said beyond the common messages belongs into its log too."""
-
-_REORDER_S: Final = 1.0
-"""Frames are written vehicle by vehicle once a cycle; within this time they are put in order."""
 
 
 def write_tlog(path: Path, out: Path) -> int:

@@ -23,6 +23,10 @@ Coordinates = tuple[float, float, float]
 
 _CIRCLE_CORNERS = 72
 
+_KML: Final = "http://www.opengis.net/kml/2.2"
+_GEOMETRY: Final = {"track": "LineString", "place": "Point", "area": "Polygon"}
+_COLOURS: Final = {"pursuer": "ff2d27c1", "evader": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
+
 
 class Feature(NamedTuple):
     """One thing on the map: a track of many places, a single place, or an area by its closed edge."""
@@ -115,11 +119,6 @@ def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
 
 def _place(said: Any) -> Coordinates:  # noqa: ANN401 - a GlobalPosition or an EvaderReport
     return (said.longitude_deg, said.latitude_deg, said.altitude_amsl_m)
-
-
-_KML: Final = "http://www.opengis.net/kml/2.2"
-_GEOMETRY: Final = {"track": "LineString", "place": "Point", "area": "Polygon"}
-_COLOURS: Final = {"pursuer": "ff2d27c1", "evader": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
 
 
 def write_geojson(features: Sequence[Feature], title: str, out: Path) -> int:

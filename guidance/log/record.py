@@ -12,6 +12,10 @@ from guidance.log.entries import CycleEntry
 from guidance.log.writer import Recorder
 from guidance.messages import EvaderReport
 
+MOST_WAITING: Final = 4096
+_LOOK_EVERY_S: Final = 0.03
+"""With a chunk's age it is what a kill -9 loses: less than 0.2 s."""
+
 
 class Record(Protocol):
     """Where a cycle is kept. Nothing is raised and nothing is waited for that could disturb a flight."""
@@ -63,11 +67,6 @@ class Records:
         """Keep one report of the evader."""
         for record in self._records:
             record.report(report)
-
-
-MOST_WAITING: Final = 4096
-_LOOK_EVERY_S: Final = 0.03
-"""With a chunk's age it is what a kill -9 loses: less than 0.2 s."""
 
 
 class BackgroundRecorder:

@@ -15,6 +15,16 @@ from guidance.log.codec import Codec
 from guidance.log.entries import CycleEntry
 from guidance.messages import EvaderReport, GlobalPosition
 
+UNKNOWN: Final = 0
+DIAGONAL_KNOWN: Final = 2
+_NO_COVARIANCE: Final = (0.0,) * 9
+EVERY_S: Final = 0.1
+SCENE_EVERY_S: Final = 0.2
+"""A map and a scene are looked at: ten and five times a second are enough."""
+
+GAME_FRAME: Final = "game"
+_CORNERS: Final = 36
+
 
 class Time(NamedTuple):
     """A moment, or a length of time."""
@@ -127,11 +137,6 @@ class SceneUpdate(NamedTuple):
     deletions: tuple[Absent, ...] = ()
 
 
-UNKNOWN: Final = 0
-DIAGONAL_KNOWN: Final = 2
-_NO_COVARIANCE: Final = (0.0,) * 9
-
-
 def time_of(now_s: float) -> Time:
     """Split seconds; times before the clock's zero are not told by viewers, and become zero."""
     nanoseconds = max(0, round(now_s * 1e9))
@@ -175,17 +180,10 @@ def ring(points_m: tuple[Vector, ...], color: Color) -> LinePrimitive:
     return LinePrimitive(1, Pose(Vector3(0.0, 0.0, 0.0)), 2.0, True, tuple(Vector3(*one) for one in points_m), color)
 
 
-EVERY_S: Final = 0.1
-SCENE_EVERY_S: Final = 0.2
-"""A map and a scene are looked at: ten and five times a second are enough."""
-
-GAME_FRAME: Final = "game"
-
 _PURSUER: Final = Color(0.70, 0.15, 0.12)
 _EVADER: Final = Color(0.04, 0.37, 0.65)
 _MEETING: Final = Color(0.90, 0.80, 0.20)
 _DISC: Final = Color(0.18, 0.49, 0.20)
-_CORNERS: Final = 36
 
 
 class Drawn(NamedTuple):

@@ -49,6 +49,8 @@ _REPORTED: Final = (
     "velocity_ned_m_s",
 )
 
+_ROWS_AT_ONCE: Final = 4096
+
 
 class Column(NamedTuple):
     """Where a column's value comes from: a part of a row, a field of it, and a place in that field's vector."""
@@ -119,9 +121,6 @@ def _value(part: Any, column: Column) -> Any:  # noqa: ANN401 - a cell
     if column.place is not None:
         return value[column.place]
     return "; ".join(value) if isinstance(value, tuple) else value
-
-
-_ROWS_AT_ONCE: Final = 4096
 
 
 def write_table(path: Path, out: Path) -> int:

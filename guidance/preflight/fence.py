@@ -24,6 +24,12 @@ _POLYGONS: Final[Mapping[int, bool]] = {5001: True, 5002: False}
 _CIRCLES: Final[Mapping[int, bool]] = {5003: True, 5004: False}
 """MAV_CMD_NAV_FENCE_*: True for an area to stay within, False for one to stay out of."""
 
+Point = tuple[float, float]
+_NAME: Final = "uploaded fence"
+_ROUND: Final = 72
+_PER_EDGE: Final = 8
+Shape = tuple[Point, float] | Polygon
+
 
 class Area(NamedTuple):
     """Corners of a polygon, or the centre of a circle with its radius (zero for a polygon), in degrees and metres."""
@@ -120,13 +126,6 @@ def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
     return tuple(found)
 
 
-Point = tuple[float, float]
-
-_NAME: Final = "uploaded fence"
-_ROUND: Final = 72
-_PER_EDGE: Final = 8
-
-
 def about_home(wants: Wants, home: Home | None, frame: LocalFrame | None) -> Wants:
     """Put a fence that is wanted by degrees about home, as soon as that is known, with how far it reaches."""
     if wants.fence_corners_deg is None or home is None or frame is None:
@@ -194,9 +193,6 @@ def outline(wants: Wants) -> list[Point]:
         shares = [n / _PER_EDGE for n in range(_PER_EDGE)]
         points += [(north + share * (to_north - north), east + share * (to_east - east)) for share in shares]
     return [point for point in points if radius_m is None or math.hypot(*point) <= radius_m + 1e-6]
-
-
-Shape = tuple[Point, float] | Polygon
 
 
 def _about(home: Home, frame: LocalFrame, corners_deg: Sequence[Point]) -> tuple[Point, ...]:

@@ -26,6 +26,14 @@ from guidance.session.process import GcScheduler
 from guidance.session.spec import FlightPlan
 from guidance.sim.players import EvaderPlayer
 
+PERIOD_S: Final = 0.02
+AGE_S: Final = 0.002
+"""How old the vehicle's position is to be when a cycle begins: later than it may come, and no more."""
+
+MOST_NUDGE_S: Final = 0.0002
+_NUDGE_SHARE: Final = 0.05
+_CLOSE_S: Final = 0.0005
+
 
 class World(Protocol):
     """The vehicle and whom it pursues, as the flight reaches them."""
@@ -69,15 +77,6 @@ class World(Protocol):
     def close(self) -> None:
         """End everything this world has started."""
         ...
-
-
-PERIOD_S: Final = 0.02
-AGE_S: Final = 0.002
-"""How old the vehicle's position is to be when a cycle begins: later than it may come, and no more."""
-
-MOST_NUDGE_S: Final = 0.0002
-_NUDGE_SHARE: Final = 0.05
-_CLOSE_S: Final = 0.0005
 
 
 class Signals:

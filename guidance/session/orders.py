@@ -24,6 +24,17 @@ WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS, ALIVE)
 
 Answer = Mapping[str, Any]
 
+ON_GROUND: Final = frozenset({State.CONNECTING, State.CHECKING, State.READY})
+HANDOVER_LIMIT_S: Final = 12.0
+"""After this the daemon goes anyway: its stream ends, and the autopilot's own failsafe acts."""
+
+ORDER_OF: Final = {"hold": Event.HOLD, "land": Event.LAND, "return": Event.RETURN}
+_TAKEN: Final = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}
+READ_WITHIN_S: Final = 1.5
+"""In this time a link asks three times, and whoever ordered still waits for the answer."""
+
+_BEING_READ: Final = ("parameters read again",)
+
 
 class Question:
     """One order, until it is answered. `by` says who gave it, empty where nobody said; `told` is called then."""
@@ -81,15 +92,6 @@ class Mailbox:
         return taken
 
 
-ON_GROUND: Final = frozenset({State.CONNECTING, State.CHECKING, State.READY})
-HANDOVER_LIMIT_S: Final = 12.0
-"""After this the daemon goes anyway: its stream ends, and the autopilot's own failsafe acts."""
-
-ORDER_OF: Final = {"hold": Event.HOLD, "land": Event.LAND, "return": Event.RETURN}
-
-_TAKEN: Final = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}
-
-
 class ShutdownHandover:
     """The memory of an ending: which order was meant, whether it was given, and since when."""
 
@@ -112,12 +114,6 @@ class ShutdownHandover:
             return True
         taken = _TAKEN.get(flight.state)
         return taken is not None and flight.mode_name == str(taken)
-
-
-READ_WITHIN_S: Final = 1.5
-"""In this time a link asks three times, and whoever ordered still waits for the answer."""
-
-_BEING_READ: Final = ("parameters read again",)
 
 
 class Engaging:

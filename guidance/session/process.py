@@ -28,6 +28,9 @@ OVERDUE_S: Final = 10.0
 _YOUNG_NEEDS_S: Final = 0.004
 _OLD_NEEDS_S: Final = 0.012
 
+_WATCHDOG_SHARE: Final = 3.0
+"""Signs of life per watchdog time."""
+
 
 def claim() -> str:
     """Take what is permitted, and name it: `realtime 10`, `nice -10` or `as others`."""
@@ -100,10 +103,6 @@ class GcScheduler:
             return
         gc.enable()
         gc.unfreeze()
-
-
-_WATCHDOG_SHARE: Final = 3.0
-"""Signs of life per watchdog time."""
 
 
 class Notifier:

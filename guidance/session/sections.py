@@ -15,6 +15,17 @@ from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 
+EvaderKind = Literal[
+    "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
+]
+_IN_METRES = ("odometry", "ros_pose", "ros_odometry")
+ON_ZENOH = ("json", "ros_pose", "ros_odometry")
+Policy = Annotated[
+    str,
+    WithJsonSchema({"type": "string", "enum": [name for name in PURSUER_STRATEGIES if name not in COURSES]}),
+]
+MOST_FENCE_M = 20_000.0
+
 
 def _is_url(url: str) -> str:
     taken_apart(url)
@@ -22,12 +33,6 @@ def _is_url(url: str) -> str:
 
 
 Url = Annotated[str, AfterValidator(_is_url)]
-
-EvaderKind = Literal[
-    "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
-]
-_IN_METRES = ("odometry", "ros_pose", "ros_odometry")
-ON_ZENOH = ("json", "ros_pose", "ros_odometry")
 
 
 class EvaderFrame(Section):
@@ -90,14 +95,6 @@ class EvaderSection(Section):
         if self.kind == "adsb" and self.icao_address is None:
             raise ValueError('evader.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
         return self
-
-
-Policy = Annotated[
-    str,
-    WithJsonSchema({"type": "string", "enum": [name for name in PURSUER_STRATEGIES if name not in COURSES]}),
-]
-
-MOST_FENCE_M = 20_000.0
 
 
 class Place(Section):

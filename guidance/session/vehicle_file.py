@@ -24,6 +24,8 @@ _ABOVE_THE_FLOOR_M: Final = 1.0
 _LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+")
 _BY_TLS = re.compile(r"tls/[^\s/]+:\d+")
 
+_KEY: Final = "limits.fence_plan_file"
+
 
 class Vehicle(Section):
     """How the autopilot is reached."""
@@ -213,9 +215,6 @@ class Config(Section):
                     f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
                 )
         return self
-
-
-_KEY: Final = "limits.fence_plan_file"
 
 
 def load_vehicle(path: Path) -> Config:

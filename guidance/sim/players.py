@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 REPEAT_S = 1.0
 
+PURSUER_STREAM, EVADER_STREAM = 1, 2
+"""Streams of random numbers, so that the players of one seed turn independently."""
+
 
 @dataclass(frozen=True, slots=True)
 class EvaderSettings:
@@ -138,10 +141,6 @@ class EvaderPilot:
             return None
         latitude_deg, longitude_deg, altitude = self._settings.site
         return GameFrame(frame.ned_from_wgs84(latitude_deg, longitude_deg, altitude))
-
-
-PURSUER_STREAM, EVADER_STREAM = 1, 2
-"""Streams of random numbers, so that the players of one seed turn independently."""
 
 
 def site(scenario: Scenario) -> tuple[float, float, Amsl]:

@@ -32,6 +32,8 @@ _FIXED = {
 }
 """What is not swept, and what is to be done instead."""
 
+_RANGE = {"from", "to", "count"}
+
 
 class Key(NamedTuple):
     """A key of a scenario: its text, and the way to it by name and place."""
@@ -81,9 +83,6 @@ def placed(node: Any, path: tuple[str | int, ...], value: Any) -> Any:  # noqa: 
         return elements
     section = node or {}
     return {**section, head: placed(section.get(head), rest, value)}
-
-
-_RANGE = {"from", "to", "count"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,9 @@ from guidance.sweeps.sweep_file import Pair, Sweep, Way
 
 _KINDS: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 
+ROW = "row"
+Rows = NDArray[np.int64]
+
 
 def _schema(row: type) -> pa.Schema:
     words = pa.list_(pa.string())
@@ -35,11 +38,6 @@ def _schema(row: type) -> pa.Schema:
 
 SCHEMA: Final = _schema(Outcome)
 TEAM_SCHEMA: Final = _schema(TeamOutcome)
-
-
-ROW = "row"
-
-Rows = NDArray[np.int64]
 
 
 class Cases(NamedTuple):

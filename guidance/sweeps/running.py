@@ -29,6 +29,10 @@ Told = Callable[[int], None]
 SAMPLE = 1000
 """So many rows are looked at before anything runs."""
 
+UNITS: dict[Way, str] = {"maths": "games", "fast": "flights"}
+LINE_S = 10.0
+"""Where nothing can be redrawn, so often at most."""
+
 
 class Work(NamedTuple):
     """What is to be done in a folder: chunks that are not there, and how many rows are."""
@@ -94,9 +98,6 @@ def finish(work: Work, executor: Executor, told: Told) -> None:
     for done in executor.work(folder.plan, ((chunk, folder.rows(chunk)) for chunk in work.missing)):
         folder.keep(done.chunk, done.content)
         told(len(folder.rows(done.chunk)))
-
-
-UNITS: dict[Way, str] = {"maths": "games", "fast": "flights"}
 
 
 def run_sweep(
@@ -184,10 +185,6 @@ def checked_way(text: str | None) -> Way | None:
     if text is None:
         return None
     raise ConfigError(f"--as {text}: allowed are {', '.join(UNITS)}; fly in real time with guidance scenario run")
-
-
-LINE_S = 10.0
-"""Where nothing can be redrawn, so often at most."""
 
 
 class Shown:

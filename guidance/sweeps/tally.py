@@ -30,6 +30,18 @@ from guidance.sweeps.sweep_file import Pair
 _BINS = 10
 _MOST_VALUES = 25
 
+QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 1.0)
+_COLUMNS: Final = (
+    ROW,
+    "pursuer_policy",
+    "evader_policy",
+    "end",
+    "predicted_winner",
+    "predicted",
+    "regret",
+    "final_distance_m",
+)
+
 
 class Bins(NamedTuple):
     """Bins of one column.
@@ -85,19 +97,6 @@ def _each(column: str, values: list[float | str]) -> Bins:
     labels = tuple(value if isinstance(value, str) else f"{value:.4g}" for value in values)
     centres = tuple(float(place if texts else value) for place, value in enumerate(values))
     return Bins(column, labels, centres, None, tuple(values))
-
-
-QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 1.0)
-_COLUMNS: Final = (
-    ROW,
-    "pursuer_policy",
-    "evader_policy",
-    "end",
-    "predicted_winner",
-    "predicted",
-    "regret",
-    "final_distance_m",
-)
 
 
 class Bad(NamedTuple):

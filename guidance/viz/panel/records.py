@@ -29,6 +29,9 @@ EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
 _GUIDANCE: Final = "from guidance.cli import main; main()"
 _PLAYBACK: Final = "guidance.viz.panel.playback"
 
+_KINDS: Final = {"frames": "application/json", "events": "text/plain", "report": "text/html"}
+_REPORT_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
+
 
 class Made(NamedTuple):
     """A file that was made of a record, and what it is called where it is saved."""
@@ -141,10 +144,6 @@ def _key(name: str, path: Path) -> tuple[str, int, int]:
 
 def _megabytes(path: Path) -> float:
     return round(path.stat().st_size / 1e6, 2)
-
-
-_KINDS: Final = {"frames": "application/json", "events": "text/plain", "report": "text/html"}
-_REPORT_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
 
 
 class Past:

@@ -27,6 +27,10 @@ from guidance.viz.shapes import Array, fence_edges, isochron_at
 
 _MARGIN_M = 8.0
 
+_MOST_EVENTS = 60
+_THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
+_SHADES = ("0.96", "0.86", "0.91", "0.82")
+
 
 def tracks(story: Story) -> Figure:
     """Draw the flight in space, from above, and from above with the whole fence."""
@@ -88,11 +92,6 @@ def _box(story: Story, chase: Chase) -> tuple[Array, Array]:
     if not len(known):
         known = np.zeros((1, 3))
     return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
-
-
-_MOST_EVENTS = 60
-_THIRD = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
-_SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 
 def game(story: Story) -> Figure:

@@ -30,6 +30,19 @@ LOOPBACK: Final = "127.0.0.1"
 _LIMIT_S: Final = 20.0
 _PASSED_ON: Final = ("Content-Type", "Content-Encoding", "Cache-Control", "ETag")
 
+MEMORY_LIMIT: Final = "512MB"
+"""What the server keeps for those who look in later; then the oldest is dropped."""
+
+START_LIMIT_S: Final = 30.0
+STOP_LIMIT_S: Final = 3.0
+# Linux ends the child when we are gone, however that comes about (PR_SET_PDEATHSIG, SIGTERM); elsewhere we must do it.
+_UNTIL_WE_END: Final = """
+import ctypes, os, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, 15)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
 
 def policy(recording_port: int) -> str:
     """Return the content security policy: this page's own files, and the recording's server."""
@@ -113,21 +126,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_: object) -> None:
         """Nothing."""
-
-
-MEMORY_LIMIT: Final = "512MB"
-"""What the server keeps for those who look in later; then the oldest is dropped."""
-
-START_LIMIT_S: Final = 30.0
-STOP_LIMIT_S: Final = 3.0
-
-# Linux ends the child when we are gone, however that comes about (PR_SET_PDEATHSIG, SIGTERM); elsewhere we must do it.
-_UNTIL_WE_END: Final = """
-import ctypes, os, sys
-if sys.platform == "linux":
-    ctypes.CDLL(None).prctl(1, 15)
-os.execv(sys.argv[1], sys.argv[1:])
-"""
 
 
 class WebPage:
