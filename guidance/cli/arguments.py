@@ -5,12 +5,20 @@ is armed or set it is asked for: whoever cannot be asked, and did not say `--yes
 """
 
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from guidance.errors import ConfigError, FlightError
+
+TokenFile = Annotated[
+    Path | None, typer.Option(help="The daemon's control.token_file; not needed for a daemon of your own.")
+]
+ZenohFile = Annotated[
+    Path | None, typer.Option(help="With a router's endpoint (tls/…): our file of `guidance zenoh keys`.")
+]
 
 _LONGEST = 200
 """So many letters of a command's first sentence at most."""

@@ -3,12 +3,11 @@
 import contextlib
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from guidance.cli.arguments import refuse_others
+from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
 from guidance.errors import FlightError
 
 if TYPE_CHECKING:
@@ -56,12 +55,8 @@ def ctl(
     order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
     name: Annotated[str | None, typer.Option(help="The vehicle's name; not needed where there is only one.")] = None,
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = "tcp/127.0.0.1:7448",
-    token_file: Annotated[
-        Path | None, typer.Option(help="The daemon's control.token_file; not needed for a daemon of your own.")
-    ] = None,
-    zenoh: Annotated[
-        Path | None, typer.Option(help="With a router's endpoint (tls/…): our file of `guidance zenoh keys`.")
-    ] = None,
+    token_file: TokenFile = None,
+    zenoh: ZenohFile = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
     watch: Annotated[bool, typer.Option("--watch", help="With status or alive: once a second, until Ctrl-C.")] = False,
 ) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from guidance.cli.arguments import refuse_others
+from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
 
 if TYPE_CHECKING:
     from guidance.log.broadcast import LiveFlight
@@ -90,12 +90,8 @@ def panel(
     records: Annotated[Path, typer.Option(help="Folder of the flights that are over, to look at again.")] = Path(
         "flights"
     ),
-    token_file: Annotated[
-        Path | None, typer.Option(help="The daemon's control.token_file; not needed for a daemon of your own.")
-    ] = None,
-    zenoh: Annotated[
-        Path | None, typer.Option(help="With a router's endpoint (tls/…): our file of `guidance zenoh keys`.")
-    ] = None,
+    token_file: TokenFile = None,
+    zenoh: ZenohFile = None,
     certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM.")] = None,
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
     password_file: Annotated[

@@ -20,7 +20,7 @@ from guidance.links.wires.udp import UdpWire
 from guidance.log.broadcast import Broadcast
 from guidance.messages import Home
 from guidance.session.checkup import Checkup
-from guidance.session.control_bus import ControlBus, Onlookers, admitted
+from guidance.session.control_bus import Onlookers, admitted
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
@@ -33,7 +33,7 @@ from guidance.session.process import Notifier
 from guidance.session.result import FlightResult
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
-from guidance.session.vehicle_world import VehicleWorld, open_all
+from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
 from guidance.sim.scenario import EVADER, EVADER_ID, Scenario, Site, Wind
 from guidance.sim.stepped import EvaderHere
 
@@ -92,13 +92,7 @@ def fly_vehicle(
     hand_over = ORDER_OF[own.flight.on_terminate]
     signals = Signals(hand_over, _kept)
     with signals.installed(), contextlib.ExitStack() as closing:
-        control = ControlBus(
-            own.name,
-            mailbox,
-            endpoint=own.control.endpoint,
-            host=own.control.host,
-            token_file=own.control.token_file,
-        )
+        control = open_control(own, mailbox)
         closing.callback(control.close)
         world = open_all(own, clock, tapped=True)
         closing.callback(world.close)

@@ -10,10 +10,8 @@ from typing import Final
 from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
-from guidance.links.wires.zenoh_access import NO_CREDENTIALS, credentials_of
 from guidance.log.broadcast import Broadcast
 from guidance.session.answers import StartupResponder
-from guidance.session.control_bus import ControlBus
 from guidance.session.daemon import Daemon
 from guidance.session.flight_files import daemon_recording, flight_metadata
 from guidance.session.log import Log
@@ -23,7 +21,7 @@ from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.process import Notifier, claim
 from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
-from guidance.session.vehicle_world import open_all
+from guidance.session.vehicle_world import open_all, open_control
 
 _FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record")
 """Sections that are opened at the start: a change of these needs a restart."""
@@ -51,14 +49,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
         mailbox.meanwhile(StartupResponder(config, clock).answer)
-        control = ControlBus(
-            config.name,
-            mailbox,
-            endpoint=config.control.endpoint,
-            host=config.control.host,
-            token_file=config.control.token_file,
-            credentials=credentials_of(config.zenoh) if config.control.by_tls else NO_CREDENTIALS,
-        )
+        control = open_control(config, mailbox)
         closing.callback(control.close)
         if config.metrics.port is not None:
             closing.callback(MetricsServer(metrics, config.metrics.port).close)

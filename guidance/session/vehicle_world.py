@@ -20,9 +20,10 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signing import SigningKey
 from guidance.links.wires.shared import Passed, TappedWire, share
 from guidance.links.wires.zenoh import open_session
-from guidance.links.wires.zenoh_access import Credentials, credentials_of
+from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
 from guidance.messages import Command, EvaderReport
-from guidance.session.control_bus import OwnerToken
+from guidance.session.control_bus import ControlBus, OwnerToken
+from guidance.session.orders import Mailbox
 from guidance.session.sections import ON_ZENOH, EvaderSection
 from guidance.session.vehicle_file import Config
 from guidance.sim.players import EvaderPlayer
@@ -69,6 +70,25 @@ class VehicleWorld:
     def close(self) -> None:
         """Close everything; may be called twice."""
         self.closing.close()
+
+
+def open_control(config: Config, mailbox: Mailbox) -> ControlBus:
+    """Take orders where a configuration says, by the certificates of its router where that judges who may order.
+
+    Raises:
+        ConfigError: If a certificate or its key is wrong.
+        OutputError: If the token cannot be written.
+        LinkError: If there is no session to be had, or another daemon owns the vehicle.
+    """
+    control = config.control
+    return ControlBus(
+        config.name,
+        mailbox,
+        endpoint=control.endpoint,
+        host=control.host,
+        token_file=control.token_file,
+        credentials=credentials_of(config.zenoh) if control.by_tls else NO_CREDENTIALS,
+    )
 
 
 def open_all(
