@@ -53,7 +53,8 @@ STEPS = {
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
         gives_way=True,
     ),
-    "tests": Step("all that is quick", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK)),
+    # Some of it waits for sockets and processes: a third worker has the processors meanwhile.
+    "tests": Step("all that is quick", (*PYTEST, "-n", "3", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
         "whole flights in virtual time, and what works as long without a pause",
         (*PYTEST, "-n", "1", "--dist", "loadfile", "-m", "flight and not slow and not long"),

@@ -14,7 +14,7 @@ from guidance.session.flight_files import recorded_settings
 from guidance.sweeps.folder import alone, write_whole
 from guidance.viz.report import page
 
-SHORT = Path(__file__).parent / "data" / "short_chase.toml"
+NEAR = Path(__file__).parent / "data" / "near_chase.toml"
 CAREFREE, STRICT, ABSURD = 0, 0o077, 0o777
 
 
@@ -75,9 +75,9 @@ def test_a_device_keeps_its_rights(tmp_path):
 def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkeypatch):
     flown = tmp_path / "flights" / "one"
     monkeypatch.setattr(page, "PICTURES", dict(list(page.PICTURES.items())[:1]))
-    assert fly_scenario(str(SHORT), None, fast=True, link="pymavlink", port=0, out=flown, seed=None) == 0
+    assert fly_scenario(str(NEAR), None, fast=True, link="pymavlink", port=0, out=flown, seed=None) == 0
     assert set(page.write_report(flown / "record.mcap", flown / "report", recorded_settings)) <= set(flown.rglob("*"))
-    run = ["scenario", "run", str(SHORT), "--as", "maths", "--json", str(tmp_path / "row.json")]
+    run = ["scenario", "run", str(NEAR), "--as", "maths", "--json", str(tmp_path / "row.json")]
     assert CliRunner().invoke(app, run, catch_exceptions=False).exit_code == 0
     left = [tmp_path / "row.json", tmp_path / "flights", flown, *flown.rglob("*")]
     assert {"record.mcap", "outcome.json", "flight.png", "report.html", "row.json"} <= {path.name for path in left}

@@ -6,21 +6,30 @@ import gc
 import threading
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
+from operator import itemgetter
 from struct import Struct
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar
 
+from guidance.autopilots.rules import Finding, Rule
+from sitl_mock.mavlink import MessageSpec
+from sitl_mock.modes import Mode, Transition
+from sitl_mock.protocols import Parameter
+
 World = TypeVar("World")
+UNCHANGING = (Struct, itemgetter, Parameter, MessageSpec, Mode, Transition, Rule, Finding)
+"""Nobody can change one of these, and a vehicle's tables hold a thousand."""
+
 
 
 @contextmanager
 def _copyable() -> Iterator[None]:
-    """A copied world has locks of its own, tables that nobody changes, and the same compiled formats."""
+    """A copied world has locks of its own, tables that nobody changes, and the very rows of the original's."""
     table = copyreg.dispatch_table
     before = dict(table)
     table[type(threading.Lock())] = lambda _lock: (threading.Lock, ())
     table[MappingProxyType] = lambda shown: (MappingProxyType, (dict(shown),))
-    table[Struct] = lambda _format: "the same"
+    table.update(dict.fromkeys(UNCHANGING, lambda _one: "the same"))
     try:
         yield
     finally:

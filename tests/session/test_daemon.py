@@ -59,7 +59,7 @@ def test_an_order_that_changes_nothing_is_refused_with_what_to_do_next(base):
 
 @pytest.mark.parametrize(("order", "state", "mode"), ENDED_BY)
 def test_a_vehicle_that_was_flying_when_the_daemon_began_is_handed_over_on_an_order(base, order, state, mode):
-    base = aloft(base())
+    base = aloft(base.standing_by())
     base.until(State.CHECKING, State.READY)
     assert base.order(order)["accepted"]
     assert base.state is state
@@ -69,16 +69,14 @@ def test_a_vehicle_that_was_flying_when_the_daemon_began_is_handed_over_on_an_or
 
 
 def aloft(base):
-    """Fly, end the daemon at once, and begin another flight of the same vehicle."""
-    base.standing_by()
+    """End the daemon of a vehicle in the air, and begin another flight of it at once."""
     base.daemon._begin(base.daemon._plan)
     return base
 
 
 def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
-    base = base()
-    assert "not heard" in base.order("start")["reason"]
-    aloft(base).until(State.READY)
+    assert "not heard" in base().order("start")["reason"]
+    base = aloft(base.standing_by()).until(State.READY)
     assert base.order("engage")["reason"] == "airborne, and not taken over yet: order start first, then engage"
     pilot(base, "POSCTL")
     base.run(2.0)
@@ -92,7 +90,7 @@ def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
 
 
 def test_an_abort_of_a_vehicle_found_in_the_air_lands_it_and_on_the_ground_calls_the_flight_off(base):
-    up, down = aloft(base()).until(State.READY), base.ready()
+    up, down = aloft(base.standing_by()).until(State.READY), base.ready()
     assert up.order("abort")["state"] == "landing"
     up.until(State.LANDED)
     assert down.order("abort")["state"] == "failed"

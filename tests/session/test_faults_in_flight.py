@@ -18,8 +18,10 @@ from tests.harness import flights
 CHASE = {
     "title": "a chase",
     "game": "pe",
-    "pursuer": {"position_m": (8.0, 3.0, 10.0), "speed_m_s": 3.0, "takeoff_height_m": 8.0},
+    "pursuer": {"position_m": (8.0, 3.0, 4.5), "speed_m_s": 3.0, "takeoff_height_m": 3.0},
     "evader": {"position_m": (8.0, 18.0), "speed_m_s": 1.5},
+    "standoff": {"height_m": 3.0},
+    "limits": {"floor_m": 1.5},
     "hold_s": 0.5,
 }
 

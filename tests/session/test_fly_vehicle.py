@@ -38,9 +38,8 @@ from tests.harness.command import guidance
 from tests.harness.supervised import Supervised
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
-SHORT_FILE = Path(__file__).parents[1] / "data" / "short_chase.toml"
-SHORT = load(Scenario, SHORT_FILE)
-NEAR_FILE = SHORT_FILE.with_name("near_chase.toml")
+NEAR_FILE = Path(__file__).parents[1] / "data" / "near_chase.toml"
+NEAR = load(Scenario, NEAR_FILE)
 FIELD = Home(46.5, 7.25, 830.0)
 FENCED = {
     "px4": {"GF_MAX_HOR_DIST": 400.0, "GF_MAX_VER_DIST": 200.0, "RTL_RETURN_ALT": 15.0, "RTL_DESCEND_ALT": 8.0},
@@ -110,7 +109,7 @@ class World(VirtualClock):
 class Sortie(Supervised):
     """The daemon of `guidance fly --vehicle`, and its evader, in virtual time."""
 
-    def __init__(self, world, *, scenario=SHORT, ready_within_s=120.0):
+    def __init__(self, world, *, scenario=NEAR, ready_within_s=120.0):
         name = world.profile.name
         self.laid = laid_about(scenario, *world.meet(), name)
         found = Found(1, 1, world.profile.autopilot_id, 2, armed=False)
@@ -165,15 +164,15 @@ def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_a
     assert not world.vehicle.armed
     assert math.hypot(*world.vehicle.truth.position_ned_m[:2]) < 2.0
     began = next(one for one in flown.mission.result.samples if one.state is State.ENGAGED)
-    assert math.dist(began.pursuer_m, SHORT.pursuer.position_m) < 2.5
-    assert math.dist(began.evader_m[:2], SHORT.evader.position_m) < 0.5
+    assert math.dist(began.pursuer_m, NEAR.pursuer.position_m) < 2.5
+    assert math.dist(began.evader_m[:2], NEAR.evader.position_m) < 0.5
     assert flown.mission.left
 
 
 def test_the_game_frame_is_laid_so_that_the_vehicles_home_is_the_scenarios():
     world = World()
-    laid = laid_about(SHORT, *world.meet(), "px4")
-    x, y = SHORT.home_m
+    laid = laid_about(NEAR, *world.meet(), "px4")
+    x, y = NEAR.home_m
     assert laid.site.latitude_deg == pytest.approx(FIELD.lat_deg - y / 111_320.0, abs=2e-6)
     assert laid.site.longitude_deg == pytest.approx(FIELD.lon_deg - x / 76_600.0, abs=2e-6)
     assert laid.site.altitude_amsl_m == pytest.approx(FIELD.alt_amsl_m, abs=3.0)
@@ -182,7 +181,7 @@ def test_the_game_frame_is_laid_so_that_the_vehicles_home_is_the_scenarios():
 def test_faults_and_wind_that_only_a_mock_can_have_fall_away_and_the_evaders_stay():
     fault = {"kind": "gps_loss", "at_s": 3.0}
     scenario = Scenario.model_validate(
-        SHORT.model_dump()
+        NEAR.model_dump()
         | {
             "wind": {"velocity_m_s": (1.0, 0.0)},
             "fault": (fault, {"kind": "evader_silent", "vehicle": "evader", "at_s": 2.0, "for_s": 1.0}),

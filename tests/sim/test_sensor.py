@@ -167,7 +167,7 @@ def test_closing_closes_the_source():
     [
         ({"policy": "lead_pursuit"}, {"policy": "recorded", "track": [(0, 0, 0, 0), (4, 6, 2, 0), (9, 6, 9, 0)]}),
         ({"policy": "proportional_navigation", "autopilot": "arducopter"}, {"policy": "random_turns"}),
-        ({"policy": "waypoints", "waypoints_m": [(3.0, 8.0, 9.0), (3.0, 18.0, 5.2)]}, {"policy": "hold"}),
+        ({"policy": "waypoints", "waypoints_m": [(3.0, 8.0, 4.5), (3.0, 18.0, 3.2)]}, {"policy": "hold"}),
     ],
 )
 def test_a_flight_that_hears_through_a_sensor_and_plays_any_strategy_replays_bit_for_bit(pursuer, evader, tmp_path):
@@ -178,8 +178,10 @@ def test_a_flight_that_hears_through_a_sensor_and_plays_any_strategy_replays_bit
             "game": "pe",
             "seed": 5,
             "time_limit_s": 8.0,
-            "pursuer": {"position_m": (0, 0, 9.0), "speed_m_s": 3.0, "takeoff_height_m": 9.0, **pursuer},
+            "pursuer": {"position_m": (0, 0, 4.5), "speed_m_s": 3.0, "takeoff_height_m": 3.0, **pursuer},
             "evader": {"position_m": (2.0, 14.0), "speed_m_s": 1.5, **evader},
+            "standoff": {"height_m": 3.0},
+            "limits": {"floor_m": 1.5},
             "sensor": {"rate_hz": 4.0, "latency_s": 0.3, "position_noise_m": 0.5, "dropout": 0.2},
         },
         source="test",

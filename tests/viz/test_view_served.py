@@ -127,7 +127,7 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
 
 
 def test_a_mocked_flight_is_viewed_while_it_is_flown_and_afterwards_until_it_is_ended(tmp_path):
-    scenario = Path(__file__).parents[1] / "data" / "short_chase.toml"
+    scenario = Path(__file__).parents[1] / "data" / "near_chase.toml"
     program = "from guidance.cli import main; main()"
     words = [sys.executable, "-c", program, "fly", str(scenario), "--fast", "--view", "--out", str(tmp_path)]
     child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
