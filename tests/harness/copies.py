@@ -21,7 +21,6 @@ UNCHANGING = (Struct, itemgetter, Parameter, MessageSpec, Mode, Transition, Rule
 """Nobody can change one of these, and a vehicle's tables hold a thousand."""
 
 
-
 @contextmanager
 def _copyable() -> Iterator[None]:
     """A copied world has locks of its own, tables that nobody changes, and the very rows of the original's."""
