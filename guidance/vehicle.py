@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
 from guidance.messages import (
@@ -97,27 +97,28 @@ def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
 
 
 def _folded(state: VehicleState, message: Message) -> VehicleState:
+    changed: dict[str, Any] = {}
     match message:
         case LocalPosition():
             return _at_position(state, message)
         case Attitude():
-            state = state._replace(yaw_rad=message.yaw_rad)
+            changed = {"yaw_rad": message.yaw_rad}
         case Home() if state.home_taken and state.armed:
             return state
         case Home():
-            state = state._replace(home_taken=state.armed)
+            changed = {"home_taken": state.armed}
         case Odometry(received_s, counter):
             held = state.last(Odometry)
             if held is not None and held.reset_counter != counter:
-                state = state._replace(resets=state.resets + 1, reset_s=received_s)
+                changed = {"resets": state.resets + 1, "reset_s": received_s}
         case Heartbeat():
             taken = message.armed and (state.home_taken or _home_is_here(state, message))
-            state = state._replace(armed=message.armed, home_taken=taken)
-    return _with(state, message)
+            changed = {"armed": message.armed, "home_taken": taken}
+    return _with(state, message, **changed)
 
 
-def _with(state: VehicleState, message: Message) -> VehicleState:
-    return state._replace(latest={**state.latest, type(message): message})
+def _with(state: VehicleState, message: Message, **changed: Any) -> VehicleState:  # noqa: ANN401 - fields of the state
+    return state._replace(latest={**state.latest, type(message): message}, **changed)
 
 
 def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
@@ -139,18 +140,21 @@ def _at_position(state: VehicleState, now: LocalPosition) -> VehicleState:
     if -_REBOOT_S <= step_s <= 0.0:
         return state
     if step_s < 0.0:
-        return _with(state._replace(reboots=state.reboots + 1), now)
-    state = state._replace(acceleration_ned_m_s2=_smoothed(state.acceleration_ned_m_s2, held, now, step_s))
+        return _with(state, now, reboots=state.reboots + 1)
+    acceleration_ned_m_s2 = _smoothed(state.acceleration_ned_m_s2, held, now, step_s)
     jump = _jump_ned_m(held, now, step_s)
-    if jump is not None:
-        north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
-        state = state._replace(
-            resets=state.resets + 1,
-            reset_s=now.received_s,
-            jumped_ned_m=(north, east, down),
-            jumped_boot_s=now.time_boot_s,
-        )
-    return _with(state, now)
+    if jump is None:
+        return _with(state, now, acceleration_ned_m_s2=acceleration_ned_m_s2)
+    north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
+    return _with(
+        state,
+        now,
+        acceleration_ned_m_s2=acceleration_ned_m_s2,
+        resets=state.resets + 1,
+        reset_s=now.received_s,
+        jumped_ned_m=(north, east, down),
+        jumped_boot_s=now.time_boot_s,
+    )
 
 
 def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step_s: float) -> Vector:
