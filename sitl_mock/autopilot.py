@@ -7,7 +7,7 @@ from random import Random
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.conditions import Conditions
-from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, Wind, attitude_of
+from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, attitude_of, gust_after
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import maker_of
 from sitl_mock.errors import ConfigError
@@ -35,7 +35,7 @@ from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, Vector, wrap_pi
 
 if TYPE_CHECKING:
-    from sitl_mock.commander import Commander
+    from sitl_mock.flavour import Commander
 
 TICK_S: Final = 0.01
 MOVE_TICKS: Final = 2
@@ -247,9 +247,7 @@ class Autopilot:
         state.estimator.advance(now_s, conditions, flying=not state.body.on_ground)
         state.battery.advance(ESTIMATOR_S, state.body.thrust_m_s2 / 9.80665)
         self._gust = (
-            Wind(gust_sd_m_s=conditions.gust_m_s).gust_after(self._gust, self._random, ESTIMATOR_S)
-            if conditions.gust_m_s
-            else ZERO
+            gust_after(self._gust, conditions.gust_m_s, self._random, ESTIMATOR_S) if conditions.gust_m_s else ZERO
         )
         if self.parameters.revision != self._plant_revision:
             self._plant_revision = self.parameters.revision

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sitl_mock.commander import Commander
     from sitl_mock.dynamics import Motion
+    from sitl_mock.flavour import Commander
     from sitl_mock.vehicle_state import VehicleState
     from sitl_mock.world import Vector
 

@@ -11,7 +11,7 @@ from sitl_mock.vehicle_state import Reported
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sitl_mock.commander import Commander
+    from sitl_mock.flavour import Commander
     from sitl_mock.mavlink import Message
     from sitl_mock.vehicle_state import VehicleState
 

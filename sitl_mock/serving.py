@@ -37,7 +37,7 @@ class Wires:
     Attributes:
         zenoh: Endpoint to listen on; port 0 takes a free one.
         zenoh_connect: Endpoint to connect to instead.
-        zenoh_keys: Who we are to the router there (`transports.zenoh_keys`).
+        zenoh_keys: Who we are to the router there (`transports.zenoh_session.read_keys`).
         udp: First port of the onboard links. As in the simulations of each, PX4 number i sends to udp + i and listens
             on udp + 40 + i, ArduPilot number i sends to udp + 10 i and listens on any port; who sends is answered.
         gcs: Port of a ground station, to which every vehicle sends from 18570 + i.
@@ -136,9 +136,9 @@ def _opened(
         endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("gcs", ports, time.monotonic))))
     if wires.zenoh is not None or wires.zenoh_connect is not None:
         from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP alone shall not load Zenoh
-        from sitl_mock.transports.zenoh_keys import read_keys  # noqa: PLC0415 - as above
         from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP alone shall not load Zenoh
             ZenohEndpoint,
+            read_keys,
             with_port,
         )
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.ardupilot import guided, safety
 from sitl_mock.ardupilot.flight import ModeFlight
 from sitl_mock.ardupilot.guided import read_attitude
-from sitl_mock.ardupilot.totals import tell_totals
+from sitl_mock.ardupilot.plans import tell_totals
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
@@ -21,7 +21,7 @@ from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sitl_mock.ardupilot.firmware import Firmware
+    from sitl_mock.ardupilot.modes import Firmware
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
     from sitl_mock.world import Vector
 

@@ -6,12 +6,11 @@ from typing import Final
 from sitl_mock.ardupilot import guided
 from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.commands import execute
-from sitl_mock.ardupilot.firmware import Firmware
 from sitl_mock.ardupilot.flight import DECIDE_S, IDLING
 from sitl_mock.ardupilot.legs import Legs
 from sitl_mock.ardupilot.maneuvers import circle_from
-from sitl_mock.ardupilot.modes import COPTER_MODES
-from sitl_mock.ardupilot.refuge import refuge
+from sitl_mock.ardupilot.modes import COPTER_MODES, Firmware
+from sitl_mock.ardupilot.plans import refuge
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.dynamics.shaping import root_law
 from sitl_mock.missions import Leg

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.ardupilot import guided
-from sitl_mock.ardupilot.avoidance import avoiding
 from sitl_mock.ardupilot.legs import Legs
 from sitl_mock.ardupilot.maneuvers import Speeds
+from sitl_mock.ardupilot.plans import avoiding
 from sitl_mock.dynamics import Kind, Setpoint
 
 if TYPE_CHECKING:
-    from sitl_mock.ardupilot.firmware import Firmware
     from sitl_mock.ardupilot.maneuvers import Circle, Turn
+    from sitl_mock.ardupilot.modes import Firmware
     from sitl_mock.protocols import PlanStore
     from sitl_mock.vehicle_state import VehicleState
     from sitl_mock.world import Vector

@@ -5,8 +5,7 @@ from typing import Final
 
 from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.commands import execute
-from sitl_mock.ardupilot.firmware import Firmware
-from sitl_mock.ardupilot.modes import ROVER_MODES
+from sitl_mock.ardupilot.modes import ROVER_MODES, Firmware
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.setpoints import turned
 

@@ -11,7 +11,7 @@ from sitl_mock.dynamics.catalogue import (
     px4_quadrotor,
     rover,
 )
-from sitl_mock.dynamics.disturbances import PX4_GROUND_WANDER, PX4_WANDER, Errors, Wander, Wind
+from sitl_mock.dynamics.disturbances import PX4_GROUND_WANDER, PX4_WANDER, Errors, Wander, gust_after
 from sitl_mock.dynamics.multicopter import Airframe
 from sitl_mock.dynamics.px4_gains import Px4Gains
 from sitl_mock.dynamics.rover import Rover
@@ -57,9 +57,9 @@ __all__ = [
     "TravelLimits",
     "Vehicle",
     "Wander",
-    "Wind",
     "arducopter_quadrotor",
     "attitude_of",
+    "gust_after",
     "px4_quadrotor",
     "rover",
 ]

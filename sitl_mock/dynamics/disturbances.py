@@ -5,14 +5,14 @@ position error' = velocity error - correction x position error. The two are ther
 vehicle that holds vz = 0 by its estimate wanders in height, in truth and in what it reports (measured: -20 to -13.5 m
 in 75 s), while reported height and the integral of reported vz part (measured: 0.1 to 0.25 m/s over 8 s).
 
-Gusts are first-order coloured noise about a steady wind, from a seeded source.
+Gusts are first-order coloured noise, from a seeded source.
 """
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
 from random import Random
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.values import ZERO, Ned
 
@@ -72,33 +72,26 @@ PX4_GROUND_WANDER = Wander((0.03, 0.04, 0.008), (0.15, 0.15, 0.05), time_s=2.0)
 """Before take-off: velocities of centimetres a second, places that creep by 0.3 m."""
 
 
-@dataclass(frozen=True)
-class Wind:
-    """A steady wind with gusts.
+GUST_TIME_S: Final = 3.0
+"""Correlation time of gusts."""
 
-    Attributes:
-        mean_ned_m_s: Steady part: where the air goes to, not where it comes from.
-        gust_sd_m_s: Standard deviation of the gusts, horizontal axes; a third of it is vertical.
-        gust_time_s: Correlation time of the gusts.
+
+def gust_after(gust_ned_m_s: Ned, sd_m_s: float, random: Random, dt_s: float, *, time_s: float = GUST_TIME_S) -> Ned:
+    """The gust `dt_s` later (exact for any step); the same seed and steps give the same gusts.
+
+    Args:
+        gust_ned_m_s: As it is now.
+        sd_m_s: Standard deviation along north and east; a third of it is vertical.
+        random: Seeded.
+        dt_s: The step.
+        time_s: Correlation time.
     """
-
-    mean_ned_m_s: Ned = ZERO
-    gust_sd_m_s: float = 0.0
-    gust_time_s: float = 3.0
-
-    def gust_after(self, gust_ned_m_s: Ned, random: Random, dt_s: float) -> Ned:
-        """The gust `dt_s` later (exact for any step); the same seed and steps give the same gusts."""
-        keep = math.exp(-dt_s / self.gust_time_s)
-        kick = self.gust_sd_m_s * math.sqrt(1.0 - keep * keep)
-        n, e, d = gust_ned_m_s
-        gauss = random.gauss
-        return (
-            n * keep + kick * gauss(0.0, 1.0),
-            e * keep + kick * gauss(0.0, 1.0),
-            d * keep + kick / 3.0 * gauss(0.0, 1.0),
-        )
-
-    def blowing(self, gust_ned_m_s: Ned) -> Ned:
-        """Steady part and gust together, as `Surroundings` takes it."""
-        (m_n, m_e, m_d), (n, e, d) = self.mean_ned_m_s, gust_ned_m_s
-        return m_n + n, m_e + e, m_d + d
+    keep = math.exp(-dt_s / time_s)
+    kick = sd_m_s * math.sqrt(1.0 - keep * keep)
+    n, e, d = gust_ned_m_s
+    gauss = random.gauss
+    return (
+        n * keep + kick * gauss(0.0, 1.0),
+        e * keep + kick * gauss(0.0, 1.0),
+        d * keep + kick / 3.0 * gauss(0.0, 1.0),
+    )

@@ -24,8 +24,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.errors import ConfigError
-from sitl_mock.faults.acks import ACK_KINDS
-from sitl_mock.faults.contents import CONTENT_KINDS
+from sitl_mock.faults.contents import ACK_KINDS, CONTENT_KINDS
 from sitl_mock.faults.effect import Direction, FaultKind
 from sitl_mock.faults.evader import EVADER_KINDS
 from sitl_mock.faults.links import LINK_KINDS

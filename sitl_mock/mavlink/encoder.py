@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink.signing import Signing
 
 _HEADER = struct.Struct("<BBxBBB3s").pack
-_HEADER_V1 = struct.Struct("<BBBBB").pack
 _CRC = struct.Struct("<H").pack
-_HEADER_LENGTH = 10
 _UNFIT = (struct.error, TypeError, ValueError, IndexError, OverflowError)
 
 
@@ -83,22 +81,6 @@ class Encoder:
             EncodeError: The object holds a value out of its field's range.
         """
         return self.pack(message.msgname, *values_of(message))
-
-    def pack_v1(self, message: str | int, *values: FieldValue) -> bytes:
-        """Return one MAVLink 1 frame (never truncated, never signed).
-
-        Raises:
-            EncodeError: As ``pack``, or the id does not fit into the one byte of a MAVLink 1 header.
-        """
-        spec = spec_of(message)
-        if spec.message_id > 0xFF:
-            raise EncodeError(f"{spec.name} has id {spec.message_id}; MAVLink 1 carries ids up to 255")
-        whole = Encoder(self.system_id, self.component_id).frame(spec, values)
-        payload = whole[_HEADER_LENGTH:-2].ljust(spec.size, b"\0")
-        head = _HEADER_V1(len(payload), self.sequence, self.system_id, self.component_id, spec.message_id)
-        self.sequence = (self.sequence + 1) & 0xFF
-        body = head + payload
-        return b"\xfe" + body + _CRC(mcrf4xx(body + spec.crc_extra))
 
 
 def values_of(message: Message) -> tuple[FieldValue, ...]:

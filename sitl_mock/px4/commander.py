@@ -15,9 +15,8 @@ from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
 from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.calibration import Calibration
-from sitl_mock.px4.follow import Follow
-from sitl_mock.px4.ground import LANDED_S, LandDetector
-from sitl_mock.px4.home import HomeKeeper
+from sitl_mock.px4.ground import LANDED_S, HomeKeeper, LandDetector
+from sitl_mock.px4.maneuvers import Follow
 from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, Unmeant, meant
 from sitl_mock.px4.offboard import BodyRates, read_attitude
 from sitl_mock.px4.safety import MODE_OF, Action, Failsafes

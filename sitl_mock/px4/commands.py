@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final
 from sitl_mock.missions import flyable, violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 from sitl_mock.px4 import safety
+from sitl_mock.px4.maneuvers import Orbit
 from sitl_mock.px4.modes import BY_NAME, meant
-from sitl_mock.px4.orbit import Orbit
 from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from types import MappingProxyType
 
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
-from sitl_mock.px4.follow import Follow
-from sitl_mock.px4.orbit import Orbit
+from sitl_mock.px4.maneuvers import Follow, Orbit
 from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 

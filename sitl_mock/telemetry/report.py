@@ -4,10 +4,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sitl_mock.commander import Commander
 from sitl_mock.dynamics import Setpoint
 from sitl_mock.dynamics.shaping import Reference
-from sitl_mock.flavour import Flavour
+from sitl_mock.flavour import Commander, Flavour
 from sitl_mock.protocols import EventLog
 from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Home

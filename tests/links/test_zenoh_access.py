@@ -32,8 +32,7 @@ from guidance.session.control_bus import ControlBus, OwnerToken
 from guidance.session.control_client import ask, join_session
 from guidance.session.orders import Mailbox
 from sitl_mock.errors import ConfigError as MockConfigError
-from sitl_mock.transports.zenoh_keys import read_keys
-from sitl_mock.transports.zenoh_session import ZenohEndpoint
+from sitl_mock.transports.zenoh_session import ZenohEndpoint, read_keys
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 

@@ -178,19 +178,11 @@ def test_values_of_a_message_are_its_constructor_arguments():
 # -- MAVLink 1 ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_mavlink_1_frame_is_that_of_pymavlink_and_is_accepted():
+def test_a_mavlink_1_frame_of_pymavlink_is_accepted():
     message = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
     theirs = message.pack(witness(255, 190), force_mavlink1=True)
-    assert Encoder(255, 190).pack_v1("HEARTBEAT", 6, 8, 0, 0, 4, 3) == theirs
     (decoded,) = Decoder().feed(theirs)
     assert (decoded.get_type(), decoded.get_srcSystem(), decoded.get_srcComponent()) == ("HEARTBEAT", 255, 190)
-
-
-def test_mavlink_1_cannot_carry_a_large_id_nor_bad_values():
-    with pytest.raises(EncodeError, match="up to 255"):
-        Encoder(1, 1).pack_v1("ODOMETRY", *[0] * 17)
-    with pytest.raises(EncodeError, match="HEARTBEAT"):
-        Encoder(1, 1).pack_v1("HEARTBEAT", 900, 0, 0, 0, 0, 0)
 
 
 def test_a_mavlink_1_frame_longer_than_its_message_is_counted_as_length():

@@ -1,0 +1,127 @@
+"""What uploaded plans do to an ArduPilot: where RTL leads, how a fence slows GUIDED down, and how many items are told.
+
+All as measured on ArduCopter 4.5.7. RTL leads home, or to the rally point that is nearer.
+
+Fence: GUIDED velocities slow down before it, slide along it, and lead back from its margin (AVOID_ENABLE). Fitted to
+flights into a square of 50 m: towards each side a vehicle is as fast as it can stop from with 1 m/s² at FENCE_MARGIN;
+beyond that by more than AVOID_BACKUP_DZ it does nothing but go back. The real one, asked to go on for half a minute,
+swings about the margin (0.7 m before to 1.8 m beyond it); here it comes to rest there.
+
+Counts are parameters that change by themselves. A mission's and the rally points' number is told by PARAM_VALUE where
+it has changed; the fence's after every upload. The fence counts as old ground stations did: vertices, circles, and two
+more (return point and closing vertex) where there is a polygon, and nothing at all where there is none.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.dynamics.shaping import root_law
+from sitl_mock.missions import inclusion_polygons
+from sitl_mock.protocols import PlanItem, PlanKind, PlanStore
+from sitl_mock.protocols.plan import CIRCLES, POLYGONS
+from sitl_mock.vehicle_state import Severity, VehicleState
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sitl_mock.dynamics import Setpoint
+    from sitl_mock.world import Vector
+
+
+_GLOBAL_RELATIVE: Final = 3
+
+
+def refuge(state: VehicleState, plans: PlanStore) -> Vector:
+    """Return north and east of the place to land at, and the down coordinate to fly there at.
+
+    The height is RTL_ALT above home, or that of the rally point where it is higher. Rally points beyond
+    RALLY_LIMIT_KM do not count; home counts with RALLY_INCL_HOME, and where there is no rally point.
+    """
+    home = state.home_m or state.position_m
+    height_m = float(state.parameters["RTL_ALT"]) * 0.01
+    places = list(_rally_points(state, plans, home))
+    if not places or int(state.parameters["RALLY_INCL_HOME"]):
+        places.append((home[0], home[1], height_m))
+    north, east, above_m = min(places, key=lambda place: _away_m(state, place))
+    return north, east, home[2] - max(height_m, above_m)
+
+
+def _rally_points(state: VehicleState, plans: PlanStore, home: Vector) -> Iterator[Vector]:
+    """Yield north, east and height above home of the points in reach."""
+    for item in plans.rally.items:
+        north, east, down = state.frame.to_local(item.latitude_deg, item.longitude_deg, item.z)
+        above_m = item.z if item.frame == _GLOBAL_RELATIVE else home[2] - down
+        if _away_m(state, (north, east, above_m)) < float(state.parameters["RALLY_LIMIT_KM"]) * 1e3:
+            yield north, east, above_m
+
+
+def _away_m(state: VehicleState, place: Vector) -> float:
+    return math.hypot(place[0] - state.position_m[0], place[1] - state.position_m[1])
+
+
+_STOP_AT_FENCE: Final = 1
+_POLYGONS: Final = 4
+_SLOWING_M_S2: Final = 1.0
+
+
+def avoiding(state: VehicleState, plans: PlanStore, setpoint: Setpoint) -> Setpoint:
+    """The setpoint with its velocity as the fence allows it here."""
+    parameters = state.parameters
+    if not (int(parameters["FENCE_ENABLE"]) and int(parameters["AVOID_ENABLE"]) & _STOP_AT_FENCE):
+        return setpoint
+    north, east, down = setpoint.velocity_ned_m_s
+    if not int(parameters["FENCE_TYPE"]) & _POLYGONS or math.isnan(north + east):
+        return setpoint
+    gain, margin_m = float(parameters["PSC_POSXY_P"]), float(parameters["FENCE_MARGIN"])
+    fastest_back, bearable_m = float(parameters["AVOID_BACKUP_SPD"]), float(parameters["AVOID_BACKUP_DZ"])
+    for distance_m, (to_n, to_e) in _sides(state, plans):
+        room_m = distance_m - margin_m
+        if room_m < -bearable_m:
+            back = min(root_law(-room_m, gain, _SLOWING_M_S2), fastest_back)
+            north, east = -back * to_n, -back * to_e
+            break
+        over = north * to_n + east * to_e - root_law(max(room_m, 0.0), gain, _SLOWING_M_S2)
+        if over > 0.0:
+            north, east = north - over * to_n, east - over * to_e
+    return setpoint._replace(velocity_ned_m_s=(north, east, down))
+
+
+def _sides(state: VehicleState, plans: PlanStore) -> Iterator[tuple[float, tuple[float, float]]]:
+    """How far each side of the areas around the vehicle is, and in which direction."""
+    here_n, here_e, _ = state.position_m
+    for corners in inclusion_polygons(plans.fence.items, state.frame, state.position_m):
+        for (a_n, a_e), (b_n, b_e) in zip(corners, (*corners[1:], corners[0]), strict=True):
+            side_n, side_e = b_n - a_n, b_e - a_e
+            square = side_n * side_n + side_e * side_e
+            share = ((here_n - a_n) * side_n + (here_e - a_e) * side_e) / square if square > 0.0 else 0.0
+            share = min(max(share, 0.0), 1.0)
+            to_n, to_e = a_n + share * side_n - here_n, a_e + share * side_e - here_e
+            distance_m = math.hypot(to_n, to_e)
+            if distance_m > 0.0:
+                yield distance_m, (to_n / distance_m, to_e / distance_m)
+
+
+def tell_totals(state: VehicleState, plans: PlanStore) -> None:
+    """Count what has been uploaded or cleared since the last call."""
+    for kind in sorted(plans.news):
+        items = plans.plans[kind].items
+        name, total = _NAMES[kind], fence_total(items) if kind is PlanKind.FENCE else len(items)
+        if kind is PlanKind.MISSION and items:
+            state.say(Severity.INFO, "Flight plan received")
+        if kind is PlanKind.FENCE:
+            state.say(Severity.DEBUG, "Fence Indexed OK")
+        if kind is PlanKind.FENCE or state.parameters[name] != total:
+            state.parameters.set(name, total)
+            state.parameter_news.append(name)
+    plans.news.clear()
+
+
+def fence_total(items: Sequence[PlanItem]) -> int:
+    """FENCE_TOTAL for the items of a fence."""
+    vertices = sum(item.command in POLYGONS for item in items)
+    return vertices + sum(item.command in CIRCLES for item in items) + 2 if vertices else 0
+
+
+_NAMES = {PlanKind.MISSION: "MIS_TOTAL", PlanKind.FENCE: "FENCE_TOTAL", PlanKind.RALLY: "RALLY_TOTAL"}
