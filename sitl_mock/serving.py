@@ -9,7 +9,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -110,12 +110,12 @@ def serve(
         gc.collect()
         gc.freeze()  # a full collection would delay a cycle by milliseconds
 
-        def ended() -> bool:
+        def ended(ready: Collection[int]) -> bool:
             now_s = time.monotonic()
             disturbances.carry_out(now_s)
             if screen is not None:
                 screen.update(now_s)
-            return stop.asked or (parent_pipe and _at_end(sys.stdin.fileno()))
+            return stop.asked or (parent_pipe and sys.stdin.fileno() in ready and _at_end(sys.stdin.fileno()))
 
         run(faulted, endpoints, time.monotonic, ended, watched)
 

@@ -3,7 +3,7 @@
 import math
 import select
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
@@ -78,12 +78,15 @@ class Loop:
     last_s: float = math.nan
     tick: int = -1
 
-    def cycle(self) -> None:
-        """Take what has come, move the vehicles to now (between ticks those spoken to), send what they say."""
+    def cycle(self, ready: Collection[int] | None = None) -> None:
+        """Take what has come, move the vehicles to now (between ticks those spoken to), send what they say.
+
+        Args:
+            ready: What there is to be read; endpoints without any of it are not asked. None asks all.
+        """
         inbox: dict[str, dict[str, list[bytes]]] = defaultdict(lambda: defaultdict(list))
-        for endpoint in self.endpoints:
-            for arrival in endpoint.receive():
-                inbox[arrival.vehicle][arrival.link].append(arrival.data)
+        for arrival in self._arrivals(ready):
+            inbox[arrival.vehicle][arrival.link].append(arrival.data)
         now_s = self._now()
         tick = math.floor((now_s - self.first_s) / TICK_S)
         ticked, self.tick = tick != self.tick, tick
@@ -94,6 +97,11 @@ class Loop:
                 if frames:
                     for endpoint in self.endpoints:
                         endpoint.send(name, link, frames)
+
+    def _arrivals(self, ready: Collection[int] | None) -> Iterator[Arrival]:
+        for endpoint in self.endpoints:
+            if ready is None or any(fileno in ready for fileno in endpoint.filenos()):
+                yield from endpoint.receive()
 
     def _now(self) -> float:
         now_s = self.clock() - self.left_out_s
@@ -115,20 +123,21 @@ def run(
     vehicles: Mapping[str, Stepped],
     endpoints: Sequence[Endpoint],
     clock: Clock,
-    stop: Callable[[], bool],
+    stop: Callable[[Collection[int]], bool],
     watched: Sequence[int] = (),
 ) -> None:
-    """Run until `stop()` is true.
+    """Run until `stop` is true.
 
     Args:
         vehicles: By name.
         endpoints: What carries their frames.
         clock: Monotonic seconds.
-        stop: Asked after every wake.
+        stop: Asked after every wake, with the file descriptors that are readable.
         watched: More file descriptors to wake for; `stop` reads them.
     """
     loop = Loop(vehicles, endpoints, clock)
-    while not stop():
-        loop.cycle()
+    ready: Collection[int] = ()
+    while not stop(ready):
+        loop.cycle(ready)
         sources = [*watched, *(fileno for endpoint in endpoints for fileno in endpoint.filenos())]
-        select.select(sources, [], [], loop.wait_s())  # not poll: its milliseconds are too coarse for 100 Hz
+        ready, _, _ = select.select(sources, [], [], loop.wait_s())  # not poll: too coarse for 100 Hz

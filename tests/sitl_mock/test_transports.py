@@ -242,7 +242,7 @@ class TestLoop:
     def test_it_runs_until_told_to_stop(self, clock):
         endpoint, cycles = Memory([]), []
 
-        def stop():
+        def stop(_ready):
             clock.now_s += 0.01
             cycles.append(1)
             return len(cycles) > 30
