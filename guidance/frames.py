@@ -218,23 +218,6 @@ def ned_from_game(vector_game: Vector) -> Vector:
     return (y, x, -z)
 
 
-def ned_from_body(vector_body: Vector, yaw_rad: float) -> Vector:
-    """Turn a forward-right-down vector into NED by the yaw (radians from north, clockwise); roll and pitch are nil."""
-    forward, right, down = vector_body
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    return (cosine * forward - sine * right, sine * forward + cosine * right, down)
-
-
-def body_from_ned(vector_ned: Vector, yaw_rad: float) -> Vector:
-    """Turn a NED vector into forward-right-down by the yaw; the inverse of `ned_from_body`."""
-    return ned_from_body(vector_ned, -yaw_rad)
-
-
-def heading_rad(vector_ned: Vector) -> float:
-    """Direction over the ground, radians from north, clockwise, in (-π, π]; zero for a vector without one."""
-    return math.atan2(vector_ned[1], vector_ned[0])
-
-
 def wrap_rad(angle_rad: float) -> float:
     """The same angle in [-π, π]."""
     return math.remainder(angle_rad, math.tau)

@@ -15,10 +15,7 @@ from guidance.frames import (
     LocalFrame,
     MapProjection,
     Relative,
-    body_from_ned,
     game_from_ned,
-    heading_rad,
-    ned_from_body,
     ned_from_game,
     wrap_rad,
 )
@@ -153,27 +150,6 @@ def test_distances_survive_the_turn_into_the_game(one, other):
     game = GameFrame((10.0, -20.0, 3.0))
     turned = math.dist(game.position_from_ned(one), game.position_from_ned(other))
     assert turned == pytest.approx(math.dist(one, other), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("yaw_deg", "ned"),
-    [(0.0, (1.0, 0.0, 0.5)), (90.0, (0.0, 1.0, 0.5)), (180.0, (-1.0, 0.0, 0.5)), (-90.0, (0.0, -1.0, 0.5))],
-)
-def test_forward_follows_the_nose_at_four_headings(yaw_deg, ned):
-    yaw = math.radians(yaw_deg)
-    assert ned_from_body((1.0, 0.0, 0.5), yaw) == pytest.approx(ned)
-    assert heading_rad(ned) == pytest.approx(yaw)
-
-
-def test_right_is_clockwise_of_forward():
-    assert ned_from_body((0.0, 1.0, 0.0), 0.0) == pytest.approx((0.0, 1.0, 0.0))
-    assert ned_from_body((0.0, 1.0, 0.0), math.pi / 2) == pytest.approx((-1.0, 0.0, 0.0))
-
-
-@settings(deadline=None)
-@given(st.tuples(METRES, METRES, METRES), st.floats(-10.0, 10.0))
-def test_the_way_to_the_body_and_back_is_the_identity(vector, yaw):
-    assert ned_from_body(body_from_ned(vector, yaw), yaw) == pytest.approx(vector, abs=1e-8)
 
 
 @settings(deadline=None)

@@ -71,9 +71,6 @@ def velocity_over_ground(*, course_cdeg: float, speed_cm_s: float, climb_cm_s: f
     return speed_m_s * math.cos(course_rad), speed_m_s * math.sin(course_rad), -climb_cm_s / 100.0
 
 
-Quaternion = tuple[float, float, float, float]
-
-
 def rotate(quaternion_wxyz: Sequence[float], vector: Vector) -> Vector:
     """Rotate a vector by q v q*, for a quaternion of length 1 within 5 %; unknown (NaN) for any other."""
     w, x, y, z = quaternion_wxyz
