@@ -102,7 +102,7 @@ class Broadcast:
 
     def _run(self) -> None:
         while not is_over(self._stop, _LOOK_EVERY_S):
-            with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # what cannot be said is left unsaid
+            with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # what cannot be encoded is not sent
                 self._publish()
                 self._answer()
 
@@ -206,7 +206,7 @@ class LiveFlight:
         return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
 
     def _hear(self, sample: "zenoh.Sample") -> None:
-        """On Zenoh's thread: keep it and be gone."""
+        """On Zenoh's thread, which must not wait: only queue it."""
         topic = TOPICS.get(str(sample.key_expr).rpartition("/")[2])
         if topic is not None:
             self._arrived.append((topic, sample.payload.to_bytes()))

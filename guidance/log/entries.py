@@ -16,7 +16,7 @@ EVADER_TOPIC: Final = "guidance/evader_report"
 """Every report of the evader as its source had it, at the time it arrived."""
 
 BEGUN: Final = "flight begins"
-"""Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then gone."""
+"""Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then forgotten."""
 
 RELOADED: Final = "configuration read again"
 """Event of a configuration that took the place of the one in the metadata; it is the detail, as JSON."""

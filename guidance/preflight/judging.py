@@ -16,7 +16,7 @@ _REAL32: Final = 9
 
 
 class ParameterChange(NamedTuple):
-    """One parameter: value now and then as its rule reads them, why, and how grave it is as it stands."""
+    """One parameter: value now and then as its rule reads them, why, and how severe it is as it stands."""
 
     name: str
     now: str

@@ -166,7 +166,7 @@ class ControlBus:
         return self._session
 
     def _hear(self, query: "zenoh.Query") -> None:
-        """On Zenoh's thread: keep it and be gone."""
+        """On Zenoh's thread, which must not wait: only queue it."""
         self._waiting.append(query)
         self._asked.set()
 

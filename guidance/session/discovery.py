@@ -20,7 +20,7 @@ PLACED_WITHIN_S: Final = 120.0
 _ASK_EVERY_S: Final = 1.5
 _BEAT_EVERY_S: Final = 1.0
 _LOOK_EVERY_S: Final = 0.05
-_UNSAID_S: Final = 3.0
+_LANDED_STATE_WITHIN_S: Final = 3.0
 _MULTICOPTERS: Final = {2, 3, 4, 13, 14, 15, 29, 35}
 """MAV_TYPE of what can hover and fly in any direction."""
 
@@ -108,7 +108,7 @@ def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
         return
     if state.last(LandedState) is not None and not state.on_ground:
         raise FlightError("the vehicle is in the air already: land and disarm it first; nothing was ordered")
-    if state.last(LandedState) is not None or waited_s > _UNSAID_S:
+    if state.last(LandedState) is not None or waited_s > _LANDED_STATE_WITHIN_S:
         raise FlightError("the vehicle is armed already, by another hand: disarm it first; nothing was ordered")
 
 

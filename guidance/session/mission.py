@@ -34,7 +34,7 @@ JUDGED_FOR_S: Final = 3.0
 ASK_EVERY_S: Final = 1.0
 _ARM_DISARM: Final = 400
 _WARNING: Final = 4
-"""MAV_SEVERITY: what is graver has a lower number."""
+"""MAV_SEVERITY: what is more severe has a lower number."""
 
 MISSION_LIMIT_S: Final = 900.0
 """After this a mocked flight is given up, wherever it is."""

@@ -130,19 +130,19 @@ def _play_alike(scenarios: Sequence[Scenario], cycle_s: float) -> Iterator[tuple
 def _begin(scenarios: Sequence[Scenario]) -> Moment:
     P, E = starts(scenarios)
     count = len(scenarios)
-    nought = np.zeros(count)
+    zeros = np.zeros(count)
     no = np.zeros(count, dtype=bool)
     sensor = scenarios[0].sensor
     return Moment(
         row=np.arange(count),
-        now_s=nought,
+        now_s=zeros,
         pursuer_m=P,
         evader_m=E,
         flown_m_s=np.zeros_like(P),
         run_m_s=np.zeros_like(E),
-        step_s=nought,
+        step_s=zeros,
         heard=None if sensor == PERFECT else begin(sensor, E),
-        lost_s=nought,
+        lost_s=zeros,
         standoff_m=_beside(P, E),
         altitude_m=P[:, 2],
         met=np.zeros((count, len(_LIMITS)), dtype=bool),

@@ -167,7 +167,7 @@ def _rate_hz(sensor: Sensor) -> float:
 
 
 _SLACK_S = 1e-9
-_UNSAID = TrackSettings(declared_speed_m_s=1.0)
+_DEFAULT_SPREAD = TrackSettings(declared_speed_m_s=1.0)
 """Spreads that reports are taken to have which do not say theirs."""
 
 
@@ -261,11 +261,11 @@ class SensedEvader:
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             velocity_ned_m_s=(north + north_m_s, east + east_m_s, down),
-            position_sd_m=_grown(report.position_sd_m, _UNSAID.position_sd_m, sensor.position_noise_m),
-            velocity_sd_m_s=_grown(report.velocity_sd_m_s, _UNSAID.velocity_sd_m_s, sensor.velocity_noise_m_s),
+            position_sd_m=_grown(report.position_sd_m, _DEFAULT_SPREAD.position_sd_m, sensor.position_noise_m),
+            velocity_sd_m_s=_grown(report.velocity_sd_m_s, _DEFAULT_SPREAD.velocity_sd_m_s, sensor.velocity_noise_m_s),
         )
 
 
-def _grown(said: float, unsaid: float, noise: float) -> float:
+def _grown(said: float, default: float, noise: float) -> float:
     """The spread with the sensor's, which says how inexact it is."""
-    return math.hypot(said if math.isfinite(said) else unsaid, noise)
+    return math.hypot(said if math.isfinite(said) else default, noise)

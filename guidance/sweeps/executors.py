@@ -157,7 +157,7 @@ def _count() -> None:
 
 
 def _begin_worker(ended: Any) -> None:  # noqa: ANN401 - a number that processes share
-    """In a worker: Ctrl-C is its parent's affair, and it ends with its parent, however that ends."""
+    """In a worker: Ctrl-C is handled by its parent, and it ends with its parent, however that ends."""
     global _ended  # noqa: PLW0603 - set once, before the worker's first chunk
     _ended = ended
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -186,7 +186,7 @@ class DaemonBus:
                 self._known.add(name)
 
     def _hear(self, sample: "zenoh.Sample") -> None:
-        """On Zenoh's thread: keep it and be gone. What it says is judged where it is read."""
+        """On Zenoh's thread, which must not wait: only queue it. What it says is judged where it is read."""
         _, name, _, what = str(sample.key_expr).split("/", 3)
         if what in TOPICS:
             item = Item(0.0, TOPICS[what], "json", sample.payload.to_bytes())

@@ -1,4 +1,4 @@
-"""How grave what is seen is: one word for each thing, by the limits that the flight itself acts on.
+"""How severe what is seen is: one word for each thing, by the limits that the flight itself acts on.
 
 A page shows the word as a colour, a shape and a text; it judges nothing by itself.
 """
@@ -15,7 +15,7 @@ from guidance.game import Winner
 
 
 class Level(StrEnum):
-    """How grave."""
+    """How severe."""
 
     OK = "ok"
     CAUTION = "caution"

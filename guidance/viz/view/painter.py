@@ -38,7 +38,7 @@ MOST_AT_ONCE: Final = 250
 """Cycles that are kept back at most, to be handed over together: one by one they would take the viewer's time."""
 
 _POINTS: Final = 73
-_GRAVE: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
+_WARNINGS: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
 
 
 class Painter:
@@ -180,8 +180,8 @@ class Painter:
         self._log(now_s, name, rr.LineStrips3D([curve], colors=[COLOURS[name]], radii=rr.Radius.ui_points(1.5)))
 
     def _say(self, now_s: float, text: str) -> None:
-        grave = any(word in text for word in _GRAVE)
-        self._log(now_s, EVENTS, rr.TextLog(text, level="WARN" if grave else "INFO"))
+        warned = any(word in text for word in _WARNINGS)
+        self._log(now_s, EVENTS, rr.TextLog(text, level="WARN" if warned else "INFO"))
 
     def _track(self, name: str, now_s: Array, positions: Array) -> None:
         """The place at every cycle, and the line to here from where the last one ended."""
