@@ -35,7 +35,7 @@ DISTURBANCES = (faster, held_back, silent)
 def begun(autopilot, **options):
     """A chase at five seconds: the ways there are flown once, and go on undisturbed and disturbed."""
     key = (autopilot, *sorted(options.items()))
-    return FLOWN(key, lambda: _begin(hover_chase(autopilot, **options)))
+    return FLOWN(key, lambda: _begin(hover_chase(autopilot, **options)), Chase.history)
 
 
 def _begin(scenario):

@@ -25,9 +25,10 @@ from guidance.flight import Flight, State
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.linked_flight import LinkedFlight
+from guidance.session.loop import PERIOD_S
 from guidance.session.spec import plan_of
 from sitl_mock.vehicle import MockVehicle
-from tests.harness.chase import CYCLE_S, ORDERS, Runner, hover_chase
+from tests.harness.chase import ORDERS, Runner, hover_chase
 
 PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"
 ROOT = str(Path(guidance.__file__).parent)
@@ -151,7 +152,7 @@ def walk(autopilot: str) -> Walk:
             linked.run(now_s, ORDERS.get(flight.state, ()))
         finally:
             sys.setprofile(None)
-        clock.sleep_until(now_s + CYCLE_S)
+        clock.sleep_until(now_s + PERIOD_S)
     return walked
 
 

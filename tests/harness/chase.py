@@ -4,27 +4,28 @@ The evader is a point mass whose reports reach the cycle without a wire, so that
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Any
 
 from guidance.certificate import Certificate
 from guidance.clock import VirtualClock
-from guidance.flight import AfterCapture, Event, Flight, FlightSettings, State
+from guidance.flight import AfterCapture, Event, Flight, FlightSettings, Outputs, State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
 from guidance.monitor import Alarm
 from guidance.session.linked_flight import LinkedFlight
+from guidance.session.loop import PERIOD_S
 from guidance.session.spec import plan_of
 from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import load_scenario
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home
+from tests.harness.sortie import Sortie
 
-CYCLE_S = 0.02
 REPORT_S = 0.1
 POSITION_SD_M = 0.05
 VELOCITY_SD_M_S = 0.03
@@ -227,7 +228,7 @@ class Chased:
             self.height_m.append(certificate.height_gap_m)
 
 
-class Chase:
+class Chase(Sortie):
     """A chase that is under way; the pursuer keeps station after the capture, the evader still running.
 
     In TAD the evader goes for the game's meeting point, as it stands at each moment.
@@ -257,49 +258,55 @@ class Chase:
         alter(self.vehicle)
         self.runner = Runner(scenario, settings, turn_at_m=turn_at_m, turned=turned)
         self._scenario, self._disc = scenario, settings.cycle.standoff
-        self._clock = VirtualClock()
-        ours, self._end = MemoryWire.pair(self._clock.now_s)
-        link = PymavlinkLink(ours, self._clock.now_s, system_id=1)
-        self._linked = LinkedFlight(Flight(settings), Altering(link, send), self.runner, None)
-        self._state, self._changed_s, self._engaged_s = State.CONNECTING, 0.0, math.nan
+        clock = VirtualClock(-PERIOD_S)  # the first cycle is at zero
+        ours, self._end = MemoryWire.pair(clock.now_s)
+        link = PymavlinkLink(ours, clock.now_s, system_id=1)
+        super().__init__(clock, LinkedFlight(Flight(settings), Altering(link, send), self.runner, None))
+        self._changed_s, self._engaged_s = 0.0, math.nan
 
     @property
     def since_s(self) -> float:
         """Since engagement; NaN before."""
-        return self._clock.now_s() - self._engaged_s
+        return self.now_s - self._engaged_s
 
     def fly(self, *, station_s: float = 8.0, longest_s: float = LONGEST_S) -> Chased:
         """Fly on until `station_s` after the capture, and no longer than `longest_s` after engagement."""
-        while self._clock.now_s() < LONGEST_S and not self.since_s > min(longest_s, self.chased.flown_s + station_s):
-            self._cycle()
+        self.run(LONGEST_S, lambda: self.since_s + PERIOD_S > min(longest_s, self.chased.flown_s + station_s))
         return self.chased
 
-    def _cycle(self) -> None:
-        now_s, chased = self._clock.now_s(), self.chased
-        for frame in self.vehicle.step(now_s, [frame for _, frame in self._end.receive()]):
+    def advance(self) -> None:
+        """Step the vehicle and the runner."""
+        for frame in self.vehicle.step(self.now_s, [frame for _, frame in self._end.receive()]):
             self._end.send(frame)
-        (north, east, down), speed = _truth(self.vehicle, self._scenario)
-        self.runner.advance(now_s, (north, east), running=self.since_s > 0.0)
-        hovers = self._state is State.STANDING_BY and now_s - self._changed_s < HOVER_S
-        outputs = self._linked.run(now_s, () if hovers else ORDERS.get(self._state, ()))
-        if outputs.state is not self._state:
-            self._changed_s = now_s
-        self._state, certificate = outputs.state, outputs.certificate
+        (north, east, _), _ = _truth(self.vehicle, self._scenario)
+        self.runner.advance(self.now_s, (north, east), running=self.since_s > 0.0)
+
+    def act(self, _orders: Sequence[Event]) -> Outputs:
+        """Run one cycle, and take down what came of it."""
+        before = self.state
+        hovers = before is State.STANDING_BY and self.now_s - self._changed_s < HOVER_S
+        outputs: Outputs = self.pilot.run(self.now_s, () if hovers else ORDERS.get(before, ()))
+        if outputs.state is not before:
+            self._changed_s = self.now_s
         if outputs.alarm is not None:
-            chased.alarms.append((self.since_s, outputs.alarm))
+            self.chased.alarms.append((self.since_s, outputs.alarm))
+        certificate = outputs.certificate
         if certificate is not None and self._scenario.target is not None and not certificate.no_game:
             east_m, north_m, _ = certificate.meeting_point_game_m
             self.runner.goal_m = (north_m, east_m)
         if certificate is not None and outputs.setpoint is not None:
-            self._engaged_s = now_s if math.isnan(self._engaged_s) else self._engaged_s
-            gap_m = math.dist((north, east), self.runner.place_m) - self._disc.radius_m
-            slip_m_s = math.dist(speed, self.runner.velocity_m_s)
-            chased.note(self.since_s, certificate, gap_m, -down - self._disc.height_m, slip_m_s)
-            chased.fastest_m_s = max(chased.fastest_m_s, math.hypot(*speed))
-            chased.commands.append(
-                (*outputs.setpoint.velocity_ned_m_s, *(outputs.setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0)))
-            )
-        self._clock.sleep_until(now_s + CYCLE_S)
+            self._engaged_s = self.now_s if math.isnan(self._engaged_s) else self._engaged_s
+            self._note(certificate, outputs.setpoint)
+        return outputs
+
+    def _note(self, certificate: Certificate, setpoint: Setpoint) -> None:
+        (north, east, down), speed = _truth(self.vehicle, self._scenario)
+        gap_m = math.dist((north, east), self.runner.place_m) - self._disc.radius_m
+        slip_m_s = math.dist(speed, self.runner.velocity_m_s)
+        self.chased.note(self.since_s, certificate, gap_m, -down - self._disc.height_m, slip_m_s)
+        self.chased.fastest_m_s = max(self.chased.fastest_m_s, math.hypot(*speed))
+        acceleration = setpoint.acceleration_ned_m_s2 or (0.0, 0.0, 0.0)
+        self.chased.commands.append((*setpoint.velocity_ned_m_s, *acceleration))
 
 
 def chase(scenario: Scenario, *, station_s: float = 8.0, **changes: Any) -> Chased:

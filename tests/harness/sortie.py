@@ -1,4 +1,4 @@
-"""A sortie: the real flight core against the stepped mock, with every switch that a complaint needs."""
+"""A sortie: a pursuer in virtual time, whoever flies it and in whichever world. Every flight of the tests is one."""
 
 from pathlib import Path
 
@@ -36,21 +36,31 @@ class Sent:
 
 
 class Sortie:
-    def __init__(self, autopilot="px4", *, scenario=SHORT, settings=None, change=lambda settings: settings):
-        pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot})
-        self.scenario = scenario.model_copy(update={"pursuer": pursuer})
-        self.clock = VirtualClock()
-        self.world = SteppedWorld(self.scenario, self.clock)
-        self.mock = self.world.vehicles["pursuer"]
-        self.rover = self.world.vehicles["evader"]
-        self.flight = Flight(change(settings or plan_of(scenario=self.scenario).flight))
-        self.linked = LinkedFlight(self.flight, self.world.link, self.world.evader_source, None)
-        self.evader = self.world.player
-        self.sent = []
-        self.outputs = []
-        self.happenings = []
+    """The clock, the world, and who flies: a cycle moves them in this order.
+
+    Args:
+        clock: The world's; who waits for it moves it.
+        pilot: What flies: a flight with its links, or a daemon.
+        world: What is stepped to the clock's present, and closed.
+
+    Attributes:
+        sent: What was put on the pursuer's wire.
+        outputs: What each cycle decided.
+        frozen: Nobody flies meanwhile: the world goes on without us.
+        finished: There is nothing more to be flown.
+    """
+
+    LIMIT_S = 60.0
+    finished = False
+
+    def __init__(self, clock, pilot, world=None):
+        self.clock, self.pilot, self.world = clock, pilot, world
+        self.sent, self.outputs = [], []
         self.frozen = False
-        self.evader_plays = False
+
+    @property
+    def flight(self):
+        return self.pilot.flight
 
     @property
     def state(self):
@@ -61,54 +71,93 @@ class Sortie:
         return self.clock.now_s()
 
     @property
-    def setpoints(self):
-        return [sent for sent in self.sent if sent.name == "SET_POSITION_TARGET_LOCAL_NED"]
+    def happenings(self):
+        return [happening for output in self.outputs for happening in output.happenings]
 
     @property
     def events(self):
         return [happening.event for happening in self.happenings]
 
-    def cycle(self, *orders):
-        """One cycle of 20 ms; while frozen, the world goes on without us."""
-        self.clock.sleep_until(self.now_s + PERIOD_S)
+    @property
+    def setpoints(self):
+        return [sent for sent in self.sent if sent.name == "SET_POSITION_TARGET_LOCAL_NED"]
+
+    def advance(self):
+        """Step the world to the clock's present."""
         self.world.advance()
+
+    def act(self, orders):
+        """Let who flies run one cycle."""
+        return self.pilot.run(self.now_s, orders)
+
+    def passed(self):
+        """What passed on the pursuer's wire since the last cycle."""
+        return ()
+
+    def cycle(self, *orders):
+        self.clock.sleep_until(self.now_s + PERIOD_S)
+        self.advance()
+        if not self.frozen:
+            self.outputs.append(self.act(orders))
+        self.sent += [Sent(one.now_s, one.frame) for one in self.passed() if one.topic.endswith("/in")]
+
+    def run(self, seconds=300.0, until=lambda: False):
+        """Go on for so long, or until what is waited for, or there is nothing more to be flown."""
+        for _ in range(round(seconds / PERIOD_S)):
+            if self.finished or until():
+                break
+            self.cycle()
+        return self
+
+    def until(self, *states, limit_s=None):
+        """Go on until the flight is in one of these states; fail when that takes too long."""
+        limit_s = limit_s or self.LIMIT_S
+        self.run(limit_s, lambda: self.state in states)
+        if self.state not in states:
+            pytest.fail(f"not {states} within {limit_s} s but {self.state}; {self.happenings[-5:]}")
+        return self
+
+    def history(self):
+        """What has been said and done, which nobody changes."""
+        return [*self.sent, *self.outputs]
+
+    def close(self):
+        self.world.close()
+
+
+class Stepped(Sortie):
+    """The flight core in the world of `scenario run`, its orders by hand, with every switch that a complaint needs."""
+
+    LIMIT_S = 120.0
+
+    def __init__(self, autopilot="px4", *, scenario=SHORT, settings=None, change=lambda settings: settings):
+        pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot})
+        self.scenario = scenario.model_copy(update={"pursuer": pursuer})
+        clock = VirtualClock()
+        world = SteppedWorld(self.scenario, clock)
+        flight = Flight(change(settings or plan_of(scenario=self.scenario).flight))
+        super().__init__(clock, LinkedFlight(flight, world.link, world.evader_source, None), world)
+        self.mock, self.rover = world.vehicles["pursuer"], world.vehicles["evader"]
+        self.evader = world.player
+        self.evader_plays = False
+
+    def advance(self):
+        super().advance()
         local, frame = self.flight.vehicle.last(LocalPosition), self.flight.tracking.game_frame
         pursuer = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
         self.evader.step(self.now_s, pursuer, playing=self.evader_plays)
-        if not self.frozen:
-            output = self.linked.run(self.now_s, orders)
-            self.outputs.append(output)
-            self.happenings.extend(output.happenings)
-        for passed in self.world.drain():
-            if passed.topic == "pursuer/mavlink_raw/in":
-                self.sent.append(Sent(passed.now_s, passed.frame))
 
-    def run(self, seconds):
-        for _ in range(round(seconds / PERIOD_S)):
-            self.cycle()
-        return self
-
-    def until(self, state, limit_s=120.0):
-        """Go on until the flight is in a state; fail when that takes too long."""
-        deadline_s = self.now_s + limit_s
-        while self.state is not state:
-            if self.now_s > deadline_s:
-                pytest.fail(f"not {state} within {limit_s} s but {self.state}; {self.happenings[-5:]}")
-            self.cycle()
-        return self
+    def passed(self):
+        return [one for one in self.world.drain() if one.topic.startswith("pursuer/")]
 
     def until_mock(self, mode, limit_s=20.0):
-        deadline_s = self.now_s + limit_s
-        while self.mock.mode != mode:
-            if self.now_s > deadline_s:
-                pytest.fail(f"the mock is in {self.mock.mode}, not in {mode}, after {limit_s} s")
-            self.cycle()
+        self.run(limit_s, lambda: self.mock.mode == mode)
+        if self.mock.mode != mode:
+            pytest.fail(f"the mock is in {self.mock.mode}, not in {mode}, after {limit_s} s")
         return self
 
     def standing_by(self):
-        self.until(State.READY)
-        while not self.evader.ready:
-            self.cycle()
+        self.until(State.READY).run(until=lambda: self.evader.ready)
         self.cycle(Event.START)
         return self.until(State.STANDING_BY)
 
@@ -120,39 +169,36 @@ class Sortie:
         return self
 
     def on_station(self):
-        return self.engaged().until(State.ON_STATION, 40.0)
-
-    def history(self):
-        """What has been said and done, which nobody changes."""
-        return [*self.sent, *self.outputs, *self.happenings]
-
-    def close(self):
-        self.world.close()
+        return self.engaged().until(State.ON_STATION, limit_s=40.0)
 
 
 class Sorties:
-    """Makes sorties. What many begin with is flown once: they take off from copies of it."""
+    """Makes sorties of a kind. What many begin with is flown once: they go on from copies of it."""
 
-    def __init__(self):
+    def __init__(self, kind):
+        self.kind = kind
         self.flown = Flown()
         self.made = []
 
-    def __call__(self, *arguments, **options):
-        return self._kept(Sortie(*arguments, **options))
+    def __call__(self, *which, **more):
+        return self._kept(self.kind(*which, **more))
 
-    def after(self, fly, autopilot="px4", scenario=SHORT):
+    def after(self, fly, *which, **more):
         """A sortie that has flown so far as `fly` flies it."""
-        key = (fly, autopilot, scenario.model_dump_json())
-        return self._kept(self.flown(key, lambda: fly(Sortie(autopilot, scenario=scenario)), Sortie.history))
+        key = (fly, repr((which, sorted(more.items()))))
+        return self._kept(self.flown(key, lambda: fly(self.kind(*which, **more)), self.kind.history))
+
+    def ready(self, *which, **more):
+        return self.after(_ready, *which, **more)
 
     def standing_by(self, *which, **more):
-        return self.after(Sortie.standing_by, *which, **more)
+        return self.after(self.kind.standing_by, *which, **more)
 
     def engaged(self, *which, **more):
-        return self.after(Sortie.engaged, *which, **more)
+        return self.after(self.kind.engaged, *which, **more)
 
     def on_station(self, *which, **more):
-        return self.after(Sortie.on_station, *which, **more)
+        return self.after(self.kind.on_station, *which, **more)
 
     def _kept(self, sortie):
         self.made.append(sortie)
@@ -161,3 +207,7 @@ class Sorties:
     def close(self):
         while self.made:
             self.made.pop().close()
+
+
+def _ready(sortie):
+    return sortie.until(State.READY)

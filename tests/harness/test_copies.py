@@ -6,7 +6,7 @@ import pytest
 
 from sitl_mock import MockVehicle
 from tests.harness.copies import Flown, copied, shared_by_functions
-from tests.harness.sortie import Sortie
+from tests.harness.sortie import Stepped
 
 
 def wire(sortie):
@@ -15,7 +15,7 @@ def wire(sortie):
 
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_a_copied_sortie_flies_on_as_the_one_it_was_copied_from(autopilot):
-    first = Sortie(autopilot).standing_by()
+    first = Stepped(autopilot).standing_by()
     before = first.now_s
     copy, untouched = copied(first, first.history()), copied(first, first.history())
     copy.mock.inject("wind_m_s", (3.0, 0.0, 0.0))
@@ -35,7 +35,7 @@ def test_no_function_of_a_vehicle_holds_on_to_the_one_it_was_made_in(flavour):
 
 
 def test_nor_does_one_of_a_whole_sortie():
-    sortie = Sortie("px4").engaged()
+    sortie = Stepped("px4").engaged()
     assert shared_by_functions(sortie) == set()
     assert shared_by_functions([[], lambda: sortie, sortie]) == {
         f"{__name__}.{test_nor_does_one_of_a_whole_sortie.__name__}.<locals>.<lambda>"

@@ -2,12 +2,12 @@
 
 import pytest
 
-from tests.harness.sortie import Sorties
+from tests.harness.sortie import Sorties, Stepped
 
 
 @pytest.fixture(scope="session")
 def sorties():
-    return Sorties()
+    return Sorties(Stepped)
 
 
 @pytest.fixture

@@ -119,7 +119,7 @@ def test_28_a_clock_that_starts_elsewhere_gives_the_same_flight(sortie):
     flights = [sortie("px4"), sortie("px4")]
     flights[1].clock.sleep_until(5000.0)
     for flight in flights:
-        flight.engaged().until(State.ON_STATION, 40.0)
+        flight.engaged().until(State.ON_STATION, limit_s=40.0)
     durations = [len(flight.outputs) for flight in flights]
     assert abs(durations[0] - durations[1]) <= 3
 

@@ -46,7 +46,7 @@ def test_11_an_estimator_origin_that_is_not_home_changes_nothing(sortie, monkeyp
     moved.engaged()
     local = moved.flight.vehicle.last(LocalPosition)
     assert local.position_ned_m[2] < -600.0
-    moved.until(State.ON_STATION, 30.0)
+    moved.until(State.ON_STATION, limit_s=30.0)
     heights = [output.certificate.pursuer_game_m[2] for output in moved.outputs if output.certificate is not None]
     assert min(heights) > 4.0
 
@@ -75,7 +75,7 @@ def test_13_heights_are_above_the_evaders_plane_wherever_sea_level_is(sortie, au
     flight = sortie.engaged(autopilot, scenario=SHORT.model_copy(update={"site": site}))
     heard = flight.flight.vehicle.last(GlobalPosition)
     assert heard.altitude_amsl_m == pytest.approx(ground_amsl_m + 12.0, abs=2.0)
-    flight.until(State.ON_STATION, 30.0)
+    flight.until(State.ON_STATION, limit_s=30.0)
     truth = -flight.mock.truth.position_ned_m[2]
     assert truth == pytest.approx(5.0, abs=1.2)
 

@@ -32,10 +32,10 @@ def test_a_vehicle_that_hovers_beyond_a_limit_is_told_of_and_handed_to_its_hold(
     else:
         flight = sortie.engaged(autopilot).run(2.0)
         flight.world.evader_source.receive, silent = (lambda: ()), flight.now_s
-        flight.until(state, 3.0)
+        flight.until(state, limit_s=3.0)
         assert flight.now_s - silent < 3.0
     flight.run(1.0)
     close_by(flight, limit)
     flight.mock.inject("wind_m_s", (12.0, 0.0, 0.0))
-    flight.until(State.HOLDING, 4.0)
+    flight.until(State.HOLDING, limit_s=4.0)
     assert flight.events[-1] is limit

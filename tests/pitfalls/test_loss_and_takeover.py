@@ -53,7 +53,7 @@ def test_03_a_loop_that_comes_back_after_a_failsafe_stays_silent(sortie):
 def test_08_a_pilots_mode_change_is_final(sortie, autopilot, mode):
     flight = sortie.engaged(autopilot).run(1.0)
     take_over(flight, mode)
-    flight.until(State.YIELDED, 2.5)
+    flight.until(State.YIELDED, limit_s=2.5)
     sent = len(flight.sent)
     flight.run(5.0)
     said = [one.name for one in flight.sent[sent:]]
@@ -65,7 +65,7 @@ def test_08_a_pilots_mode_change_is_final(sortie, autopilot, mode):
 def test_08_not_even_an_order_takes_the_vehicle_back_from_a_pilot(sortie, order):
     flight = sortie.engaged("px4")
     take_over(flight, "POSCTL")
-    flight.until(State.YIELDED, 2.5)
+    flight.until(State.YIELDED, limit_s=2.5)
     flight.cycle(order)
     flight.run(3.0)
     assert flight.state is State.YIELDED
@@ -75,7 +75,7 @@ def test_08_not_even_an_order_takes_the_vehicle_back_from_a_pilot(sortie, order)
 def test_08_a_pilot_who_returns_to_offboard_is_not_joined(sortie):
     flight = sortie.engaged("px4")
     take_over(flight, "POSCTL")
-    flight.until(State.YIELDED, 2.5)
+    flight.until(State.YIELDED, limit_s=2.5)
     count = len(flight.setpoints)
     flight.mock.inject("pilot_mode", "OFFBOARD")
     flight.run(4.0)
@@ -95,7 +95,7 @@ def test_08_a_pilot_is_seen_in_every_phase_in_the_air(sortie, autopilot):
             flight.cycle(Event.ENGAGE)
         flight.until(phase)
         take_over(flight, mode)
-        flight.until(State.YIELDED, 2.5)
+        flight.until(State.YIELDED, limit_s=2.5)
 
 
 @pytest.mark.parametrize("jump_m", [(7.0, 0.0, 0.0), (0.0, -7.0, 0.0), (0.0, 0.0, 3.0)])
@@ -106,7 +106,7 @@ def test_12_an_estimators_jump_is_held_and_not_chased(sortie, jump_m):
     flight.run(0.3)
     assert flight.state is State.PAUSED
     assert Event.ESTIMATOR_RESET in flight.events
-    flight.until(State.ENGAGED, 8.0)
+    flight.until(State.ENGAGED, limit_s=8.0)
     speeds = [math.hypot(*sent.velocity[:2]) for sent in flight.setpoints if sent.now_s >= start_s]
     assert max(speeds) <= flight.scenario.speed_limits.speed_m_s + 1e-6
     steps = [
@@ -120,20 +120,20 @@ def test_12_an_estimators_jump_is_held_and_not_chased(sortie, jump_m):
 def test_21_a_lost_evader_is_hovered_for_then_handed_to_the_autopilots_hold(sortie, autopilot):
     flight = sortie.engaged(autopilot).run(2.0)
     flight.rover.inject("silent", True)
-    flight.until(State.PAUSED, 3.0)
+    flight.until(State.PAUSED, limit_s=3.0)
     assert Event.EVADER_LOST in flight.events
     flight.run(4.0)
     assert math.hypot(*flight.mock.truth.velocity_ned_m_s[:2]) < 0.5
-    flight.until(State.HOLDING, 12.0)
+    flight.until(State.HOLDING, limit_s=12.0)
     flight.until_mock("HOLD" if autopilot == "px4" else "BRAKE")
 
 
 def test_21_an_evader_that_is_found_again_in_time_is_played_on(sortie):
     flight = sortie.engaged("px4").run(2.0)
     flight.rover.inject("silent", True)
-    flight.until(State.PAUSED, 3.0)
+    flight.until(State.PAUSED, limit_s=3.0)
     flight.rover.inject("silent", False)
-    flight.until(State.ENGAGED, 5.0)
+    flight.until(State.ENGAGED, limit_s=5.0)
 
 
 def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie):
@@ -150,7 +150,7 @@ def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie
         return [decoder.decode(bytearray(frame)).pack(stranger) for frame in real_step(now_s, frames, link)]
 
     source._vehicle.step = as_stranger
-    flight.until(State.PAUSED, 3.0)
+    flight.until(State.PAUSED, limit_s=3.0)
     assert flight.world.evader_source.counters()["foreign"] > 10
 
 
@@ -159,7 +159,7 @@ def test_23_without_fresh_telemetry_nothing_is_commanded(sortie, autopilot, cond
     flight = sortie.engaged(autopilot).run(2.0)
     flight.mock.inject(condition, True)
     lost_s = flight.now_s
-    flight.until(State.YIELDED, 4.0)
+    flight.until(State.YIELDED, limit_s=4.0)
     assert Event.TELEMETRY_LOST in flight.events
     assert flight.now_s - lost_s < 1.3 if condition == "telemetry_frozen" else flight.now_s - lost_s < 3.5
     count = len(flight.setpoints)
@@ -180,11 +180,11 @@ def test_23_only_the_latest_of_what_queued_up_is_used(sortie):
 def test_a_reboot_in_flight_ends_it_for_us(sortie):
     flight = sortie.engaged("px4").run(1.0)
     flight.mock.inject("reboot", True)
-    flight.until(State.YIELDED, 5.0)
+    flight.until(State.YIELDED, limit_s=5.0)
 
 
 def test_a_low_battery_returns(sortie):
     flight = sortie.engaged("px4").run(1.0)
     flight.mock.inject("battery", 0.15)
-    flight.until(State.RETURNING, 3.0)
+    flight.until(State.RETURNING, limit_s=3.0)
     flight.until_mock("RTL")

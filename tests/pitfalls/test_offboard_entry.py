@@ -40,7 +40,7 @@ def test_01_setpoints_stream_before_the_mode_is_asked_for_at_any_speed_of_the_si
         monkeypatch.setattr(flight.mock, "step", coarse)
     flight.sent.clear()
     flight.cycle(Event.ENGAGE)
-    flight.until(State.ENGAGED, 10.0)
+    flight.until(State.ENGAGED, limit_s=10.0)
     # ArduCopter has been in GUIDED since before it was armed, and is not asked again.
     asked_s = [sent.now_s for sent in flight.sent if is_guided_request(sent, AUTOPILOTS[autopilot])]
     assert bool(asked_s) == AUTOPILOTS[autopilot].stream_before_guided
@@ -57,14 +57,14 @@ def test_02_offboard_without_a_stream_is_refused_and_with_a_fresh_one_granted(so
     assert flight.mock.mode != "OFFBOARD"
     assert flight.state is State.STANDING_BY
     flight.cycle(Event.ENGAGE)
-    flight.until(State.ENGAGED, 10.0)
+    flight.until(State.ENGAGED, limit_s=10.0)
 
 
 def test_02_a_refusal_ends_in_the_autopilots_hold_with_a_typed_reason(sortie):
     flight = sortie.standing_by("px4")
     flight.mock.inject("offboard_refused", True)
     flight.cycle(Event.ENGAGE)
-    flight.until(State.HOLDING, 15.0)
+    flight.until(State.HOLDING, limit_s=15.0)
     assert flight.happenings[-1].event is Event.TIMED_OUT
     assert flight.happenings[-1].before is State.ENTERING
     count = len(flight.setpoints)
@@ -103,7 +103,7 @@ def test_07_the_game_begins_only_with_a_heartbeat_that_shows_the_mode(sortie, au
     flight = sortie.standing_by(autopilot)
     flight.cycle(Event.ENGAGE)
     entered_s = flight.now_s
-    flight.until(State.ENGAGED, 10.0)
+    flight.until(State.ENGAGED, limit_s=10.0)
     assert flight.flight.mode_name == "guided"
     assert flight.now_s > entered_s
 

@@ -69,7 +69,7 @@ def test_09_a_pilots_switch_to_offboard_begins_the_game_where_that_is_configured
     flight.mock.inject("rc", True)
     flight.run(0.2)
     flight.mock.inject("pilot_mode", "OFFBOARD")
-    flight.until(State.ENGAGED, 3.0)
+    flight.until(State.ENGAGED, limit_s=3.0)
 
 
 def test_09_otherwise_a_pilots_switch_begins_nothing(sortie):
@@ -111,13 +111,13 @@ def test_29_a_second_source_of_setpoints_is_noticed_and_left_alone_with_the_auto
         return real_step(now_s, [*frames, other.pack(stranger)], link)
 
     flight.world._mocks["pursuer"]._vehicle.step = with_a_stranger
-    flight.until(State.HOLDING, 5.0)
+    flight.until(State.HOLDING, limit_s=5.0)
     assert Event.FOREIGN in flight.events
 
 
 def test_29_our_own_setpoints_are_never_taken_for_a_strangers(sortie, autopilot):
     flight = sortie.engaged(autopilot)
-    flight.until(State.ON_STATION, 40.0).run(5.0)
+    flight.until(State.ON_STATION, limit_s=40.0).run(5.0)
     assert Event.FOREIGN not in flight.events
 
 

@@ -27,8 +27,8 @@ def restarted(flight):
     flight.frozen = True
     flight.run(4.0)
     flight.frozen = False
-    flight.flight = Flight(flight.flight.settings)
-    flight.linked = LinkedFlight(flight.flight, flight.world.link, flight.world.evader_source, None)
+    again = Flight(flight.flight.settings)
+    flight.pilot = LinkedFlight(again, flight.world.link, flight.world.evader_source, None)
     flight.sent.clear()
     return flight
 
@@ -36,7 +36,7 @@ def restarted(flight):
 @pytest.mark.parametrize(("order", "state"), ENDED_BY)
 @pytest.mark.parametrize("found_in", [State.CHECKING, State.READY])
 def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, order, state, found_in):
-    flight = sortie.after(restarted, autopilot).until(found_in, 10.0)
+    flight = sortie.after(restarted, autopilot).until(found_in, limit_s=10.0)
     assert flight.mock.armed
     flight.cycle(order)
     assert flight.state is state
@@ -44,13 +44,13 @@ def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, au
     assert flight.state is state
     assert not flight.setpoints
     if state is State.LANDING:
-        flight.until(State.LANDED, 60.0)
+        flight.until(State.LANDED, limit_s=60.0)
         assert not flight.mock.armed
 
 
 def test_after_a_restart_the_vehicle_is_ready_within_two_seconds_of_being_heard(sortie, autopilot):
-    flight = sortie.after(restarted, autopilot).until(State.CHECKING, 5.0)
-    flight.until(State.READY, 2.0)
+    flight = sortie.after(restarted, autopilot).until(State.CHECKING, limit_s=5.0)
+    flight.until(State.READY, limit_s=2.0)
 
 
 def test_after_a_restart_nothing_is_taken_without_a_persons_word(sortie, autopilot):
@@ -61,27 +61,27 @@ def test_after_a_restart_nothing_is_taken_without_a_persons_word(sortie, autopil
 
 
 def test_engaging_again_takes_a_hold_and_an_order(sortie, autopilot):
-    flight = sortie.after(restarted, autopilot).until(State.READY, 10.0)
+    flight = sortie.after(restarted, autopilot).until(State.READY, limit_s=10.0)
     flight.cycle(Event.ENGAGE)
     assert flight.state is State.READY
     flight.cycle(Event.HOLD)
     flight.until_mock(MODES[autopilot][State.HOLDING], 3.0).run(2.0)
     flight.cycle(Event.ENGAGE)
-    flight.until(State.ENGAGED, 6.0).until(State.ON_STATION, 40.0)
+    flight.until(State.ENGAGED, limit_s=6.0).until(State.ON_STATION, limit_s=40.0)
 
 
 def test_a_vehicle_that_returns_is_engaged_once_it_is_seen_to_hold(sortie):
-    flight = sortie.after(restarted, "px4").until(State.READY, 10.0)
+    flight = sortie.after(restarted, "px4").until(State.READY, limit_s=10.0)
     flight.cycle(Event.HOLD)
     flight.cycle(Event.ENGAGE)
     assert flight.flight.mode_name == str(Mode.RETURN)
     assert flight.state is State.HOLDING
     flight.run(4.0).cycle(Event.ENGAGE)
-    flight.until(State.ENGAGED, 6.0)
+    flight.until(State.ENGAGED, limit_s=6.0)
 
 
 def test_a_start_order_does_not_take_a_vehicle_out_of_a_mode_that_is_not_ours(sortie):
-    flight = sortie.after(restarted, "px4").until(State.READY, 10.0)
+    flight = sortie.after(restarted, "px4").until(State.READY, limit_s=10.0)
     assert flight.mock.mode == "RTL"
     flight.cycle(Event.START)
     assert flight.state is State.READY
@@ -89,7 +89,7 @@ def test_a_start_order_does_not_take_a_vehicle_out_of_a_mode_that_is_not_ours(so
 
 @pytest.mark.parametrize(("order", "state"), ENDED_BY)
 def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(sortie, autopilot, order, state):
-    flight = sortie.after(restarted, autopilot).until(State.READY, 10.0)
+    flight = sortie.after(restarted, autopilot).until(State.READY, limit_s=10.0)
     flight.mock.inject("rc", True)
     flight.run(0.5)
     sticks = {"px4": "POSCTL", "arducopter": "LOITER"}[autopilot]
@@ -99,7 +99,7 @@ def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(so
     assert flight.state is state
     flight.cycle()
     flight.mock.inject("pilot_mode", sticks)  # at once, before any HEARTBEAT showed our mode
-    flight.until(State.YIELDED, 6.0).run(5.0)
+    flight.until(State.YIELDED, limit_s=6.0).run(5.0)
     assert flight.mock.mode == sticks
     modes = [sent for sent in flight.sent if sent.name == "COMMAND_LONG" and sent.message.command == 176]
     assert len(modes) == 1

@@ -38,7 +38,7 @@ def joined_by(flight, rate_hz, phase_s, velocity=(-3.0, -3.0, 0.0)):
 def test_a_second_source_is_noticed_within_two_seconds(sortie, autopilot, rate_hz, phase_s):
     flight = sortie.engaged(autopilot).run(2.5)
     begun_s = joined_by(flight, rate_hz, phase_s)
-    flight.until(State.HOLDING, 2.0)
+    flight.until(State.HOLDING, limit_s=2.0)
     assert flight.events[-1] is Event.FOREIGN
     assert flight.now_s - begun_s < 2.0
     flight.until_mock({"px4": "HOLD", "arducopter": "BRAKE"}[autopilot], 2.0)

@@ -23,10 +23,9 @@ from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
 from sitl_mock.mavlink import Signing
-from tests.harness.copies import Flown
+from tests.harness.sortie import Sortie, Sorties
 from tests.harness.vehicle import FENCED, document
 
-CYCLE_S = 0.02
 HERE = Home(47.397742, 8.545594, 488.0)
 UNIX_S = 1_800_000_000.0
 
@@ -61,7 +60,7 @@ class KeptNotifier(Notifier):
         self.said.append(text)
 
 
-class Base:
+class Ordered(Sortie):
     """One daemon, its vehicle and its evader; `source` makes another evader, which needs no vehicle."""
 
     def __init__(
@@ -76,26 +75,24 @@ class Base:
         **sections,
     ):
         config = self.config = parse(Config, document(**sections), source="test")
-        self.clock = VirtualClock()
+        clock = VirtualClock()
         flavour = config.vehicle.autopilot
         options = {"home": HERE, "noise": False, "ready_after_s": 0.5}
         signed = Signing(key, timestamp=ticks(UNIX_S))
         self.vehicle = MockVehicle(flavour, system_id=1, parameters=parameters, signing=signed, **options)
         self.prey = MockVehicle("px4", system_id=2, start_ned=(30.0, 0.0, 0.0), **options)
-        ours, self._end = MemoryWire.pair(self.clock.now_s)
-        theirs, self._prey_end = MemoryWire.pair(self.clock.now_s)
-        self.wire = TappedWire(ours, self.clock.now_s, "uav1")
+        ours, self._end = MemoryWire.pair(clock.now_s)
+        theirs, self._prey_end = MemoryWire.pair(clock.now_s)
+        self.wire = TappedWire(ours, clock.now_s, "uav1")
         signing = {"signing_key": None if key is None else SigningKey(key), "unix_s": UNIX_S}
-        self.link = PymavlinkLink(self.wire, self.clock.now_s, system_id=1, **signing)
+        self.link = PymavlinkLink(self.wire, clock.now_s, system_id=1, **signing)
         heard = MavlinkEvader(theirs, GlobalPositionInt(), system_id=2, **signing)
-        self.evader = heard if source is None else source(self.clock)
+        self.evader = heard if source is None else source(clock)
         self.mailbox, self.log, self.notifier = Mailbox(), KeptLog(), KeptNotifier()
         self.metrics = Metrics(config.name)
-        self.deaf = False
         self.prey_silent = False
         self.evader_here = source is None
         self.injected = []
-        self.sent = []
         self.daemon = Daemon(
             config.name,
             plan_of(config),
@@ -109,22 +106,13 @@ class Base:
             broadcast=broadcast,
             record_required=record_required,
         )
-
-    @property
-    def state(self):
-        return self.daemon.flight.state
-
-    @property
-    def now_s(self):
-        return self.clock.now_s()
+        super().__init__(clock, self.daemon)
 
     def report(self, frame):
         """Somebody says a frame where the evader is heard."""
         self._prey_end.send(frame)
 
-    def world(self):
-        """Move on by one cycle without the daemon."""
-        self.clock.sleep_until(self.now_s + CYCLE_S)
+    def advance(self):
         for frame in self.vehicle.step(self.now_s, [*(f for _, f in self._end.receive()), *self.injected]):
             self._end.send(frame)
         self.injected = []
@@ -133,26 +121,11 @@ class Base:
                 if not self.prey_silent:
                     self.report(frame)
 
-    def cycle(self):
-        self.world()
-        outputs = self.daemon.step(self.now_s)
-        for passed in self.wire.drain():
-            if passed.topic.endswith("/in"):
-                self.sent.append((passed.now_s, mavlink.MAVLink(None).decode(bytearray(passed.frame))))
-        return outputs
+    def act(self, orders):
+        return self.daemon.step(self.now_s)
 
-    def run(self, seconds):
-        for _ in range(round(seconds / CYCLE_S)):
-            self.cycle()
-        return self
-
-    def until(self, *states, limit_s=60.0):
-        deadline_s = self.now_s + limit_s
-        while self.state not in states:
-            if self.now_s > deadline_s:
-                pytest.fail(f"{self.state}, not {states}, after {limit_s} s: {self.log.lines[-4:]}")
-            self.cycle()
-        return self
+    def passed(self):
+        return self.wire.drain()
 
     def order(self, word):
         """Give an order, run the cycles until it is answered, return the answer."""
@@ -174,18 +147,17 @@ class Base:
         return self.until(State.ENGAGED)
 
     def history(self):
-        """What has been said, which nobody changes."""
-        return [*self.sent, *self.log.lines]
+        return [*super().history(), *self.log.lines]
 
     def setpoints_since(self, since_s):
-        return [
-            message
-            for sent_s, message in self.sent
-            if sent_s >= since_s and message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
-        ]
+        return [sent.message for sent in self.setpoints if sent.now_s >= since_s]
 
     def commands_since(self, since_s):
-        return [m.command for sent_s, m in self.sent if sent_s >= since_s and m.get_type() == "COMMAND_LONG"]
+        return [one.message.command for one in self.sent if one.now_s >= since_s and one.name == "COMMAND_LONG"]
+
+    def close(self):
+        self.link.close()
+        self.evader.close()
 
     def inject_setpoint(self, velocity):
         """Another program on the vehicle's link sends a setpoint of its own."""
@@ -196,43 +168,9 @@ class Base:
         self.injected.append(message.pack(other))
 
 
-class Bases:
-    """Makes daemons. What many begin with is flown once: they go on from copies of it."""
-
-    def __init__(self):
-        self.flown = Flown()
-        self.made = []
-
-    def __call__(self, **options):
-        return self._kept(Base(**options))
-
-    def ready(self, **options):
-        return self._after("ready", lambda one: one.until(State.READY), options)
-
-    def standing_by(self, **options):
-        return self._after("standing by", Base.standing_by, options)
-
-    def engaged(self, **options):
-        return self._after("engaged", Base.engaged, options)
-
-    def _after(self, where, fly, options):
-        key = (where, repr(sorted(options.items())))
-        return self._kept(self.flown(key, lambda: fly(Base(**options)), Base.history))
-
-    def _kept(self, one):
-        self.made.append(one)
-        return one
-
-    def close(self):
-        while self.made:
-            one = self.made.pop()
-            one.link.close()
-            one.evader.close()
-
-
 @pytest.fixture(scope="session")
 def bases():
-    return Bases()
+    return Sorties(Ordered)
 
 
 @pytest.fixture

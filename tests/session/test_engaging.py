@@ -28,7 +28,7 @@ def change(one, name, value):
 
 
 def read_since(one, since_s):
-    return {m.param_id for at_s, m in one.sent if at_s >= since_s and m.get_type() == "PARAM_REQUEST_READ"}
+    return {sent.message.param_id for sent in one.sent if sent.now_s >= since_s and sent.name == "PARAM_REQUEST_READ"}
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
