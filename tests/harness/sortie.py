@@ -47,11 +47,9 @@ class Sortie:
         sent: What was put on the pursuer's wire.
         outputs: What each cycle decided.
         frozen: Nobody flies meanwhile: the world goes on without us.
-        finished: There is nothing more to be flown.
     """
 
     LIMIT_S = 60.0
-    finished = False
 
     def __init__(self, clock, pilot, world=None):
         self.clock, self.pilot, self.world = clock, pilot, world
@@ -69,6 +67,11 @@ class Sortie:
     @property
     def now_s(self):
         return self.clock.now_s()
+
+    @property
+    def finished(self):
+        """Whether there is nothing more to be flown."""
+        return False
 
     @property
     def happenings(self):
