@@ -40,7 +40,7 @@ FLIGHTS = (
 )
 CLOSED_LOOP = ("control/test_setpoint_limiter_any_input", "control/test_setpoint_limiter_in_flight")
 FLIGHT = {
-    "flight/test_events": "flight/detection flight/readiness flight/settings",
+    "flight/test_detection": "flight/detection flight/readiness flight/settings",
     "flight/test_heard_echo": "flight/heard",
     "flight/test_playing": "flight/machine flight/playing",
     "flight/test_machine": "flight/requests",
