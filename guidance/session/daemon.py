@@ -15,7 +15,7 @@ from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, is_done, missing, not_engageable, refusal, status
 from guidance.session.linked_flight import LinkedFlight, Stopped
-from guidance.session.log import SILENT, Logger
+from guidance.session.log import SILENT, Logger, say_outputs
 from guidance.session.metrics import Metrics
 from guidance.session.orders import (
     ALIVE,
@@ -35,12 +35,6 @@ from guidance.session.spec import FlightPlan
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
-_GRAVE: Final = frozenset({
-    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
-    Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
-    Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
-    Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
-})  # fmt: skip
 
 
 class Daemon:
@@ -146,7 +140,7 @@ class Daemon:
         alive, self._alive = self._alive, False
         outputs = self.outputs = self._linked.run(now_s, given, barred, timing, alive=alive)
         self._answer(orders, outputs, now_s)
-        self._tell(outputs)
+        say_outputs(self._log, outputs)
         self._recording.look(now_s, self.metrics, self._log)
         self._preflight(now_s)
         self.metrics.lateness.observe(max(0.0, timing.late_s))
@@ -193,7 +187,7 @@ class Daemon:
         for request in outputs.requests:
             self._link.request(request)
         if outputs.fault is not None:
-            self._tell(outputs)
+            say_outputs(self._log, outputs)
             self.metrics.follow(outputs)
             self._recording.note(now_s, str(Event.FAULT), outputs.fault)
         self._notifier.alive(now_s)
@@ -305,21 +299,6 @@ class Daemon:
             barred=self._barred(),
             recording=self._recording.words,
         )
-
-    def _tell(self, outputs: Outputs) -> None:
-        if outputs.alarm is not None:
-            self._log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
-        if outputs.fault is not None:
-            self._log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
-        for happening in outputs.happenings:
-            grave = happening.event in _GRAVE and happening.after is not happening.before
-            self._log.say(
-                logging.WARNING if grave else logging.INFO,
-                str(happening.event),
-                before=happening.before,
-                state=happening.after,
-                now_s=round(happening.now_s, 3),
-            )
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge while on the ground, and read again what stands behind us before the game begins."""

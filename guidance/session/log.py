@@ -11,6 +11,7 @@ import time
 from logging.handlers import QueueHandler, QueueListener
 from typing import Any, Final, Protocol, TextIO, cast
 
+from guidance.flight import Event, Outputs
 from guidance.log.codec import plain
 
 LOGGER: Final = "guidance"
@@ -21,6 +22,14 @@ _STALLED_S: Final = 2.5
 
 _ANEW: Final = "\r\x1b[K"
 """To the beginning of the line, and nothing in it."""
+
+_SEVERE: Final = frozenset({
+    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
+    Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
+    Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
+    Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
+})  # fmt: skip
+"""What ends or interrupts a game, or bars it: a warning where it changes the flight's state."""
 
 
 class _BoundedQueue(QueueHandler):
@@ -206,3 +215,20 @@ def _redraws(stream: TextIO) -> bool:
 def _fields(record: logging.LogRecord) -> dict[str, Any]:
     fields = getattr(record, "fields", {})
     return dict(fields) if isinstance(fields, dict) else {}
+
+
+def say_outputs(log: Logger, outputs: Outputs) -> None:
+    """Say what came of a cycle: an alarm, a fault of guidance, and everything that happened."""
+    if outputs.alarm is not None:
+        log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
+    if outputs.fault is not None:
+        log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
+    for happening in outputs.happenings:
+        severe = happening.event in _SEVERE and happening.after is not happening.before
+        log.say(
+            logging.WARNING if severe else logging.INFO,
+            str(happening.event),
+            before=happening.before,
+            state=happening.after,
+            now_s=round(happening.now_s, 3),
+        )

@@ -145,7 +145,7 @@ def droppable(node: ast.AST) -> list[tuple[list[ast.stmt], int]]:
 
 
 def exchanged(tree: ast.Module) -> Iterator[tuple[str, ast.Module]]:
-    """Every two neighbours of a table of functions exchanged: the order says which event is the graver."""
+    """Every two neighbours of a table of functions exchanged: the order says which event is the more severe."""
     for index, node in enumerate(ast.walk(tree)):
         if not (isinstance(node, ast.Dict) and any(isinstance(value, ast.Lambda) for value in node.values)):
             continue

@@ -301,7 +301,7 @@ def test_a_phase_has_its_own_longest_time(state, limit_s):
     assert not happens(Event.TIMED_OUT, state, since_s=-1e9, settings=patient)
 
 
-def test_of_all_that_happens_at_once_the_gravest_comes_first():
+def test_of_all_that_happens_at_once_the_most_severe_comes_first():
     flags = dict.fromkeys(("no_game", "evader_arrived", "captured", "strayed"), True)
     worst = {
         "vehicle": observe(
@@ -317,7 +317,7 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         "certificate": QUIET._replace(**flags),
         "settings": replace(SETTINGS, after_capture=AfterCapture.RETURN),
     }
-    gravest = [
+    most_severe = [
         Event.PILOT,
         Event.REBOOTED,
         Event.TELEMETRY_LOST,
@@ -330,9 +330,9 @@ def test_of_all_that_happens_at_once_the_gravest_comes_first():
         Event.BATTERY_LOW,
     ]
     engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.EVADER_LOST, Event.NO_GAME]
-    assert list(events(context(State.ENGAGED, **worst))) == [*gravest, *engaged, Event.ESCAPED, Event.CAPTURED]
-    assert list(events(context(State.ON_STATION, **worst))) == [*gravest, *engaged, Event.DONE, Event.STRAYED]
-    assert list(events(context(State.PAUSED, **worst))) == [*gravest, Event.TIMED_OUT]
+    assert list(events(context(State.ENGAGED, **worst))) == [*most_severe, *engaged, Event.ESCAPED, Event.CAPTURED]
+    assert list(events(context(State.ON_STATION, **worst))) == [*most_severe, *engaged, Event.DONE, Event.STRAYED]
+    assert list(events(context(State.PAUSED, **worst))) == [*most_severe, Event.TIMED_OUT]
     back = {"vehicle": GUIDED, "since_s": NOW_S - 60.0}
     assert list(events(context(State.PAUSED, **back))) == [Event.CLEAR, Event.TIMED_OUT]
     assert list(events(context(State.ENTERING, **back))) == [Event.GUIDED, Event.TIMED_OUT]

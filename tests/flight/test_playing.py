@@ -206,7 +206,7 @@ def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cyc
     assert (paused.state, paused.alarm) == (State.PAUSED, None)
 
 
-def test_of_all_that_happens_in_one_cycle_the_gravest_alone_has_an_effect():
+def test_of_all_that_happens_in_one_cycle_the_most_severe_alone_has_an_effect():
     flown = Flown().engaged()
     flown.cycles(0.5)
     flown.mode, flown.armed = Mode.OTHER, False
