@@ -255,9 +255,14 @@ def test_no_large_length_makes_up_for_another(place, radius_m):
     assert solve(game, np.array(place), np.zeros(3)).reason == Reason.OVERFLOW
 
 
-@pytest.mark.parametrize("place", [(1e100, 1e100, 0.0), (1e100, 0.0, 1e100), (0.0, 1e100, 1e100)])
+@pytest.mark.parametrize("place", [(1e100, 0.0, 0.0), (0.0, 1e100, 0.0), (0.0, 0.0, 1e100), (0.0, 1e100, 1e100)])
 def test_places_that_overflow_are_no_answer_however_close_they_are(place):
     assert solve(Game(Ball(1e54), 1.0), np.array(place), np.array(place)).reason == Reason.OVERFLOW
+
+
+def test_a_single_state_in_single_precision_that_is_not_finite_is_refused():
+    with pytest.raises(ConfigError, match=r"pursuer = .*must be finite"):
+        solve(Game(Ball(2.0), 1.0), np.full(3, NAN, np.float32), np.zeros(3, np.float32))
 
 
 def test_far_on_the_negative_side_overflows_as_on_the_positive():

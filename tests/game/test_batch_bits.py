@@ -181,6 +181,15 @@ def test_a_single_answer_has_no_minus_zero(games):
                         assert not np.signbit(field[field == 0.0]).any(), name
 
 
+@pytest.mark.parametrize("evader", [(-0.0, 3.0, 0.0), (3.0, -0.0, -0.0), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("target", [None, (9.0, -0.0, 0.0), (-0.0, 9.0, 0.0), (0.0, -0.0, -0.0)])
+def test_a_state_of_minus_zeros_has_none_in_its_answer(games, evader, target):
+    for name in ("paper", "cylinder", "space"):
+        answer = solve_state(games[name], (0.0, 0.0, 5.0), evader, target)
+        flat = np.hstack([np.ravel(field) for field in answer])
+        assert not np.signbit(flat[flat == 0.0]).any()
+
+
 def test_no_rows_give_no_answers(games):
     answer = solve(games["paper"], np.empty((0, 3)), np.empty((0, 3)))
     assert answer.value.shape == (0,)
