@@ -123,14 +123,14 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
     first, far = _unit(xp, to_evader if T is None else _minus(T, E))
     along = _dot(to_evader, first)
     second, across = _across(xp, to_evader, first, along)
-    nought, still = 0.0 * along, (0.0, 0.0)
+    zero, still = 0.0 * along, (0.0, 0.0)
     if T is None:
-        state = Geometry((nought, nought), nought, (along, nought), along, nought, None, still)
+        state = Geometry((zero, zero), zero, (along, zero), along, zero, None, still)
         play = pursuit(xp, game, state)
     else:
         distance = xp.sqrt(along * along + across * across)
-        state = Geometry((nought, nought), nought, (along, across), distance, nought, None, still)
-        play = defence(xp, game, state, (far, nought))
+        state = Geometry((zero, zero), zero, (along, across), distance, zero, None, still)
+        play = defence(xp, game, state, (far, zero))
 
     def unfold(v: Space) -> Space:
         return (

@@ -164,13 +164,13 @@ def rollout(
     P, E, T = given["pursuer"], given["evader"], given.get("target")
     shape = leading_shape(game, given)
     velocities = _velocities(game, pursuer_policy, evader_policy)
-    nought = spread(xp, shape, P, 0.0)
+    zero = spread(xp, shape, P, 0.0)
     start = Sample(
-        nought,
-        P + nought[..., None],
-        E + nought[..., None],
-        None if T is None else T + nought[..., None],
-        choose(xp, nought == 0, int(End.RUNNING), int(End.NO_ANSWER)),
+        zero,
+        P + zero[..., None],
+        E + zero[..., None],
+        None if T is None else T + zero[..., None],
+        choose(xp, zero == 0, int(End.RUNNING), int(End.NO_ANSWER)),
     )
     path = []
     with quiet(xp):
@@ -183,7 +183,7 @@ def rollout(
             if keep_path:
                 path.append(last)
         place = last.evader_m if isinstance(stepping, Exact) else last.pursuer_m
-        distance = nought * math.nan if last.target_m is None else norm3(xp, last.target_m - place)
+        distance = zero * math.nan if last.target_m is None else norm3(xp, last.target_m - place)
     return Rollout(last.end, last.time_s, last.pursuer_m, last.evader_m, distance, tuple(path))
 
 

@@ -249,8 +249,8 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real
     fault: Real = int(Reason.SOLVED)
     if xp is not np or not np.all(sound):
         sound = _is_sound(game, play, _squares(given), contested=contested)
-        nought = sum(0.0 * part for array in given.values() for part in components(array))
-        fault = select(xp, sound, fault, select(xp, nought == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
+        zero = sum(0.0 * part for array in given.values() for part in components(array))
+        fault = select(xp, sound, fault, select(xp, zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     return refused_rows(xp, game, fault) if game.varies else fault
 
 

@@ -85,8 +85,8 @@ def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous:
 
 def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, gained_s: Real) -> Space:
     """Turn a Cylinder's horizontal velocity towards the evader, and meet its height."""
-    nought = 0.0 * state.z
-    course = _turned(xp, (*state.to_evader, nought), (previous[0], previous[1], nought), state.hold, gained_s)
+    zero = 0.0 * state.z
+    course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), state.hold, gained_s)
     to = (course[0] * state.distance, course[1] * state.distance)
     gap = state.distance - game.standoff.radius_m - game.capture_radius_m
     t = guard_time(xp, game, state, (to[0] - state.to_evader[0], to[1] - state.to_evader[1]))

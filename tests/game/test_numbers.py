@@ -189,8 +189,8 @@ def test_undecided_is_worth_nothing():
 def test_capture_radii_of_zero_are_none():
     rng = np.random.default_rng(1)
     states = rng.uniform(-9.0, 9.0, (3, 50, 3)) * [1.0, 1.0, 0.0]
-    nought = np.zeros(50)
-    rows = Game(Ball(2.0), 1.0, nought, StandOff(nought, nought), information_age_s=nought)
+    zero = np.zeros(50)
+    rows = Game(Ball(2.0), 1.0, zero, StandOff(zero, zero), information_age_s=zero)
     assert same(solve(rows, *states), solve(PAPER, *states))
 
 

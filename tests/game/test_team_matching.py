@@ -275,7 +275,7 @@ def test_a_second_pursuer_that_is_kept_stays():
     assert match_teams(PAPER, P, other, T, previous=before, hysteresis=1.0).second.tolist() == [2]
 
 
-def test_number_nought_joins_like_any_other():
+def test_number_zero_joins_like_any_other():
     P, E = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0]]), np.array([[9.0, 0.0, 0.0]])
     found = match_teams(PAPER, P, E, T)
     assert (found.first.tolist(), found.second.tolist()) == ([1], [0])

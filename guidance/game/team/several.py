@@ -183,7 +183,7 @@ def fitting(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def spoiled(part: Array, sound: Array) -> Array:
-    """Return a field of an answer with NaN, or nought where it holds no real numbers, in the rows without an answer."""
+    """Return a field of an answer with NaN, or zero where it holds no real numbers, in the rows without an answer."""
     mask = sound[(..., *[None] * (part.ndim - sound.ndim))]
     return np.where(mask, part, np.asarray(np.nan if part.dtype.kind == "f" else 0, dtype=part.dtype))
 
