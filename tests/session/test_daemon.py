@@ -286,6 +286,7 @@ def test_setpoints_of_another_source_are_noticed_and_the_vehicle_is_handed_to_it
     assert base.vehicle.mode == "HOLD"
 
 
+@pytest.mark.flight
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_our_own_setpoints_alone_never_raise_the_alarm(base, autopilot):
     parameters = FENCED if autopilot == "px4" else SET_UP

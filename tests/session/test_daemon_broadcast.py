@@ -73,6 +73,7 @@ def hanging(endpoint):
     return child
 
 
+@pytest.mark.flight
 @pytest.mark.parametrize("fate", ["hangs", "dies", "hangs, then dies"])
 def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
     broadcast, endpoint = bus

@@ -31,6 +31,7 @@ def corrupted(fields, chance):
     return {**fields, name: bad}
 
 
+@pytest.mark.flight
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(base, monkeypatch, autopilot, seed):

@@ -68,6 +68,7 @@ def grounded(tmp_path, vehicle_document):
     return daemon, lambda: reload(path, config)
 
 
+@pytest.mark.flight
 def test_a_whole_flight_leaves_nothing(tmp_path):
     def once(number):
         clock = VirtualClock()

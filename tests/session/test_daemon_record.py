@@ -19,6 +19,7 @@ from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 
 
+@pytest.mark.flight
 def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, vehicle_document, tmp_path):
     path = tmp_path / "daemon.mcap"
     recorder = Recorder(path, {"config": json.dumps(vehicle_document())})

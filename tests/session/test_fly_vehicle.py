@@ -154,6 +154,7 @@ def sortie():
         one.evader.close()
 
 
+@pytest.mark.flight
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_and_comes_home(sortie, autopilot):
     world = World(autopilot)

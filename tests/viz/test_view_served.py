@@ -126,6 +126,7 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
     assert not any(map(is_running, pids))
 
 
+@pytest.mark.slow
 def test_a_mocked_flight_is_viewed_while_it_is_flown_and_afterwards_until_it_is_ended(tmp_path):
     scenario = Path(__file__).parents[1] / "data" / "near_chase.toml"
     program = "from guidance.cli import main; main()"
@@ -200,6 +201,7 @@ def test_with_several_daemons_a_name_is_asked_for_and_nobody_is_one_clear_error(
         LiveFlight(join_session(endpoint), "uav9")
 
 
+@pytest.mark.slow
 def test_the_command_shows_a_daemon_live(bus, record):
     """The whole way: a broadcast, `guidance view --live` as its own process, and an end by signal."""
     (broadcast, other), endpoint = bus
