@@ -15,6 +15,8 @@ from guidance.sim.mock_files import faulted_fleet, fleet, script
 from guidance.sim.scenario import Scenario
 from tests.harness import flights
 
+pytestmark = pytest.mark.flight
+
 CHASE = {
     "title": "a chase",
     "game": "pe",
@@ -60,7 +62,6 @@ def test_an_evader_that_is_lost_for_good_fails_the_flight_for_that_reason():
     assert (outcome.end, outcome.reason) == ("failed", "evader lost")
 
 
-@pytest.mark.flight
 def test_a_vehicle_that_will_not_arm_never_engages_and_says_so():
     _, outcome = flown(fault=[{"kind": "arm_refused", "after": "start"}])
     assert outcome.end == "failed"

@@ -162,6 +162,7 @@ def test_closing_closes_the_source():
     assert source.closed
 
 
+@pytest.mark.flight
 @pytest.mark.parametrize(
     ("pursuer", "evader"),
     [
