@@ -52,7 +52,7 @@ def simplified(game: Game) -> Game:
 
     An array whose number no game allows stays what it is, for `solve` to give the reason in every row.
     """
-    if not any(map(_is_single, parameters(game).values())):
+    if not any(isinstance(value, np.ndarray) for value in parameters(game).values()):
         return game
     try:
         return for_rows(game, lambda value: value.item(0) if _is_single(value) else value)

@@ -215,7 +215,7 @@ def bench_zeros(count: int) -> None:
     games = {"none": GAME, "zeros": replace(GAME, capture_radius_m=np.zeros(count))}
     for kind, given in (("PE", states[:2]), ("TAD", states)):
         answer, took = solve(GAME, *given), dict.fromkeys(games, math.inf)
-        for _ in range(15):  # in turns
+        for _ in range(30):  # in turns
             for name, game in games.items():
                 started = time.process_time()
                 solve(game, *given, out=answer)
