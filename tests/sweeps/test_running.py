@@ -63,7 +63,7 @@ def test_an_executor_that_stops_half_way_leaves_whole_chunks_and_the_rest_is_the
     assert files(run(plan, tmp_path / "out", chunk=None)) == files(run(plan, tmp_path / "whole"))
 
 
-@pytest.mark.slow
+@pytest.mark.flight
 def test_a_sweep_killed_without_warning_goes_on_where_it_was(short, tmp_path):
     many = (short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 15")
     (short / "sweep.toml").write_text(many)
@@ -83,7 +83,7 @@ def test_a_sweep_killed_without_warning_goes_on_where_it_was(short, tmp_path):
     assert complete == files(run(plan, tmp_path / "whole", chunk=4))
 
 
-@pytest.mark.slow
+@pytest.mark.flight
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_it_with_its_code_and_what_was_written_stays(short, tmp_path, number, code):
     (short / "sweep.toml").write_text((short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 500"))
