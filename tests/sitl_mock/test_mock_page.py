@@ -72,7 +72,6 @@ def test_the_fleet_file_has_every_key_and_flies():
     assert vehicles["uav1"].autopilot.parameters["MPC_XY_VEL_MAX"] == 8.0
 
 
-@pytest.mark.slow
 def test_the_suite_of_the_recipe_passes_with_the_plugin_alone(tmp_path):
     (tmp_path / "test_recipe.py").write_text("\n\n".join(blocks("python")), encoding="utf-8")
     done = subprocess.run(

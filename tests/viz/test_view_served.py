@@ -101,7 +101,6 @@ def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else
     until(lambda: not any(map(is_running, pids)))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("end", ["our end", "kill -9"])
 def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
     child, _, pids = served
@@ -127,7 +126,6 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
     assert not any(map(is_running, pids))
 
 
-@pytest.mark.slow
 def test_a_mocked_flight_is_viewed_while_it_is_flown_and_afterwards_until_it_is_ended(tmp_path):
     scenario = Path(__file__).parents[1] / "data" / "near_chase.toml"
     program = "from guidance.cli import main; main()"
@@ -202,7 +200,6 @@ def test_with_several_daemons_a_name_is_asked_for_and_nobody_is_one_clear_error(
         LiveFlight(join_session(endpoint), "uav9")
 
 
-@pytest.mark.slow
 def test_the_command_shows_a_daemon_live(bus, record):
     """The whole way: a broadcast, `guidance view --live` as its own process, and an end by signal."""
     (broadcast, other), endpoint = bus
