@@ -9,6 +9,7 @@ import os
 import socket
 import termios
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
@@ -52,10 +53,54 @@ class Tail:
         self._rest = b""
 
 
-class TcpWire:
-    """One connection at a time, made anew when it breaks: we call again, or take the next caller."""
+class _StreamWire(ABC):
+    """What is read by a thread of its own, and written without waiting; the lock lies between the two."""
 
     stream = True
+
+    def __init__(self) -> None:
+        self._closed = False
+        self._lock = threading.Lock()
+        self._tail = Tail(self._write)
+
+    def _begin(self, clock: Clock, on_arrival: Wake | None, *, name: str) -> None:
+        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
+        self._reader = Reader(self._read, self._arrivals, name=name)
+
+    @abstractmethod
+    def _read(self) -> bytes: ...
+
+    @abstractmethod
+    def _write(self, data: bytes) -> int: ...
+
+    @abstractmethod
+    def _release(self) -> None: ...
+
+    def receive(self) -> Sequence[tuple[float, bytes]]:
+        """Pieces of the stream since the last call."""
+        return self._arrivals.take()
+
+    def send(self, frame: bytes) -> None:
+        """Write one frame; what is not taken of it at once goes before the next, which is dropped if it must."""
+        with self._lock:
+            if not self._closed:
+                self._tail.send(frame)
+
+    def counters(self) -> Mapping[str, int]:
+        """Frames sent and not sent, and pieces dropped for want of room."""
+        dropped = self._arrivals.dropped
+        return {"wire_sent": self._tail.sent, "wire_unsent": self._tail.unsent, "wire_dropped": dropped}
+
+    def close(self) -> None:
+        """End the reader, then what it read."""
+        if not self._closed:
+            self._closed = True
+            self._reader.close()
+            self._release()
+
+
+class TcpWire(_StreamWire):
+    """One connection at a time, made anew when it breaks: we call again, or take the next caller."""
 
     def __init__(
         self,
@@ -72,12 +117,11 @@ class TcpWire:
         Raises:
             LinkError: If nobody answers within `timeout_s`, or the port cannot be had.
         """
+        super().__init__()
         self._address = (host, port)
-        self._lock = threading.Lock()
         self._writer: socket.socket | None = None
         self._server: socket.socket | None = None
         self._peer: socket.socket | None = None
-        self._closed = False
         try:
             if listen:
                 self._server = socket.create_server((host, port), backlog=1)
@@ -87,10 +131,8 @@ class TcpWire:
         except OSError as error:
             advice = "choose another port or end what uses it" if listen else "is the vehicle there and the port right?"
             raise LinkError(f"tcp {host}:{port}: {error}; {advice}") from error
-        self._tail = Tail(self._write)
         self._pick_up()
-        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
-        self._reader = Reader(self._read, self._arrivals, name=f"tcp {host}:{port}")
+        self._begin(clock, on_arrival, name=f"tcp {host}:{port}")
 
     @staticmethod
     def _tuned(peer: socket.socket) -> socket.socket:
@@ -147,36 +189,14 @@ class TcpWire:
             raise ConnectionError("nobody there")
         return self._writer.send(data)
 
-    def receive(self) -> Sequence[tuple[float, bytes]]:
-        """Pieces of the stream since the last call."""
-        return self._arrivals.take()
-
-    def send(self, frame: bytes) -> None:
-        """Write one frame, or nothing of it if the kernel is full or nobody is there."""
-        with self._lock:
-            if not self._closed:
-                self._tail.send(frame)
-
-    def counters(self) -> Mapping[str, int]:
-        """Frames sent and not sent, and pieces dropped for want of room."""
-        dropped = self._arrivals.dropped
-        return {"wire_sent": self._tail.sent, "wire_unsent": self._tail.unsent, "wire_dropped": dropped}
-
-    def close(self) -> None:
-        """End the reader, then the sockets."""
-        if self._closed:
-            return
-        self._closed = True
-        self._reader.close()
+    def _release(self) -> None:
         self._hang_up()
         if self._server is not None:
             self._server.close()
 
 
-class SerialWire:
+class SerialWire(_StreamWire):
     """One port, opened for ourselves alone, and opened again when it comes back after being unplugged."""
-
-    stream = True
 
     def __init__(self, clock: Clock, *, device: str, baud: int, on_arrival: Wake | None = None) -> None:
         """Open the port.
@@ -184,6 +204,7 @@ class SerialWire:
         Raises:
             LinkError: If it is not there, is in use, or cannot do this speed.
         """
+        super().__init__()
         try:
             self._port = serial.Serial(device, baud, timeout=_WAIT_S, write_timeout=0, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
@@ -191,11 +212,7 @@ class SerialWire:
                 f"serial {device}:{baud}: {error}; is it plugged in, free, able to do this speed, and may you open it "
                 "(the group dialout, as a rule)?"
             ) from error
-        self._closed = False
-        self._lock = threading.Lock()
-        self._tail = Tail(self._write)
-        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
-        self._reader = Reader(self._read, self._arrivals, name=f"serial {device}")
+        self._begin(clock, on_arrival, name=f"serial {device}")
 
     def _read(self) -> bytes:
         try:
@@ -215,24 +232,5 @@ class SerialWire:
     def _write(self, data: bytes) -> int:
         return os.write(self._port.fileno(), data)  # pyserial's own write spins while the port is full
 
-    def receive(self) -> Sequence[tuple[float, bytes]]:
-        """Pieces of the stream since the last call."""
-        return self._arrivals.take()
-
-    def send(self, frame: bytes) -> None:
-        """Write one frame; what the port does not take at once waits for the next, which is dropped if it must."""
-        with self._lock:
-            if not self._closed:
-                self._tail.send(frame)
-
-    def counters(self) -> Mapping[str, int]:
-        """Frames sent and not sent, and pieces dropped for want of room."""
-        dropped = self._arrivals.dropped
-        return {"wire_sent": self._tail.sent, "wire_unsent": self._tail.unsent, "wire_dropped": dropped}
-
-    def close(self) -> None:
-        """End the reader, then the port."""
-        if not self._closed:
-            self._closed = True
-            self._reader.close()
-            self._port.close()
+    def _release(self) -> None:
+        self._port.close()
