@@ -18,6 +18,8 @@ from tests.harness.silences import silences
 
 NEAR = Path(__file__).parents[1] / "data" / "near_chase.toml"
 GUIDANCE = Path(sys.executable).parent / "guidance"
+PAUSE_TO_VALUE = 0.4
+"""What one pause takes of a flight of 6.6 s: stop, stand for a second and be up to speed again."""
 
 
 def start(folder, *arguments):
@@ -71,7 +73,8 @@ def test_a_pursuit_is_flown_in_real_time_over_mavlink_and_zenoh(tmp_path, link):
     out, err = process.communicate(timeout=120)
     assert process.returncode == 0, out + err + silences(tmp_path / "out" / "record.mcap")
     assert "captured" in out
-    assert 0.85 < float(re.search(r"flown / predicted +([\d.]+)", out)[1]) < 1.15
+    pauses = len(re.findall(r"paused: loop late$", out, re.MULTILINE))  # of this machine's; none where it has time
+    assert 0.85 < float(re.search(r"flown / predicted +([\d.]+)", out)[1]) < 1.15 + PAUSE_TO_VALUE * pauses, out
     with (tmp_path / "out" / "record.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     sent = int(re.search(r"setpoints sent +(\d+)", out)[1])
