@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from guidance.files import private_file
 from guidance.sweeps.statistics import share
 from guidance.sweeps.tally import Tally, Worst
-from guidance.viz.figures import figure_of, literal
+from guidance.viz.figures import figure_of
 
 _DPI: Final = 160
 _STYLES: Final = (
@@ -67,7 +67,7 @@ def key_label(column: str) -> str:
 
 def _figure(title: str, rows: int, columns: int) -> tuple[Figure, Any]:
     figure = figure_of(max(7.0, 3.4 * columns), 1.2 + 3.0 * rows)
-    figure.suptitle(literal("\n".join(textwrap.wrap(title, 80))), fontsize=12)
+    figure.suptitle("\n".join(textwrap.wrap(title, 80)), fontsize=12)
     axes = figure.subplots(rows, columns, squeeze=False)
     for one in axes.ravel():
         one.grid(visible=True, linewidth=0.3)

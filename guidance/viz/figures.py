@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from guidance.errors import ConfigError, OutputError
 from guidance.frames import Vector
@@ -34,9 +35,18 @@ MOST_POINTS: Final = 3000
 """A curve has no more points than this: a picture is looked at, not measured."""
 
 
+class _Figure(Figure):
+    """A figure in which every text is read as it is written: a dollar sign in somebody's title begins no formula."""
+
+    def draw(self, renderer: Any) -> None:  # noqa: ANN401 - Matplotlib has no word for it
+        for text in self.findobj(Text):
+            text.set_parse_math(False)
+        super().draw(renderer)
+
+
 def figure_of(width: float, height: float) -> Figure:
     """Return an empty figure, inches."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = _Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -46,11 +56,6 @@ def space_and_plan() -> tuple[Figure, Any, Any]:
     figure = figure_of(12.0, 6.4)
     grid = figure.add_gridspec(1, 3, width_ratios=[1.0, 0.06, 0.9])  # room for the label of the height
     return figure, figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[2])
-
-
-def literal(text: str) -> str:
-    """Return a text of somebody's as it is to be read: a dollar sign begins no formula."""
-    return text.replace("$", r"\$")
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -34,7 +34,6 @@ from guidance.viz.figures import (
     label_space,
     legend_below,
     lifted,
-    literal,
     save,
     space_and_plan,
 )
@@ -58,7 +57,7 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     label_plan(plan)
     home_x, home_y = scenario.home_m
     draw_fence(plan, [circle((home_x, home_y, 0.0), scenario.limits.fence_radius_m, 361)], 0.0, 2)
-    figure.suptitle(literal(scenario.title))
+    figure.suptitle(scenario.title)
     legend_below(figure, plan)
     save(figure, path)
 
@@ -123,7 +122,7 @@ def draw(result: FlightResult, outcome: Outcome, path: Path) -> None:
     for axes, dimensions in ((space, 3), (plan, 2)):
         draw_fence(axes, chase.fence, chase.fence_height_m, dimensions)
     label_space(space)
-    figure.suptitle(literal(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}"))
+    figure.suptitle(f"{outcome.scenario}: {ending_words(outcome)}, {_score(outcome)}")
     legend_below(figure, plan)
     with contextlib.suppress(OSError):  # `save` says what cannot be written
         private_file(path)

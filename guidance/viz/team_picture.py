@@ -16,7 +16,7 @@ from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.discs import Discs, rim
 from guidance.sim.team_maths import opening_of, played_teams
 from guidance.sim.teams import Teams, TeamScenario, teams_of
-from guidance.viz.figures import figure_of, literal, save
+from guidance.viz.figures import figure_of, save
 from guidance.viz.shapes import Array
 
 _EVADERS = ("#0b5fa5", "#2e7d32", "#8e44ad", "#c77800", "#00838f", "#ad1457", "#5d4037", "#546e7a")
@@ -44,7 +44,7 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(visible=True, linewidth=0.3)
     axes.set_axisbelow(True)
-    figure.suptitle(literal(scenario.title), fontsize=13)
+    figure.suptitle(scenario.title, fontsize=13)
     axes.set_title(_said(scenario, matching, played), fontsize=10, color="0.3")
     figure.legend(*_once(axes), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     save(figure, path)

@@ -6,7 +6,7 @@ from guidance.errors import OutputError
 from guidance.flight import State
 from guidance.session.result import FlightResult, outcome_of_flight
 from guidance.sweeps.drawing import _figure
-from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, literal, save, space_and_plan, thinned
+from guidance.viz.figures import MOST_POINTS, draw_fence, figure_of, save, space_and_plan, thinned
 from guidance.viz.scenario_picture import draw, draw_scenario
 from guidance.viz.shapes import circle
 from tests.harness.flights import NEAR
@@ -15,14 +15,27 @@ IN_VIEW, FAR = circle((0.0, 0.0, 0.0), 8.0), circle((0.0, 0.0, 0.0), 300.0)
 
 
 @pytest.mark.parametrize("title", [r"$\frac{", r"$\frac{$", "$1 or 2$", r"costs 3$ \alpha", "ordinary"])
-def test_a_title_is_read_as_it_is_written(tmp_path, title):
-    figure = figure_of(2.0, 1.0)
-    text = figure.suptitle(literal(title))
+def test_a_text_is_read_as_it_is_written(tmp_path, title):
+    """Whatever it is in: the title, an axis's name, its ticks, a label of a line or a note."""
+    figure = figure_of(4.0, 3.0)
+    axes = figure.subplots()
+    axes.plot([0.0, 1.0], label=title)
+    axes.set(title=title, xlabel=title)
+    axes.set_xticks([0.0], [title])
+    texts = [
+        figure.suptitle(title),
+        axes.annotate(title, (0.0, 0.5)),
+        axes.title,
+        axes.xaxis.label,
+        *axes.get_xticklabels(),
+        *axes.legend().get_texts(),
+    ]
     save(figure, tmp_path / "a.png")
-    plain = figure.suptitle(title)
-    plain.set_parse_math(False)
-    drawn, meant = (one.get_window_extent().width for one in (text, plain))
-    assert drawn == pytest.approx(meant, rel=0.05)
+    figure.canvas.draw()  # at its own resolution, in which the widths are
+    for text in texts:
+        meant = figure.text(0.0, 0.0, title, parse_math=False, fontproperties=text.get_fontproperties())
+        drawn_px, meant_px = (one.get_window_extent().width for one in (text, meant))
+        assert drawn_px == pytest.approx(meant_px, rel=0.05)
     assert (tmp_path / "a.png").stat().st_size > 0
 
 

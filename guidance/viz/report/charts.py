@@ -18,7 +18,6 @@ from guidance.viz.figures import (
     label_space,
     legend_below,
     legend_beside,
-    literal,
     panels,
     thinned,
 )
@@ -197,7 +196,7 @@ def events(story: Story) -> Figure:
         right = event.now_s < middle_s
         words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.detail})" if event.detail else "")
         axes.annotate(
-            literal(words),
+            words,
             (event.now_s, row),
             xytext=(7 if right else -7, 0),
             textcoords="offset points",
