@@ -1,7 +1,7 @@
 """Every number of the package at fixed states, beside those kept in tests/data/games_reference.npz.
 
 The other tests say what is right, from the definitions; this one says that nothing else has changed, to 1e-9. After a
-change that is meant to change results: `python tests/game/test_reference.py`.
+change that is meant to change results: `python tests/game/test_solution_reference.py`.
 """
 
 from functools import partial

@@ -1,0 +1,55 @@
+"""The recorder's thread: whole behind the loop's back, and of no harm to it where a disk is full or stands still."""
+
+import errno
+import threading
+
+import pytest
+from mcap.reader import make_reader
+
+from guidance.flight import State
+from guidance.log.entries import CycleEntry, InputsEntry
+from guidance.log.record import MOST_WAITING, BackgroundRecorder
+from guidance.log.writer import Recorder
+
+READY = CycleEntry(0.0, State.READY, InputsEntry((), (), ()), ())
+
+
+def test_a_record_is_written_behind_the_loops_back_and_whole(tmp_path):
+    path = tmp_path / "record.mcap"
+    recorder = BackgroundRecorder(Recorder(path, {}))
+    for number in range(200):
+        recorder.cycle(READY._replace(now_s=0.02 * number))
+    recorder.frame(1.0, "uav1/mavlink_raw/in", b"\xfd")
+    recorder.event(2.0, "armed")
+    recorder.close()
+    recorder.close()
+    assert recorder.failed is None
+    with path.open("rb") as stream:
+        assert make_reader(stream).get_summary().statistics.message_count == 202
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), ValueError("no such row")])
+def test_a_record_that_fails_is_reported_and_disturbs_nobody(tmp_path, monkeypatch, error):
+    inner = Recorder(tmp_path / "record.mcap", {})
+
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr(inner, "cycle", fail)
+    recorder = BackgroundRecorder(inner)
+    for _ in range(10):
+        recorder.cycle(READY)
+    recorder.close()
+    assert str(error) in recorder.failed
+
+
+def test_a_disk_that_stands_still_costs_rows_and_never_the_loop(tmp_path, monkeypatch):
+    inner = Recorder(tmp_path / "record.mcap", {})
+    go = threading.Event()
+    monkeypatch.setattr(inner, "cycle", lambda *_: go.wait(10.0))
+    recorder = BackgroundRecorder(inner)
+    for _ in range(MOST_WAITING + 100):
+        recorder.cycle(READY)
+    assert recorder.dropped >= 99
+    go.set()
+    recorder.close()
