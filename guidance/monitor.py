@@ -119,8 +119,8 @@ def watch(
     memory = memory._replace(winner=certificate.winner)
     if (with_target and certificate.winner == Winner.EVADER) or certificate.meeting_time_s < ARRIVAL_S:
         return memory._replace(since_s=None), None
-    slack = _slack(certificate, speed_m_s, slack_s, with_target=with_target)
-    memory, lost = _compare(memory, now_s, _cost(now_s, certificate, with_target=with_target), slack)
+    cost, slack = _watched(now_s, certificate, speed_m_s, slack_s, with_target=with_target)
+    memory, lost = _compare(memory, now_s, cost, slack)
     if lost is None:
         return memory, None
     return memory, Alarm(Violation.EVADER_CLOSER if with_target else Violation.CAPTURE_LATER, lost)
@@ -151,16 +151,16 @@ def _lasts(memory: MonitorMemory, now_s: float) -> bool:
     return memory.since_s is not None and now_s - memory.since_s >= LASTING_S
 
 
-def _cost(now_s: float, certificate: Certificate, *, with_target: bool) -> float:
-    """Return what must not rise: the time of capture, or L turned around, with what accelerating costs taken twice."""
-    if with_target:
-        return certificate.value - 2.0 * certificate.assured_distance_m
-    return 2.0 * certificate.time_needed_s - certificate.value + now_s
+def _watched(
+    now_s: float, certificate: Certificate, speed_m_s: float, slack_s: float, *, with_target: bool
+) -> tuple[float, float]:
+    """Return what must not rise, with what accelerating costs taken twice, and how much of that may be lost.
 
-
-def _slack(certificate: Certificate, speed_m_s: float, slack_s: float, *, with_target: bool) -> float:
-    """Return what may be lost: s of the time of capture, or m of L, the evader's way in that time."""
+    It is the time of capture, s; or, in m, L turned around, and for each second the evader's way in it.
+    """
     evader_m_s = speed_m_s / certificate.speed_ratio
     scatter_m = SCATTER_M + SCATTER_M_S * certificate.meeting_time_s
     slack_s += scatter_m / (speed_m_s - evader_m_s)
-    return slack_s * evader_m_s if with_target else slack_s
+    if with_target:
+        return certificate.value - 2.0 * certificate.assured_distance_m, slack_s * evader_m_s
+    return 2.0 * certificate.time_needed_s - certificate.value + now_s, slack_s

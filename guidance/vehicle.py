@@ -91,22 +91,22 @@ def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     are counted from where it was when the vehicle armed.
     """
     for message in messages:
-        if is_plausible(message) and not isinstance(message, CommandAck | StatusText):
-            state = _folded(state, message)
+        changed = _told_by(message, state) if is_plausible(message) else None
+        if changed is not None:
+            state = state._replace(latest={**state.latest, type(message): message}, **changed)
     return state
 
 
-def _folded(state: VehicleState, message: Message) -> VehicleState:
-    changed: dict[str, Any] = {}
+def _told_by(message: Message, state: VehicleState) -> dict[str, Any] | None:
+    """Return which fields of the state a message changes, besides being the latest; None if it is passed over."""
+    changed: dict[str, Any] | None = {}
     match message:
         case LocalPosition():
-            return _at_position(state, message)
+            changed = _told_by_position(message, state)
         case Attitude():
             changed = {"yaw_rad": message.yaw_rad}
-        case Home() if state.home_taken and state.armed:
-            return state
         case Home():
-            changed = {"home_taken": state.armed}
+            changed = None if state.home_taken and state.armed else {"home_taken": state.armed}
         case Odometry(received_s, counter):
             held = state.last(Odometry)
             if held is not None and held.reset_counter != counter:
@@ -114,11 +114,9 @@ def _folded(state: VehicleState, message: Message) -> VehicleState:
         case Heartbeat():
             taken = message.armed and (state.home_taken or _home_is_here(state, message))
             changed = {"armed": message.armed, "home_taken": taken}
-    return _with(state, message, **changed)
-
-
-def _with(state: VehicleState, message: Message, **changed: Any) -> VehicleState:  # noqa: ANN401 - fields of the state
-    return state._replace(latest={**state.latest, type(message): message}, **changed)
+        case CommandAck() | StatusText():
+            changed = None
+    return changed
 
 
 def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
@@ -131,30 +129,27 @@ def _home_is_here(state: VehicleState, now: Heartbeat) -> bool:
     return math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
 
 
-def _at_position(state: VehicleState, now: LocalPosition) -> VehicleState:
-    """Take in a position, if it is news, and count the jump or the reboot that it shows."""
+def _told_by_position(now: LocalPosition, state: VehicleState) -> dict[str, Any] | None:
+    """Return what a position changes, the jump or the reboot that it shows; None if it is no news."""
     held = state.last(LocalPosition)
     if held is None:
-        return _with(state, now)
+        return {}
     step_s = now.time_boot_s - held.time_boot_s
     if -_REBOOT_S <= step_s <= 0.0:
-        return state
+        return None
     if step_s < 0.0:
-        return _with(state, now, reboots=state.reboots + 1)
-    acceleration_ned_m_s2 = _smoothed(state.acceleration_ned_m_s2, held, now, step_s)
+        return {"reboots": state.reboots + 1}
+    changed: dict[str, Any] = {"acceleration_ned_m_s2": _smoothed(state.acceleration_ned_m_s2, held, now, step_s)}
     jump = _jump_ned_m(held, now, step_s)
-    if jump is None:
-        return _with(state, now, acceleration_ned_m_s2=acceleration_ned_m_s2)
-    north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
-    return _with(
-        state,
-        now,
-        acceleration_ned_m_s2=acceleration_ned_m_s2,
-        resets=state.resets + 1,
-        reset_s=now.received_s,
-        jumped_ned_m=(north, east, down),
-        jumped_boot_s=now.time_boot_s,
-    )
+    if jump is not None:
+        north, east, down = (total + part for total, part in zip(state.jumped_ned_m, jump, strict=True))
+        changed |= {
+            "resets": state.resets + 1,
+            "reset_s": now.received_s,
+            "jumped_ned_m": (north, east, down),
+            "jumped_boot_s": now.time_boot_s,
+        }
+    return changed
 
 
 def _smoothed(before_m_s2: Vector, held: LocalPosition, now: LocalPosition, step_s: float) -> Vector:

@@ -26,7 +26,7 @@ from guidance.flight.table import (
     State,
     next_state,
 )
-from guidance.flight.tracking import Tracking
+from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.messages import Setpoint
 from guidance.vehicle import VehicleState
 
@@ -176,7 +176,8 @@ class Flight:
             self._operator_s = now_s
 
         heard.take_in(inputs, in_flight=self.state not in BEFORE_FLIGHT)
-        playing.begin_cycle(heard)
+        if heard.moved_ned_m != NOWHERE:
+            playing.move(heard.moved_ned_m)
         if heard.beats:
             self._note_modes()
         happenings = tuple(self._follow(inputs, dt_s))

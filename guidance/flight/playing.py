@@ -40,15 +40,26 @@ class Playing:
         if after is State.ON_STATION:
             self._monitor = MonitorMemory()  # the promise is kept: an evader that gets away begins a new one
 
-    def begin_cycle(self, heard: Heard) -> None:
-        """Begin a cycle: what is remembered of places moves with the local frame."""
-        self.alarm = None
-        if any(heard.moved_ned_m):
-            self._memory = _shifted(self._memory, heard.moved_ned_m)
+    def move(self, by_ned_m: Vector) -> None:
+        """Move what is remembered of places (what a hover holds, and the drift's position) with the local frame.
+
+        The vehicle is then held where it is, not sent to where it now believes that it was.
+        """
+        north_m, east_m, down_m = by_ned_m
+        memory = self._memory
+        drift, place, height = memory.follow.drift, memory.place, memory.height
+        if drift.position_ned_m is not None:
+            north, east, down = drift.position_ned_m
+            drift = drift._replace(position_ned_m=(north + north_m, east + east_m, down + down_m))
+        self._memory = memory._replace(
+            follow=memory.follow._replace(drift=drift),
+            place=None if place is None else (place[0] + north_m, place[1] + east_m),
+            height=None if height is None else height._replace(down_m=height.down_m + down_m),
+        )
 
     def silent(self) -> None:
         """Make no setpoint in this cycle."""
-        self.evader = None
+        self.evader = self.alarm = None
 
     def setpoint(self, heard: Heard, state: State, now_s: float, dt_s: float, *, battery_needed: float) -> Setpoint:
         """Make this cycle's setpoint.
@@ -63,7 +74,7 @@ class Playing:
         Raises:
             ValueError: If the vehicle has not told where it is.
         """
-        settings = self._settings
+        settings, self.alarm = self._settings, None
         local, position_ned_m = heard.local, heard.position_ned_m
         if local is None or position_ned_m is None:
             raise ValueError("a setpoint needs the vehicle's position")
@@ -101,26 +112,3 @@ class Playing:
                 speed_m_s=self._settings.cycle.ground_speed_m_s,
                 slack_s=self._settings.guarantee_slack_s,
             )
-
-
-def _shifted(memory: CycleMemory, jump_ned_m: Vector) -> CycleMemory:
-    """Shift the place and the height that a hover holds, and the drift's position, by a jump of the estimate.
-
-    The vehicle is then held where it is, not sent to where it now believes that it was.
-
-    Args:
-        memory: Of the cycle before the jump.
-        jump_ned_m: By how much the estimate jumped, metres.
-    """
-    north_m, east_m, down_m = jump_ned_m
-    if not any(jump_ned_m):
-        return memory
-    drift, place, height = memory.follow.drift, memory.place, memory.height
-    if drift.position_ned_m is not None:
-        north, east, down = drift.position_ned_m
-        drift = drift._replace(position_ned_m=(north + north_m, east + east_m, down + down_m))
-    return memory._replace(
-        follow=memory.follow._replace(drift=drift),
-        place=None if place is None else (place[0] + north_m, place[1] + east_m),
-        height=None if height is None else height._replace(down_m=height.down_m + down_m),
-    )
