@@ -1,14 +1,16 @@
 """What every link does whatever its library: frame, decode, join, answer, ask again, count.
 
-One wire is heard and one vehicle on it; everybody else is dropped and counted. What is to be sent leaves through the
-`send` function of the link, MAVSDK's or pymavlink's.
+One wire is heard and one vehicle on it; everybody else is dropped and counted. What a link adds is how it sends, by
+MAVSDK or by pymavlink.
 """
 
+from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from guidance.links import encode
+from guidance.links.arrivals import Clock
 from guidance.links.decode import DECODERS, Fields, OpenText, decode, expire_text, join_text, parameter
 from guidance.links.framing import CRC_EXTRA, IDS, NAMES, Frame, Framer, fields_of
 from guidance.links.port import Wire
@@ -16,7 +18,6 @@ from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
 from guidance.plausible import is_plausible
 
-Send = Callable[[str, dict[str, Any]], None]
 Admit = Callable[[Frame], str | None]
 """Sees each of the vehicle's frames first; a word says why one is not heard, and is counted."""
 
@@ -32,21 +33,24 @@ class Address(NamedTuple):
     component_id: int
 
 
-class Conversation:
-    """One vehicle's messages, in order of arrival, bounded; our requests to it, repeated until answered."""
+class Conversation(ABC):
+    """One vehicle's messages, in order of arrival, bounded; our requests to it, repeated until answered.
 
-    def __init__(self, wire: Wire, send: Send, admit: Admit | None, *, vehicle: Address, own: Address) -> None:
-        """Begin to hear a wire.
+    It is a `VehicleLink` but for its own HEARTBEAT, and its methods are documented there.
+    """
+
+    def __init__(self, wire: Wire, clock: Clock, admit: Admit | None, *, vehicle: Address, own: Address) -> None:
+        """Take over a wire, which is closed with the link.
 
         Args:
             wire: Where the vehicle and others speak.
-            send: Puts a message, by name and fields, on the wire.
+            clock: By which time passes; its time alone.
             admit: What the vehicle's frames pass first; None lets all of them through.
             vehicle: Who is heard.
             own: Who we are: what is addressed to another station is not for us.
         """
         self._wire = wire
-        self._send = send
+        self._clock = clock
         self._admit = admit
         self._vehicle = vehicle
         self._own = own
@@ -62,14 +66,33 @@ class Conversation:
         """System ids of whoever else speaks, to name them in an error."""
         self.counts: Counter[str] = Counter()
 
-    def poll(self, now_s: float) -> None:
+    @abstractmethod
+    def _send(self, name: str, fields: dict[str, Any]) -> None:
+        """Put a message, by name and fields, on the wire."""
+
+    @property
+    def heard(self) -> bool:
+        """Whether a HEARTBEAT of the vehicle was heard."""
+        return self.heartbeats > 0
+
+    def receive(self) -> Sequence[Message]:
+        """All messages of the vehicle since the last call, oldest first."""
+        self.poll()
+        messages = list(self._inbox)
+        self._inbox.clear()
+        return messages
+
+    def poll(self) -> None:
         """Read the wire and keep what comes for the next `receive`; send what is due."""
         if self._closed:
             return
         for received_s, data in self._wire.receive():
             for frame in self._framer.feed(data, stream=self._wire.stream):
                 self._take_in(frame, received_s)
-        self.tend(now_s)
+        self._tend(self._clock())
+        while len(self._inbox) > MOST_KEPT:
+            self._inbox.popleft()
+            self.counts["overflowed"] += 1
 
     def _take_in(self, frame: Frame, received_s: float) -> None:
         if (frame.system_id, frame.component_id) != self._vehicle:
@@ -96,11 +119,11 @@ class Conversation:
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
             self._open_text, texts = join_text(self._open_text, fields, received_s)
-            self._keep(*texts)
+            self._inbox.extend(texts)
         elif name == "TIMESYNC":
             answer, reply = self._timesync.hear(fields, received_s)
             if answer is not None:
-                self._keep(answer)
+                self._inbox.append(answer)
             if reply is not None:
                 self._send("TIMESYNC", reply)
         elif name == "PARAM_VALUE":
@@ -108,9 +131,11 @@ class Conversation:
             self._requests.parameter_came(value.name)
             if not is_plausible(value):
                 raise ValueError(f"{value}: cannot be meant")
-            self._keep(value)
+            self._inbox.append(value)
         else:
-            self._note(decode(name, fields, received_s))
+            message = decode(name, fields, received_s)
+            self._note(message)
+            self._inbox.append(message)
 
     def _is_for_us(self, fields: Fields) -> bool:
         """A message with target fields (COMMAND_ACK) may answer another station; 0 addresses all."""
@@ -118,6 +143,7 @@ class Conversation:
         return system_id in (0, self._own[0]) and component_id in (0, self._own[1])
 
     def _note(self, message: Message) -> None:
+        """Note who speaks, and what is answered."""
         if isinstance(message, Heartbeat):
             self.autopilot = message.autopilot
             self.heartbeats += 1
@@ -127,35 +153,20 @@ class Conversation:
             self._requests.fence_came(message.sequence if isinstance(message, FenceItem) else None)
         elif isinstance(message, FenceRefused):
             self._requests.fence_refused()
-        self._keep(message)
 
-    def _keep(self, *messages: Message) -> None:
-        for message in messages:
-            if len(self._inbox) >= MOST_KEPT:
-                self._inbox.popleft()
-                self.counts["overflowed"] += 1
-            self._inbox.append(message)
-
-    def tend(self, now_s: float) -> None:
+    def _tend(self, now_s: float) -> None:
         """Send what is due: requests not answered yet, and our TIMESYNC question once the vehicle was heard."""
         if self._open_text is not None:
             self._open_text, texts = expire_text(self._open_text, now_s)
-            self._keep(*texts)
+            self._inbox.extend(texts)
         for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
             self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._vehicle._asdict()))
             self.counts["requests_sent"] += 1
         if self.heartbeats and now_s >= self._timesync.next_ask_s:
             self._send("TIMESYNC", self._timesync.ask(now_s))
 
-    def receive(self, now_s: float) -> list[Message]:
-        """Poll, and return all messages since the last call, oldest first."""
-        self.poll(now_s)
-        messages = list(self._inbox)
-        self._inbox.clear()
-        return messages
-
-    def request(self, request: Request, now_s: float) -> None:
-        """Send a request now; what only asks is repeated until it is answered.
+    def request(self, request: Request) -> None:
+        """Send a command, once, or a question, which is repeated from `receive` until it is answered.
 
         Raises:
             ValueError: If it cannot be sent as it is.
@@ -164,20 +175,20 @@ class Conversation:
             return
         encode.request(request, attempt=0, autopilot=self.autopilot, **self._vehicle._asdict())
         self._requests.add(request)
-        self.tend(now_s)
+        self._tend(self._clock())
 
-    def setpoint(self, setpoint: Setpoint, now_s: float) -> None:
-        """Send exactly one setpoint frame.
+    def send_setpoint(self, setpoint: Setpoint) -> None:
+        """Put one setpoint frame on the wire, now.
 
         Raises:
             ValueError: If it is not finite; nothing is sent then.
         """
         if not self._closed:
-            self._send(*encode.setpoint(setpoint, now_s=now_s, **self._vehicle._asdict()))
+            self._send(*encode.setpoint(setpoint, now_s=self._clock(), **self._vehicle._asdict()))
             self.counts["setpoints_sent"] += 1
 
     def counters(self) -> Mapping[str, int]:
-        """What was received, sent and dropped."""
+        """What was received, sent and dropped, and why."""
         reasons = ("foreign", "unused", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
         return {
             **dict.fromkeys((*reasons, "overflowed", "requests_sent", "setpoints_sent"), 0),

@@ -7,7 +7,8 @@ the vehicle's frames those that it needs to know the vehicle, and the answers to
 
 Setpoints and TIMESYNC go on the wire from here, at once: through MAVSDK's threads a frame takes 0.2 ms longer, and more
 while the loop is busy. The Offboard plugin would not do in any case, since it resends the last velocity at 20 Hz by
-itself: a guidance loop that hangs would fly on. All frames are numbered as one sender's. Nothing is called on MAVSDK
+itself: a guidance loop that hangs would fly on. Its `send_command` would not do either: it repeats a mode change
+blindly, whatever a pilot does meanwhile. All frames are numbered as one sender's. Nothing is called on MAVSDK
 after it was destroyed, which would be a segmentation fault.
 """
 
@@ -17,7 +18,6 @@ import json
 import logging
 import math
 import threading
-from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from mavsdk import Configuration, ConnectionResult, Mavsdk
@@ -31,7 +31,6 @@ from guidance.links.conversation import Address, Conversation
 from guidance.links.encode import Station
 from guidance.links.framing import CRC_EXTRA, IDS, Frame, first_frame
 from guidance.links.port import Wire
-from guidance.messages import Message, Request, Setpoint
 
 _SHOWN: Final = frozenset(
     IDS[name]
@@ -71,7 +70,7 @@ def route_to_logging() -> None:
         _cmavsdk_lib.mavsdk_log_subscribe(_callback, None)
 
 
-class MavsdkLink:
+class MavsdkLink(Conversation):
     """`VehicleLink` over MAVSDK 4.1 and a wire."""
 
     def __init__(
@@ -91,13 +90,9 @@ class MavsdkLink:
         """
         route_to_logging()
         own = Address(own_system_id or system_id, own_component_id)
-        self._wire = wire
-        self._clock = clock
-        self._vehicle = Address(system_id, component_id)
-        self._conversation = Conversation(wire, self._send, self._show, vehicle=self._vehicle, own=own)
+        super().__init__(wire, clock, self._show, vehicle=Address(system_id, component_id), own=own)
         self._station = Station(*own)
         self._numbering = threading.Lock()
-        self._closed = False
         self._direct: MavlinkDirect | None = None
         configuration = Configuration.create_manual(*own, True)
         self._mavsdk = Mavsdk(configuration)
@@ -123,21 +118,16 @@ class MavsdkLink:
     @property
     def heard(self) -> bool:
         """Whether a HEARTBEAT of the vehicle was heard, by us and by MAVSDK."""
-        return self._conversation.heartbeats > 0 and self._direct is not None
-
-    @property
-    def others(self) -> frozenset[int]:
-        """System ids of whoever else speaks on the wire."""
-        return frozenset(self._conversation.others)
+        return self.heartbeats > 0 and self._direct is not None
 
     def poll(self) -> None:
         """Read the wire and keep what comes for the next `receive`; send what is due."""
-        self._conversation.poll(self._clock())
+        super().poll()
         self._meet()
 
     def _meet(self) -> None:
         """MAVSDK knows a system some time after it saw its first HEARTBEAT."""
-        if self._direct is not None or self._closed or not self._conversation.heartbeats:
+        if self._direct is not None or self._closed or not self.heartbeats:
             return
         for system in self._mavsdk.get_systems():
             known = self._vehicle.component_id in system.component_ids()
@@ -145,13 +135,7 @@ class MavsdkLink:
                 self._direct = MavlinkDirect(system)
                 return
 
-    def receive(self) -> Sequence[Message]:
-        """All messages of the vehicle since the last call, oldest first."""
-        messages = self._conversation.receive(self._clock())
-        self._meet()
-        return messages
-
-    def _send(self, name: str, fields: Mapping[str, Any]) -> None:
+    def _send(self, name: str, fields: dict[str, Any]) -> None:
         if name in _AT_ONCE:
             with self._numbering:
                 self._wire.send(self._station.pack(name, fields))
@@ -162,36 +146,16 @@ class MavsdkLink:
         try:
             self._direct.send_message(MavlinkMessage(name, fields_json=json.dumps(plain)))
         except MavlinkDirectError:
-            self._conversation.counts["unsent"] += 1
-
-    def send_setpoint(self, setpoint: Setpoint) -> None:
-        """Put one setpoint frame on the wire, now.
-
-        Raises:
-            ValueError: If it is not finite; nothing is sent then.
-        """
-        self._conversation.setpoint(setpoint, self._clock())
-
-    def request(self, request: Request) -> None:
-        """Send a command, once, or a question, which is repeated from `receive` until it is answered.
-
-        MAVSDK's own `send_command` is not used: it repeats a mode change blindly, whatever a pilot does meanwhile.
-        """
-        self._conversation.request(request, self._clock())
+            self.counts["unsent"] += 1
 
     def send_heartbeat(self) -> None:
         """Nothing: MAVSDK sends ours once a second by itself."""
-
-    def counters(self) -> Mapping[str, int]:
-        """What was received, sent and dropped, and why."""
-        return self._conversation.counters()
 
     def close(self) -> None:
         """First nothing comes in any more and nothing is asked, then MAVSDK goes. May be called twice."""
         if self._closed:
             return
-        self._closed = True
-        self._conversation.close()
+        super().close()
         with contextlib.ExitStack() as stack:
             stack.callback(self._mavsdk.destroy)
             if self._direct is not None:
