@@ -31,8 +31,12 @@ class Arrivals(Generic[T]):
         self.dropped = 0
 
     def put(self, item: T) -> None:
-        """Stamp and keep; never waits for room, and does nothing once closed."""
-        now_s = self._clock()
+        """Stamp and keep, and wake the loop; never waits for room, and does nothing once closed."""
+        self.keep(self._clock(), item)
+        self.wake()
+
+    def keep(self, now_s: float, item: T) -> None:
+        """The same without waking anybody."""
         with self._lock:
             if self.closed:
                 return
@@ -40,6 +44,9 @@ class Arrivals(Generic[T]):
                 self._waiting.popleft()
                 self.dropped += 1
             self._waiting.append((now_s, item))
+
+    def wake(self) -> None:
+        """Say that something arrived."""
         if self._on_arrival is not None:
             self._on_arrival()
 
@@ -58,11 +65,10 @@ class Arrivals(Generic[T]):
 
 
 class Reader:
-    """Calls `read` until closed. `read` waits a short while at most, and returns b"" for nothing or raises OSError."""
+    """Calls `read` until closed. `read` waits a short while at most and keeps what came; it may raise OSError."""
 
-    def __init__(self, read: Callable[[], bytes], arrivals: Arrivals[bytes], *, name: str) -> None:
+    def __init__(self, read: Callable[[], None], *, name: str) -> None:
         self._read = read
-        self._arrivals = arrivals
         self._stop = threading.Event()
         self.errors = 0
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -70,14 +76,11 @@ class Reader:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            data = b""
             try:
-                data = self._read()
+                self._read()
             except OSError:
                 self.errors += 1
                 self._stop.wait(0.05)  # a refused or vanished peer may come back: neither spin nor give up
-            if data:
-                self._arrivals.put(data)
 
     def close(self) -> None:
         """End the thread and wait for it, so that nothing reads the socket when it is closed."""

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import LinkError
 from guidance.links import MemoryWire
 from guidance.links.arrivals import MOST_WAITING, Arrivals
+from guidance.links.wires import udp
 from guidance.links.wires.streams import SerialWire, Tail, TcpWire
 from guidance.links.wires.udp import UdpWire
 from guidance.links.wires.zenoh import ZenohWire
@@ -72,17 +73,17 @@ def test_sockets_and_ports_wake_the_loop_when_something_arrives():
     woken = {kind: threading.Event() for kind in ("tcp", "udp", "serial")}
     with contextlib.ExitStack() as stack:
         tcp = TcpWire(clock, host="127.0.0.1", port=0, listen=True, on_arrival=woken["tcp"].set)
-        udp = UdpWire(clock, host="127.0.0.1", port=0, listen=True, on_arrival=woken["udp"].set)
+        datagram = UdpWire(clock, host="127.0.0.1", port=0, listen=True, on_arrival=woken["udp"].set)
         serial = SerialWire(clock, device=os.ttyname(far), baud=57600, on_arrival=woken["serial"].set)
-        for wire in (tcp, udp, serial):
+        for wire in (tcp, datagram, serial):
             stack.enter_context(closing(wire))
         caller = stack.enter_context(socket.create_connection(("127.0.0.1", tcp.port)))
         datagrams = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         caller.sendall(FRAME)
-        datagrams.sendto(FRAME, ("127.0.0.1", udp.port))
+        datagrams.sendto(FRAME, ("127.0.0.1", datagram.port))
         os.write(near, FRAME)
         assert all(event.wait(2.0) for event in woken.values())
-        assert all(received(wire, FRAME) for wire in (tcp, udp, serial))
+        assert all(received(wire, FRAME) for wire in (tcp, datagram, serial))
     os.close(near)
     os.close(far)
 
@@ -189,6 +190,47 @@ def test_udp_out_hears_only_whom_it_called():
             theirs.sendto(b"\xfdfriend", address)
             assert received(wire, b"friend")
             assert wire.receive() == []
+
+
+class Asleep:
+    """A reader's thread that never gets its turn."""
+
+    def __init__(self, read, *, name):
+        pass
+
+    def close(self):
+        pass
+
+
+def test_udp_reads_what_came_this_moment_itself_a_bounded_number_and_waits_for_no_thread(monkeypatch):
+    monkeypatch.setattr(udp, "Reader", Asleep)
+    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
+    with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        said = [FRAME, *(b"%d" % n for n in range(40))]
+        for data in said:
+            vehicle.sendto(data, ("127.0.0.1", wire.port))
+        pieces = [[data for _, data in wire.receive()] for _ in range(4)]
+        assert [len(one) for one in pieces] == [16, 16, 9, 0]
+        assert [data for one in pieces for data in one] == said
+        vehicle.sendto(FRAME, ("127.0.0.1", wire.port))
+        with wire._reading:  # the other thread's turn
+            assert wire.receive() == []
+        assert [data for _, data in wire.receive()] == [FRAME]
+
+
+def test_udp_keeps_the_order_while_the_loop_and_the_reader_both_read():
+    woken, got = threading.Event(), list[bytes]()
+    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,), on_arrival=woken.set)
+    with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        for burst in range(100):
+            said = [FRAME, *(b"%d" % n for n in range(20 * burst, 20 * burst + 20))]
+            for data in said:
+                vehicle.sendto(data, ("127.0.0.1", wire.port))
+            got.clear()
+            while len(got) < len(said) and woken.wait(2.0):
+                woken.clear()
+                got += [data for _, data in wire.receive()]
+            assert got == said
 
 
 def test_udp_to_a_port_nobody_has_keeps_going():

@@ -65,7 +65,11 @@ class _StreamWire(ABC):
 
     def _begin(self, clock: Clock, on_arrival: Wake | None, *, name: str) -> None:
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
-        self._reader = Reader(self._read, self._arrivals, name=name)
+        self._reader = Reader(self._keep, name=name)
+
+    def _keep(self) -> None:
+        if data := self._read():
+            self._arrivals.put(data)
 
     @abstractmethod
     def _read(self) -> bytes: ...

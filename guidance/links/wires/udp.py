@@ -5,8 +5,9 @@ proves who sent a frame; signing does (`guidance.links.signing`). What is kept a
 speak as the system that is wanted, whoever takes its number while it lives, and bytes without end.
 """
 
+import select
 import socket
-import struct
+import threading
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final
@@ -15,8 +16,11 @@ from guidance.errors import LinkError
 from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
 from guidance.links.framing import CRC_EXTRA, claimed_system, first_frame
 
-_WAIT_US: Final = 100_000
+_WAIT_MS: Final = 100
 _MOST_BYTES: Final = 65535
+_MOST_AT_ONCE: Final = 16
+"""Datagrams of a flood that are read before somebody else has a turn."""
+
 Address = tuple[str, int]
 
 SILENT_S: Final = 3.0
@@ -133,25 +137,57 @@ class UdpWire:
             self._socket.close()
             advice = "choose another port or end what uses it" if listen else "is the host's name right?"
             raise LinkError(f"udp {host}:{port}: {error}; {advice}") from error
-        # The kernel's own time limit: with Python's every datagram would cost a second system call.
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", 0, _WAIT_US))
+        self._socket.setblocking(False)
+        self._readable = select.poll()
+        self._readable.register(self._socket, select.POLLIN)
+        self._reading = threading.Lock()  # read and kept in one: two threads must not change the order
         self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
-        self._reader = Reader(self._read, self._arrivals, name=f"udp {host}:{port}")
+        self._reader = Reader(self._wait, name=f"udp {host}:{port}")
 
     @property
     def port(self) -> int:
         """Our own port, for listening on port 0."""
         return int(self._socket.getsockname()[1])
 
-    def _read(self) -> bytes:
-        try:
-            data, address = self._socket.recvfrom(_MOST_BYTES)
-        except BlockingIOError:  # nothing came for a while
-            return b""
-        return data if self._peers is None else self._peers.admit(self._clock(), address, data)
+    def _wait(self) -> None:
+        """On the reader's thread."""
+        if self._readable.poll(_WAIT_MS):
+            with self._reading:
+                something = self._read()
+            if something:
+                self._arrivals.wake()
+
+    def _read(self) -> bool:
+        """Keep what the kernel has, bounded, as far as it gets in; whether anything does."""
+        something = False
+        for _ in range(_MOST_AT_ONCE):
+            try:
+                data, address = self._socket.recvfrom(_MOST_BYTES)
+            except OSError as error:
+                if something or isinstance(error, BlockingIOError):
+                    break
+                raise
+            now_s = self._clock()
+            if self._peers is not None:
+                data = self._peers.admit(now_s, address, data)
+            if data:
+                self._arrivals.keep(now_s, data)
+                something = True
+        return something
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
-        """Datagrams since the last call."""
+        """Datagrams since the last call.
+
+        What the kernel still has is read here, at once: the reader's thread may be waiting for this one to let it run.
+        It is not waited for where it is reading.
+        """
+        if not self._closed and self._reading.acquire(blocking=False):
+            try:
+                self._read()
+            except OSError:
+                pass  # nobody is at the port that we call; the next datagram may come
+            finally:
+                self._reading.release()
         return self._arrivals.take()
 
     def send(self, frame: bytes) -> None:
@@ -161,9 +197,9 @@ class UdpWire:
         for address in (None,) if self._peers is None else self._peers:
             try:
                 if address is None:
-                    self._socket.send(frame, socket.MSG_DONTWAIT)
+                    self._socket.send(frame)
                 else:
-                    self._socket.sendto(frame, socket.MSG_DONTWAIT, address)
+                    self._socket.sendto(frame, address)
                 self._sent += 1
             except OSError:
                 self._unsent += 1
