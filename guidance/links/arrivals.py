@@ -33,7 +33,8 @@ class Arrivals(Generic[T]):
     def put(self, item: T) -> None:
         """Stamp and keep, and wake the loop; never waits for room, and does nothing once closed."""
         self.keep(self._clock(), item)
-        self.wake()
+        if self._on_arrival is not None:
+            self._on_arrival()
 
     def keep(self, now_s: float, item: T) -> None:
         """The same without waking anybody."""
@@ -44,11 +45,6 @@ class Arrivals(Generic[T]):
                 self._waiting.popleft()
                 self.dropped += 1
             self._waiting.append((now_s, item))
-
-    def wake(self) -> None:
-        """Say that something arrived."""
-        if self._on_arrival is not None:
-            self._on_arrival()
 
     def take(self) -> list[tuple[float, T]]:
         """Everything since the last call, oldest first."""

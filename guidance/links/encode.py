@@ -5,11 +5,9 @@ import struct
 from collections.abc import Mapping
 from typing import Any, Final
 
-from pymavlink.dialects.v20 import common
-
 from guidance.links.arrivals import Clock
 from guidance.links.decode import INT32_MAX, MAV_MISSION_TYPE_FENCE, is_bytewise
-from guidance.links.framing import CRC_EXTRA, IDS, MAGIC_V2, Frame, checksum
+from guidance.links.framing import CRC_EXTRA, IDS, LAYOUTS, MAGIC_V2, SIGNED, Frame, Layout, checksum
 from guidance.links.signing import Signatures, SigningKey, ticks
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Setpoint
 
@@ -19,6 +17,8 @@ MAV_FRAME_LOCAL_NED: Final = 1
 FLOAT32_MAX: Final = 3.4028234663852886e38
 _MOST_BYTEWISE: Final = 0x7F7FFFFF
 """The largest integer whose bytes are a finite float; those of a negative one are a NaN, which JSON cannot carry."""
+
+_HEADER: Final = struct.Struct("<BBBBBBBHB")
 
 # POSITION_TARGET_TYPEMASK: a set bit tells the autopilot to ignore that field.
 IGNORE_POSITION: Final = 1 | 2 | 4
@@ -40,10 +40,10 @@ def setpoint_type_mask(setpoint: Setpoint) -> int:
 
 
 def _require_sendable(setpoint: Setpoint) -> None:
-    for name, value in setpoint._asdict().items():
-        numbers = value if isinstance(value, tuple) else () if value is None else (value,)
-        if not all(abs(number) <= FLOAT32_MAX for number in numbers):
-            raise ValueError(f"{name} = {value}: a setpoint must be finite, nothing was sent")
+    for name, value in zip(Setpoint._fields, setpoint, strict=True):
+        for number in value if isinstance(value, tuple) else () if value is None else (value,):
+            if not abs(number) <= FLOAT32_MAX:
+                raise ValueError(f"{name} = {value}: a setpoint must be finite, nothing was sent")
 
 
 def boot_ms(now_s: float) -> int:
@@ -156,6 +156,23 @@ def _e7(angle_deg: float) -> int:
     return round(angle_deg * 1e7)
 
 
+def _payload(layout: Layout, fields: Mapping[str, Any]) -> bytes:
+    given = {**layout.extensions, **fields}
+    for text in layout.texts:
+        given[text] = given[text].encode()
+    values = [given[name] for name in layout.names]
+    if len(given) > len(values):
+        raise TypeError(f"{sorted(given.keys() - set(layout.names))}: not fields of this message")
+    if layout.counts is not None:
+        values = [
+            one
+            for value, count in zip(values, layout.counts, strict=True)
+            for one in (value if count > 1 else (value,))
+        ]
+    packed = layout.struct.pack(*values)
+    return packed.rstrip(b"\0") or packed[:1]  # MAVLink 2 leaves out zeros at the end, but not the first byte
+
+
 class Station:
     """One sender of frames: they are numbered and, with a key, signed; then what others say is believed only signed."""
 
@@ -169,31 +186,33 @@ class Station:
         unix_s: float = 0.0,
     ) -> None:
         """Start at sequence number 0. `clock` and `unix_s`, the calendar's time now, are needed for signing only."""
-        self._mavlink = common.MAVLink(None, system_id, component_id)
+        self._system_id, self._component_id, self._sequence = system_id, component_id, 0
         self._signatures = None if signing_key is None else Signatures(signing_key, unix_s)
-        if signing_key is not None:
-            self._mavlink.signing.secret_key = signing_key.secret
-            self._mavlink.signing.link_id = signing_key.link_id
-            self._mavlink.signing.sign_outgoing = True
         self._clock = clock
         self._unix_offset_s = unix_s - clock()
 
     def pack(self, name: str, fields: Mapping[str, Any]) -> bytes:
-        """The next frame."""
-        packed = {key: value.encode() if isinstance(value, str) else value for key, value in fields.items()}
-        if self._signatures is not None:
-            signing = self._mavlink.signing  # counts on by itself with every frame
-            now_ticks = ticks(self._unix_offset_s + self._clock())
-            self._signatures.time = signing.timestamp = max(signing.timestamp, self._signatures.time, now_ticks)
-        frame = bytes(common.mavlink_map[IDS[name]](**packed).pack(self._mavlink))
-        self._mavlink.seq = (self._mavlink.seq + 1) % 256
-        return frame
+        """The next frame.
+
+        Raises:
+            KeyError, TypeError, struct.error: If the fields are not those of the message, or do not fit.
+        """
+        message_id = IDS[name]
+        payload = _payload(LAYOUTS[message_id], fields)
+        flags = 0 if self._signatures is None else SIGNED
+        own = self._sequence, self._system_id, self._component_id
+        header = _HEADER.pack(MAGIC_V2, len(payload), flags, 0, *own, message_id & 0xFFFF, message_id >> 16)
+        self._sequence = (self._sequence + 1) % 256
+        frame = header + payload + checksum(header[1:] + payload, CRC_EXTRA[message_id])
+        if self._signatures is None:
+            return frame
+        return frame + self._signatures.sign(frame, ticks(self._unix_offset_s + self._clock()))
 
     def renumber(self, frame: Frame) -> bytes:
         """Another sender's frame of the same address, numbered as our next: who hears both counts none as lost."""
         data = bytearray(frame.data)
-        data[4 if data[0] == MAGIC_V2 else 2] = self._mavlink.seq
-        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        data[4 if data[0] == MAGIC_V2 else 2] = self._sequence
+        self._sequence = (self._sequence + 1) % 256
         data[-2:] = checksum(data[1:-2], CRC_EXTRA[frame.message_id])
         return bytes(data)
 

@@ -154,23 +154,29 @@ def _frame(data: bytes, crc_extra: Mapping[int, int]) -> tuple[Frame | None, boo
     return frame if is_whole else None, True
 
 
-class _Layout(NamedTuple):
-    """A payload's fields in the order of the wire; `counts` are their numbers of elements, None without arrays."""
+class Layout(NamedTuple):
+    """A payload's fields in the order of the wire; `counts` are their numbers of elements, None without arrays.
+
+    `texts` are those that are text, `extensions` what is sent in the fields that MAVLink appended where nobody says.
+    """
 
     struct: struct.Struct
     names: tuple[str, ...]
     counts: tuple[int, ...] | None
     texts: tuple[str, ...]
+    extensions: Mapping[str, Any]
 
 
-def _layout(message: type[common.MAVLink_message]) -> _Layout:
+def _layout(message: type[common.MAVLink_message]) -> Layout:
     names = tuple(message.ordered_fieldnames)
     texts = tuple(name for name, kind in zip(message.fieldnames, message.fieldtypes, strict=True) if kind == "char")
     counts = tuple(1 if name in texts else count for name, count in zip(names, message.lengths, strict=True))
-    return _Layout(message.unpacker, names, counts if max(counts) > 1 else None, texts)
+    appended = message.__init__.__defaults__ or ()  # pymavlink's definitions mark them by nothing else
+    extensions = dict(zip(message.fieldnames[-len(appended) :], appended, strict=True)) if appended else {}
+    return Layout(message.unpacker, names, counts if max(counts) > 1 else None, texts, extensions)
 
 
-_LAYOUTS: Final = {number: _layout(message) for number, message in common.mavlink_map.items()}
+LAYOUTS: Final = {number: _layout(message) for number, message in common.mavlink_map.items()}
 
 
 def fields_of(frame: Frame) -> dict[str, Any]:
@@ -180,7 +186,7 @@ def fields_of(frame: Frame) -> dict[str, Any]:
     float is there once more as the integer in its bytes, `param_integer`: as a float a negative one is a NaN, which
     loses bits.
     """
-    layout = _LAYOUTS[frame.message_id]
+    layout = LAYOUTS[frame.message_id]
     size = layout.struct.size
     start = 10 if frame.data[0] == MAGIC_V2 else 6
     payload = frame.data[start : start + min(size, frame.data[1])].ljust(size, b"\0")

@@ -56,7 +56,7 @@ def ticks(unix_s: float) -> int:
 
 
 class Signatures:
-    """Whose signed frames are believed: those with our key, each later than the last of its stream.
+    """Signs frames, each later than the last, and says whose are believed: each later than the last of its stream.
 
     A stream is a link id, system and component; a new one may be a minute behind our own time at most. A frame whose
     signature is wrong changes nothing, so that a forger cannot make the genuine ones look old.
@@ -64,17 +64,29 @@ class Signatures:
     """
 
     def __init__(self, key: SigningKey, unix_s: float) -> None:
-        self._secret = key.secret
+        self._key = key
         self._last: dict[tuple[int, int, int], int] = {}
         self.time = ticks(unix_s)
         """Ours, or the latest that was believed."""
+
+    def sign(self, frame: bytes, now: int) -> bytes:
+        """What goes behind a frame: link id, time and signature. Its time is counted on, should the clock stand still.
+
+        Args:
+            frame: From its start mark to its checksum.
+            now: The calendar's time, in `ticks`.
+        """
+        self.time = max(self.time, now)
+        stamp = bytes((self._key.link_id,)) + self.time.to_bytes(6, "little")
+        self.time += 1
+        return stamp + hashlib.sha256(self._key.secret + frame + stamp).digest()[:6]
 
     def believes(self, frame: Frame) -> bool:
         """Whether a signed frame is genuine and new; then its time is remembered."""
         link_id, time = frame.data[-13], int.from_bytes(frame.data[-12:-6], "little")
         stream = link_id, frame.system_id, frame.component_id
         last = self._last.get(stream, self.time - _NEW_STREAM_TICKS - 1)
-        signature = hashlib.sha256(self._secret + frame.data[:-6]).digest()[:6]
+        signature = hashlib.sha256(self._key.secret + frame.data[:-6]).digest()[:6]
         if time <= last or not hmac.compare_digest(signature, frame.data[-6:]):
             return False
         self._last[stream] = time

@@ -6,6 +6,7 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links import MemoryWire, encode
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -68,6 +69,37 @@ def test_no_number_that_is_not_finite_in_32_bits_reaches_the_wire(bad, where):
         link.send_setpoint(setpoint)
     assert theirs.receive() == []
     assert link.counters()["setpoints_sent"] == 0
+
+
+def fields_like(message, number: float) -> dict:
+    """Every field of a message: text, or the number, as often as its array is long."""
+    lengths = dict(zip(message.ordered_fieldnames, message.array_lengths, strict=True))
+    fields = {}
+    for name, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
+        one = number if kind in ("float", "double") else int(number)
+        fields[name] = "Text"[: lengths[name]] if kind == "char" else [one] * lengths[name] if lengths[name] else one
+    return fields
+
+
+@pytest.mark.parametrize("number", [0.0, 2.5])
+def test_a_frame_of_any_message_is_pymavlinks(number):
+    station, mavlink = encode.Station(7, 195), dialect.MAVLink(None, 7, 195)
+    for message in dialect.mavlink_map.values():
+        fields = fields_like(message, number)
+        packed = {name: value.encode() if isinstance(value, str) else value for name, value in fields.items()}
+        assert station.pack(message.msgname, fields) == bytes(message(**packed).pack(mavlink)), message.msgname
+        mavlink.seq = (mavlink.seq + 1) % 256
+
+
+def test_what_a_message_does_not_have_or_lacks_is_no_frame():
+    station = encode.Station(7, 195)
+    with pytest.raises(KeyError, match="ts1"):
+        station.pack("TIMESYNC", {"tc1": 0})
+    with pytest.raises(TypeError, match="ts2"):
+        station.pack("TIMESYNC", {"tc1": 0, "ts1": 1, "ts2": 2})
+    with pytest.raises(struct.error):
+        station.pack("TIMESYNC", {"tc1": 0, "ts1": 2**63})
+    assert station.pack("TIMESYNC", {"tc1": 0, "ts1": 1})[4] == 0  # none of them took a number
 
 
 def test_our_clock_wraps_as_mavlinks_does():

@@ -141,7 +141,8 @@ class UdpWire:
         self._readable = select.poll()
         self._readable.register(self._socket, select.POLLIN)
         self._reading = threading.Lock()  # read and kept in one: two threads must not change the order
-        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
+        self._arrivals = Arrivals[bytes](clock)
+        self._on_arrival = on_arrival
         self._reader = Reader(self._wait, name=f"udp {host}:{port}")
 
     @property
@@ -154,8 +155,8 @@ class UdpWire:
         if self._readable.poll(_WAIT_MS):
             with self._reading:
                 something = self._read()
-            if something:
-                self._arrivals.wake()
+            if something and self._on_arrival is not None:
+                self._on_arrival()  # once for a burst
 
     def _read(self) -> bool:
         """Keep what the kernel has, bounded, as far as it gets in; whether anything does."""
