@@ -158,22 +158,22 @@ def shrink(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
     return (north, east, down)
 
 
-def floor_and_ceiling(down_m: float, envelope: Envelope, stop: Stop) -> tuple[VelocityConstraint, VelocityConstraint]:
-    """The vehicle would come to rest at or above the floor and at or below the ceiling.
+def floor_or_ceiling(down_m_s: float, down_m: float, envelope: Envelope, stop: Stop) -> VelocityConstraint:
+    """The vehicle would come to rest at or above the floor, or at or below the ceiling: whichever it is sent towards.
 
     Below the floor nothing descends, above the ceiling nothing climbs; the way back is free and not taken by itself
     (`hold_altitude` takes it).
 
     Args:
+        down_m_s: What is asked for vertically, which no constraint reverses.
         down_m: Where the vehicle is, in its local frame.
         envelope: The limits: heights above home.
         stop: How the vehicle comes to stand still.
     """
     height_m = envelope.home_ned_m[2] - down_m
-    return (
-        constrain(Limiter.FLOOR, _DOWN, height_m - envelope.floor_m, stop),
-        constrain(Limiter.CEILING, _UP, envelope.ceiling_m - height_m, stop),
-    )
+    if down_m_s > 0.0:
+        return constrain(Limiter.FLOOR, _DOWN, height_m - envelope.floor_m, stop)
+    return constrain(Limiter.CEILING, _UP, envelope.ceiling_m - height_m, stop)
 
 
 def stand_off_constraints(
@@ -288,7 +288,7 @@ def feasible_velocity(
     constraints = (
         *stand_off_constraints(velocity_ned_m_s, situation, envelope),
         *polygon_constraints(fence, envelope, stopping),
-        *floor_and_ceiling(situation.position_ned_m[2], envelope, stopping),
+        floor_or_ceiling(velocity_ned_m_s[2], situation.position_ned_m[2], envelope, stopping),
     )
     active: list[VelocityConstraint] = []
     velocity = velocity_ned_m_s
