@@ -31,13 +31,8 @@ class Arrivals(Generic[T]):
         self.dropped = 0
 
     def put(self, item: T) -> None:
-        """Stamp and keep, and wake the loop; never waits for room, and does nothing once closed."""
-        self.keep(self._clock(), item)
-        if self._on_arrival is not None:
-            self._on_arrival()
-
-    def keep(self, now_s: float, item: T) -> None:
-        """The same without waking anybody."""
+        """Stamp and keep; never waits for room, and does nothing once closed."""
+        now_s = self._clock()
         with self._lock:
             if self.closed:
                 return
@@ -45,6 +40,8 @@ class Arrivals(Generic[T]):
                 self._waiting.popleft()
                 self.dropped += 1
             self._waiting.append((now_s, item))
+        if self._on_arrival is not None:
+            self._on_arrival()
 
     def take(self) -> list[tuple[float, T]]:
         """Everything since the last call, oldest first."""

@@ -168,11 +168,10 @@ class UdpWire:
                 if something or isinstance(error, BlockingIOError):
                     break
                 raise
-            now_s = self._clock()
             if self._peers is not None:
-                data = self._peers.admit(now_s, address, data)
+                data = self._peers.admit(self._clock(), address, data)
             if data:
-                self._arrivals.keep(now_s, data)
+                self._arrivals.put(data)
                 something = True
         return something
 
