@@ -1,5 +1,6 @@
 """The setpoint of a cycle: the game is played or a place is held, and what the game promised is watched."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from guidance.control import Situation
@@ -26,6 +27,12 @@ class Playing:
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
+        self._watch = partial(
+            watch,
+            with_target=settings.cycle.target_game_m is not None,
+            speed_m_s=settings.cycle.ground_speed_m_s,
+            slack_s=settings.guarantee_slack_s,
+        )
         self._memory = CycleMemory()
         self._monitor = MonitorMemory()
         self.evader: EvaderEstimate | None = None
@@ -98,17 +105,7 @@ class Playing:
         output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
         if output.certificate is not None:
-            self._certify(output.certificate._replace(battery_needed=battery_needed), state, now_s)
+            self.certificate = output.certificate._replace(battery_needed=battery_needed)
+            if state is State.ENGAGED:
+                self._monitor, self.alarm = self._watch(self._monitor, now_s, self.certificate)
         return output.setpoint
-
-    def _certify(self, certificate: "Certificate", state: State, now_s: float) -> None:
-        self.certificate = certificate
-        if state is State.ENGAGED:
-            self._monitor, self.alarm = watch(
-                self._monitor,
-                now_s,
-                certificate,
-                with_target=self._settings.cycle.target_game_m is not None,
-                speed_m_s=self._settings.cycle.ground_speed_m_s,
-                slack_s=self._settings.guarantee_slack_s,
-            )

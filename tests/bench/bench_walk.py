@@ -6,7 +6,7 @@ A mock is flown in virtual time until the game is on; then one cycle hears one L
 every call of a function of `guidance` is counted until the setpoint's frame lies on the wire. Printed: calls,
 functions, their lines of code, files, and changes of file from one call to the next, with and without the closed form
 of the game (`guidance.game`); with `--list` the calls in order, indented by depth. A comprehension is no call: newer
-Pythons inline it.
+Pythons inline it. Nor is a generator that goes on.
 """
 
 import argparse
@@ -53,12 +53,16 @@ class Walk:
         self.calls: list[Call] = []
         self.arrived = False
         self._depth = 0
+        self._begun: set[FrameType] = set()
 
     def __call__(self, frame: FrameType, event: str, _: Any) -> None:
         code = frame.f_code
         if self.arrived or not code.co_filename.startswith(ROOT) or code.co_name in INLINED:
             return
-        if event == "call":
+        if event == "call" and frame in self._begun:
+            self._depth += 1
+        elif event == "call":
+            self._begun.add(frame)
             lines = len({line for *_, line in code.co_lines() if line is not None})
             self.calls.append(Call(self._depth, code.co_filename[len(ROOT) + 1 :], code.co_qualname, lines))
             self._depth += 1
