@@ -17,7 +17,7 @@ from guidance.estimation.filters import Array
 from guidance.estimation.settings import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.messages import EvaderReport
-from guidance.plausible import is_plausible
+from guidance.vehicle import is_plausible
 
 _LARGEST = 1e8
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)

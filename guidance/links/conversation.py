@@ -16,7 +16,7 @@ from guidance.links.framing import CRC_EXTRA, IDS, NAMES, Frame, Framer, fields_
 from guidance.links.port import Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
 from guidance.messages import CommandAck, FenceCount, FenceItem, FenceRefused, Heartbeat, Message, Request, Setpoint
-from guidance.plausible import is_plausible
+from guidance.vehicle import is_plausible
 
 Admit = Callable[[Frame], str | None]
 """Sees each of the vehicle's frames first; a word says why one is not heard, and is counted."""

@@ -28,7 +28,7 @@ from guidance.messages import (
     StatusText,
     SystemStatus,
 )
-from guidance.plausible import is_plausible
+from guidance.vehicle import is_plausible
 
 Fields = Mapping[str, Any]
 

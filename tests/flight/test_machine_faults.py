@@ -9,7 +9,7 @@ from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FINAL, Event, State
 from guidance.flight.requests import REPEAT_S
 from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
-from guidance.plausible import is_plausible
+from guidance.vehicle import is_plausible
 from tests.flight.flown import SET_MODE, Flown, commands
 from tests.flight.scenes import BOTH, ENVELOPE, settings_of
 
