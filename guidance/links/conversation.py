@@ -1,10 +1,9 @@
 """What every link does whatever its library: frame, decode, join, answer, ask again, count.
 
-One wire is heard and one vehicle on it; everybody else is dropped and counted. What a link adds is how it sends, by
-MAVSDK or by pymavlink.
+One wire is heard and one vehicle on it; everybody else is dropped and counted. The links add little: one signs
+with a key and sends our HEARTBEAT, the other lets MAVSDK send that and what we ask.
 """
 
-from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
@@ -12,6 +11,7 @@ from typing import Any, Final, NamedTuple
 from guidance.links import encode
 from guidance.links.arrivals import Clock
 from guidance.links.decode import DECODERS, Fields, OpenText, decode, expire_text, join_text, parameter
+from guidance.links.encode import Station
 from guidance.links.framing import CRC_EXTRA, IDS, NAMES, Frame, Framer, fields_of
 from guidance.links.port import Wire
 from guidance.links.requests import RequestQueue, TimesyncPeer
@@ -33,24 +33,28 @@ class Address(NamedTuple):
     component_id: int
 
 
-class Conversation(ABC):
+class Conversation:
     """One vehicle's messages, in order of arrival, bounded; our requests to it, repeated until answered.
 
     It is a `VehicleLink` but for its own HEARTBEAT, and its methods are documented there.
     """
 
-    def __init__(self, wire: Wire, clock: Clock, admit: Admit | None, *, vehicle: Address, own: Address) -> None:
+    def __init__(
+        self, wire: Wire, clock: Clock, station: Station, admit: Admit | None, *, vehicle: Address, own: Address
+    ) -> None:
         """Take over a wire, which is closed with the link.
 
         Args:
             wire: Where the vehicle and others speak.
             clock: By which time passes; its time alone.
+            station: Makes our frames: numbered, and signed where there is a key.
             admit: What the vehicle's frames pass first; None lets all of them through.
             vehicle: Who is heard.
             own: Who we are: what is addressed to another station is not for us.
         """
         self._wire = wire
         self._clock = clock
+        self._station = station
         self._admit = admit
         self._vehicle = vehicle
         self._own = own
@@ -65,10 +69,6 @@ class Conversation(ABC):
         self.others: set[int] = set()
         """System ids of whoever else speaks, to name them in an error."""
         self.counts: Counter[str] = Counter()
-
-    @abstractmethod
-    def _send(self, name: str, fields: dict[str, Any]) -> None:
-        """Put a message, by name and fields, on the wire."""
 
     @property
     def heard(self) -> bool:
@@ -186,6 +186,9 @@ class Conversation(ABC):
         if not self._closed:
             self._send(*encode.setpoint(setpoint, now_s=self._clock(), **self._vehicle._asdict()))
             self.counts["setpoints_sent"] += 1
+
+    def _send(self, name: str, fields: dict[str, Any]) -> None:
+        self._wire.send(self._station.pack(name, fields))
 
     def counters(self) -> Mapping[str, int]:
         """What was received, sent and dropped, and why."""

@@ -90,8 +90,8 @@ class MavsdkLink(Conversation):
         """
         route_to_logging()
         own = Address(own_system_id or system_id, own_component_id)
-        super().__init__(wire, clock, self._show, vehicle=Address(system_id, component_id), own=own)
-        self._station = Station(*own)
+        vehicle = Address(system_id, component_id)
+        super().__init__(wire, clock, Station(*own), self._show, vehicle=vehicle, own=own)
         self._numbering = threading.Lock()
         self._direct: MavlinkDirect | None = None
         configuration = Configuration.create_manual(*own, True)
@@ -138,7 +138,7 @@ class MavsdkLink(Conversation):
     def _send(self, name: str, fields: dict[str, Any]) -> None:
         if name in _AT_ONCE:
             with self._numbering:
-                self._wire.send(self._station.pack(name, fields))
+                super()._send(name, fields)
             return
         if self._direct is None:
             return

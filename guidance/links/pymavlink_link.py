@@ -1,6 +1,6 @@
 """A vehicle through pymavlink, over any wire."""
 
-from typing import Any, Final
+from typing import Final
 
 from guidance.links.arrivals import Clock
 from guidance.links.conversation import Address, Conversation
@@ -35,12 +35,9 @@ class PymavlinkLink(Conversation):
     ) -> None:
         """Take over a wire, which is closed with the link. `unix_s` is needed for signing only."""
         own = Address(own_system_id or system_id, own_component_id)
-        self._station = Station(*own, signing_key=signing_key, clock=clock, unix_s=unix_s)
-        admit = None if signing_key is None else self._station.doubts
-        super().__init__(wire, clock, admit, vehicle=Address(system_id, component_id), own=own)
-
-    def _send(self, name: str, fields: dict[str, Any]) -> None:
-        self._wire.send(self._station.pack(name, fields))
+        station = Station(*own, signing_key=signing_key, clock=clock, unix_s=unix_s)
+        admit = None if signing_key is None else station.doubts
+        super().__init__(wire, clock, station, admit, vehicle=Address(system_id, component_id), own=own)
 
     def send_heartbeat(self) -> None:
         """Send our own HEARTBEAT, once."""
