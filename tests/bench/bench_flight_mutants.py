@@ -40,10 +40,14 @@ FLIGHTS = (
 )
 CLOSED_LOOP = ("control/test_setpoint_limiter_any_input", "control/test_setpoint_limiter_in_flight")
 FLIGHT = {
-    "flight/test_detection": "flight/detection flight/readiness flight/settings",
+    "flight/test_detection": "flight/detection flight/readiness",
     "flight/test_heard_echo": "flight/heard",
-    "flight/test_playing": "flight/machine flight/playing",
-    "flight/test_machine": "flight/requests",
+    "flight/test_playing": "flight/playing",
+    "flight/test_settings": "flight/settings",
+    "flight/test_playing_information": "flight/playing",
+    "flight/test_machine_operator": "flight/machine",
+    "flight/test_machine_faults": "flight/machine flight/requests",
+    "flight/test_machine": "flight/machine flight/requests",
     "flight/test_tracking_frames": "flight/tracking",
     "flight/test_table": "flight/table",
     "flight/test_tracking": "flight/tracking",

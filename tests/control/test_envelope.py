@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Envelope, Polygon, StandOffLimit
+from guidance.control.envelope import Speeds, SpeedLimits
 from guidance.errors import ConfigError
 from tests.control.scenes import OPEN
 
@@ -206,3 +207,13 @@ def test_outward_is_away_from_the_inside_wherever_the_polygon_lies(angle, north,
         middle = ((one[0] + other[0]) / 2.0, (one[1] + other[1]) / 2.0)
         assert not star.contains((middle[0] + 1e-3 * outward[0], middle[1] + 1e-3 * outward[1]))
         assert star.contains((middle[0] - 1e-3 * outward[0], middle[1] - 1e-3 * outward[1]))
+
+
+def test_speed_limits_are_those_of_the_file_or_a_tenth_above_the_game_s_and_never_below_them():
+    game = Speeds(6.0, 3.0, 1.5)
+    assert SpeedLimits().speeds(game, section="game") == pytest.approx((6.6, 3.3, 1.65))
+    given_one = SpeedLimits(speed_m_s=7.0, climb_m_s=3.0).speeds(game, section="game")
+    assert given_one == pytest.approx((7.0, 3.0, 1.65))  # as fast as the game is enough
+    words = r"^limits\.descent_m_s = 1\.4: must be at least own\.descent_m_s = 1\.5, "
+    with pytest.raises(ValueError, match=words):
+        SpeedLimits(descent_m_s=1.4).speeds(game, section="own")

@@ -4,7 +4,17 @@ import pytest
 
 from guidance.autopilots import AUTOPILOTS, PX4
 from guidance.control.envelope import Situation
-from guidance.control.follow import CatchUp, Drift, Following, FollowMemory, Gaps, follow
+from guidance.control.follow import (
+    Approach,
+    CatchUp,
+    Drift,
+    Following,
+    FollowMemory,
+    Gaps,
+    follow,
+    gaps_to_disc,
+)
+from guidance.game import StandOff
 
 FAR = Gaps(60.0, 15.0, 1.0, 0.0)
 WANTED = (6.0, 0.0, 1.5)
@@ -45,3 +55,36 @@ def test_what_braking_at_the_disc_costs_is_not_owed():
     memory = FollowMemory(deficit_m=1.0)
     assert follow(WANTED, motion, near, following, memory, most=1.1, dt_s=0.02).memory.deficit_m == 1.0
     assert follow(WANTED, motion, FAR, following, memory, most=1.1, dt_s=0.02).memory.deficit_m > 1.0
+
+
+@pytest.mark.parametrize("name", sorted(AUTOPILOTS))
+@pytest.mark.parametrize("towards", [(0.6, 0.8), (-0.8, 0.6)])
+def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
+    following = AUTOPILOTS[name].handling.following
+    near = Gaps(1.0, 2.0, *towards)
+    unknown = Situation((0.0, 0.0, -20.0), (2.0, 1.0, 0.5))
+    still = unknown._replace(evader_velocity_ned_m_s=STILL)
+    one, other = (follow(WANTED, at, near, following, FollowMemory(), most=1.1, dt_s=0.02) for at in (unknown, still))
+    assert one == other
+
+
+@pytest.mark.parametrize(
+    ("evader", "gaps"),
+    [
+        ((4.0, 6.0, -3.0), (5.0 - 3.0, 27.0 - 5.0, 0.6, 0.8)),
+        ((-2.0, 6.0, -40.0), (5.0 - 3.0, -10.0 - 5.0, -0.6, 0.8)),
+        ((1.3, 1.6, -30.0), (0.5 - 3.0, -5.0, 0.6, -0.8)),
+        ((1.0, 2.0, -25.0), (-3.0, 0.0, 0.0, 0.0)),  # right below: no direction leads there
+    ],
+)
+def test_gaps_are_to_the_rim_and_to_the_height_and_point_at_the_evader(evader, gaps):
+    assert gaps_to_disc((1.0, 2.0, -30.0), evader, StandOff(3.0, 5.0)) == pytest.approx(gaps)
+
+
+def test_what_is_not_said_of_an_approach_or_of_catching_up_is_cautious():
+    said = {"braking_m_s2": 2.0, "vertical_braking_m_s2": 1.0}
+    cautious = {"lag_s": 0.3, "settle_s": 0.3, "vertical_settle_s": 0.6, "margin_m": 0.15, "backing_m_s": 1.0}
+    assert Approach(**said) == Approach(**said, **cautious)
+    assert CatchUp() == CatchUp(gain_per_s=0.5, limit_m=15.0)
+    assert Drift() == (STILL, None)
+    assert FollowMemory().deficit_m == 0.0

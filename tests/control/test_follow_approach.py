@@ -86,6 +86,29 @@ def test_inside_the_disc_it_backs_off_gently():
     assert deep[0] == pytest.approx(3.0 - SETTINGS.backing_m_s)
 
 
+@pytest.mark.parametrize(
+    ("ground_m", "closing_m_s", "allowed_m_s", "kept"),
+    [
+        (0.150 + 0.25 * 0.3 + 0.25**2 / 4.0, 0.5, 0.25, 0.5),
+        (0.150 + 1.50 * 0.3 + 1.50**2 / 4.0, 2.0, 1.50, 0.75),
+        (0.150 - 0.3, 0.8, -0.5, 0.0),  # inside: back off, and nothing across
+        (0.150 - 0.3, -0.2, -0.5, 0.0),
+        (0.150 - 9.0, -0.6, -1.0, 0.0),
+    ],
+)
+@pytest.mark.parametrize("towards", [(0.6, 0.8), (-0.8, 0.6), (0.0, -1.0)])
+def test_what_goes_across_the_line_of_sight_fades_as_the_closing_does(
+    towards, ground_m, closing_m_s, allowed_m_s, kept
+):
+    def moving(along, across):
+        return (1.0 + along * towards[0] - across * towards[1], -2.0 + along * towards[1] + across * towards[0], 0.0)
+
+    evader, gaps = moving(0.0, 0.0), Gaps(ground_m, 0.0, *towards)
+    velocity, braking = approach(moving(closing_m_s, 0.7), evader, evader, gaps, SETTINGS)
+    assert velocity == pytest.approx(moving(allowed_m_s, 0.7 * kept))
+    assert braking
+
+
 def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
     for left_m in (0.01, 0.5, 3.0, 40.0):
         v = closing_allowed(left_m, 2.0, 0.3, 1.0)

@@ -53,6 +53,14 @@ def test_a_vehicle_that_is_faster_than_the_limits_is_told_to_fly_slower_by_more_
         assert velocity == pytest.approx((told, 0.0, 0.0))
 
 
+@pytest.mark.parametrize(("most", "scale"), [(3.0, 2.0088), (1.5, 1.5)])
+def test_a_slow_game_has_its_deficit_along_the_way_and_its_gain_as_well(most, scale):
+    # 0.06 m/s of 0.5 m/s are flown along the way: 8.8 mm more are owed after 0.02 s, at half a metre a second for each.
+    velocity, deficit_m = catch_up((0.3, -0.4, 0.2), (0.1, 0.0, 9.0), 1.0, SETTINGS, most=most, dt_s=DT_S)
+    assert deficit_m == pytest.approx(1.0088)
+    assert velocity == pytest.approx((0.3 * scale, -0.4 * scale, 0.2 * scale))
+
+
 def test_a_height_that_is_owed_is_not_made_good_over_ground():
     velocity, deficit_m = catch_up((6.0, 0.0, 1.5), (6.0, 0.0, 0.0), 0.0, SETTINGS, most=1.05, dt_s=DT_S)
     assert (velocity, deficit_m) == ((6.0, 0.0, 1.5), 0.0)

@@ -13,6 +13,7 @@ from guidance.control.hold import LARGEST_M_S as STATION_LARGEST_M_S
 DT_S = 0.02
 coordinates = st.floats(-50.0, 50.0)
 vectors = st.tuples(coordinates, coordinates, coordinates)
+STILL = (0.0, 0.0, 0.0)
 
 
 def drive(*, seconds, velocity, error, hold_cycles=1):
@@ -70,6 +71,39 @@ def test_nothing_is_learned_from_a_jump_of_the_estimate():
     before = Drift((0.1, 0.0, 0.0), (5.0, 5.0, -20.0))
     after = observe_drift(before, (5.0 + 3.0 * JUMP_M, 5.0, -20.0), (0.1, 0.0, 0.0), dt_s=DT_S)
     assert after == Drift((0.1, 0.0, 0.0), (5.0 + 3.0 * JUMP_M, 5.0, -20.0))
+
+
+KNOWN = Drift((0.1, -0.2, 0.3), (5.0, -6.0, -20.0))
+FLOWN = (2.1, -1.2, 0.8)  # by what is known, 2.0, -1.0 and 0.5 m/s over the ground
+
+
+@pytest.mark.parametrize(("dt_s", "counted_s"), [(0.0, 0.0), (0.05, 0.05), (0.1, 0.1), (0.4, 0.1), (-1.0, 0.0)])
+@pytest.mark.parametrize("off", [(0.3, -0.6, 0.12), (-0.9, 0.0, 0.0), (0.0, 0.9, 0.3)])
+def test_one_report_moves_place_and_drift_by_its_share_of_what_it_is_off(off, dt_s, counted_s):
+    expected = [at + speed * counted_s for at, speed in zip(KNOWN.position_ned_m, (2.0, -1.0, 0.5), strict=True)]
+    reported = tuple(at + by for at, by in zip(expected, off, strict=True))
+    after = observe_drift(KNOWN, reported, FLOWN, dt_s=dt_s)
+    # Two poles at -1/1.2 s: 2/1.2 of an error a second for the place, 1/1.2² for the drift.
+    assert after.position_ned_m == pytest.approx(
+        [at + by * counted_s / 0.6 for at, by in zip(expected, off, strict=True)]
+    )
+    assert after.velocity_ned_m_s == pytest.approx(
+        [was - by * counted_s / 1.44 for was, by in zip(KNOWN.velocity_ned_m_s, off, strict=True)]
+    )
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_is_off_by_more_than_a_metre_after_its_share_is_a_jump_and_no_drift_is_above_its_bound(axis, side):
+    def along(size):
+        return tuple(side * size if n == axis else 0.0 for n in range(3))
+
+    for off_m, jumped in ((1.19, False), (1.21, True)):  # a sixth of it is taken up within 0.1 s
+        after = observe_drift(Drift(STILL, STILL), along(off_m), STILL, dt_s=0.1)
+        assert (after == Drift(STILL, along(off_m))) is jumped
+    for known, learned in ((0.599, 0.6), (0.5, 0.5 + 0.05 / 1.44)):
+        after = observe_drift(Drift(along(known), STILL), along(-0.5 - 0.1 * known), STILL, dt_s=0.1)
+        assert after.velocity_ned_m_s == pytest.approx(along(learned))
 
 
 def test_a_moving_vehicle_is_stopped_before_a_place_is_held():

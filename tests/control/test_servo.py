@@ -202,3 +202,53 @@ def test_nothing_is_learned_from_an_error_that_is_too_large():
     assert near.drag_per_s == pytest.approx(0.4 + 2.0 * 1.0 * DT_S / 5.0)
     assert near.trim_ned_m_s2[0] == pytest.approx(0.1 + 0.5 * 1.0 * DT_S)
     assert 0.4 < less.drag_per_s < near.drag_per_s
+
+
+CRUISE = (3.0, 4.0, 1.0)
+
+
+def taught(error, gains, memory=None):
+    """What one error, expected less flown, teaches a vehicle that cruises at 5 m/s over the ground."""
+    memory = memory or ServoMemory(CRUISE, STILL, CRUISE, 0.4, (0.1, -0.2, 0.0))
+    flown = tuple(difference(CRUISE, error))
+    return serve(CRUISE, flown, memory, gains, dt_s=DT_S).memory
+
+
+@pytest.mark.parametrize(
+    ("error", "counted"),
+    [
+        ((0.3, -0.1, 7.0), 1.0),  # an error of height teaches nothing, and hides nothing
+        ((0.3, 0.4, 0.0), 1.0),
+        ((0.6, -0.8, 0.0), 0.25),  # twice as much as is learned from in full
+        ((0.84, 1.12, 0.0), (0.5 / 1.4) ** 2),
+        ((0.96, -1.28, 0.0), 0.0),
+    ],
+)
+def test_a_lesson_is_the_error_along_the_way_for_drag_and_all_of_it_for_trim(error, counted):
+    gains = replace(GAINS, learning_within_m_s=0.5)
+    learned = taught(error, gains)
+    along = (3.0 * error[0] + 4.0 * error[1]) / 5.0
+    assert learned.drag_per_s - 0.4 == pytest.approx(2.0 * (along / 5.0) * DT_S * counted, abs=1e-12)
+    trim = (0.1 + 0.5 * error[0] * DT_S * counted, -0.2 + 0.5 * error[1] * DT_S * counted, 0.0)
+    assert learned.trim_ned_m_s2 == pytest.approx(trim, abs=1e-12)
+
+
+def test_a_trim_beyond_its_limit_is_scaled_back_to_it():
+    held = taught(STILL, GAINS, ServoMemory(CRUISE, STILL, CRUISE, 0.4, (3.0, -4.0, 0.0)))
+    assert held.trim_ned_m_s2 == pytest.approx((0.9, -1.2, 0.0))
+
+
+def test_what_is_expected_of_the_vehicle_is_the_reference_late_by_its_lag():
+    late = serve(CRUISE, STILL, ServoMemory(CRUISE, STILL, (1.0, -1.0, -1.0), 0.4, STILL), GAINS, dt_s=0.06)
+    left = math.exp(-0.06 / 0.3)
+    assert late.memory.expected_ned_m_s == pytest.approx((3.0 - 2.0 * left, 4.0 - 5.0 * left, 1.0 - 2.0 * left))
+
+
+def test_gains_that_say_nothing_of_it_learn_nothing():
+    said = {"acceleration_m_s2": 4.0, "vertical_acceleration_m_s2": 2.0, "jerk_m_s3": 20.0}
+    plain = {"settle_per_s": 4.0, "lag_s": 0.3, "learning_within_m_s": 1.0}
+    nothing = dict.fromkeys(
+        ("drag_per_s", "drag_limit_per_s", "trim_limit_m_s2", "drag_learning_per_s2", "trim_learning_per_s2"), 0.0
+    )
+    assert ServoGains(**said) == ServoGains(**said, **plain, **nothing)
+    assert ServoMemory() == (None, STILL, STILL, None, STILL)
