@@ -4,13 +4,15 @@ One change at a time, in memory, in a forked child that stops at the first test 
 constants and conditions as in `mutation.py`, and besides every statement with an effect dropped, every entry
 of a table dropped, every two neighbours of an ordered table exchanged, every line of the transition table missing or
 leading elsewhere, every mode allowed or forbidden. Printed: how many were killed, and every survivor; those that
-change nothing are listed in `flight_mutants.toml` with the reason, and are printed with it. `--minutes` bounds a run,
+change nothing are listed in `flight_mutants.toml` with the reason, and are printed with it: by the change, or, where
+that says little (a constant), by the function that holds it and the change. `--minutes` bounds a run,
 `--resume FILE` keeps the judged ones of an earlier run. The limit on one mutant is of processor time.
 """
 
 import argparse
 import ast
 import copy
+import functools
 import inspect
 import json
 import os
@@ -25,7 +27,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import Phase, settings
-from mutation import ROOT, mutants
+from mutation import ROOT, functions_by_line, mutants
 
 REPORT = os.dup(1)
 LIMIT_S = 150
@@ -259,9 +261,11 @@ class Forks:
             say(f"judged so far: {len(self.judged)}")
 
     def reason(self, key: str) -> str:
-        """Why a survivor changes nothing, where that is known. Line numbers do not count."""
+        """Why a survivor changes nothing, where that is known: by what holds it and what it says, or by that alone."""
         file, _, said = key.partition(".py:")
-        reason = self.listed.get(file, {}).get(said.partition(": ")[2])
+        line, _, change = said.partition(": ")
+        listed = self.listed.get(file, {})
+        reason = listed.get(f"{holders(file).get(int(line), 'module')}: {change}", listed.get(change))
         return f"\n      harmless: {reason}" if reason else "\n      NOT LISTED"
 
     def survives(self, session, package: str, stem: str, planted: Planted) -> bool:
@@ -306,6 +310,15 @@ class Forks:
         failed = bool(session.testsfailed)
         os.write(writing, f"{json.dumps([item.nodeid, time.process_time() - began_s])}\n".encode())
         return failed
+
+
+@functools.cache
+def holders(file: str) -> dict[int, str]:
+    """Name the function, method or class that holds each line of a file: line numbers themselves do not last."""
+    tree = ast.parse((ROOT / "guidance" / f"{file}.py").read_text())
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    lines = {line: node.name for node in classes for line in range(node.lineno, (node.end_lineno or 0) + 1)}
+    return lines | functions_by_line(tree)
 
 
 def say(line: str) -> None:

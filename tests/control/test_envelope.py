@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Envelope, Polygon, StandOffLimit
-from guidance.control.envelope import Speeds, SpeedLimits
+from guidance.control.envelope import Situation, SpeedLimits, Speeds
 from guidance.errors import ConfigError
 from tests.control.scenes import OPEN
 
@@ -43,6 +43,7 @@ def test_a_limit_that_is_no_positive_number_is_refused_by_name(name, value):
         ({"ceiling_m": math.inf}, "ceiling_m = inf"),
         ({"floor_m": -math.inf}, "floor_m = -inf"),
         ({"home_ned_m": (0.0, math.nan, 0.0)}, "home_ned_m"),
+        ({"home_ned_m": (0.0, -2e6, 0.0)}, "home_ned_m"),
         ({"fence_margin_m": -1.0}, "fence_margin_m = -1.0"),
         ({"fence_margin_m": 5.0, "fence_radius_m": 5.0}, "fence_margin_m = 5.0"),
     ],
@@ -100,6 +101,10 @@ def test_an_envelope_says_for_itself_how_the_vehicle_brakes_and_nothing_of_fence
     }
     envelope = Envelope(**said)
     assert {field.name: getattr(envelope, field.name) for field in fields(envelope) if field.init} == said | cautious
+    assert envelope.speeds == (8.0, 3.0, 1.5)  # over the ground, up and down
+    assert envelope.accelerations == (4.0, 2.0, 2.0)
+    assert "speeds" not in repr(envelope)
+    assert "accelerations" not in repr(envelope)
 
 
 @pytest.mark.parametrize("size", [0.5, 30.0])
@@ -176,6 +181,14 @@ def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east
         assert square.outward(index) == pytest.approx((middle[0] / 5.0, middle[1] / 5.0))
 
 
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_a_point_as_far_north_as_a_corner_is_inside_or_outside_all_the_same(clockwise):
+    corners = ((-5.0, 0.0), (0.0, 5.0), (5.0, 0.0), (0.0, -5.0))
+    diamond = Polygon(corners if clockwise else corners[::-1])
+    found = [diamond.contains((north, east)) for north in (-5.0, 0.0, 5.0) for east in (-6.0, -1.0, 1.0, 6.0)]
+    assert found == [False] * 4 + [False, True, True, False] + [False] * 4
+
+
 @settings(deadline=None)
 @given(st.floats(-12, 12), st.floats(-12, 12), st.floats(0.0, 6.0), st.booleans())
 def test_inside_is_where_the_polygon_winds_about_the_point(north, east, angle, clockwise):
@@ -214,6 +227,18 @@ def test_speed_limits_are_those_of_the_file_or_a_tenth_above_the_game_s_and_neve
     assert SpeedLimits().speeds(game, section="game") == pytest.approx((6.6, 3.3, 1.65))
     given_one = SpeedLimits(speed_m_s=7.0, climb_m_s=3.0).speeds(game, section="game")
     assert given_one == pytest.approx((7.0, 3.0, 1.65))  # as fast as the game is enough
+    largest = {"speed_m_s": 33.0, "climb_m_s": 11.0, "descent_m_s": 11.0}
+    assert SpeedLimits(**largest).speeds(game, section="game") == tuple(largest.values())
+    for name, value in largest.items():
+        for wrong in (0.0, value + 0.5):
+            with pytest.raises(ValueError, match=name):
+                SpeedLimits(**{name: wrong})
+    assert SpeedLimits(speed_m_s=0.5).speeds(Speeds(0.4, 3.0, 1.5), section="game").speed_m_s == 0.5
     words = r"^limits\.descent_m_s = 1\.4: must be at least own\.descent_m_s = 1\.5, "
     with pytest.raises(ValueError, match=words):
         SpeedLimits(descent_m_s=1.4).speeds(game, section="own")
+
+
+def test_of_a_situation_that_says_no_more_than_place_and_velocity_nothing_else_is_taken_to_move():
+    still = (0.0, 0.0, 0.0)
+    assert Situation((1.0, 2.0, 3.0), still) == ((1.0, 2.0, 3.0), still, 0.0, None, None, still)

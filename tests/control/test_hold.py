@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.control import AltitudeHold, hold_altitude
+from guidance.control.hold import keep_station
 from tests.control.scenes import DT_S, OPEN
 
 
@@ -65,3 +66,37 @@ def test_a_hold_begins_without_trim_and_keeps_the_height_that_it_began_at():
 def test_a_hold_stays_between_floor_and_ceiling_above_home(down_m, held_m):
     between = replace(OPEN, floor_m=5.0, ceiling_m=35.0, home_ned_m=(0.0, 0.0, -5.0))
     assert hold_altitude(None, down_m=down_m, envelope=between, dt_s=DT_S).memory.down_m == held_m
+
+
+@pytest.mark.parametrize("down_m", [math.nan, -math.inf, 1e9])
+def test_a_height_that_is_no_number_commands_nothing_and_forgets_nothing(down_m):
+    memory = AltitudeHold(-50.0, 0.3)
+    assert hold_altitude(memory, down_m=down_m, envelope=OPEN, dt_s=DT_S) == (0.0, memory)
+
+
+@pytest.mark.parametrize("error_m", [20.0, -20.0])
+def test_far_from_its_height_on_either_side_the_trim_waits(error_m):
+    assert held_at(error_m, trim_m_s=0.1).memory.trim_m_s == 0.1
+
+
+@pytest.mark.parametrize(
+    ("off", "velocity", "held"),
+    [
+        ((0.3, -0.4), (0.24, -0.32), True),  # 0.8/s
+        ((0.6, 0.0), (0.48, 0.0), True),
+        ((0.78, -1.04), (0.3, -0.4), True),  # no faster than 0.5 m/s
+        ((-0.894, 1.192), (-0.3, 0.4), True),
+        ((0.906, 1.208), (0.0, 0.0), False),  # more than a metre and a half: here is the place
+    ],
+)
+def test_a_place_is_held_in_proportion_and_slowly_and_no_old_place_is_chased(off, velocity, held):
+    here = (10.0, -20.0)
+    place = (here[0] + off[0], here[1] + off[1])
+    asked, kept = keep_station(place, (*here, -5.0), (9.0, 9.0, 9.0))
+    assert asked == pytest.approx(velocity)
+    assert kept == (place if held else here)
+
+
+@pytest.mark.parametrize(("flown", "begun"), [((0.29, -0.39, 2.0), True), ((0.31, -0.41, 0.0), False)])
+def test_a_place_is_taken_once_the_vehicle_is_slow_over_the_ground(flown, begun):
+    assert keep_station(None, (1.0, 2.0, -5.0), flown) == ((0.0, 0.0), (1.0, 2.0) if begun else None)

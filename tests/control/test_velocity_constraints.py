@@ -67,6 +67,14 @@ def test_shrinking_for_one_wall_breaks_no_other(velocity, several):
         assert used_m(velocity, one) <= one.distance_m + 1e-9
 
 
+def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
+    wall = VelocityConstraint(Limiter.FLOOR, (0.0, 0.5, 2.0), 0.2)
+    for scale in (1.0, 10.0, 100.0):  # 0.15 m on the ground and 0.25 m vertically, of 0.2 m: half of each
+        moving, held = (0.2 * scale, 0.3 * scale, 0.125 * scale), wall._replace(distance_m=0.2 * scale)
+        assert slide(moving, held) == pytest.approx((0.2 * scale, 0.15 * scale, 0.0625 * scale))
+        assert shrink(moving, held) == pytest.approx((0.1 * scale, 0.15 * scale, 0.0625 * scale))
+
+
 @pytest.mark.parametrize(
     ("normal", "drift", "left_m"),
     [
@@ -136,6 +144,16 @@ def test_the_surge_is_how_much_further_it_goes(speed, acceleration):
     felt = acceleration + 0.5  # that much is scatter
     surge = surge_ned_m((speed * way[0], speed * way[1], -1.0), (felt * way[0], felt * way[1], 2.0), ENVELOPE)
     assert surge == pytest.approx((further * way[0], further * way[1], 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize("way", [(0.6, -0.8), (-0.8, 0.6), (0.28, 0.96)])
+def test_only_what_brakes_of_an_acceleration_is_left_out_of_the_surge(way):
+    north, east = way
+    across = (-east, north)
+    aside = surge_ned_m((0.7 * north, 0.7 * east, 0.0), (2.5 * across[0], 2.5 * across[1], 0.0), ENVELOPE)
+    slowing = tuple(2.5 * b - 3.0 * a for a, b in zip(way, across, strict=True))
+    assert surge_ned_m((0.7 * north, 0.7 * east, 0.0), (*slowing, 0.0), ENVELOPE) == pytest.approx(aside)
+    assert math.hypot(*aside) == pytest.approx(come_to_rest(0.7, 2.0) - come_to_rest(0.7, 0.0), abs=0.01)
 
 
 def test_braking_and_scatter_are_no_surge_and_a_turn_is_one_to_its_side():

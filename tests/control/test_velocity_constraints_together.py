@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.control import Limiter, Polygon, Situation, StandOffLimit
-from guidance.control.velocity_constraints import COVER_M
+from guidance.control.velocity_constraints import COVER_M, surge_ned_m
 from tests.control.scenes import HOVER, OPEN, settled
 
 
@@ -58,6 +58,33 @@ def test_the_vehicle_s_own_drift_is_taken_from_the_distance():
     floored = replace(OPEN, floor_m=-1.5)
     assert settled((0.0, 0.0, 2.0), away, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(1.0)
     assert settled((0.0, 0.0, 2.0), moving, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(1.0 / 1.5)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_way_on_of_a_vehicle_that_gathers_speed_is_taken_from_the_distance(axis, side):
+    def along(size):
+        return tuple(side * size if n == axis else 0.0 for n in range(3))
+
+    gathering = HOVER._replace(acceleration_ned_m_s2=along(3.5))
+    further_m = abs(surge_ned_m(HOVER.velocity_ned_m_s, along(3.5), OPEN)[axis])
+    assert 0.05 < further_m < 1.0
+    square = Polygon(((-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0), (6.0, -6.0)))
+    allowed = settled(along(8.0), gathering, replace(OPEN, fence_polygon=square)).setpoint.velocity_ned_m_s
+    assert allowed == pytest.approx(along(asked_ground(6.0 - further_m, 8.0)))
+
+
+def test_in_a_sharp_corner_both_walls_hold_at_once():
+    wedge = Polygon(((12.0, 0.0), (-60.0, 18.0), (-60.0, -18.0)))  # its edges meet at 28 degrees
+    for velocity in ((8.0, 0.0, 1.0), (7.0, 3.0, 1.0), (7.0, -3.0, 1.0)):
+        north, east, down = settled(velocity, envelope=replace(OPEN, fence_polygon=wedge)).setpoint.velocity_ned_m_s
+        seconds = OPEN.reaction_s + math.hypot(*velocity[:2]) / (2.0 * OPEN.braking_m_s2)
+        for index in (0, 2):
+            outward = wedge.outward(index)
+            stopped_m = ((north * outward[0] + east * outward[1]) * seconds, 12.0 * outward[0])
+            assert stopped_m[0] <= stopped_m[1] + 1e-9
+        assert north > 0.5
+        assert down == 1.0
 
 
 @pytest.mark.parametrize(

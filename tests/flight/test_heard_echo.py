@@ -60,12 +60,23 @@ def test_the_first_reports_of_all_count_as_much_as_later_ones():
     assert echo.foreign
 
 
-@pytest.mark.parametrize(("off_m_s", "foreign"), [(0.7, False), (0.8, True)])
-def test_what_is_off_by_less_than_three_quarters_of_a_metre_a_second_is_ours(off_m_s, foreign):
+@pytest.mark.parametrize(
+    ("told", "foreign"),
+    [
+        ((3.0, 0.7, 0.0), False),
+        ((3.0, 0.0, -0.8), True),
+        ((3.7, 0.0, 0.0), False),  # faster than what was sent: nothing that limits of its own make
+        ((3.8, 0.0, 0.0), True),
+        ((2.0, -0.7, 0.0), False),  # cut to two thirds, to a half, and by more than that
+        ((0.8, 0.0, 0.0), False),
+        ((0.7, 0.0, 0.0), True),
+    ],
+)
+def test_what_is_off_by_less_than_three_quarters_of_a_metre_a_second_is_ours(told, foreign):
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
     for count in range(3):
-        echo.hear(reported(now_s + APART_S * count, (3.0, off_m_s, 0.0)), guided=True)
+        echo.hear(reported(now_s + APART_S * count, told), guided=True)
     assert echo.foreign is foreign
 
 

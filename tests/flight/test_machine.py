@@ -5,7 +5,7 @@ import math
 import pytest
 
 from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
-from guidance.flight import ORDERS, Event, State
+from guidance.flight import ORDERS, EngageOn, Event, State
 from guidance.flight.requests import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
 from tests.flight.scenes import (
@@ -20,11 +20,11 @@ BEAT = PX4.request_message(HEARTBEAT)
 
 def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin():
     flown = Flown()
-    assert flown.flight.mode_name == "unknown"
+    assert (flown.flight.mode_name, flown.flight.mode_title) == ("unknown", "unknown")
     assert flown.cycle(silent=True).state is State.CONNECTING
     first = flown.cycle()
     assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
-    assert flown.flight.mode_name == "hold"
+    assert (flown.flight.mode_name, flown.flight.mode_title) == ("hold", "HOLD")
     assert [request.command for request in first.requests] == [INTERVAL] * 7 + [MESSAGE] * 2
     assert [request.params[0] for request in first.requests[-2:]] == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
     assert flown.cycle().state is State.READY
@@ -251,3 +251,39 @@ def test_a_hover_goes_out_until_a_heartbeat_shows_that_the_autopilot_has_taken_o
     assert flown.cycle(beat=True).setpoint is None
     assert {one.setpoint for one in flown.cycles(2.5)} == {None}
     assert commands(flown.cycles(2.0)) == []
+
+
+@pytest.mark.parametrize("brought", [lambda flown: flown, Flown.standing_by, Flown.engaged])
+@pytest.mark.parametrize("refusals", [(), ("GF_ACTION",)])
+def test_what_an_order_will_do_is_foreseen_and_asking_changes_nothing(brought, refusals):
+    for order in sorted(ORDERS):
+        flown = brought(Flown())
+        before = flown.state
+        foreseen = flown.flight.follows(order, flown.now_s, refusals)
+        assert flown.state is before
+        happening = flown.cycle(order, refusals=refusals).happenings[0]
+        assert (happening.event in {order, Event.ALOFT}, happening.before) == (True, before)
+        assert foreseen is (happening.after is not before)
+
+
+@pytest.mark.parametrize(("engage_on", "taken"), [(EngageOn.COMMAND, False), (EngageOn.PILOT_MODE, True)])
+def test_a_vehicle_that_a_pilot_has_in_the_air_is_taken_over_only_where_a_pilot_is_to_engage(engage_on, taken):
+    flown = Flown(settings_of(engage_on=engage_on))
+    flown.cycles(0.1)
+    flown.armed, flown.landed, flown.mode, flown.position[2] = True, 2, Mode.OTHER, HOME_DOWN_M - 10.0
+    flown.cycle(beat=True)
+    assert flown.flight.follows(Event.START, flown.now_s) is taken
+    (happening,) = flown.cycle(Event.START).happenings
+    expected = (Event.ALOFT, State.STANDING_BY) if taken else (Event.START, State.READY)
+    assert (happening.event, happening.after) == expected
+
+
+def test_an_evader_may_be_set_down_elsewhere_before_the_flight_and_not_in_it():
+    on_ground, in_flight = Flown(), Flown().standing_by()
+    for flown in (on_ground, in_flight):
+        flown.evader = (60.0, 0.0)
+        flown.cycles(1.0)
+        flown.evader = (560.0, 0.0)
+        flown.cycles(1.5)
+    north_m = [one.flight.tracking.evader(one.now_s).position_ned_m[0] for one in (on_ground, in_flight)]
+    assert north_m == pytest.approx([560.0, 60.0], abs=5.0)

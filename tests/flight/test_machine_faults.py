@@ -6,7 +6,7 @@ from typing import get_args, get_type_hints
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
-from guidance.flight import FINAL, Event, State
+from guidance.flight import FINAL, ORDERS, Event, State
 from guidance.flight.requests import REPEAT_S
 from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
 from guidance.vehicle import is_plausible
@@ -134,6 +134,14 @@ def test_on_the_ground_nothing_is_asked_of_the_vehicle(monkeypatch):
     failed = flown.cycle()
     assert (failed.state, failed.setpoint, failed.requests) == (State.FAILED, None, ())
     assert flown.state in FINAL
+
+
+def test_after_an_error_of_our_own_no_order_is_followed_and_asking_for_one_does_not_fail_again(monkeypatch):
+    flown = Flown().engaged()
+    assert flown.flight.follows(Event.HOLD, flown.now_s)
+    monkeypatch.setattr(flown.flight.tracking, "silence_s", lambda _now_s: 1 / 0)
+    assert flown.cycle().fault.startswith("ZeroDivisionError")
+    assert [flown.flight.follows(order, flown.now_s) for order in sorted(ORDERS)] == [False] * len(ORDERS)
 
 
 LOST = {"loop stopped": {"dt_s": 3.1, "beat": True}, "telemetry lost": {"dt_s": 3.1, "silent": True}}

@@ -49,3 +49,7 @@ def test_signs_of_life_and_orders_keep_it_waiting():
 def test_where_none_is_asked_for_nobody_is_missed():
     held = Held(State.HOLDING)
     assert held.wait(100.0) == []
+
+
+def test_before_its_first_cycle_a_flight_has_missed_nobody():
+    assert Flight(settings_of()).operator_silence_s(NOW_S) == 0.0

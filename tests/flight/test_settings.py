@@ -1,5 +1,7 @@
 """A reserve to fly home: more is needed the further and higher, against the wind, and the flight returns in time."""
 
+import math
+
 import pytest
 
 from guidance.autopilots import Mode
@@ -7,6 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, State
 from guidance.flight.settings import Reserve
 from guidance.messages import Attitude, LandedState
+from tests.flight.flown import Flown
 from tests.flight.scenes import NOW_S, heartbeat, home, local, settings_of, status
 
 RESERVE = Reserve(endurance_s=600.0, left=0.1, return_speed_m_s=5.0, landing_speed_m_s=0.5, wind_m_s=2.0)
@@ -25,11 +28,33 @@ def test_what_is_needed_is_the_way_home_against_the_wind_and_the_descent():
         ({"wind_m_s": 5.0}, "against such a wind nothing comes home"),
         ({"endurance_s": 0.0}, "reserve.endurance_s = 0.0"),
         ({"left": 1.5}, "reserve.left = 1.5"),
+        ({"left": -0.1}, "reserve.left = -0.1"),
+        ({"wind_m_s": -1.0}, "reserve.wind_m_s = -1.0"),
+        ({"landing_speed_m_s": 2e6}, "reserve.landing_speed_m_s = 2000000.0"),
+        ({"return_speed_m_s": 0.0005}, "reserve.return_speed_m_s = 0.0005"),
     ],
 )
 def test_a_reserve_that_cannot_be_is_refused(wrong, words):
     with pytest.raises(ConfigError, match=words):
         Reserve(**{"endurance_s": 600.0, **wrong})
+
+
+def test_a_reserve_that_says_nothing_of_it_keeps_a_tenth_and_knows_no_wind():
+    assert Reserve(endurance_s=600.0) == Reserve(
+        endurance_s=600.0, left=0.1, return_speed_m_s=5.0, landing_speed_m_s=0.7, wind_m_s=0.0
+    )
+    assert Reserve(endurance_s=0.5, left=0.0, wind_m_s=0.0).needed(0.0, 0.0) == 0.0
+    assert Reserve(endurance_s=2.0, left=1.0, return_speed_m_s=2.0, wind_m_s=1.9).needed(0.0, 0.0) == 1.0
+    assert RESERVE.needed(math.inf, 0.0) == RESERVE.needed(math.nan, 0.0) == 1.0
+
+
+def test_a_certificate_says_what_it_takes_to_come_home_from_here_where_that_is_reckoned():
+    reckoned, fixed = Flown(settings_of(reserve=RESERVE, farthest_m=100.0)), Flown()
+    for flown in (reckoned, fixed):
+        flown.position[0] = 60.0
+        flown.engaged(evader=(120.0, 0.0)).cycle()
+    assert reckoned.outputs.certificate.battery_needed == pytest.approx(0.1 + (60.0 / 3.0 + 10.0 / 0.5) / 600.0)
+    assert math.isnan(fixed.outputs.certificate.battery_needed)
 
 
 def held(away_m, battery, **changes):
