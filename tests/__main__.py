@@ -60,6 +60,8 @@ STEPS = {
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
         gives_way=True,
     ),
+    # Each worker would compile every file of tests for itself, at the same time as the others.
+    "collect": Step("that every file of tests can be read", (*PYTEST[:3], "-qq", "--collect-only"), gives_way=True),
     # Some of it waits for sockets and processes: a third worker has the processors meanwhile.
     "tests": Step("all that is quick", (*PYTEST, "-n", "3", "--dist", "loadfile", "-m", QUICK)),
     "flights": Step(
@@ -89,7 +91,7 @@ STEPS = {
 }
 TOGETHER = (
     ("format", "lint"),
-    ("types", "layers", "docs", "faults", "arrays"),
+    ("types", "layers", "docs", "faults", "arrays", "collect"),
     ("tests",),
     ("flights", "real time", "acceptance"),
 )

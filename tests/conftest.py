@@ -3,6 +3,8 @@
 A share of them by default, all in the profile `all`; `HYPOTHESIS_PROFILE=search python -m tests tests` draws new ones.
 """
 
+import gc
+
 import pytest
 from hypothesis import settings
 
@@ -12,6 +14,17 @@ settings.register_profile("same", derandomize=True, deadline=None, max_examples=
 settings.register_profile("all", derandomize=True, deadline=None)
 settings.register_profile("search", deadline=None)
 settings.load_profile(PROFILE)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Leave what is collected, thousands of tests and all modules, out of every search for garbage, for it stays."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

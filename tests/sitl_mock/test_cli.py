@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sitl_mock import ConfigError
-from sitl_mock.cli import app
+from sitl_mock.cli import app, main
 from sitl_mock.conditions import CONDITIONS
 from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Decoder
@@ -109,21 +109,29 @@ def test_alone_it_shows_its_help_and_ends_well():
     assert (done.exit_code, "calibrate" in done.output) == (0, True)
 
 
+def test_a_wrong_use_of_the_process_is_one_line_and_exit_code_2(start):
+    child = start("--vehicles", "2")
+    assert child.wait(10.0) == 2
+    said = child.stderr.read()
+    assert "--zenoh" in said
+    assert said.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["--vehicles", "2"], "--zenoh"),
         (["--vehicles", "px9:a", "--udp", "14540"], "px9"),
         (["--fleet", "no_such_file.toml", "--udp", "14540"], "no_such_file.toml"),
         (["--vehicles", "0", "--udp", "14540"], "vehicle"),
     ],
 )
-def test_a_wrong_use_is_one_line_and_exit_code_2(start, arguments, named):
-    child = start(*arguments)
-    assert child.wait(10.0) == 2
-    said = child.stderr.read()
+def test_a_wrong_use_is_one_line_and_exit_code_2(monkeypatch, capsys, arguments, named):
+    monkeypatch.setattr(sys, "argv", ["sitl-mock", "run", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err
+    assert (ended.value.code, said.count("\n")) == (2, 1)
     assert named in said
-    assert said.count("\n") == 1
 
 
 def test_the_page_of_modes_is_what_the_command_draws():
