@@ -32,6 +32,9 @@ COVER_M = 0.5
 _STEADY_M_S2: Final = 0.5
 """Less than this is what velocities scatter by, not gathering speed."""
 
+ROUNDING_M: Final = 1e-9
+"""What is left of a part taken away closes on nothing: scaled down by it, what goes along would be gone too."""
+
 _DOWN: Vector = (0.0, 0.0, 1.0)
 _UP: Vector = (0.0, 0.0, -1.0)
 _STILL: Vector = (0.0, 0.0, 0.0)
@@ -130,7 +133,7 @@ def slide(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
     closing_ground = max(0.0, north * normal_north + east * normal_east)
     closing_vertical = max(0.0, down * normal_down)
     used_m = closing_ground + closing_vertical
-    if used_m <= constraint.distance_m:
+    if used_m <= constraint.distance_m + ROUNDING_M:
         return velocity_ned_m_s
     taken = 1.0 - constraint.distance_m / used_m
     if closing_ground > 0.0:
@@ -148,7 +151,7 @@ def shrink(velocity_ned_m_s: Vector, constraint: VelocityConstraint) -> Vector:
     closing_ground = max(0.0, north * normal_north + east * normal_east)
     closing_vertical = max(0.0, down * normal_down)
     used_m = closing_ground + closing_vertical
-    if used_m <= constraint.distance_m:
+    if used_m <= constraint.distance_m + ROUNDING_M:
         return velocity_ned_m_s
     share = constraint.distance_m / used_m
     if closing_ground > 0.0:

@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 
 from guidance.control import Envelope
 from guidance.control.envelope import Limiter
-from guidance.control.velocity_constraints import Stop, VelocityConstraint, constrain, shrink, slide, surge_ned_m
+from guidance.control.velocity_constraints import (
+    ROUNDING_M,
+    Stop,
+    VelocityConstraint,
+    constrain,
+    shrink,
+    slide,
+    surge_ned_m,
+)
 
 parts = st.floats(-10.0, 10.0)
 vectors = st.tuples(parts, parts, parts)
@@ -24,7 +32,7 @@ def used_m(velocity, one):
 @settings(deadline=None)
 @given(vectors, constraints)
 def test_what_slides_and_what_shrinks_obeys_the_law_and_what_obeys_is_left_alone(velocity, one):
-    asks_too_much = used_m(velocity, one) > one.distance_m
+    asks_too_much = used_m(velocity, one) > one.distance_m + ROUNDING_M
     assert (slide(velocity, one) is not velocity) == (shrink(velocity, one) is not velocity) == asks_too_much
     for kept in (slide(velocity, one), shrink(velocity, one)):
         assert used_m(kept, one) <= one.distance_m + 1e-9
@@ -52,10 +60,18 @@ def test_sliding_keeps_what_goes_along_the_wall_and_adds_no_speed(velocity, one)
 def test_shrinking_keeps_directions_and_touches_only_what_closes(velocity, one):
     north, east, down = one.normal_ned_s
     kept = shrink(velocity, one)
-    share = one.distance_m / used_m(velocity, one) if used_m(velocity, one) > one.distance_m else 1.0
+    asks_too_much = used_m(velocity, one) > one.distance_m + ROUNDING_M
+    share = one.distance_m / used_m(velocity, one) if asks_too_much else 1.0
     ground = share if velocity[0] * north + velocity[1] * east > 0.0 else 1.0
     vertical = share if velocity[2] * down > 0.0 else 1.0
     assert kept == pytest.approx((velocity[0] * ground, velocity[1] * ground, velocity[2] * vertical))
+
+
+@settings(deadline=None)
+@given(vectors, constraints)
+def test_what_goes_along_a_closed_wall_is_not_taken_for_what_rounding_leaves_of_the_rest(velocity, one):
+    along = slide(velocity, one.closed())
+    assert shrink(along, one.closed()) is along
 
 
 @settings(deadline=None)
