@@ -10,13 +10,16 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple, TypeVar
 
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import InvalidMagic, McapError
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
@@ -30,6 +33,11 @@ T = TypeVar("T")
 _LONGEST_RECORD_BYTES: Final = 64 * 1024 * 1024
 _LARGEST_CHUNK_BYTES: Final = 16 * 1024 * 1024
 """A length that is torn or a lie must not make us ask for gigabytes. Ours are 8 KiB, other writers' 1 to 4 MiB."""
+
+_RECORD: Final = struct.Struct("<BQ")
+"""How each of MCAP's records begins: opcode and length."""
+_MESSAGE: Final = struct.Struct("<HIQQ")
+"""How its messages begin: channel, sequence, log time and publish time in ns."""
 
 _TORN: Final = (McapError, ValueError, struct.error, zstandard.ZstdError, EOFError, MemoryError, OverflowError)
 
@@ -286,7 +294,25 @@ def _inside(chunk: Chunk) -> list[McapRecord]:
         chunk = replace(chunk, compression="", data=data)
     if len(chunk.data) != chunk.uncompressed_size and not chunk.compression:
         raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes has others")
-    return breakup_chunk(chunk, validate_crc=True)
+    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+    return list(_parted(stream.read(length)))
+
+
+def _parted(data: bytes) -> Iterator[McapRecord]:
+    """Yield the channels and messages of a chunk; messages, nearly all of it, without a stream of the library's."""
+    at = 0
+    while at < len(data):
+        opcode, length = _RECORD.unpack_from(data, at)
+        begin = at + _RECORD.size
+        at = begin + length
+        if at > len(data):
+            raise ValueError(f"a record of {length} bytes goes beyond its chunk")
+        record = data[begin:at]
+        if opcode == Opcode.MESSAGE:
+            channel, sequence, logged, published = _MESSAGE.unpack_from(record)
+            yield Message(channel, logged, record[_MESSAGE.size :], published, sequence)
+        elif opcode == Opcode.CHANNEL:
+            yield Channel.read(ReadDataStream(BytesIO(record)))
 
 
 def _noted(survey: Survey, channel: Channel, message: Message) -> Item:

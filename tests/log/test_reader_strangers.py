@@ -58,6 +58,20 @@ def test_a_chunk_that_unpacks_to_more_than_may_be_is_torn_and_takes_no_memory(tm
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib < 2**27 / 1024
 
 
+@pytest.mark.parametrize("length", [21, 23, 2**63])
+def test_a_message_longer_than_its_chunk_or_shorter_than_its_head_is_torn_with_what_its_chunk_holds(tmp_path, length):
+    path = tmp_path / "lying.mcap"
+    channel = record(4, struct.pack("<HH", 1, 0) + prefixed(b"a") + prefixed(b"json") + struct.pack("<I", 0))
+    message = struct.pack("<HIQQ", 1, 0, 10**9, 10**9)
+    for claimed, heard in ((len(message), [1.0]), (length, [])):
+        content = channel + record(5, message) + record(99, b"another's") + struct.pack("<BQ", 5, claimed) + message
+        chunk = struct.pack("<QQQI", 0, 0, len(content), 0) + prefixed(b"") + struct.pack("<Q", len(content)) + content
+        path.write_bytes(MAGIC + record(1, prefixed(b"") + prefixed(b"")) + record(6, chunk))
+        survey = Survey()
+        assert [item.now_s for item in scan(path, survey)] == 2 * heard
+        assert ("beyond" in survey.torn or "unpack" in survey.torn) != bool(heard)
+
+
 def test_a_length_that_no_record_has_is_not_asked_for(tmp_path):
     path = tmp_path / "long.mcap"
     text = struct.pack("<I", 2**32 - 1) + b"abc"
