@@ -294,8 +294,8 @@ def _inside(chunk: Chunk) -> list[McapRecord]:
         chunk = replace(chunk, compression="", data=data)
     if len(chunk.data) != chunk.uncompressed_size and not chunk.compression:
         raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes has others")
-    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-    return list(_parted(stream.read(length)))
+    checked, length = get_chunk_data_stream(chunk, validate_crc=True)
+    return list(_parted(checked.read(length)))
 
 
 def _parted(data: bytes) -> Iterator[McapRecord]:

@@ -49,6 +49,7 @@ def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
             path = folder / f"{name}.{kind}"
             with writing(path):
                 figure.savefig(path, dpi=DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
+            figure.set_layout_engine(None)  # it is laid out now
             paths.append(path)
     return paths
 

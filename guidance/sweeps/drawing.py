@@ -51,6 +51,7 @@ def draw_all(tallies: Sequence[Tally], worst: Sequence[Worst], *, title: str, un
         for kind in ("png", "pdf"):
             path = out / f"{name}.{kind}"
             figure.savefig(private_file(path), dpi=_DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
+            figure.set_layout_engine(None)  # it is laid out now
             paths.append(path)
     return paths
 

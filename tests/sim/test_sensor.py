@@ -1,5 +1,6 @@
 """What a sensor makes of an evader's reports, and that a flight which heard through one replays bit for bit."""
 
+import functools
 import math
 
 import numpy as np
@@ -23,6 +24,12 @@ HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))
 PERIOD_S = 0.1
 
 
+@functools.cache
+def driven_to(at_s):
+    latitude_deg, longitude_deg, _ = HERE.wgs84_from_ned((2.0 * at_s, 5.0, 0.0))
+    return latitude_deg, longitude_deg
+
+
 class Source:
     """An evader that drives north at 2 m/s and reports ten times a second on a clock 50 s ahead."""
 
@@ -35,9 +42,8 @@ class Source:
         reports = []
         while self.due * PERIOD_S <= self.now_s + 1e-9:
             at_s = self.due * PERIOD_S
-            latitude, longitude, _ = HERE.wgs84_from_ned((2.0 * at_s, 5.0, 0.0))
             report = EvaderReport(
-                at_s, at_s + 50.0, "test", latitude, longitude, 488.0, (2.0, 0.0, 0.0), math.nan, math.nan
+                at_s, at_s + 50.0, "test", *driven_to(at_s), 488.0, (2.0, 0.0, 0.0), math.nan, math.nan
             )
             reports.append(report)
             self.due += 1

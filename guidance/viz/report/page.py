@@ -84,7 +84,7 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path
         for name, figure in figures.items():
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=130)
-            figure.set_layout_engine("none")  # it is laid out now: as SVG it is the same picture
+            figure.set_layout_engine(None)  # it is laid out now: as SVG it is the same picture
         text = page_of(story, {name: svg_of(figure) for name, figure in figures.items()})
         private_file(page).write_text(text, encoding="utf-8")
     except OSError as error:
