@@ -1,6 +1,7 @@
 """The page as a browser has it, and what the pictures are drawn from."""
 
 import base64
+import functools
 import math
 import re
 import shutil
@@ -72,6 +73,12 @@ def page_in(folder):
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
+@functools.cache
+def told(path):
+    """What a record tells, which nobody changes."""
+    return story_of(path, recorded_settings)
+
+
 def looked_at(page, folder):
     """Show a page in a headless browser: the picture of it, and what the console said."""
     picture = folder / "page.png"
@@ -130,7 +137,7 @@ def test_a_browser_shows_the_page_without_a_word_on_its_console(pe, tmp_path):
 
 def test_the_summary_says_what_the_flight_itself_said(pe, tad):
     for result, path, _ in (pe, tad):
-        rows = dict(summary(story_of(path, recorded_settings)))
+        rows = dict(summary(told(path)))
         outcome = outcome_of_flight(result, "fast")
         assert rows["value predicted at engagement"].startswith(f"{outcome.predicted:.2f} ")
         # A report knows where the evader was by its reports only.
@@ -147,7 +154,7 @@ def test_the_summary_says_what_the_flight_itself_said(pe, tad):
 
 def test_the_tracks_are_those_that_were_flown(pe):
     result, path, _ = pe
-    story = story_of(path, recorded_settings)
+    story = told(path)
     by_time = {round(cycle.now_s, 6): number for number, cycle in enumerate(story.cycles)}
     for sample in result.samples[::50]:
         cycle = story.cycles[by_time[round(sample.now_s, 6)] - 1]  # a sample is taken before the cycle has read
@@ -159,7 +166,7 @@ def test_the_tracks_are_those_that_were_flown(pe):
 
 def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
     for _, path, _ in (pe, tad):
-        story = story_of(path, recorded_settings)
+        story = told(path)
         for draw in (tracks, charts.game, charts.velocities, charts.ages):
             axes = draw(story).axes
             assert axes[-1].get_xlabel() in {"time, s", "x east, m"}
@@ -168,7 +175,7 @@ def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
 
 
 def test_no_legend_covers_what_is_drawn(pe):
-    story = story_of(pe[1], recorded_settings)
+    story = told(pe[1])
     for draw in (tracks, charts.game, charts.velocities, charts.ages):
         figure = draw(story)
         figure.canvas.draw()
@@ -180,7 +187,7 @@ def test_no_legend_covers_what_is_drawn(pe):
 
 
 def test_without_colours_the_players_are_still_told_apart(pe):
-    plan = tracks(story_of(pe[1], recorded_settings)).axes[1]
+    plan = tracks(told(pe[1])).axes[1]
     drawn = {str(line.get_label()): line for line in plan.lines}
     looks = [
         (line.get_linestyle(), line.get_marker(), line.get_linewidth())
@@ -192,7 +199,7 @@ def test_without_colours_the_players_are_still_told_apart(pe):
 
 
 def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
-    story = story_of(pe[1], recorded_settings)
+    story = told(pe[1])
     line = charts.game(story).axes[2].lines[0]
     engaged = story.cycles[story.engaged]
     at = np.searchsorted(line.get_xdata(), engaged.now_s)
