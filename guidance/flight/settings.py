@@ -84,7 +84,7 @@ class Reserve:
             away_m: From home, over the ground.
             height_m: Above home.
         """
-        home_s = abs(away_m) / (self.return_speed_m_s - self.wind_m_s)
+        home_s = away_m / (self.return_speed_m_s - self.wind_m_s)
         down_s = max(0.0, height_m) / self.landing_speed_m_s
         share = self.left + (home_s + down_s) / self.endurance_s
         return min(1.0, share) if math.isfinite(share) else 1.0

@@ -47,6 +47,7 @@ FLIGHT = {
     "flight/test_playing": "flight/playing",
     "flight/test_settings": "flight/settings",
     "flight/test_playing_information": "flight/playing",
+    "flight/test_playing_memory": "flight/playing",
     "flight/test_machine_operator": "flight/machine",
     "flight/test_machine_faults": "flight/machine flight/requests",
     "flight/test_machine": "flight/machine flight/requests",

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from guidance.autopilots import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
+from guidance.autopilots import ARDUCOPTER, GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION, PX4, Mode
 from guidance.flight import ORDERS, EngageOn, Event, State
 from guidance.flight.requests import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
@@ -198,6 +198,22 @@ def test_an_autopilot_that_sends_no_heartbeat_when_it_is_asked_is_waited_for_no_
     asked = flown.cycles(3 * CYCLE_S)
     assert [request for one in asked for request in one.requests if request != BEAT] == [PX4.set_mode(Mode.GUIDED)]
     assert all(one.setpoint is not None for one in (*outputs, *asked))
+
+
+@pytest.mark.parametrize("began_s", [0.0, 1234.56])
+@pytest.mark.parametrize(("autopilot", "streamed"), [(PX4, 10), (ARDUCOPTER, 0)])
+def test_requests_of_the_guided_mode_come_in_the_cycle_in_which_they_are_due_whatever_the_clock_rounds(
+    autopilot, streamed, began_s
+):
+    for beat, due in ((True, streamed + 1), (False, 20)):
+        flown = Flown(settings_of(autopilot))
+        flown.now_s += began_s
+        flown.standing_by()
+        flown.beat_s = math.inf  # no HEARTBEAT but those of the test
+        asked = [flown.cycle(Event.ENGAGE).requests, *(flown.cycle(beat=beat).requests for _ in range(20))]
+        mode, message = autopilot.set_mode(Mode.GUIDED), autopilot.request_message(HEARTBEAT)
+        assert [n for n, requests in enumerate(asked) if mode in requests] == [due]
+        assert [n for n, requests in enumerate(asked) if message in requests] == [0, 5, 10, 15, 20]
 
 
 def test_the_guided_mode_is_asked_for_again_only_of_an_autopilot_that_shows_another_one_of_ours():

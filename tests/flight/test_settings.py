@@ -25,6 +25,7 @@ def test_what_is_needed_is_the_way_home_against_the_wind_and_the_descent():
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
+        ({"wind_m_s": 6.0}, "against such a wind nothing comes home"),
         ({"wind_m_s": 5.0}, "against such a wind nothing comes home"),
         ({"endurance_s": 0.0}, "reserve.endurance_s = 0.0"),
         ({"left": 1.5}, "reserve.left = 1.5"),

@@ -1,0 +1,80 @@
+"""What one cycle leaves to the next: it moves with the local frame, and goes on or begins anew with a state."""
+
+import math
+
+import pytest
+
+from guidance.autopilots import Mode
+from guidance.control import AltitudeHold
+from guidance.control.follow import Drift, FollowMemory
+from guidance.cycle import CycleMemory
+from guidance.flight import EngageOn, State
+from guidance.flight.heard import Heard
+from guidance.flight.machine import INVITE_AFTER_S
+from guidance.flight.playing import Playing
+from guidance.monitor import MonitorMemory
+from tests.flight.flown import CYCLE_S, Flown
+from tests.flight.scenes import QUIET, SETTINGS, settings_of
+
+BEGUN = CycleMemory(
+    follow=FollowMemory(deficit_m=2.0, drift=Drift((0.1, 0.2, 0.3), (1.0, 2.0, -30.0))),
+    place=(5.0, 6.0),
+    height=AltitudeHold(-31.0, 0.4),
+)
+PROMISED = MonitorMemory(winner=1)
+
+
+def test_what_is_remembered_of_places_moves_with_the_local_frame_and_nothing_else_does():
+    playing = Playing(SETTINGS)
+    playing._memory = BEGUN
+    playing.move((10.0, -20.0, 3.0))
+    assert playing._memory == BEGUN._replace(
+        follow=BEGUN.follow._replace(drift=Drift((0.1, 0.2, 0.3), (11.0, -18.0, -27.0))),
+        place=(15.0, -14.0),
+        height=AltitudeHold(-28.0, 0.4),
+    )
+    playing._memory = CycleMemory()
+    playing.move((10.0, -20.0, 3.0))
+    assert playing._memory == CycleMemory()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "remembers", "watches_on"),
+    [
+        (State.STANDING_BY, State.ENTERING, False, False),
+        (State.ENTERING, State.ENGAGED, True, True),
+        (State.ENGAGED, State.PAUSED, True, True),
+        (State.PAUSED, State.ENGAGED, True, True),
+        (State.ENGAGED, State.ON_STATION, True, False),  # the promise is kept: the next one is another
+        (State.ON_STATION, State.ENGAGED, True, True),
+        (State.ENGAGED, State.HOLDING, False, False),
+    ],
+)
+def test_a_change_of_state_keeps_what_goes_on(before, after, remembers, watches_on):
+    playing = Playing(SETTINGS)
+    playing._memory, playing._monitor, playing.certificate = BEGUN, PROMISED, QUIET
+    playing.change(before, after)
+    assert playing._memory == (BEGUN if remembers else CycleMemory())
+    assert playing._monitor == (PROMISED if watches_on else MonitorMemory())
+    assert playing.certificate is None
+
+
+def test_without_a_setpoint_there_is_no_evader_and_no_alarm_and_without_a_place_no_setpoint():
+    flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
+    assert any(flown.cycle().alarm is not None for _ in range(100))
+    playing = flown.flight._playing
+    assert playing.evader is not None
+    playing.silent()
+    assert (playing.evader, playing.alarm) == (None, None)
+    with pytest.raises(ValueError, match="needs the vehicle's position"):
+        playing.setpoint(Heard(SETTINGS), State.ENGAGED, 0.0, CYCLE_S, battery_needed=math.nan)
+
+
+def test_a_pilot_who_climbs_with_the_neutral_stream_is_not_pulled_back():
+    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
+    flown.cycles(INVITE_AFTER_S + 0.5)
+    flown.mode, flown.velocity = Mode.OTHER, [0.0, 0.0, -3.0]
+    for _ in range(100):
+        flown.position[2] -= 3.0 * CYCLE_S
+        flown.cycle()
+    assert flown.outputs.setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
