@@ -11,7 +11,8 @@ The order, and why:
  6. stand-off      ┐ Constraints, each takes away only what closes on it and keeps what goes along. A later one can bend
  7. fences         │ a velocity back into an earlier one, so all are asked again by scaling alone, which breaks none
  8. floor, ceiling ┘ of the others: in the end all hold together. Standing still always does.
- 9. feed-forward   Within acceleration and jerk; nothing of it pushes where a limit is active, or drives past a speed's.
+ 9. feed-forward   Within acceleration and jerk; it brakes before walls (`braking`), however sharply that comes; nothing
+                   of it pushes where a limit is active, or drives past a speed's.
 10. yaw            Turned at the turn rate.
 
 Nothing is kept here: the memory goes in and comes out, and it holds what was sent, not what was wished, so that
@@ -21,6 +22,7 @@ nothing winds up behind a limit.
 import math
 from typing import NamedTuple
 
+from guidance.control.braking import braked
 from guidance.control.envelope import Envelope, Limiter, Situation
 from guidance.control.fence import FenceGeometry, measure_fence
 from guidance.control.shaping import clamp, shape, slew, usable
@@ -103,7 +105,12 @@ def limit(
     active.extend(dict.fromkeys(one.limiter for one in constraints))
     closed = tuple(one.closed() for one in constraints)
     at_speed = _full_speed_constraints(velocity, here.velocity_ned_m_s, envelope)
-    feed_forward = _feed_forward(command.acceleration_ned_m_s2, memory, (*closed, *at_speed), envelope, dt_s, active)
+    eased = _eased(command.acceleration_ned_m_s2, memory, envelope, dt_s)
+    feed_forward = braked(eased, here, fence, envelope)
+    if feed_forward is not None:
+        feed_forward = _without_pushing(clamp(feed_forward, envelope.accelerations), (*closed, *at_speed))
+        wanted = command.acceleration_ned_m_s2 or STILL
+        _note_vector(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, wanted)
     yaw_rad = _yaw(command.yaw_rad, memory, envelope, dt_s, active)
     sent = LimitMemory(
         velocity,
@@ -173,20 +180,11 @@ def _yaw(
     return wrap_rad(memory.yaw_rad + allowed)
 
 
-def _feed_forward(
-    desired: Vector | None,
-    memory: LimitMemory,
-    constraints: tuple[VelocityConstraint, ...],
-    envelope: Envelope,
-    dt_s: float,
-    active: list[Limiter],
-) -> Vector | None:
+def _eased(desired: Vector | None, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Vector | None:
+    """Bring the feed-forward towards the desired one, within acceleration and jerk."""
     if desired is None:
         return None
-    allowed = slew(clamp(desired, envelope.accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
-    allowed = _without_pushing(clamp(allowed, envelope.accelerations), constraints)
-    _note_vector(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, allowed, desired)
-    return allowed
+    return slew(clamp(desired, envelope.accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
 
 
 def _full_speed_constraints(

@@ -1,0 +1,158 @@
+"""Braking before walls: its closed form, and the mock's vehicles near a fence in gusts."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from guidance.autopilots import AUTOPILOTS
+from guidance.control import Envelope, Limiter, Polygon, Situation, limit, measure_fence, setpoint_limiter
+from guidance.control.braking import braked, deceleration_m_s2
+from guidance.control.fence import keep_inside
+from guidance.control.servo import ServoMemory, serve
+from guidance.messages import Setpoint
+from sitl_mock import dynamics
+from tests.control.scenes import DT_S, OPEN, settled
+
+AIRFRAMES: Mapping[str, dynamics.Vehicle] = {
+    "px4": dynamics.px4_quadrotor(),
+    "arducopter": dynamics.arducopter_quadrotor(),
+}
+DRAWS = 40
+FLOWN_S = 8.0
+RADIUS_M = 20.0
+
+speeds, gaps = st.floats(0.0, 12.0), st.floats(-5.0, 60.0)
+
+
+def stop_m(speed_m_s, envelope):
+    return speed_m_s * 2.0 * envelope.reaction_s + speed_m_s**2 / (2.0 * envelope.braking_m_s2)
+
+
+@given(speeds, gaps)
+def test_a_vehicle_decelerates_where_its_drift_and_its_stop_do_not_fit_before_the_wall(speed, gap_m):
+    wanted = deceleration_m_s2(speed, gap_m, OPEN.braking_m_s2, OPEN.reaction_s)
+    spare_m = gap_m - stop_m(speed, OPEN)
+    assert wanted <= 1e-6 or spare_m <= 1e-6
+    assert wanted >= -1e-6 or spare_m >= -1e-6
+
+
+def test_beyond_the_wall_all_the_speed_is_to_be_gone_within_half_the_reaction():
+    assert deceleration_m_s2(1.5, -3.0, 2.0, 0.5) == 6.0
+    assert deceleration_m_s2(1.5, 0.0, 2.0, 0.5) == 6.0
+
+
+@pytest.mark.parametrize("wall", [Limiter.FENCE_RADIUS, Limiter.FENCE_POLYGON, Limiter.FLOOR, Limiter.CEILING])
+@pytest.mark.parametrize("fed", [None, (3.0, 1.0, 1.0), (-1.0, 1.0, -1.0)])
+def test_every_wall_is_braked_for_and_nothing_along_it(wall, fed):
+    corners = ((10.0, -90.0), (10.0, 90.0), (-90.0, 90.0), (-90.0, -90.0))
+    envelope = {
+        Limiter.FENCE_RADIUS: replace(OPEN, fence_radius_m=12.0, fence_margin_m=2.0),
+        Limiter.FENCE_POLYGON: replace(OPEN, fence_polygon=Polygon(corners)),
+        Limiter.FLOOR: replace(OPEN, floor_m=5.0),
+        Limiter.CEILING: replace(OPEN, ceiling_m=5.0),
+    }[wall]
+    normal = {Limiter.FLOOR: (0.0, 0.0, 1.0), Limiter.CEILING: (0.0, 0.0, -1.0)}.get(wall, (1.0, 0.0, 0.0))
+    at = (9.0, 0.0, -5.0)
+    braking = OPEN.braking_m_s2 if normal[0] else OPEN.vertical_braking_m_s2
+    gap_m = 1.0 if normal[0] else 0.0
+
+    def given_to(speed):
+        here = Situation(at, tuple(speed * part for part in normal))
+        return braked(fed, here, measure_fence(at, envelope), envelope)
+
+    assert given_to(-3.0) is fed
+    assert given_to(0.0) is fed
+    wanted = deceleration_m_s2(3.0, gap_m, braking, OPEN.reaction_s)
+    got, before = given_to(3.0), fed or (0.0, 0.0, 0.0)
+    along = sum(a * n for a, n in zip(got, normal, strict=True))
+    assert along == pytest.approx(-wanted)  # of the three that are fed none brakes so hard
+    assert all(a == b for a, b, n in zip(got, before, normal, strict=True) if n == 0.0)
+
+
+def test_the_limiter_brakes_within_its_acceleration_and_says_so():
+    fenced = replace(OPEN, fence_radius_m=10.0)
+    going = Situation((9.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    limited = settled((0.0, 0.0, 0.0), going, fenced)
+    assert limited.setpoint == Setpoint((0.0, 0.0, 0.0), (-OPEN.acceleration_m_s2, 0.0, 0.0))
+    assert limited.active == (Limiter.FEED_FORWARD,)
+    assert settled((0.0, 0.0, 0.0), going, OPEN).setpoint.acceleration_ned_m_s2 is None
+
+
+class Gust:
+    """A gust of 6 to 8 m/s near a fence, out or in or across, and the fence: a circle, or a polygon's edge aslant."""
+
+    def __init__(self, seed, autopilot):
+        draw = Random(f"{autopilot} {seed}")
+        self.bearing_rad = draw.uniform(-math.pi, math.pi)
+        size, way_rad = draw.uniform(6.0, 8.0), self.bearing_rad + draw.choice((0.0, math.pi)) + draw.gauss(0.0, 0.5)
+        self.wind_m_s = (size * math.cos(way_rad), size * math.sin(way_rad), 0.0)
+        self.from_s = draw.uniform(1.0, 5.0)
+        self.until_s = self.from_s + draw.uniform(0.5, 3.0)
+        self.speed_m_s = draw.uniform(3.0, 7.0)
+        self.aslant_rad = draw.uniform(-0.6, 0.6) if seed % 2 else None
+
+    def wind_ned_m_s(self, now_s):
+        return self.wind_m_s if self.from_s <= now_s < self.until_s else (0.0, 0.0, 0.0)
+
+    def outward(self):
+        turned_rad = self.bearing_rad + (self.aslant_rad or 0.0)
+        return math.cos(turned_rad), math.sin(turned_rad)
+
+    def fence(self):
+        if self.aslant_rad is None:
+            return {"fence_radius_m": RADIUS_M}
+        (north, east), far_m = self.outward(), 60.0
+        sides = ((RADIUS_M, -far_m), (RADIUS_M, far_m), (-far_m, far_m), (-far_m, -far_m))
+        return {"fence_polygon": Polygon(tuple((a * north - b * east, a * east + b * north) for a, b in sides))}
+
+    def beyond_m(self, place):
+        if self.aslant_rad is None:
+            return math.hypot(*place[:2]) - RADIUS_M
+        return place[0] * self.outward()[0] + place[1] * self.outward()[1] - RADIUS_M
+
+
+def farthest_beyond_m(autopilot, gust):
+    """Fly out to the fence through the gust, as the cycle does without a game; the mock's own dynamics, no errors."""
+    handling, airframe = AUTOPILOTS[autopilot].handling, AIRFRAMES[autopilot]
+    envelope = Envelope(
+        floor_m=2.0, ceiling_m=60.0, speed_m_s=1.1 * gust.speed_m_s, climb_m_s=2.0, descent_m_s=1.5, yaw_rate_rad_s=1.0,
+        acceleration_m_s2=handling.acceleration_m_s2, vertical_acceleration_m_s2=handling.vertical_acceleration_m_s2,
+        jerk_m_s3=handling.jerk_m_s3, braking_m_s2=handling.braking_m_s2, reaction_s=handling.reaction_s,
+        vertical_braking_m_s2=handling.vertical_braking_m_s2, easing_m_s3=handling.easing_m_s3,
+        fence_margin_m=2.0, **gust.fence(),
+    )  # fmt: skip
+    asked = (gust.speed_m_s * math.cos(gust.bearing_rad), gust.speed_m_s * math.sin(gust.bearing_rad), 0.0)
+    motion, served, memory = airframe.initial((0.0, 0.0, -20.0), 0.0, flying=True), ServoMemory(), None
+    farthest_m = -math.inf
+    for cycle in range(round(FLOWN_S / DT_S)):
+        body = motion.body
+        here = Situation(body.position_ned_m, body.velocity_ned_m_s, acceleration_ned_m_s2=body.acceleration_ned_m_s2)
+        fence = measure_fence(here.position_ned_m, envelope)
+        wanted = keep_inside(asked, fence, envelope)
+        velocity, fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.following.servo, dt_s=DT_S)
+        limited = limit(Setpoint(velocity, fed), here, envelope, memory, DT_S, fence=fence)
+        memory = limited.memory
+        setpoint = dynamics.Setpoint(
+            dynamics.Kind.STREAM,
+            velocity_ned_m_s=limited.setpoint.velocity_ned_m_s,
+            acceleration_ned_m_s2=limited.setpoint.acceleration_ned_m_s2,
+        )
+        around = dynamics.Surroundings(gust.wind_ned_m_s(cycle * DT_S))
+        motion = airframe.step(motion, setpoint, around, DT_S)
+        farthest_m = max(farthest_m, gust.beyond_m(motion.body.position_ned_m))
+    return farthest_m
+
+
+@pytest.mark.parametrize("autopilot", AIRFRAMES)
+def test_no_gust_drives_a_vehicle_beyond_a_fence(autopilot, monkeypatch):
+    gusts = [Gust(seed, autopilot) for seed in range(DRAWS)]
+    beyond_m = [farthest_beyond_m(autopilot, gust) for gust in gusts]
+    assert max(beyond_m) <= 0.0
+    monkeypatch.setattr(setpoint_limiter, "braked", lambda fed, *_: fed)
+    worst = max(range(DRAWS), key=lambda draw: beyond_m[draw])
+    assert farthest_beyond_m(autopilot, gusts[worst]) > beyond_m[worst] + 0.1
