@@ -53,11 +53,11 @@ class EventContext(NamedTuple):
     refusals: Sequence[str]
     foreign: bool
     other_mode_seen: bool
-    mode_left: Mode | None = None
-    chase_s: float = 0.0
-    rival: str = ""
-    battery_needed: float = 0.0
-    operator_silence_s: float = 0.0
+    mode_left: Mode | None
+    chase_s: float
+    rival: str
+    battery_needed: float
+    operator_silence_s: float
 
     @property
     def heard_since_entry(self) -> bool:

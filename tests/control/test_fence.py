@@ -65,6 +65,23 @@ def test_towards_the_fence_it_flies_no_faster_than_it_can_brake(envelope, gap_m)
     assert speed * envelope.reaction_s + speed**2 / (2 * envelope.braking_m_s2) <= gap_m + 1e-6 or speed == 6.0
 
 
+@pytest.mark.parametrize("bearing", [0.0, 0.7, 2.5, -1.9])
+@pytest.mark.parametrize("gap_m", [0.2, 0.7, 3.0])
+def test_towards_the_circle_exactly_as_fast_as_it_can_brake_whatever_goes_along_it(bearing, gap_m):
+    outward, along = (math.cos(bearing), math.sin(bearing)), (-math.sin(bearing), math.cos(bearing))
+    asked = tuple(6.0 * a + 2.0 * b for a, b in zip(outward, along, strict=True))
+    north, east, down = kept((*asked, 1.0), at(*((29.0 - gap_m) * part for part in outward)), CIRCLE)
+    speed = north * outward[0] + east * outward[1]
+    assert speed * CIRCLE.reaction_s + speed**2 / (2 * CIRCLE.braking_m_s2) == pytest.approx(gap_m)
+    assert (north * along[0] + east * along[1], down) == pytest.approx((2.0, 1.0))
+
+
+def test_near_home_too_a_circle_has_its_law():
+    small = replace(CIRCLE, fence_radius_m=2.0)
+    speed = kept((6.0, 0.0, 0.0), at(0.5, 0.0), small)[0]
+    assert speed * small.reaction_s + speed**2 / (2 * small.braking_m_s2) == pytest.approx(0.5)
+
+
 @given(speeds, speeds, st.floats(0.0, 2 * math.pi), st.floats(0.0, 60.0))
 def test_the_speed_along_the_circle_is_kept(north, east, bearing, distance):
     position = at(distance * math.cos(bearing), distance * math.sin(bearing))

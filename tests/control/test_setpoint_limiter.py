@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.control import Limiter, LimitMemory, Situation, limit, start
 from guidance.control.setpoint_limiter import NOTED
-from guidance.control.shaping import approach_speed
+from guidance.control.shaping import approach_speed, shape
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S, HOVER, OPEN, settled
 from tests.harness.examples import drawn
@@ -54,6 +54,47 @@ def test_acceleration_is_limited_on_the_ground_as_a_vector_and_vertically_on_its
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((3.0 * DT_S, 4.0 * DT_S, -3.0 * DT_S))
     assert limited.memory.acceleration_ned_m_s2 == pytest.approx((3.0, 4.0, -3.0))
     assert limited.active == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
+
+
+@pytest.mark.parametrize("down", [10.0, -10.0, 0.3, -0.3])
+def test_a_vertical_velocity_settles_within_its_acceleration_up_and_down(down):
+    bounds = {"ground_m_s2": 4.0, "vertical_m_s2": 2.0, "jerk_m_s3": 1e6, "dt_s": DT_S, "settle_per_s": 4.0}
+    shaped = shape((0.0, 0.0, down), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), **bounds)
+    wanted = math.copysign(min(2.0, 4.0 * abs(down)), down)
+    assert shaped == ((0.0, 0.0, pytest.approx(wanted * DT_S)), (0.0, 0.0, pytest.approx(wanted)))
+
+
+@pytest.mark.parametrize("way", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_a_limiter_is_named_on_whichever_side_it_cuts(way):
+    sent, wanted = ((*(size * part for part in way), 0.0) for size in (10.0, 11.0))
+    assert limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(sent), DT_S).active == (Limiter.SPEED,)
+
+
+@pytest.mark.parametrize(
+    ("turn", "named"), [(0.045, ()), (-0.045, ()), (0.065, (Limiter.YAW,)), (-0.065, (Limiter.YAW,))]
+)
+def test_the_turn_rate_is_named_for_what_is_left_of_a_turn(turn, named):
+    memory = LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.4)
+    assert limit(Setpoint((0.0, 0.0, 0.0), yaw_rad=0.4 + turn), HOVER, OPEN, memory, DT_S).active == named
+
+
+def test_an_acceleration_that_is_no_number_is_none_and_one_that_is_counts_though_nothing_is_known_of_the_evader_s_way():
+    fenced, velocity = replace(OPEN, fence_radius_m=6.0), (8.0, 1.0, 0.0)
+
+    def allowed(acceleration, moving=None):
+        at = HOVER._replace(acceleration_ned_m_s2=acceleration, evader_velocity_ned_m_s=moving)
+        return settled(velocity, at, fenced).setpoint.velocity_ned_m_s
+
+    unknown = (NAN, NAN, NAN)
+    assert allowed(unknown) == allowed((0.0, 0.0, 0.0))
+    assert allowed((3.0, 1.0, 0.0), unknown) == allowed((3.0, 1.0, 0.0)) != allowed((0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("asked", "flown"), [((5.0, 0.0, 0.0), (10.6, 0.0, 0.0)), ((0.0, 0.0, 1.0), (0.0, 0.0, 2.2)),
+                                              ((0.0, 0.0, -1.0), (0.0, 0.0, -4.4))])  # fmt: skip
+def test_a_feed_forward_leans_on_no_speed_limit_that_is_not_commanded(asked, flown):
+    limited = settled(asked, HOVER._replace(velocity_ned_m_s=flown), acceleration_ned_m_s2=asked)
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(tuple(min(part, 5.0) for part in asked))
 
 
 def test_jerk_limits_the_rise_of_acceleration():

@@ -118,6 +118,10 @@ def context(state, **changes):
         "refusals": (),
         "foreign": False,
         "other_mode_seen": False,
+        "mode_left": None,
+        "chase_s": 0.0,
+        "rival": "",
+        "operator_silence_s": 0.0,
     }
     given |= changes
     given.setdefault("battery_needed", given["settings"].battery_minimum)

@@ -4,8 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.flight.heard import APART_S, REMEMBERED_S, STRANGE_REPORTS, TOLERANCE_M_S, WINDOW_S, Echo
+from guidance.flight import Inputs
+from guidance.flight.heard import APART_S, REMEMBERED_S, STRANGE_REPORTS, TOLERANCE_M_S, WINDOW_S, Echo, Heard
 from guidance.messages import PositionTarget, Setpoint
+from tests.flight.scenes import NOW_S, SETTINGS, home, local
 
 
 def reported(now_s, velocity):
@@ -174,3 +176,46 @@ def test_silence_forgets_everything():
     assert echo.foreign
     echo.silent()
     assert not echo.foreign
+
+
+def test_what_is_strange_at_once_after_a_silence_may_be_of_before_it():
+    echo = Echo()
+    flown(echo, (3.0, 0.0, 0.0))
+    echo.silent()
+    for step in range(75):
+        echo.sent(10.0 + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
+        echo.hear(reported(10.0 + 0.02 * step, (-3.0, 0.0, 0.0)), guided=True)
+        assert not echo.suspicious
+
+
+def test_in_a_mode_that_is_not_ours_nothing_is_strange_and_what_was_is_forgotten():
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0))
+    for count, guided in enumerate((True, True, False, True, True, False, False, False)):
+        echo.hear(reported(now_s + APART_S * count, (-3.0, 0.0, 0.0)), guided=guided)
+        assert not echo.foreign
+        assert echo.suspicious is guided
+
+
+@pytest.mark.parametrize("later_s", [0.0, 0.1, 0.7, 1234.56])
+@pytest.mark.parametrize(("apart_s", "foreign"), [(1.0, True), (1.02, False)])
+def test_three_strange_reports_within_two_seconds_are_foreign_whatever_the_clock_rounds(apart_s, foreign, later_s):
+    echo = Echo()
+    now_s = flown(echo, (3.0, 0.0, 0.0)) + later_s
+    for count in range(3):
+        echo.sent(now_s + apart_s * count, Setpoint((3.0, 0.0, 0.0)))
+        echo.hear(reported(now_s + apart_s * count, (-3.0, 0.0, 0.0)), guided=True)
+    assert echo.foreign is foreign
+
+
+def test_a_position_that_jumps_moves_the_frame_once_and_fences_are_measured_from_it():
+    heard, places = Heard(SETTINGS), [(1.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, -18.0, -10.0)]
+    moved = []
+    for n, place in enumerate(places):
+        said = [home(NOW_S), local(NOW_S + 0.02 * n, place)]
+        heard.take_in(Inputs(NOW_S + 0.02 * n, said), in_flight=True)
+        moved.append(heard.moved_ned_m)
+        assert heard.position_ned_m == place
+        assert heard.fence.about_home_m == place[:2]
+        assert heard.messages == said
+    assert moved == [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, -20.0, 4.0)]

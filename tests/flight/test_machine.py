@@ -303,3 +303,34 @@ def test_an_evader_may_be_set_down_elsewhere_before_the_flight_and_not_in_it():
         flown.cycles(1.5)
     north_m = [one.flight.tracking.evader(one.now_s).position_ned_m[0] for one in (on_ground, in_flight)]
     assert north_m == pytest.approx([560.0, 60.0], abs=5.0)
+
+
+def test_a_mode_of_ours_that_an_order_is_to_end_is_no_pilots_until_it_comes_again():
+    flown = Flown().standing_by()
+    flown.cycle(Event.RETURN)
+    flown.mode = Mode.RETURN
+    flown.cycle(beat=True)
+    assert not flown.flight.leaving_mode
+    flown.cycle(Event.HOLD)
+    assert flown.cycle(beat=True).state is State.HOLDING
+    assert flown.flight.leaving_mode
+    flown.mode = Mode.HOLD
+    assert flown.cycle(beat=True).state is State.HOLDING
+    assert not flown.flight.leaving_mode
+    flown.mode = Mode.RETURN  # which nobody ordered
+    assert flown.cycle(beat=True).state is State.YIELDED
+
+
+def test_two_sources_of_an_evader_end_in_the_hold_or_are_told_of_each_time_that_they_appear(monkeypatch):
+    for hold in (True, False):
+        flown = Flown(settings_of(hold_on_rival=hold)).engaged()
+        told = []
+        for seen in ("", "place", "place", "clock", "", "place"):
+            monkeypatch.setattr(flown.flight.tracking, "rival", lambda _now_s, seen=seen: seen)
+            happenings = flown.cycle().happenings
+            told.append([(one.event, one.after) for one in happenings])
+        if hold:
+            assert told == [[], [(Event.RIVAL, State.HOLDING)], [], [], [], []]
+        else:
+            once = [(Event.RIVAL, State.ENGAGED)]
+            assert told == [[], once, [], [], [], once]

@@ -188,3 +188,30 @@ def test_after_a_pilots_takeover_an_arducopter_is_left_alone_in_whatever_mode():
     assert flown.cycle(beat=True).state is State.YIELDED
     flown.mode = Mode.GUIDED
     assert commands(flown.cycles(5.0)) == []
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize(
+    ("order", "mode", "flown_by_us"),
+    [
+        (None, Mode.HOLD, False),  # standing by, in its own hold
+        (None, Mode.GUIDED, True),
+        (Event.ENGAGE, Mode.HOLD, True),  # asked for the guided mode: it may be there by now
+        (Event.LAND, Mode.HOLD, False),
+        (Event.LAND, Mode.GUIDED, True),  # ordered to land, and not heard to do so
+        (Event.ABORT, Mode.LAND, False),
+    ],
+)
+def test_after_an_error_the_hold_is_asked_for_where_the_vehicle_may_fly_by_our_setpoints(
+    autopilot, order, mode, flown_by_us, monkeypatch
+):
+    flown = Flown(settings_of(autopilot)).standing_by()
+    if order is not None:
+        flown.cycle(order)
+    flown.mode = mode
+    flown.cycle(beat=True)
+    assert flown.state not in FINAL
+    monkeypatch.setattr(flown.flight.tracking, "silence_s", lambda _now_s: 1 / 0)
+    failed = flown.cycle()
+    assert failed.state is State.YIELDED
+    assert failed.requests == ((autopilot.set_mode(Mode.HOLD),) if flown_by_us else ())

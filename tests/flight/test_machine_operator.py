@@ -2,9 +2,11 @@
 
 import pytest
 
+from guidance.autopilots import Mode
 from guidance.flight import Event, Flight, Inputs, State
+from guidance.flight.detection import events
 from guidance.messages import Attitude, LandedState
-from tests.flight.scenes import NOW_S, heartbeat, home, local, settings_of, status
+from tests.flight.scenes import NOW_S, context, heartbeat, home, local, settings_of, status, well
 
 CYCLE_S = 0.1
 
@@ -53,3 +55,17 @@ def test_where_none_is_asked_for_nobody_is_missed():
 
 def test_before_its_first_cycle_a_flight_has_missed_nobody():
     assert Flight(settings_of()).operator_silence_s(NOW_S) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("silence_s", "expected"),
+    [(4.9, []), (5.1, [Event.OPERATOR_LOST]), (14.9, [Event.OPERATOR_LOST]), (15.1, [Event.OPERATOR_LOST])],
+)
+def test_who_falls_silent_in_a_game_ends_it(silence_s, expected):
+    settings = settings_of(operator_timeout_s=5.0, operator_return_s=10.0)
+    playing = context(
+        State.ENGAGED, settings=settings, operator_silence_s=silence_s, vehicle=well(heartbeat(mode=Mode.GUIDED))
+    )
+    assert list(events(playing))[:1] == expected
+    gone = [Event.OPERATOR_GONE] if silence_s > 15.0 else []
+    assert list(events(context(State.HOLDING, settings=settings, operator_silence_s=silence_s))) == gone

@@ -78,3 +78,20 @@ def test_a_pilot_who_climbs_with_the_neutral_stream_is_not_pulled_back():
         flown.position[2] -= 3.0 * CYCLE_S
         flown.cycle()
     assert flown.outputs.setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
+def test_a_height_that_is_held_jumps_with_the_position_so_that_the_vehicle_is_not_sent_back():
+    flown = Flown().engaged()
+    flown.evader = None
+    flown.cycles(5.0)
+    assert flown.state is State.PAUSED
+    flown.position[2] -= 5.0
+    assert flown.cycle().setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
+def test_a_cycle_in_which_a_pilot_takes_over_has_no_alarm_any_more():
+    flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
+    assert any(flown.cycle().alarm is not None for _ in range(100))
+    flown.mode = Mode.OTHER
+    taken = flown.cycle(beat=True)
+    assert (taken.state, taken.alarm) == (State.YIELDED, None)

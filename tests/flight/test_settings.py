@@ -88,3 +88,12 @@ def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
     for battery, passed in ((needed - 0.01, False), (needed + 0.01, True)):
         flight.step(Inputs(NOW_S + battery, [heartbeat(NOW_S, Mode.HOLD, armed=False), status(NOW_S, battery)]))
         assert {check.name: check.passed for check in flight.checks(NOW_S)}["battery"] is passed
+
+
+def test_before_a_flight_or_without_a_place_the_way_home_is_reckoned_from_the_edge_of_the_fence():
+    flown = Flown(settings_of(reserve=RESERVE, farthest_m=300.0))
+    flown.cycles(0.1)
+    assert flown.flight.battery_needed == RESERVE.needed(300.0, 10.0)
+    lost = Flight(settings_of(reserve=RESERVE, farthest_m=300.0))
+    lost.state = State.STANDING_BY
+    assert lost.battery_needed == RESERVE.needed(300.0, 10.0)
