@@ -144,6 +144,20 @@ def test_after_an_error_of_our_own_no_order_is_followed_and_asking_for_one_does_
     assert [flown.flight.follows(order, flown.now_s) for order in sorted(ORDERS)] == [False] * len(ORDERS)
 
 
+def test_after_an_error_modes_are_still_shown_and_a_second_error_is_no_second_fault(monkeypatch):
+    flown = Flown().engaged()
+    break_at(flown, monkeypatch)
+    assert flown.cycle().fault is not None
+    flown.mode = Mode.RETURN
+    flown.cycle(beat=True)
+    assert flown.flight.mode_name == "return"
+    monkeypatch.setattr(flown.flight._heard, "vehicle_says", lambda _messages: 1 / 0)
+    again = flown.cycle(Event.HOLD)
+    assert (again.state, again.setpoint, again.fault) == (State.YIELDED, None, None)
+    assert [one.event for one in again.happenings] == [Event.HOLD]
+    assert flown.flight.fault.startswith("ZeroDivisionError: the speed is nil")
+
+
 LOST = {"loop stopped": {"dt_s": 3.1, "beat": True}, "telemetry lost": {"dt_s": 3.1, "silent": True}}
 
 

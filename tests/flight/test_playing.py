@@ -187,6 +187,25 @@ def test_a_mode_that_the_vehicle_was_left_in_is_no_invitation():
     assert flown.cycle(beat=True).state is State.ENGAGED
 
 
+def test_a_mode_that_was_chosen_before_standing_by_is_no_invitation_either():
+    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
+    flown.cycles(0.1)
+    flown.armed, flown.landed, flown.evader, flown.position[2] = True, 2, (60.0, 0.0), HOME_DOWN_M - 10.0
+    for flown.mode in (Mode.OTHER, Mode.GUIDED):
+        flown.cycle(beat=True)
+    assert flown.cycle(Event.START).state is State.STANDING_BY
+    assert {one.state for one in flown.cycles(2.5)} == {State.STANDING_BY}
+
+
+def test_who_flies_while_one_is_waited_for_keeps_the_vehicle_whatever_is_ordered_then():
+    for order in (Event.HOLD, Event.RETURN, Event.LAND):
+        flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
+        flown.mode = Mode.OTHER
+        assert flown.cycle(beat=True).state is State.STANDING_BY
+        flown.cycle(order)
+        assert flown.cycle().state is State.YIELDED
+
+
 def test_heights_count_from_where_home_is_now():
     flown = Flown().engaged()
     assert flown.flight._heard.cycle.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
