@@ -68,6 +68,7 @@ CONTROL = {
     "control/test_follow": "control/follow",
     "control/test_follow_drift": "control/follow",
     "control/test_fence": "control/fence",
+    "control/test_braking": "control/braking",
 }
 NEAREST = {**FLIGHT, **CONTROL}
 PACKAGES = {"flight": tuple(FLIGHT), "control": tuple(CONTROL)}

@@ -46,32 +46,49 @@ def test_beyond_the_wall_all_the_speed_is_to_be_gone_within_half_the_reaction():
     assert deceleration_m_s2(1.5, 0.0, 2.0, 0.5) == 6.0
 
 
-@pytest.mark.parametrize("wall", [Limiter.FENCE_RADIUS, Limiter.FENCE_POLYGON, Limiter.FLOOR, Limiter.CEILING])
-@pytest.mark.parametrize("fed", [None, (3.0, 1.0, 1.0), (-1.0, 1.0, -1.0)])
-def test_every_wall_is_braked_for_and_nothing_along_it(wall, fed):
-    corners = ((10.0, -90.0), (10.0, 90.0), (-90.0, 90.0), (-90.0, -90.0))
-    envelope = {
-        Limiter.FENCE_RADIUS: replace(OPEN, fence_radius_m=12.0, fence_margin_m=2.0),
-        Limiter.FENCE_POLYGON: replace(OPEN, fence_polygon=Polygon(corners)),
-        Limiter.FLOOR: replace(OPEN, floor_m=5.0),
-        Limiter.CEILING: replace(OPEN, ceiling_m=5.0),
-    }[wall]
-    normal = {Limiter.FLOOR: (0.0, 0.0, 1.0), Limiter.CEILING: (0.0, 0.0, -1.0)}.get(wall, (1.0, 0.0, 0.0))
-    at = (9.0, 0.0, -5.0)
-    braking = OPEN.braking_m_s2 if normal[0] else OPEN.vertical_braking_m_s2
-    gap_m = 1.0 if normal[0] else 0.0
+OUT = (0.6, 0.8, 0.0)
+WALLS = {
+    Limiter.FENCE_RADIUS: (OUT, {"fence_radius_m": 12.0, "fence_margin_m": 2.0}),
+    Limiter.FENCE_POLYGON: (
+        OUT,
+        {
+            "fence_polygon": Polygon(
+                ((79.2, -44.4), (-64.8, 63.6), (-154.8, -56.4), (-10.8, -164.4))
+            ),  # 12 m from home
+            "fence_margin_m": 2.0,
+        },
+    ),
+    Limiter.FLOOR: ((0.0, 0.0, 1.0), {"floor_m": 4.0, "home_ned_m": (0.0, 0.0, 1.0)}),
+    Limiter.CEILING: ((0.0, 0.0, -1.0), {"ceiling_m": 6.0, "home_ned_m": (0.0, 0.0, -1.0)}),
+}
+AT = (5.4, 7.2, -4.0)
+GAP_M = {Limiter.FENCE_RADIUS: 1.0, Limiter.FENCE_POLYGON: 1.0, Limiter.FLOOR: 1.0, Limiter.CEILING: 3.0}
 
-    def given_to(speed):
-        here = Situation(at, tuple(speed * part for part in normal))
-        return braked(fed, here, measure_fence(at, envelope), envelope)
 
-    assert given_to(-3.0) is fed
-    assert given_to(0.0) is fed
-    wanted = deceleration_m_s2(3.0, gap_m, braking, OPEN.reaction_s)
-    got, before = given_to(3.0), fed or (0.0, 0.0, 0.0)
-    along = sum(a * n for a, n in zip(got, normal, strict=True))
-    assert along == pytest.approx(-wanted)  # of the three that are fed none brakes so hard
-    assert all(a == b for a, b, n in zip(got, before, normal, strict=True) if n == 0.0)
+@pytest.mark.parametrize("fed", [None, (0.3, -0.1, 0.2), (-3.0, 1.0, -1.0), (9.0, -7.0, 4.0)])
+@pytest.mark.parametrize("speed", [-3.0, 0.0, 0.3, 0.8, 0.85, 0.9, 1.0, 1.3, 1.6, 1.8, 2.0, 2.2, 4.0])
+@pytest.mark.parametrize("wall", WALLS)
+def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, speed, fed):
+    normal, limits = WALLS[wall]
+    envelope = replace(OPEN, **limits, vertical_braking_m_s2=1.2)
+    braking = envelope.vertical_braking_m_s2 if normal[2] else OPEN.braking_m_s2
+    wanted = deceleration_m_s2(max(0.0, speed), GAP_M[wall], braking, OPEN.reaction_s)
+    here = Situation(AT, tuple(speed * part for part in normal))
+    got, before = braked(fed, here, measure_fence(AT, envelope), envelope), fed or (0.0, 0.0, 0.0)
+    if wanted <= 0.0:
+        assert got is fed
+        return
+    along, was = (sum(a * n for a, n in zip(one, normal, strict=True)) for one in (got, before))
+    assert along == pytest.approx(min(was, -wanted))
+    change = [a - b for a, b in zip(got, before, strict=True)]
+    assert change == pytest.approx([(along - was) * part for part in normal])
+
+
+def test_a_circle_is_braked_for_beside_home_too_and_at_home_leads_nowhere():
+    envelope = replace(OPEN, fence_radius_m=2.5, fence_margin_m=2.0)
+    for north_m, wanted in ((0.5, (-4.0, 0.0, 0.0)), (0.0, None)):
+        at = (north_m, 0.0, 0.0)
+        assert braked(None, Situation(at, (1.0, 0.0, 0.0)), measure_fence(at, envelope), envelope) == wanted
 
 
 def test_the_limiter_brakes_within_its_acceleration_and_says_so():
