@@ -183,6 +183,7 @@ def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
     ("limits", "velocity", "allowed", "limiter"),
     [
         ({"floor_m": 3.0}, 2.0, 1.0 / 1.5, Limiter.FLOOR),
+        ({"floor_m": 3.8}, 0.5, 0.2 / 0.75, Limiter.FLOOR),
         ({"ceiling_m": 5.0}, -4.0, -1.0 / 2.5, Limiter.CEILING),
         ({"floor_m": 8.0, "home_ned_m": (0.0, 0.0, 5.0)}, 2.0, 1.0 / 1.5, Limiter.FLOOR),
     ],
