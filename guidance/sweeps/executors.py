@@ -1,5 +1,6 @@
 """Who computes the chunks: this process, processes on this machine, or the workers of a Dask cluster."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -243,6 +244,18 @@ def executor(workers: int, scheduler: str | None, played: Played = _unheard) -> 
         processes.close()
 
 
+@contextmanager
+def _nothing_collected() -> Iterator[None]:
+    """Let no object be found to be garbage: a client that failed closes itself then, and waits for who starts a next."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
 def _client(scheduler: str) -> Any:  # noqa: ANN401
     require(f"--scheduler {scheduler}", "cluster")
     import dask  # noqa: PLC0415 - half a second, and nobody else needs it
@@ -250,7 +263,8 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401
 
     dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
     try:
-        client = Client(scheduler, timeout=CONNECT_S)
+        with _nothing_collected():
+            client = Client(scheduler, timeout=CONNECT_S)
     except TypeError as error:  # so it says that it was given no certificates
         raise ConfigError(
             f"--scheduler {scheduler}: TLS wants a certificate; name its files in Dask's configuration, "

@@ -224,13 +224,29 @@ def test_a_cluster_with_tls_computes_the_same_rows_for_who_has_its_certificate_a
             pass
         with trusted_with(forged), pytest.raises(LinkError, match="no Dask scheduler answers"), executor(2, at):
             pass
-        gc.collect()  # what failed closes itself when it is collected: not while the next client's thread starts
         with trusted_with(ours), executor(2, at) as working:
             run(plan, tmp_path / "by the cluster", by=working)
         monkeypatch.setattr(executors, "CONNECT_S", 0.3)
         with pytest.raises(LinkError, match="no Dask scheduler answers"), executor(2, at.replace("tls", "tcp")):
             pass
     assert files(tmp_path / "by the cluster") == files(run(plan, tmp_path / "alone"))
+
+
+def test_nothing_is_collected_while_a_client_starts(monkeypatch):
+    """A client that failed, found to be garbage just then, would wait for the lock that the start of the next holds."""
+    import distributed
+
+    began = []
+
+    def failing(*_, **__):
+        began.append(gc.isenabled())
+        raise OSError
+
+    monkeypatch.setattr(distributed, "Client", failing)
+    with pytest.raises(LinkError, match="no Dask scheduler answers"), executor(2, "tcp://127.0.0.1:1"):
+        pass
+    assert began == [False]
+    assert gc.isenabled()
 
 
 def workers_of(process):
