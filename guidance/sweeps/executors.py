@@ -246,7 +246,7 @@ def executor(workers: int, scheduler: str | None, played: Played = _unheard) -> 
 
 @contextmanager
 def _nothing_collected() -> Iterator[None]:
-    """Let no object be found to be garbage: a client that failed closes itself then, and waits for who starts a next."""
+    """Let nothing be found to be garbage: a client that failed closes itself then, and waits for who starts a next."""
     was_on = gc.isenabled()
     gc.disable()
     try:
