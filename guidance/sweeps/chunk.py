@@ -110,14 +110,14 @@ def computed(plan: Plan, rows: range, on_end: OnEnd = _unheard) -> bytes:
         GuidanceError: If a flight cannot be flown for a reason that is not the row's.
     """
     sink = BytesIO()
-    with _all_kept():
+    with nothing_collected():  # scenarios and outcomes live until the chunk's end; visiting them all takes a fifth
         parquet.write_table(table_of(plan, rows, on_end), sink, compression="zstd")
     return sink.getvalue()
 
 
 @contextmanager
-def _all_kept() -> Iterator[None]:
-    """Look for no garbage: a chunk's scenarios and outcomes live until its end, and visiting them all takes a fifth."""
+def nothing_collected() -> Iterator[None]:
+    """Look for no garbage meanwhile."""
     was_on = gc.isenabled()
     gc.disable()
     try:

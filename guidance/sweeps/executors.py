@@ -1,6 +1,5 @@
 """Who computes the chunks: this process, processes on this machine, or the workers of a Dask cluster."""
 
-import gc
 import multiprocessing
 import os
 import signal
@@ -15,7 +14,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from guidance.errors import ConfigError, LinkError
 from guidance.extras import require
-from guidance.sweeps.chunk import computed
+from guidance.sweeps.chunk import computed, nothing_collected
 from guidance.sweeps.plan import Plan
 
 CONNECT_S = 10.0
@@ -244,18 +243,6 @@ def executor(workers: int, scheduler: str | None, played: Played = _unheard) -> 
         processes.close()
 
 
-@contextmanager
-def _nothing_collected() -> Iterator[None]:
-    """Let nothing be found to be garbage: a client that failed closes itself then, and waits for who starts a next."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
-
-
 def _client(scheduler: str) -> Any:  # noqa: ANN401
     require(f"--scheduler {scheduler}", "cluster")
     import dask  # noqa: PLC0415 - half a second, and nobody else needs it
@@ -263,7 +250,7 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401
 
     dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
     try:
-        with _nothing_collected():
+        with nothing_collected():  # a client that failed closes itself then, and waits for who starts a next
             client = Client(scheduler, timeout=CONNECT_S)
     except TypeError as error:  # so it says that it was given no certificates
         raise ConfigError(
