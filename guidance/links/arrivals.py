@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Generic, TypeVar
 
 Clock = Callable[[], float]
-Wake = Callable[[], None]
 T = TypeVar("T")
 
 MOST_WAITING: Final = 1024
@@ -20,28 +19,32 @@ MOST_WAITING: Final = 1024
 class Arrivals(Generic[T]):
     """Filled by a library's or a reader's thread, emptied by the loop's."""
 
-    def __init__(self, clock: Clock, *, most: int = MOST_WAITING, on_arrival: Wake | None = None) -> None:
-        """Start empty. `on_arrival` is called after each arrival on the library's thread; it may only wake the loop."""
+    def __init__(self, clock: Clock, *, most: int = MOST_WAITING) -> None:
         self._clock = clock
         self._most = most
-        self._on_arrival = on_arrival
         self._waiting: deque[tuple[float, T]] = deque()
         self._lock = threading.Lock()
+        self._arrived = threading.Condition(self._lock)
         self.closed = False
         self.dropped = 0
 
+    def __len__(self) -> int:
+        return len(self._waiting)
+
     def put(self, item: T) -> None:
         """Stamp and keep; never waits for room, and does nothing once closed."""
-        now_s = self._clock()
+        self.keep(self._clock(), item)
+
+    def keep(self, received_s: float, item: T) -> None:
+        """The same with what was stamped already."""
         with self._lock:
             if self.closed:
                 return
             if len(self._waiting) >= self._most:
                 self._waiting.popleft()
                 self.dropped += 1
-            self._waiting.append((now_s, item))
-        if self._on_arrival is not None:
-            self._on_arrival()
+            self._waiting.append((received_s, item))
+            self._arrived.notify()
 
     def take(self) -> list[tuple[float, T]]:
         """Everything since the last call, oldest first."""
@@ -50,11 +53,17 @@ class Arrivals(Generic[T]):
             self._waiting.clear()
         return taken
 
+    def wait(self, timeout_s: float) -> None:
+        """Wait until something is here, at most this long."""
+        with self._lock:
+            self._arrived.wait_for(lambda: self._waiting or self.closed, timeout_s)
+
     def close(self) -> None:
         """Take nothing more."""
         with self._lock:
             self.closed = True
             self._waiting.clear()
+            self._arrived.notify_all()
 
 
 class Reader:
@@ -102,6 +111,10 @@ class MemoryWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """What the other end sent since the last call."""
         return self._inbox.take()
+
+    def wait(self, timeout_s: float) -> None:
+        """As a socket's: until the other end sends, at most this long in real time."""
+        self._inbox.wait(timeout_s)
 
     def send(self, frame: bytes) -> None:
         """Put one frame into the other end; into nothing once that is closed."""

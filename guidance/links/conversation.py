@@ -57,6 +57,7 @@ class Conversation:
         self._station = station
         self._admit = admit
         self._vehicle = vehicle
+        self._to_vehicle = vehicle._asdict()
         self._own = own
         self._framer = Framer(CRC_EXTRA)
         self._inbox: deque[Message] = deque()
@@ -81,6 +82,11 @@ class Conversation:
         messages = list(self._inbox)
         self._inbox.clear()
         return messages
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until something has arrived, at most this long in real time."""
+        if not self._inbox and not self._closed:
+            self._wire.wait(timeout_s)
 
     def poll(self) -> None:
         """Read the wire and keep what comes for the next `receive`; send what is due."""
@@ -160,7 +166,7 @@ class Conversation:
             self._open_text, texts = expire_text(self._open_text, now_s)
             self._inbox.extend(texts)
         for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
-            self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._vehicle._asdict()))
+            self._send(*encode.request(request, attempt=attempt, autopilot=self.autopilot, **self._to_vehicle))
             self.counts["requests_sent"] += 1
         if self.heartbeats and now_s >= self._timesync.next_ask_s:
             self._send("TIMESYNC", self._timesync.ask(now_s))
@@ -173,7 +179,7 @@ class Conversation:
         """
         if self._closed:
             return
-        encode.request(request, attempt=0, autopilot=self.autopilot, **self._vehicle._asdict())
+        encode.request(request, attempt=0, autopilot=self.autopilot, **self._to_vehicle)
         self._requests.add(request)
         self._tend(self._clock())
 
@@ -184,7 +190,7 @@ class Conversation:
             ValueError: If it is not finite; nothing is sent then.
         """
         if not self._closed:
-            self._send(*encode.setpoint(setpoint, now_s=self._clock(), **self._vehicle._asdict()))
+            self._send(*encode.setpoint(setpoint, now_s=self._clock(), **self._to_vehicle))
             self.counts["setpoints_sent"] += 1
 
     def _send(self, name: str, fields: dict[str, Any]) -> None:

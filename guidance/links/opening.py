@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection
 from typing import Final, NamedTuple
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.arrivals import Clock, Wake
+from guidance.links.arrivals import Clock
 from guidance.links.decode import MAV_MODE_FLAG_SAFETY_ARMED
 from guidance.links.encode import Station
 from guidance.links.endpoint import parse
@@ -38,7 +38,6 @@ def open_wire(
     systems: Collection[int] | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     timeout_s: float = 5.0,
-    on_arrival: Wake | None = None,
 ) -> Wire:
     """Open the bytes behind a URL.
 
@@ -48,7 +47,6 @@ def open_wire(
         systems: The MAVLink system ids that are waited for, where anybody could call (`udpin`); None takes any.
         credentials: For a Zenoh router.
         timeout_s: Bounds the connecting (TCP, Zenoh), in real time.
-        on_arrival: Called on the wire's thread whenever something arrived; it may only wake the reader.
 
     Raises:
         ConfigError: If the URL is none of those allowed.
@@ -62,18 +60,13 @@ def open_wire(
             endpoint=credentials.endpoint(endpoint.host, endpoint.port),
             credentials=credentials,
             timeout_s=timeout_s,
-            on_arrival=on_arrival,
         )
     if endpoint.scheme == "serial":
-        return SerialWire(clock, device=endpoint.host, baud=endpoint.port, on_arrival=on_arrival)
+        return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
     listen = endpoint.scheme.endswith("in")
     if endpoint.scheme.startswith("udp"):
-        return UdpWire(
-            clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems, on_arrival=on_arrival
-        )
-    return TcpWire(
-        clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s, on_arrival=on_arrival
-    )
+        return UdpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, systems=systems)
+    return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
 
 
 def open_vehicle_link(
@@ -88,7 +81,6 @@ def open_vehicle_link(
     signing_key: SigningKey | None = None,
     timeout_s: float = 10.0,
     sleep: Sleep = time.sleep,
-    on_arrival: Wake | None = None,
 ) -> VehicleLink:
     """Open a link and wait until the vehicle was heard.
 
@@ -103,7 +95,6 @@ def open_vehicle_link(
         signing_key: Sign what is sent and refuse what is not signed (pymavlink only: MAVSDK cannot).
         timeout_s: How long to wait for the wire, and then for the first HEARTBEAT.
         sleep: How to wait between looks.
-        on_arrival: Called on the wire's thread whenever something arrived; it may only wake the loop.
 
     Raises:
         ConfigError: If an argument is wrong.
@@ -117,7 +108,7 @@ def open_vehicle_link(
         if not 1 <= value <= 255:
             raise ConfigError(f"{name} = {value}: 1 to 255 are allowed")
     _check_kind(kind, signing_key)
-    wire = open_wire(url, clock=clock, systems=(system_id,), timeout_s=timeout_s, on_arrival=on_arrival)
+    wire = open_wire(url, clock=clock, systems=(system_id,), timeout_s=timeout_s)
     return link_over(
         wire,
         kind,

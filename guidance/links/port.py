@@ -22,6 +22,12 @@ class VehicleLink(Protocol):
         cycle: what asks is repeated, and TIMESYNC is asked and answered, from in here.
         """
 
+    def wait(self, timeout_s: float) -> None:
+        """Wait until something has arrived, at most this long in real time; what, `receive` says.
+
+        For a loop that answers what it hears at once. One that keeps its own rate has no need of it.
+        """
+
     def send_setpoint(self, setpoint: Setpoint) -> None:
         """Put exactly one SET_POSITION_TARGET_LOCAL_NED frame on the wire, now, and keep nothing.
 
@@ -75,6 +81,9 @@ class Wire(Protocol):
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """(arrival time, frame or piece of a byte stream) since the last call, oldest first, bounded. Never blocks."""
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until something has arrived, at most this long in real time. It may return early, with nothing."""
 
     def send(self, frame: bytes) -> None:
         """Send one whole frame, from any thread.

@@ -7,6 +7,7 @@ watches sees both directions, also when the service is killed, and switches mode
 import math
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import common as mavlink
@@ -14,6 +15,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.autopilots import AUTOPILOTS, AutopilotProfile, Mode
 from guidance.links.framing import CRC_EXTRA, Frame, Framer
 from guidance.links.opening import Found, find_autopilot, open_wire
+from guidance.links.port import Wire
 from guidance.links.wires.udp import UdpWire
 
 PILOT = (255, 190)
@@ -41,32 +43,31 @@ class Relay:
     def __init__(self, url: str, client_port: int, *, timeout_s: float = 20.0) -> None:
         self.client_url = f"udpin://127.0.0.1:{client_port}"
         self.seen = Seen()
-        self._arrived, self._over = threading.Event(), threading.Event()
-        self._wire = open_wire(url, clock=time.monotonic, on_arrival=self._arrived.set)
+        self._over = threading.Event()
+        self._wire = open_wire(url, clock=time.monotonic)
         self.found: Found = find_autopilot(
             self._wire, clock=time.monotonic, timeout_s=timeout_s, sleep=time.sleep, who=url
         )
         self.profile: AutopilotProfile = next(
             one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
         )
-        self._client = UdpWire(
-            time.monotonic, host="127.0.0.1", port=client_port, listen=False, on_arrival=self._arrived.set
-        )
+        self._client = UdpWire(time.monotonic, host="127.0.0.1", port=client_port, listen=False)
         self._down, self._up = Framer(CRC_EXTRA), Framer(CRC_EXTRA)
         self._pilot = mavlink.MAVLink(None, *PILOT)
         self._reader = mavlink.MAVLink(None)
         self._lock = threading.Lock()
-        self._passing = threading.Thread(target=self._pass_on, daemon=True)
-        self._passing.start()
+        self._passing = [
+            threading.Thread(target=self._pass_on, args=way, daemon=True)
+            for way in ((self._wire, self._from_vehicle), (self._client, self._from_client))
+        ]
+        for one in self._passing:
+            one.start()
 
-    def _pass_on(self) -> None:
+    def _pass_on(self, wire: Wire, pass_on: Callable[[float, bytes], None]) -> None:
         while not self._over.is_set():
-            self._arrived.wait(0.1)
-            self._arrived.clear()
-            for now_s, data in self._wire.receive():
-                self._from_vehicle(now_s, data)
-            for now_s, data in self._client.receive():
-                self._from_client(now_s, data)
+            wire.wait(0.1)
+            for now_s, data in wire.receive():
+                pass_on(now_s, data)
 
     def _from_vehicle(self, now_s: float, data: bytes) -> None:
         for frame in self._down.feed(data, stream=self._wire.stream):
@@ -136,7 +137,8 @@ class Relay:
     def close(self) -> None:
         """Let go of both sides."""
         self._over.set()
-        self._passing.join()
+        for one in self._passing:
+            one.join()
         self._client.close()
         self._wire.close()
 

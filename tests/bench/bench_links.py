@@ -143,14 +143,11 @@ def our_end(kind: str, wire: str, port: int) -> None:
     from guidance.links.opening import open_vehicle_link
     from guidance.messages import LocalPosition, Setpoint
 
-    woken, over = threading.Event(), until_closed()
-    link = open_vehicle_link(
-        kind, url_of(wire, port), system_id=1, clock=time.monotonic, timeout_s=10.0, on_arrival=woken.set
-    )
+    over = until_closed()
+    link = open_vehicle_link(kind, url_of(wire, port), system_id=1, clock=time.monotonic, timeout_s=10.0)
     setpoint = Setpoint((1.0, 0.0, 0.0), yaw_rad=0.0)
     while not over.is_set():
-        woken.wait(0.1)
-        woken.clear()
+        link.wait(0.1)
         for message in link.receive():
             if isinstance(message, LocalPosition):
                 link.send_setpoint(setpoint)

@@ -15,6 +15,7 @@ from guidance.errors import LinkError
 from guidance.links import MemoryWire
 from guidance.links.arrivals import MOST_WAITING, Arrivals
 from guidance.links.wires import udp
+from guidance.links.wires.shared import TappedWire, share
 from guidance.links.wires.streams import SerialWire, Tail, TcpWire
 from guidance.links.wires.udp import UdpWire
 from guidance.links.wires.zenoh import ZenohWire
@@ -68,24 +69,85 @@ def test_arrivals_from_many_threads_are_all_there():
     assert len(arrivals.take()) == 4000
 
 
-def test_sockets_and_ports_wake_the_loop_when_something_arrives():
-    near, far = pty.openpty()
-    woken = {kind: threading.Event() for kind in ("tcp", "udp", "serial")}
+@pytest.mark.parametrize("kind", ["tcp", "udp", "serial", "zenoh", "memory"])
+def test_whoever_waits_at_a_wire_is_woken_when_something_arrives(kind, router):
     with contextlib.ExitStack() as stack:
-        tcp = TcpWire(clock, host="127.0.0.1", port=0, listen=True, on_arrival=woken["tcp"].set)
-        datagram = UdpWire(clock, host="127.0.0.1", port=0, listen=True, on_arrival=woken["udp"].set)
-        serial = SerialWire(clock, device=os.ttyname(far), baud=57600, on_arrival=woken["serial"].set)
-        for wire in (tcp, datagram, serial):
-            stack.enter_context(closing(wire))
-        caller = stack.enter_context(socket.create_connection(("127.0.0.1", tcp.port)))
-        datagrams = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        caller.sendall(FRAME)
-        datagrams.sendto(FRAME, ("127.0.0.1", datagram.port))
-        os.write(near, FRAME)
-        assert all(event.wait(2.0) for event in woken.values())
-        assert all(received(wire, FRAME) for wire in (tcp, datagram, serial))
-    os.close(near)
-    os.close(far)
+        wire, say = stack.enter_context(told_by(kind, router))
+        wire.wait(0.0)
+        assert wire.receive() == []
+        for _ in range(3):
+            begun_s, got = clock(), []
+            later = threading.Timer(0.02, say, [FRAME])
+            later.start()
+            while b"".join(data for _, data in got) != FRAME and clock() < begun_s + 5.0:
+                wire.wait(5.0)  # a port may give a frame in two pieces
+                got += wire.receive()
+            later.join()
+            assert begun_s + 0.015 < got[0][0] <= clock() < begun_s + 2.0
+
+
+@contextlib.contextmanager
+def told_by(kind, router):
+    """A wire, and what says something to it."""
+    with contextlib.ExitStack() as stack:
+        if kind == "memory":
+            wire, far = MemoryWire.pair(clock)
+            yield wire, far.send
+        elif kind == "serial":
+            near, far = pty.openpty()
+            stack.callback(os.close, near)
+            stack.callback(os.close, far)
+            wire = stack.enter_context(closing(SerialWire(clock, device=os.ttyname(far), baud=57600)))
+            yield wire, lambda data: os.write(near, data)
+        elif kind == "zenoh":
+            endpoint = f"tcp/127.0.0.1:{router.port}"
+            wire = stack.enter_context(closing(ZenohWire(clock, namespace="waited", endpoint=endpoint)))
+            publisher = router.session.declare_publisher("waited/mavlink_raw/out")
+            stack.callback(publisher.undeclare)
+            assert until(lambda: publisher.matching_status.matching)
+            yield wire, publisher.put
+        elif kind == "udp":
+            wire = stack.enter_context(closing(UdpWire(clock, host="127.0.0.1", port=0, listen=True)))
+            caller = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            yield wire, lambda data: caller.sendto(data, ("127.0.0.1", wire.port))
+        else:
+            wire = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True)))
+            caller = stack.enter_context(socket.create_connection(("127.0.0.1", wire.port)))
+            yield wire, caller.sendall
+
+
+def test_nobody_waits_where_something_lies_already_or_the_wire_is_closed():
+    ours, theirs = MemoryWire.pair(clock)
+    datagrams = UdpWire(clock, host="127.0.0.1", port=0, listen=True)
+    tapped = TappedWire(ours, clock, "uav1")
+    first, second = share(tapped, 2)
+    theirs.send(FRAME)
+    begun_s = clock()
+    tapped.wait(60.0)
+    assert len(first.receive()) == 1
+    second.wait(60.0)  # what the other has taken lies here for this one
+    assert len(second.receive()) == 1
+    with closing(datagrams), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caller:
+        caller.sendto(FRAME, ("127.0.0.1", datagrams.port))
+        until(lambda: len(datagrams._arrivals) == 1)  # the reader has it
+        datagrams.wait(60.0)
+    datagrams.wait(60.0)
+    first.close()
+    second.close()
+    ours.wait(60.0)
+    assert clock() < begun_s + 10.0
+
+
+def test_the_reader_of_datagrams_comes_back_when_nobody_waits_any_more():
+    with (
+        closing(UdpWire(clock, host="127.0.0.1", port=0, listen=True)) as wire,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caller,
+    ):
+        wire.wait(0.05)
+        caller.sendto(FRAME, ("127.0.0.1", wire.port))
+        said_s = clock()
+        until(lambda: len(wire._arrivals) == 1)
+        assert wire.receive()[0][0] < said_s + 1.0
 
 
 def test_a_closed_end_of_memory_takes_nothing():
@@ -219,16 +281,18 @@ def test_udp_reads_what_came_this_moment_itself_a_bounded_number_and_waits_for_n
 
 
 def test_udp_keeps_the_order_while_the_loop_and_the_reader_both_read():
-    woken, got = threading.Event(), list[bytes]()
-    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,), on_arrival=woken.set)
+    got = list[bytes]()
+    wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
     with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         for burst in range(100):
             said = [FRAME, *(b"%d" % n for n in range(20 * burst, 20 * burst + 20))]
             for data in said:
                 vehicle.sendto(data, ("127.0.0.1", wire.port))
             got.clear()
-            while len(got) < len(said) and woken.wait(2.0):
-                woken.clear()
+            deadline_s = clock() + 2.0
+            while len(got) < len(said) and clock() < deadline_s:
+                if burst % 2:
+                    wire.wait(2.0)  # else the reader's thread reads beside us
                 got += [data for _, data in wire.receive()]
             assert got == said
 
@@ -239,6 +303,11 @@ def test_udp_to_a_port_nobody_has_keeps_going():
             wire.send(FRAME)
             time.sleep(0.001)
         assert wire.receive() == []
+        with wire._reading:
+            wire._arrivals.put(b"kept by the reader")
+            wire.send(FRAME)
+            until(lambda: wire._readable.poll(0))  # "refused" is to be read
+        assert [data for _, data in wire.receive()] == [b"kept by the reader"]
 
 
 def test_tcp_takes_the_next_caller_when_the_last_has_gone():

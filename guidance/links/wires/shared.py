@@ -35,6 +35,11 @@ class WireShare:
         self._waiting.clear()
         return taken
 
+    def wait(self, timeout_s: float) -> None:
+        """As the wire's; at once where something waits for this reader."""
+        if not self._waiting:
+            self._wire.wait(timeout_s)
+
     def keep(self, piece: tuple[float, bytes]) -> None:
         """Put a piece by for this reader; the oldest goes when there is no room."""
         if len(self._waiting) >= MOST_WAITING:
@@ -92,6 +97,10 @@ class TappedWire:
         arrived = self._wire.receive()
         self._kept.extend(Passed(received_s, self._from, frame) for received_s, frame in arrived)
         return arrived
+
+    def wait(self, timeout_s: float) -> None:
+        """As the wire's."""
+        self._wire.wait(timeout_s)
 
     def send(self, frame: bytes) -> None:
         """As the wire's."""

@@ -16,7 +16,7 @@ from typing import Final
 import serial
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
+from guidance.links.arrivals import Arrivals, Clock, Reader
 
 _WAIT_S: Final = 0.1
 _MOST_TCP_BYTES: Final = 16384
@@ -63,8 +63,8 @@ class _StreamWire(ABC):
         self._lock = threading.Lock()
         self._tail = Tail(self._write)
 
-    def _begin(self, clock: Clock, on_arrival: Wake | None, *, name: str) -> None:
-        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
+    def _begin(self, clock: Clock, *, name: str) -> None:
+        self._arrivals = Arrivals[bytes](clock)
         self._reader = Reader(self._keep, name=name)
 
     def _keep(self) -> None:
@@ -83,6 +83,10 @@ class _StreamWire(ABC):
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Pieces of the stream since the last call."""
         return self._arrivals.take()
+
+    def wait(self, timeout_s: float) -> None:
+        """Until something has arrived, at most this long."""
+        self._arrivals.wait(timeout_s)
 
     def send(self, frame: bytes) -> None:
         """Write one frame; what is not taken of it at once goes before the next, which is dropped if it must."""
@@ -114,7 +118,6 @@ class TcpWire(_StreamWire):
         port: int,
         listen: bool,
         timeout_s: float = 5.0,
-        on_arrival: Wake | None = None,
     ) -> None:
         """Connect, or begin to listen.
 
@@ -136,7 +139,7 @@ class TcpWire(_StreamWire):
             advice = "choose another port or end what uses it" if listen else "is the vehicle there and the port right?"
             raise LinkError(f"tcp {host}:{port}: {error}; {advice}") from error
         self._pick_up()
-        self._begin(clock, on_arrival, name=f"tcp {host}:{port}")
+        self._begin(clock, name=f"tcp {host}:{port}")
 
     @staticmethod
     def _tuned(peer: socket.socket) -> socket.socket:
@@ -202,7 +205,7 @@ class TcpWire(_StreamWire):
 class SerialWire(_StreamWire):
     """One port, opened for ourselves alone, and opened again when it comes back after being unplugged."""
 
-    def __init__(self, clock: Clock, *, device: str, baud: int, on_arrival: Wake | None = None) -> None:
+    def __init__(self, clock: Clock, *, device: str, baud: int) -> None:
         """Open the port.
 
         Raises:
@@ -216,7 +219,7 @@ class SerialWire(_StreamWire):
                 f"serial {device}:{baud}: {error}; is it plugged in, free, able to do this speed, and may you open it "
                 "(the group dialout, as a rule)?"
             ) from error
-        self._begin(clock, on_arrival, name=f"serial {device}")
+        self._begin(clock, name=f"serial {device}")
 
     def _read(self) -> bytes:
         try:

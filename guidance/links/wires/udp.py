@@ -5,15 +5,17 @@ proves who sent a frame; signing does (`guidance.links.signing`). What is kept a
 speak as the system that is wanted, whoever takes its number while it lives, and bytes without end.
 """
 
+import math
 import select
 import socket
 import threading
+import time
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Reader, Wake
+from guidance.links.arrivals import Arrivals, Clock, Reader
 from guidance.links.framing import CRC_EXTRA, claimed_system, first_frame
 
 _WAIT_MS: Final = 100
@@ -28,6 +30,9 @@ SILENT_S: Final = 3.0
 
 MOST_SYSTEMS: Final = 8
 """How many systems are pinned where any may speak."""
+
+ASIDE_S: Final = 0.01
+"""How long the reader's thread looks away from a socket that a loop waits at."""
 
 OTHERS_PER_S: Final = 50
 """Frames a second of other systems that get in, so that an error can name who is there instead."""
@@ -116,7 +121,6 @@ class UdpWire:
         port: int,
         listen: bool,
         systems: Collection[int] | None = None,
-        on_arrival: Wake | None = None,
     ) -> None:
         """Open the socket. `systems` are the MAVLink system ids that a listening wire waits for; None takes any.
 
@@ -138,42 +142,48 @@ class UdpWire:
             advice = "choose another port or end what uses it" if listen else "is the host's name right?"
             raise LinkError(f"udp {host}:{port}: {error}; {advice}") from error
         self._socket.setblocking(False)
-        self._readable = select.poll()
-        self._readable.register(self._socket, select.POLLIN)
+        self._watched, self._readable = select.poll(), select.poll()  # the reader's, and whose the lock is
+        for poll in (self._watched, self._readable):
+            poll.register(self._socket, select.POLLIN)
         self._reading = threading.Lock()  # read and kept in one: two threads must not change the order
+        self._awaited = False
         self._arrivals = Arrivals[bytes](clock)
-        self._on_arrival = on_arrival
-        self._reader = Reader(self._wait, name=f"udp {host}:{port}")
+        self._reader = Reader(self._watch, name=f"udp {host}:{port}")
 
     @property
     def port(self) -> int:
         """Our own port, for listening on port 0."""
         return int(self._socket.getsockname()[1])
 
-    def _wait(self) -> None:
+    def _watch(self) -> None:
         """On the reader's thread."""
-        if self._readable.poll(_WAIT_MS):
-            with self._reading:
-                something = self._read()
-            if something and self._on_arrival is not None:
-                self._on_arrival()  # once for a burst
+        if self._awaited:
+            time.sleep(ASIDE_S)
+        elif self._watched.poll(_WAIT_MS) and self._reading.acquire(blocking=False):
+            try:
+                for received_s, data in self._read():
+                    self._arrivals.keep(received_s, data)
+            finally:
+                self._reading.release()
 
-    def _read(self) -> bool:
-        """Keep what the kernel has, bounded, as far as it gets in; whether anything does."""
-        something = False
+    def _read(self) -> list[tuple[float, bytes]]:
+        """What the kernel has, bounded, as far as it gets in."""
+        pieces: list[tuple[float, bytes]] = []
         for _ in range(_MOST_AT_ONCE):
+            if not self._readable.poll(0):  # an exception that says so costs a cold processor 20 µs
+                break
             try:
                 data, address = self._socket.recvfrom(_MOST_BYTES)
             except OSError as error:
-                if something or isinstance(error, BlockingIOError):
+                if pieces or isinstance(error, BlockingIOError):
                     break
                 raise
+            now_s = self._clock()
             if self._peers is not None:
-                data = self._peers.admit(self._clock(), address, data)
+                data = self._peers.admit(now_s, address, data)
             if data:
-                self._arrivals.put(data)
-                something = True
-        return something
+                pieces.append((now_s, data))
+        return pieces
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Datagrams since the last call.
@@ -181,14 +191,32 @@ class UdpWire:
         What the kernel still has is read here, at once: the reader's thread may be waiting for this one to let it run.
         It is not waited for where it is reading.
         """
-        if not self._closed and self._reading.acquire(blocking=False):
-            try:
-                self._read()
-            except OSError:
-                pass  # nobody is at the port that we call; the next datagram may come
-            finally:
-                self._reading.release()
-        return self._arrivals.take()
+        if self._closed or not self._reading.acquire(blocking=False):
+            return self._arrivals.take()
+        pieces = self._arrivals.take()
+        try:
+            pieces += self._read()
+        except OSError:
+            pass  # nobody is at the port that we call; the next datagram may come
+        finally:
+            self._reading.release()
+        return pieces
+
+    def wait(self, timeout_s: float) -> None:
+        """Until something has arrived, at most this long. It is left to `receive`, and the reader's thread to stand by.
+
+        So no thread is woken only to wake another. The reader comes back up to `ASIDE_S` later: what this thread lets
+        lie meanwhile is stamped as it is read.
+        """
+        if self._closed:
+            return
+        self._awaited = True
+        try:
+            with self._reading:
+                if not self._arrivals:
+                    self._readable.poll(math.ceil(timeout_s * 1e3))
+        finally:
+            self._awaited = False
 
     def send(self, frame: bytes) -> None:
         """Send one datagram to each peer; what the kernel does not take at once is dropped and counted."""

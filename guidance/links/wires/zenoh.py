@@ -13,7 +13,7 @@ from typing import Final
 import zenoh
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Wake
+from guidance.links.arrivals import Arrivals, Clock
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 
 TO_VEHICLE: Final = "mavlink_raw/in"
@@ -57,7 +57,6 @@ class ZenohWire:
         session: "zenoh.Session | None" = None,
         credentials: Credentials = NO_CREDENTIALS,
         timeout_s: float = 3.0,
-        on_arrival: Wake | None = None,
     ) -> None:
         """Subscribe and get ready to publish.
 
@@ -67,7 +66,7 @@ class ZenohWire:
         """
         if (endpoint is None) == (session is None):
             raise ValueError(f"endpoint = {endpoint!r}, session = {session!r}: give exactly one")
-        self._arrivals = Arrivals[bytes](clock, on_arrival=on_arrival)
+        self._arrivals = Arrivals[bytes](clock)
         self._lock = threading.Lock()
         self._closed = False
         self._sent = self._unsent = 0
@@ -91,6 +90,10 @@ class ZenohWire:
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Samples since the last call."""
         return self._arrivals.take()
+
+    def wait(self, timeout_s: float) -> None:
+        """Until something has arrived, at most this long."""
+        self._arrivals.wait(timeout_s)
 
     def send(self, frame: bytes) -> None:
         """Publish one frame; a failure (session gone) is counted. May be called from any thread."""
