@@ -31,12 +31,9 @@ class Arrivals(Generic[T]):
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def put(self, item: T) -> None:
-        """Stamp and keep; never waits for room, and does nothing once closed."""
-        self.keep(self._clock(), item)
-
-    def keep(self, received_s: float, item: T) -> None:
-        """The same with what was stamped already."""
+    def put(self, item: T, received_s: float | None = None) -> None:
+        """Keep, stamped now unless it was before; never waits for room, and does nothing once closed."""
+        received_s = self._clock() if received_s is None else received_s
         with self._lock:
             if self.closed:
                 return

@@ -162,7 +162,7 @@ class UdpWire:
         elif self._watched.poll(_WAIT_MS) and self._reading.acquire(blocking=False):
             try:
                 for received_s, data in self._read():
-                    self._arrivals.keep(received_s, data)
+                    self._arrivals.put(data, received_s)
             finally:
                 self._reading.release()
 
