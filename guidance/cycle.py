@@ -150,7 +150,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
     asked_ned_m_s = keep_inside(ned_from_game(asked), fence, envelope)
     most = envelope.speed_m_s / settings.ground_speed_m_s
-    followed = follow(asked_ned_m_s, here, gaps, settings.following, memory.follow, most=most, dt_s=dt_s)
+    held_back = memory.limits is not None and memory.limits.held_back
+    followed = follow(
+        asked_ned_m_s, here, gaps, settings.following, memory.follow, most=most, dt_s=dt_s, held_back=held_back
+    )
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence)

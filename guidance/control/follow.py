@@ -284,6 +284,7 @@ def follow(
     *,
     most: float,
     dt_s: float,
+    held_back: bool = False,
 ) -> Followed:
     """Follow the game's velocity for one cycle; None for `following` sends it as it is.
 
@@ -295,6 +296,7 @@ def follow(
         memory: From the last call.
         most: The largest multiple of the game's velocity with which the along-track deficit is worked off.
         dt_s: Seconds since the last call.
+        held_back: Whether a limit holds the vehicle back from what is asked here.
     """
     if following is None:
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory)
@@ -306,7 +308,7 @@ def follow(
     )
     # Braking at the disc adds nothing to the deficit.
     deficit_m = memory.deficit_m if braking else caught_up.deficit_m
-    served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s)
+    served = serve(desired, flown, memory.servo, following.servo, dt_s=dt_s, held_back=held_back)
     return Followed(
         with_drift(served.velocity_ned_m_s, drift),
         served.acceleration_ned_m_s2,

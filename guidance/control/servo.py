@@ -87,7 +87,13 @@ class Served(NamedTuple):
 
 
 def serve(
-    desired_ned_m_s: Vector, flown_ned_m_s: Vector, memory: ServoMemory, gains: ServoGains, *, dt_s: float
+    desired_ned_m_s: Vector,
+    flown_ned_m_s: Vector,
+    memory: ServoMemory,
+    gains: ServoGains,
+    *,
+    dt_s: float,
+    held_back: bool = False,
 ) -> Served:
     """Turn the desired velocity into what to command.
 
@@ -97,6 +103,7 @@ def serve(
         memory: From the last call.
         gains: Of the vehicle.
         dt_s: Seconds since the last call; no more than 0.1 s of them are made up for.
+        held_back: Whether a limit holds the vehicle back from what is expected of it: nothing is learned then.
     """
     dt_s = min(max(dt_s, 0.0), _LONGEST_STEP_S)
     begun = memory.reference_ned_m_s is not None
@@ -121,7 +128,9 @@ def serve(
     )
     error = difference(expected, flown_ned_m_s)
     drag_per_s = gains.drag_per_s if memory.drag_per_s is None else memory.drag_per_s
-    drag_per_s, trim = _learned(drag_per_s, memory.trim_ned_m_s2, expected, error, gains, dt_s)
+    trim = memory.trim_ned_m_s2
+    if not held_back:
+        drag_per_s, trim = _learned(drag_per_s, trim, expected, error, gains, dt_s)
 
     feed_forward = (
         acceleration[0] + drag_per_s * reference[0] + trim[0],

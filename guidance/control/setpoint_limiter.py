@@ -45,12 +45,16 @@ OVER_SPEED = 0.05
 
 
 class LimitMemory(NamedTuple):
-    """What was sent last: velocity, the acceleration that led to it, the feed-forward, and the yaw."""
+    """What was sent last: velocity, the acceleration that led to it, the feed-forward, and the yaw.
+
+    `held_back` says that a fence, floor, ceiling or stand-off took something of the velocity away.
+    """
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector = STILL
     feed_forward_ned_m_s2: Vector = STILL
     yaw_rad: float = 0.0
+    held_back: bool = False
 
 
 class Limited(NamedTuple):
@@ -117,6 +121,7 @@ def limit(
         _without_pushing(acceleration, (*closed, *(one.closed() for one in at_speed))),
         feed_forward or STILL,
         here.yaw_rad if yaw_rad is None else yaw_rad,
+        bool(constraints),
     )
     return Limited(Setpoint(velocity, feed_forward, yaw_rad), tuple(active), sent)
 
@@ -124,7 +129,7 @@ def limit(
 def _all_usable(command: Setpoint, situation: Situation, memory: LimitMemory) -> bool:
     place, velocity, yaw_rad, evader, moving, acceleration = situation
     asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
-    sent, led_to_it, fed, turned = memory
+    sent, led_to_it, fed, turned, _ = memory
     seen = (*place, *velocity, yaw_rad, *acceleration, *(evader or ()), *(moving or ()))
     return usable(*asked, *seen, *sent, *led_to_it, *fed, turned)
 

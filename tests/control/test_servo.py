@@ -244,6 +244,16 @@ def test_what_is_expected_of_the_vehicle_is_the_reference_late_by_its_lag():
     assert late.memory.expected_ned_m_s == pytest.approx((3.0 - 2.0 * left, 4.0 - 5.0 * left, 1.0 - 2.0 * left))
 
 
+def test_a_vehicle_that_is_held_back_teaches_nothing_and_what_is_expected_of_it_goes_on():
+    memory = ServoMemory(CRUISE, STILL, (2.0, 4.0, 1.0), 0.4, (0.1, -0.2, 0.0))
+    free, held = (
+        serve(CRUISE, (2.5, 3.0, 0.0), memory, GAINS, dt_s=DT_S, held_back=one).memory for one in (False, True)
+    )
+    assert (held.drag_per_s, held.trim_ned_m_s2) == (memory.drag_per_s, memory.trim_ned_m_s2)
+    assert free.drag_per_s != held.drag_per_s
+    assert free._replace(drag_per_s=held.drag_per_s, trim_ned_m_s2=held.trim_ned_m_s2) == held
+
+
 def test_gains_that_say_nothing_of_it_learn_nothing():
     said = {"acceleration_m_s2": 4.0, "vertical_acceleration_m_s2": 2.0, "jerk_m_s3": 20.0}
     plain = {"settle_per_s": 4.0, "lag_s": 0.3, "learning_within_m_s": 1.0}

@@ -215,6 +215,12 @@ def test_while_no_yaw_is_asked_for_the_memory_follows_the_nose():
     assert limited.memory.yaw_rad == 2.0
 
 
+def test_what_is_taken_away_before_a_wall_is_remembered_and_a_slower_setpoint_is_not():
+    fenced, near = replace(OPEN, fence_radius_m=10.0), HOVER._replace(position_ned_m=(9.0, 0.0, 0.0))
+    for wanted, held in (((3.0, 0.0, 0.0), True), ((-3.0, 0.0, 0.0), False), ((0.0, 0.0, -30.0), False)):
+        assert settled(wanted, near, fenced).memory.held_back is held
+
+
 def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
     limited = settled((1.0, 0.0, 0.0), acceleration_ned_m_s2=(3.0, 0.0, -1.0))
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((3.0, 0.0, -1.0))

@@ -1,0 +1,37 @@
+"""What one guidance cycle hands from its last part, the limits, to the next cycle's servo."""
+
+from dataclasses import replace
+
+from guidance.autopilots import PX4
+from guidance.control import Polygon, Situation
+from guidance.cycle import CycleInputs, CycleMemory, EvaderEstimate, play
+from guidance.frames import GameFrame
+from tests.flight.scenes import CYCLE, ENVELOPE
+
+DT_S = 0.02
+FOLLOWED = replace(CYCLE, following=PX4.handling.following)
+BEHIND = Polygon(((-50.0, -50.0), (-50.0, 50.0), (10.0, 50.0), (10.0, -50.0)))
+EVADER = EvaderEstimate((60.0, 30.0, 0.0), (0.0, 3.0, 0.0), 3.0, 0.1)
+
+
+def drags_per_s(settings, place, velocity, *, cycles):
+    """What is learned of drag in some seconds at one place, and whether a limit acted meanwhile."""
+    memory, held, learned = CycleMemory(), [], []
+    here = Situation(place, velocity, evader_position_ned_m=EVADER.position_ned_m)
+    for _ in range(cycles):
+        memory = play(CycleInputs(DT_S, here, EVADER, GameFrame((0.0, 0.0, 0.0))), settings, memory).memory
+        held.append(memory.limits.held_back)
+        learned.append(memory.follow.servo.drag_per_s)
+    return learned, held
+
+
+def test_a_vehicle_that_a_fence_holds_back_learns_no_drag_of_it():
+    fenced = replace(FOLLOWED, envelope=replace(ENVELOPE, fence_polygon=BEHIND, fence_margin_m=1.0))
+    place, velocity = (4.0, 0.0, -20.0), (4.0, 2.0, 0.0)
+    free, never = drags_per_s(FOLLOWED, place, velocity, cycles=100)
+    assert not any(never)
+    assert free[-1] > free[0] + 0.1
+    learned, held = drags_per_s(fenced, place, velocity, cycles=100)
+    assert any(held)
+    for before, after, was_held in zip(learned, learned[1:], held, strict=False):
+        assert not was_held or after == before
