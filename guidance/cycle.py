@@ -156,7 +156,8 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     )
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
-    limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence)
+    led = settings.following is not None
+    limited = limit(command, here, envelope, memory.limits, dt_s, fence=fence, led=led)
     certificate = certify(
         game,
         answered,

@@ -6,8 +6,9 @@ The order, and why:
  2. command        Anything in it that is not a number: the whole command is refused, and a stop takes its place.
  3. clock          A late or impossible time step counts as 0.1 s or 0 s: no step is made up for.
  4. speed          Ground vector scaled, vertical cut. First, so that what follows starts from a velocity that may be.
- 5. acceleration   From the last setpoint towards the velocity, within acceleration and jerk. Comfort comes before
-                   safety in order, so that safety can overrule it: a constraint may stop more sharply than this allows.
+ 5. acceleration   From the last setpoint towards the velocity, within acceleration and jerk; within acceleration alone
+                   where the servo has led it there already. Comfort comes before safety in order, so that safety can
+                   overrule it: a constraint may stop more sharply than this allows.
  6. stand-off      ┐ Constraints, each takes away only what closes on it and keeps what goes along. A later one can bend
  7. fences         │ a velocity back into an earlier one, so all are asked again by scaling alone, which breaks none
  8. floor, ceiling ┘ of the others: in the end all hold together. Standing still always does.
@@ -23,11 +24,11 @@ import math
 from typing import NamedTuple
 
 from guidance.control.braking import braked
-from guidance.control.envelope import Envelope, Limiter, Situation
+from guidance.control.envelope import Bounds, Envelope, Limiter, Situation
 from guidance.control.fence import FenceGeometry, measure_fence
-from guidance.control.shaping import clamp, shape, slew, usable
+from guidance.control.shaping import Shaped, clamp, shape, slew, usable
 from guidance.control.velocity_constraints import VelocityConstraint, feasible_velocity, shrink, slide
-from guidance.frames import Vector, wrap_rad
+from guidance.frames import Vector, difference, wrap_rad
 from guidance.messages import Setpoint
 
 STILL: Vector = (0.0, 0.0, 0.0)
@@ -35,8 +36,7 @@ _LONGEST_STEP_S = 0.1
 NOTED = 0.05
 """A limiter of the command itself is named for a change of more than this (m/s, m/s², m or rad).
 
-Less is what a multicopter's velocity wanders by as it hovers (0.03 to 0.08 m/s), and what shaping a command a second
-time that the servo has shaped already comes to. Constraints are named for any change.
+Less is what a multicopter's velocity wanders by as it hovers (0.03 to 0.08 m/s). Constraints are named for any change.
 """
 
 
@@ -80,6 +80,7 @@ def limit(
     dt_s: float,
     *,
     fence: FenceGeometry | None = None,
+    led: bool = False,
 ) -> Limited:
     """Turn a command into a setpoint that the envelope allows. Never raises, and never returns a NaN.
 
@@ -90,6 +91,7 @@ def limit(
         memory: From the last call; None at the first one, which then starts at the vehicle's own velocity.
         dt_s: Time since the last call, seconds.
         fence: Where the vehicle is to the fences, where that is measured already.
+        led: Whether the velocity is shaped already: only what jumps all the same, as a wall lets go, is held back then.
     """
     active: list[Limiter] = []
     here: Situation | None = situation
@@ -103,7 +105,10 @@ def limit(
         active.append(Limiter.CLOCK)
         dt_s = _LONGEST_STEP_S if dt_s > _LONGEST_STEP_S else 0.0
 
-    shaped, acceleration = _shape(command.velocity_ned_m_s, memory, envelope, dt_s, active)
+    allowed = clamp(command.velocity_ned_m_s, envelope.speeds)
+    _note_vector(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
+    shaped, acceleration = (_accelerate if led else _shape)(allowed, memory, envelope, dt_s)
+    _note_vector(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
     velocity, constraints = feasible_velocity(shaped, here, fence, envelope)
     active.extend(dict.fromkeys(one.limiter for one in constraints))
@@ -152,24 +157,29 @@ def _numbers_only(command: Setpoint, memory: LimitMemory, active: list[Limiter])
     return Setpoint(STILL, yaw_rad=memory.yaw_rad)
 
 
-def _shape(
-    desired: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float, active: list[Limiter]
-) -> tuple[Vector, Vector]:
-    allowed = clamp(desired, envelope.speeds)
-    _note_vector(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, desired)
-    before = clamp(memory.velocity_ned_m_s, envelope.speeds)
-    step = shape(
+def _shape(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:
+    """Bring the velocity sent last towards what is allowed, within acceleration and jerk."""
+    velocity, acceleration = shape(
         allowed,
-        before,
+        clamp(memory.velocity_ned_m_s, envelope.speeds),
         clamp(memory.acceleration_ned_m_s2, envelope.accelerations),
         ground_m_s2=envelope.acceleration_m_s2,
         vertical_m_s2=envelope.vertical_acceleration_m_s2,
         jerk_m_s3=envelope.jerk_m_s3,
         dt_s=dt_s,
     )
-    shaped = clamp(step.velocity_m_s, envelope.speeds)
-    _note_vector(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
-    return shaped, step.acceleration_m_s2
+    return Shaped(clamp(velocity, envelope.speeds), acceleration)
+
+
+def _accelerate(allowed: Vector, memory: LimitMemory, envelope: Envelope, dt_s: float) -> Shaped:
+    """The same within the acceleration alone."""
+    before, most = clamp(memory.velocity_ned_m_s, envelope.speeds), envelope.accelerations
+    if dt_s <= 0.0:
+        return Shaped(before, STILL)
+    change = difference(allowed, before)
+    north, east, down = step = clamp(change, Bounds(most.ground * dt_s, most.up * dt_s, most.down * dt_s))
+    reached = allowed if step == change else (before[0] + north, before[1] + east, before[2] + down)
+    return Shaped(reached, (north / dt_s, east / dt_s, down / dt_s))
 
 
 def _yaw(

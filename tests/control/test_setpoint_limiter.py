@@ -97,6 +97,31 @@ def test_a_feed_forward_leans_on_no_speed_limit_that_is_not_commanded(asked, flo
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(tuple(min(part, 5.0) for part in asked))
 
 
+@settings(deadline=None)
+@given(st.floats(-8, 8), st.floats(-8, 8), st.floats(-0.1, 0.1), st.floats(-0.06, 0.06))
+def test_a_velocity_that_is_led_already_passes_to_the_digit_within_the_acceleration(north, east, change, climb):
+    soft, before = replace(OPEN, jerk_m_s3=1.0), (0.5 * north, 0.5 * east, 0.3)
+    wanted = (before[0] + 0.7 * change, before[1] - 0.7 * change, 0.3 + climb)
+    limited = limit(Setpoint(wanted), HOVER, soft, LimitMemory(before), DT_S, led=True)
+    assert limited.setpoint.velocity_ned_m_s == wanted
+    assert limited.active == ()
+    assert limited.memory.acceleration_ned_m_s2 == pytest.approx(
+        (35.0 * change, -35.0 * change, 50.0 * climb), abs=1e-9
+    )
+
+
+def test_a_velocity_that_is_led_already_jumps_no_further_than_the_acceleration():
+    for before, wanted, got in (
+        ((1.0, 1.0, 1.0), (1.0, 9.0, -3.0), (1.0, 1.1, 0.94)),
+        ((0.0, 0.0, 0.0), (-3.0, -4.0, 2.0), (-0.06, -0.08, 0.06)),
+    ):
+        limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before), DT_S, led=True)
+        assert limited.setpoint.velocity_ned_m_s == pytest.approx(got)
+        assert limited.active == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
+    held = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before, (1.0, 1.0, 1.0)), 0.0, led=True)
+    assert (held.setpoint.velocity_ned_m_s, held.memory.acceleration_ned_m_s2) == (before, (0.0, 0.0, 0.0))
+
+
 def test_jerk_limits_the_rise_of_acceleration():
     soft = replace(OPEN, jerk_m_s3=10.0)
     memory, accelerations = LimitMemory((0.0, 0.0, 0.0)), []
