@@ -32,7 +32,7 @@ def test_the_golden_flight_is_commanded_as_it_was():
 
 def test_the_golden_flight_is_whole_and_small():
     assert survey_of(GOLDEN).torn is None
-    assert GOLDEN.stat().st_size < 300 * 1024
+    assert GOLDEN.stat().st_size < 350 * 1024  # a fifth of it is the setpoint that PX4 tells, 50 times a second
 
 
 def flat(setpoint):
