@@ -57,6 +57,17 @@ def test_what_braking_at_the_disc_costs_is_not_owed():
     assert follow(WANTED, motion, FAR, following, memory, most=1.1, dt_s=0.02).memory.deficit_m > 1.0
 
 
+def test_the_servo_learns_of_what_it_follows_unless_it_is_held_back():
+    following = PX4.handling.following
+    slow = Situation((0.0, 0.0, -5.0), (2.0, 1.0, 0.0))
+    begun = follow(WANTED, slow, FAR, following, FollowMemory(), most=1.1, dt_s=0.1).memory
+    free, held = (
+        follow(WANTED, slow, FAR, following, begun, most=1.1, dt_s=0.1, **said).memory.servo.drag_per_s
+        for said in ({}, {"held_back": True})
+    )
+    assert free > held == begun.servo.drag_per_s
+
+
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 @pytest.mark.parametrize("towards", [(0.6, 0.8), (-0.8, 0.6)])
 def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):

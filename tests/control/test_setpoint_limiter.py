@@ -112,7 +112,7 @@ def test_a_velocity_that_is_led_already_passes_to_the_digit_within_the_accelerat
 
 def test_a_velocity_that_is_led_already_jumps_no_further_than_the_acceleration():
     for before, wanted, got in (
-        ((1.0, 1.0, 1.0), (1.0, 9.0, -3.0), (1.0, 1.1, 0.94)),
+        ((1.0, 2.0, 1.5), (1.0, 9.0, -3.0), (1.0, 2.1, 1.44)),
         ((0.0, 0.0, 0.0), (-3.0, -4.0, 2.0), (-0.06, -0.08, 0.06)),
     ):
         limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before), DT_S, led=True)
@@ -244,6 +244,7 @@ def test_what_is_taken_away_before_a_wall_is_remembered_and_a_slower_setpoint_is
     fenced, near = replace(OPEN, fence_radius_m=10.0), HOVER._replace(position_ned_m=(9.0, 0.0, 0.0))
     for wanted, held in (((3.0, 0.0, 0.0), True), ((-3.0, 0.0, 0.0), False), ((0.0, 0.0, -30.0), False)):
         assert settled(wanted, near, fenced).memory.held_back is held
+    assert not LimitMemory((0.0, 0.0, 0.0)).held_back
 
 
 def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
