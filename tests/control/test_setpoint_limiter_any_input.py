@@ -279,6 +279,7 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
             velocity_ned_m_s=turned(situation.velocity_ned_m_s),
             evader_position_ned_m=turned(situation.evader_position_ned_m, home),
             evader_velocity_ned_m_s=turned(situation.evader_velocity_ned_m_s),
+            acceleration_ned_m_s2=turned(situation.acceleration_ned_m_s2),
         ),
         round_envelope,
         memory and LimitMemory(*(turned(part) for part in memory[:3]), memory.yaw_rad),
