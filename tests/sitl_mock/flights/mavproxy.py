@@ -50,6 +50,16 @@ class Proxy:
         """Wait for this pattern and read its group as a whole number; a prompt may stand before it in the line."""
         return int(self._match(pattern, within_s)[1])
 
+    def climbed(self, height_m, within_s=20.0):
+        """Ask for the height above home until it is more than this; whether it ever was."""
+        end_s = time.monotonic() + within_s
+        while time.monotonic() < end_s:
+            self.say("status GLOBAL_POSITION_INT")
+            if self.expect_number(r"relative_alt : (-?\d+)") > height_m * 1e3:
+                return True
+            time.sleep(0.2)
+        return False
+
     def _match(self, pattern, within_s):
         end_s = time.monotonic() + within_s
         while time.monotonic() < end_s:
