@@ -129,7 +129,7 @@ def test_nobody_waits_where_something_lies_already_or_the_wire_is_closed():
     assert len(second.receive()) == 1
     with closing(datagrams), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caller:
         caller.sendto(FRAME, ("127.0.0.1", datagrams.port))
-        until(lambda: len(datagrams._arrivals) == 1)  # the reader has it
+        assert until(lambda: len(datagrams._arrivals) == 1)  # the reader has it
         datagrams.wait(60.0)
     datagrams.wait(60.0)
     first.close()
@@ -146,7 +146,7 @@ def test_the_reader_of_datagrams_comes_back_when_nobody_waits_any_more():
         wire.wait(0.05)
         caller.sendto(FRAME, ("127.0.0.1", wire.port))
         said_s = clock()
-        until(lambda: len(wire._arrivals) == 1)
+        assert until(lambda: len(wire._arrivals) == 1)
         assert wire.receive()[0][0] < said_s + 5.0
 
 
@@ -306,7 +306,7 @@ def test_udp_to_a_port_nobody_has_keeps_going():
         with wire._reading:
             wire._arrivals.put(b"kept by the reader")
             wire.send(FRAME)
-            until(lambda: wire._readable.poll(0))  # "refused" is to be read
+            assert until(lambda: wire._readable.poll(0))  # "refused" is to be read
         assert [data for _, data in wire.receive()] == [b"kept by the reader"]
 
 
