@@ -1,0 +1,95 @@
+"""Landing and returning are interrupted in the air by HOLD or a return, and by nothing once the vehicle stands."""
+
+import math
+
+import pytest
+
+HOLD = {"px4": (4, 3), "arducopter": (17, 0)}
+RETURN = {"px4": (4, 5), "arducopter": (6, 0)}
+NAMES = {"px4": {"hold": "HOLD", "return": "RTL"}, "arducopter": {"hold": "BRAKE", "return": "RTL"}}
+AUTOPILOTS = tuple(HOLD)
+IN_AIR, LANDING = 2, 4
+
+
+def ordered(flight, mode):
+    """Ask for a mode as the service does; returns the results."""
+    return flight.command(176, 1.0, *mode[flight.flavour])
+
+
+def landed_state(flight):
+    """EXTENDED_SYS_STATE.landed_state."""
+    return flight.vehicle.autopilot.commander.landed_state
+
+
+def accepted(flight, results):
+    """PX4 answers a mode request twice."""
+    return results == ([0, 0] if flight.flavour == "px4" else [0])
+
+
+@pytest.mark.parametrize("name", AUTOPILOTS)
+@pytest.mark.parametrize("descent", ["land", "return"])
+def test_hold_stops_a_descent_in_the_air_and_stays_there(fly, name, descent):
+    flight = fly.airborne(name, height=12.0)
+    assert flight.command({"land": 21, "return": 20}[descent]) == [0]
+    flight.until(lambda: flight.height < 7.0 and flight.velocity[2] > 0.4, 60.0)
+    assert landed_state(flight) == LANDING
+    assert accepted(flight, ordered(flight, HOLD))
+    flight.run(4.0)
+    assert landed_state(flight) == IN_AIR
+    stopped = flight.position
+    assert flight.height > 4.0
+    flight.run(30.0)
+    assert flight.mode == NAMES[name]["hold"]
+    assert flight.vehicle.armed
+    assert math.dist(stopped, flight.position) < 0.5
+
+
+@pytest.mark.parametrize("name", AUTOPILOTS)
+def test_hold_stops_the_way_home(fly, name, ned_velocity):
+    flight = fly.airborne(name, height=35.0)
+    stream = ned_velocity(5.0, 0.0, 0.0)
+    (flight.offboard(stream) if name == "px4" else flight).run(12.0, stream)
+    assert ordered(flight, RETURN)[-1] == 0
+    flight.until(lambda: flight.velocity[0] < -1.0, 60.0)
+    assert accepted(flight, ordered(flight, HOLD))
+    flight.run(10.0)
+    stopped = flight.position
+    assert stopped[0] > 5.0
+    flight.run(20.0)
+    assert flight.mode == NAMES[name]["hold"]
+    assert math.dist(stopped, flight.position) < 0.5
+
+
+@pytest.mark.parametrize("name", AUTOPILOTS)
+def test_return_interrupts_a_landing_and_lands_at_home(fly, name, ned_velocity):
+    flight = fly.airborne(name, height=12.0)
+    stream = ned_velocity(4.0, 0.0, 0.0)
+    (flight.offboard(stream) if name == "px4" else flight).run(8.0, stream)
+    flight.command(21)
+    flight.until(lambda: flight.height < 6.0, 60.0)
+    away_m = math.hypot(*flight.position[:2])
+    assert accepted(flight, ordered(flight, RETURN))
+    assert flight.mode == "RTL"
+    highest_m = 0.0
+    while flight.vehicle.armed:
+        flight.run(0.5)
+        highest_m = max(highest_m, flight.height)
+        assert flight.now_s < 250.0
+    assert highest_m > 10.0, "it climbs first"
+    assert away_m > 10.0
+    assert math.hypot(*flight.position[:2]) < 1.0
+
+
+@pytest.mark.parametrize("name", AUTOPILOTS)
+@pytest.mark.parametrize("order", ["hold", "return"])
+def test_a_vehicle_that_has_touched_down_stays_down_and_disarms(fly, name, order):
+    flight = fly.airborne(name, height=3.0)
+    flight.command(21)
+    flight.until(lambda: flight.vehicle.truth.on_ground, 30.0)
+    ordered(flight, HOLD if order == "hold" else RETURN)
+    highest_m = 0.0
+    for _ in range(60):
+        flight.run(0.5)
+        highest_m = max(highest_m, flight.height)
+    assert highest_m < 0.1
+    assert not flight.vehicle.armed
