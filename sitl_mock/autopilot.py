@@ -98,8 +98,6 @@ class Autopilot:
             self.parameters = ParameterStore(self.flavour.parameters, settings.parameters)
         except ParameterError as error:
             raise ConfigError(f"parameters: {error}") from None
-        for name in _OWN_NUMBER & self.parameters.keys():
-            self.parameters.set(name, self.system_id)
         start = LocalFrame(settings.home).to_geodetic(*settings.start_ned)
         self.frame = LocalFrame(settings.origin or start)
         place = self.frame.to_local(*start)
@@ -120,6 +118,10 @@ class Autopilot:
     def boot(self, now_s: float) -> None:
         """Begin from nothing; the body stays where it is and moves as it does."""
         settings = self.settings
+        if self.parameters.reset_at_boot:
+            self.parameters.reset()
+        for name in _OWN_NUMBER & self.parameters.keys():
+            self.parameters.set(name, self.system_id)
         ready_after_s = self.flavour.ready_s if settings.ready_after_s is None else settings.ready_after_s
         self._random = Random(settings.seed * 1_000_003 + self.boots)
         self.boots += 1

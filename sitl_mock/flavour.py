@@ -117,7 +117,7 @@ class Flavour:
         parameter_rules: How parameters are asked for and set.
         stream_rules: How rates are asked for.
         mission_rules: How plans are uploaded.
-        rates_hz: Streams without being asked, by kind of link (onboard, gcs).
+        rates_hz: Streams without being asked, by kind of link (onboard, gcs, quiet).
         identity: AUTOPILOT_VERSION of a vehicle with a number.
         plant: The dynamics under present parameters.
         commander: Makes a vehicle's commander.

@@ -12,7 +12,7 @@ from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import REQUIRED, Option, choice, flag, integer, matching, number, numbers, place, table
 from sitl_mock.tables import checked as checked_value
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle import DEFAULT_LINKS, MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
 
 _FOREVER_S: Final = 1e9
@@ -202,10 +202,9 @@ def _assignment(text: str) -> tuple[str, str, float]:
     return vehicle.strip(), name.strip(), number
 
 
-FLEET_LINKS: Mapping[str, str] = {"onboard": "onboard", "gcs": "gcs"}
-
-
-def build(config: FleetConfig, *, unix_us: int | None = None, ground_link: bool = False) -> dict[str, MockVehicle]:
+def build(
+    config: FleetConfig, *, unix_us: int | None = None, links: Mapping[str, str] = DEFAULT_LINKS
+) -> dict[str, MockVehicle]:
     """Make every vehicle of a fleet, each with its own seed.
 
     Vehicles without a system id get the free ones in order; ids that are given may be equal, as those of ArduPilot's
@@ -214,14 +213,14 @@ def build(config: FleetConfig, *, unix_us: int | None = None, ground_link: bool 
     Args:
         config: The fleet.
         unix_us: Microseconds since 1970 at time 0 of the clock, None for a fixed date.
-        ground_link: Give each vehicle a link with a ground station's rates as well.
+        links: Name of each link to its kind (see `MockVehicle`).
 
     Raises:
         ConfigError: A vehicle's parameters are not those of its flavour.
     """
     ids = _system_ids(config)
     return {
-        each.name: _vehicle(config, each, ids[each.name], index, unix_us, ground_link=ground_link)
+        each.name: _vehicle(config, each, ids[each.name], index, unix_us, links)
         for index, each in enumerate(config.vehicle)
     }
 
@@ -233,7 +232,12 @@ def _system_ids(config: FleetConfig) -> dict[str, int]:
 
 
 def _vehicle(
-    config: FleetConfig, each: VehicleConfig, system_id: int, index: int, unix_us: int | None, *, ground_link: bool
+    config: FleetConfig,
+    each: VehicleConfig,
+    system_id: int,
+    index: int,
+    unix_us: int | None,
+    links: Mapping[str, str],
 ) -> MockVehicle:
     return MockVehicle(
         each.flavour,
@@ -247,7 +251,7 @@ def _vehicle(
         ready_after_s=each.ready_after_s,
         texts=each.texts,
         origin=each.origin,
-        links=FLEET_LINKS if ground_link else None,
+        links=links,
         signing=Signing(bytes.fromhex(each.signing.key_hex), require=each.signing.required) if each.signing else None,
         unix_us=unix_us,
     )

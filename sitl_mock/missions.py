@@ -254,7 +254,7 @@ def violated(items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector) -
     for command, points, radius_m in _areas(items, frame):
         if command in {_INSIDE_CIRCLE, _OUTSIDE_CIRCLE}:
             (n, e) = points[0]
-            within = (north - n) ** 2 + (east - e) ** 2 <= radius_m**2
+            within = math.hypot(north - n, east - e) < radius_m
         else:
             within = _within(points, north, east)
         if within == (command in {_OUTSIDE_POLYGON, _OUTSIDE_CIRCLE}):

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 COMPONENT: Final = 1
 STICK_SOURCE: Final = "COM_RC_IN_MODE"
+GROUND_ID: Final = "SYSID_MYGCS"
+_GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 RADIO_ONLY, BOTH, NO_STICKS = 0, 3, 4
 _PWM_LEAST, _PWM_MOST = 800, 2200
 _RELEASED, _UNCHANGED = 0, 0xFFFF
@@ -42,9 +44,18 @@ def take(state: VehicleState, commander: Commander, now_s: float, message: Messa
     handler(state, commander, now_s, message)
 
 
+def _from_ground(state: VehicleState, message: Message) -> bool:
+    """Whether the sender is ArduPilot's ground station, which it knows by its system id; on PX4 any sender is."""
+    return bool(message.get_srcSystem() == state.parameters.get(GROUND_ID, message.get_srcSystem()))
+
+
 def _heartbeat(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
-    if not state.conditions.gcs_lost:
+    if state.conditions.gcs_lost:
+        return
+    if GROUND_ID not in state.parameters:
         state.peers.hear(now_s, message.type)
+    elif _from_ground(state, message):
+        state.peers.hear(now_s, _GROUND_STATION)
 
 
 def _setpoint(_state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
@@ -60,6 +71,8 @@ def _manual_control(state: VehicleState, _commander: Commander, now_s: float, me
     source = state.parameters.get(STICK_SOURCE, BOTH)
     if message.target != state.system_id or state.conditions.rc is False or source in {RADIO_ONLY, NO_STICKS}:
         return
+    if not _from_ground(state, message):
+        return
     pitch, roll, throttle, yaw = (value / 1000.0 for value in (message.x, message.y, message.z, message.r))
     if max(abs(pitch), abs(roll), abs(throttle), abs(yaw)) <= 1.0:
         state.pilot.hear(now_s, Sticks(roll, pitch, 2.0 * throttle - 1.0, yaw))
@@ -68,7 +81,7 @@ def _manual_control(state: VehicleState, _commander: Commander, now_s: float, me
 def _override(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
     """RC_CHANNELS_OVERRIDE: pulse widths of channels 1 to 8; 0 releases a channel, 65535 leaves it as it is."""
     source = state.parameters.get(STICK_SOURCE)
-    if source == NO_STICKS or state.conditions.rc is False:
+    if source == NO_STICKS or state.conditions.rc is False or not _from_ground(state, message):
         return
     raw = {number: getattr(message, f"chan{number}_raw") for number in range(1, 9)}
     if any(value not in {_RELEASED, _UNCHANGED} and not _PWM_LEAST <= value <= _PWM_MOST for value in raw.values()):

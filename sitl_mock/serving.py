@@ -22,6 +22,7 @@ from sitl_mock.fleet import FleetConfig, build
 from sitl_mock.transports import Endpoint, run
 from sitl_mock.transports.disturbance import Disturbances
 from sitl_mock.transports.udp import UdpEndpoint
+from sitl_mock.vehicle import DEFAULT_LINKS
 
 PX4_LOCAL_OFFSET = 40
 """PX4's simulation listens 40 ports above the one it sends to: 14580 beside 14540."""
@@ -40,7 +41,7 @@ class Wires:
         zenoh_keys: Who we are to the router there (`transports.zenoh_session.read_keys`).
         udp: First port of the onboard links. As in the simulations of each, PX4 number i sends to udp + i and listens
             on udp + 40 + i, ArduPilot number i sends to udp + 10 i and listens on any port; who sends is answered.
-        gcs: Port of a ground station, to which every vehicle sends from 18570 + i.
+        gcs: Port of a ground station. Vehicle i sends to it from port 18570 + i, or from a free port if that is taken.
     """
 
     zenoh: str | None = None
@@ -90,7 +91,8 @@ def serve(
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(_stop_signals())
         unix_us = time.time_ns() // 1000 - time.monotonic_ns() // 1000
-        vehicles = build(config, unix_us=unix_us, ground_link=wires.gcs is not None)
+        links = DEFAULT_LINKS if wires.gcs is None else {**DEFAULT_LINKS, "gcs": "gcs"}
+        vehicles = build(config, unix_us=unix_us, links=links)
         for vehicle in vehicles.values():
             vehicle.autopilot.signing.advance_to(time.time_ns() * 1e-9)
         faults.check_vehicles(list(vehicles))
@@ -133,7 +135,8 @@ def _opened(
         endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("onboard", udp, time.monotonic))))
     if wires.gcs is not None:
         ports = {name: (GCS_LOCAL_PORT + index, wires.gcs) for index, name in enumerate(names)}
-        endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("gcs", ports, time.monotonic))))
+        ground = UdpEndpoint("gcs", ports, time.monotonic, any_if_taken=True)
+        endpoints.append(stack.enter_context(contextlib.closing(ground)))
     if wires.zenoh is not None or wires.zenoh_connect is not None:
         from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP alone shall not load Zenoh
         from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP alone shall not load Zenoh

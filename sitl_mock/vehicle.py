@@ -35,7 +35,8 @@ class MockVehicle:
         texts: Whether STATUSTEXT goes out; None for what was measured (ArduPilot: yes; PX4: on links that a ground
             station's heartbeats come by).
         origin: Origin of the local frame, if it is not where the vehicle starts.
-        links: Name of each link to its kind, onboard or gcs, which gives its default rates.
+        links: Name of each link to its kind, which gives its default rates: onboard, gcs, or quiet (HEARTBEAT only
+            until a client asks for more).
         signing: MAVLink signing of all links.
         unix_us: Microseconds since 1970 at time 0 of the caller's clock; None for a fixed date.
 

@@ -79,7 +79,7 @@ def faulted_fleet(scenario: Scenario) -> dict[str, Faulted]:
         ConfigError: If a fault is none that its vehicle can have, whenever it is due: with key, value and allowed.
     """
     check_faults(scenario)
-    vehicles = build(checked(fleet(scenario), scenario.title))
+    vehicles = build(checked(fleet(scenario), scenario.title), links={"onboard": "quiet"})
     begun = parse_script(script(scenario), scenario.title)
     return {name: Faulted(vehicle, name, begun) for name, vehicle in vehicles.items()}
 

@@ -222,6 +222,8 @@ def _reboot(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
 
 def _prearm(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """RUN_PREARM_CHECKS: the reasons come as texts."""
+    if commander.state.armed:
+        return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
     for reason in safety.failing(commander.state):
         commander.state.say(Severity.CRITICAL, f"PreArm: {reason}")
     return ACCEPTED
@@ -243,9 +245,10 @@ def _land_start(commander: ArduPilot, _now_s: float, _command: Command) -> Answe
 
 
 def _storage(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """PREFLIGHT_STORAGE: 2 resets all parameters at the next start; what is set is stored anyway."""
+    """PREFLIGHT_STORAGE: 2 resets all parameters at the next boot; other values are DENIED."""
     if command.params[0] != 2.0:
         return DENIED
+    commander.state.parameters.reset_at_boot = True
     commander.state.say(Severity.WARNING, "All parameters reset, reboot board")
     return ACCEPTED
 

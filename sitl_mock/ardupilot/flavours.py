@@ -25,6 +25,7 @@ from sitl_mock.protocols import (
     ARDUPILOT_MISSION_RULES,
     ARDUPILOT_PARAMETER_RULES,
     ARDUPILOT_STREAM_RULES,
+    QUIET_HZ,
     ParamKind,
     PlanKind,
     PlanStore,
@@ -137,7 +138,7 @@ def rover_commander(state: VehicleState, plans: PlanStore) -> ArduPilot:
     return ArduPilot(state, plans, ROVER)
 
 
-_RATES: Final = {"onboard": ARDUPILOT_HZ, "gcs": ARDUPILOT_HZ}
+_RATES: Final = {"onboard": ARDUPILOT_HZ, "gcs": ARDUPILOT_HZ, "quiet": QUIET_HZ}
 
 ARDUCOPTER: Final = Flavour(
     name="arducopter",

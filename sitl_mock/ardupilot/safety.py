@@ -11,7 +11,7 @@ from sitl_mock.modes import Mode, Need
 from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from sitl_mock.protocols import PlanStore
     from sitl_mock.vehicle_state import VehicleState
@@ -20,6 +20,10 @@ _LOW_CELL_SHARE, _CRITICAL_SHARE = 0.15, 0.07
 _TEXTS: Final = {"fence breached": (Severity.NOTICE, "Fence Breached")}
 _LANDING_MODES: Final = frozenset({"LAND", "RTL", "SMART_RTL", "AUTO"})
 _LANDED_S: Final = 1.1
+_CHECK_PARAMETERS: Final = 1 | 1 << 5  # bits of ARMING_CHECK: all checks, and those of parameters
+_PULSE_NONE_US, _PULSE_MARGIN_US, _GCS_CONTINUE = 910, 10, 2
+_LEAST_LEAN_CDEG, _MOST_LEAN_CDEG = 1000, 8000
+_ACRO_BALANCES: Final = (("ACRO_BAL_ROLL", "ATC_ANG_RLL_P"), ("ACRO_BAL_PITCH", "ATC_ANG_PIT_P"))
 
 
 @dataclass(slots=True)
@@ -99,7 +103,27 @@ def failing(state: VehicleState) -> list[str]:
         reasons.append("Need Position Estimate")
     if state.battery.remaining < _LOW_CELL_SHARE and int(state.parameters["BATT_FS_LOW_ACT"]):
         reasons.append("Battery 1 low voltage failsafe")
+    if int(state.parameters["ARMING_CHECK"]) & _CHECK_PARAMETERS:
+        reasons += _bad_parameters(state.parameters)
     return reasons
+
+
+def _bad_parameters(parameters: Mapping[str, float]) -> Iterator[str]:
+    """Yield ArduCopter's complaints about parameters: it stops at the first one that makes it return."""
+    if "ANGLE_MAX" not in parameters:  # a rover
+        return
+    trigger_us = parameters["FS_THR_VALUE"]
+    if int(parameters["FS_THR_ENABLE"]) and not _PULSE_NONE_US <= trigger_us < parameters["RC3_MIN"] - _PULSE_MARGIN_US:
+        yield "Check FS_THR_VALUE"
+        return
+    if int(parameters["FS_GCS_ENABLE"]) == _GCS_CONTINUE:
+        yield "FS_GCS_ENABLE=2 removed, see FS_OPTIONS"
+    if not _LEAST_LEAN_CDEG <= parameters["ANGLE_MAX"] <= _MOST_LEAN_CDEG:
+        yield "Check ANGLE_MAX"
+    elif any(parameters[balance] > parameters[gain] for balance, gain in _ACRO_BALANCES):
+        yield "Check ACRO_BAL_ROLL/PITCH"
+    elif parameters["PILOT_SPEED_UP"] <= 0:
+        yield "Check PILOT_SPEED_UP"
 
 
 def wrong(state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tuple[str, str]]:

@@ -63,6 +63,7 @@ from sitl_mock.protocols.streams import (
     PX4_GCS_HZ,
     PX4_ONBOARD_HZ,
     PX4_STREAM_RULES,
+    QUIET_HZ,
     StreamRules,
     Streams,
 )
@@ -83,6 +84,7 @@ __all__ = [
     "PX4_OWN_ID_ONLY",
     "PX4_PARAMETER_RULES",
     "PX4_STREAM_RULES",
+    "QUIET_HZ",
     "Capability",
     "Command",
     "CommandAnswer",

@@ -38,6 +38,7 @@ class MissionRules:
         timeout_s: An upload without any item for this long is given up.
         asks_with: Message that asks for an item.
         home_first: Item 0 of a mission is home, also where there is no mission.
+        any_radius: A fence circle's radius is not checked (PX4); else a plan with one of 0 or less is refused.
     """
 
     capacity: Mapping[PlanKind, int]
@@ -48,6 +49,7 @@ class MissionRules:
     timeout_s: float = 5.0
     asks_with: str = "MISSION_REQUEST_INT"
     home_first: bool = False
+    any_radius: bool = False
 
 
 PX4_MISSION_RULES: Final = MissionRules(
@@ -55,6 +57,7 @@ PX4_MISSION_RULES: Final = MissionRules(
     commands=_COMMON | _PAYLOAD | {4501},
     partial=False,
     cancel_on_timeout=False,
+    any_radius=True,
 )
 """PX4 asks again after 250 ms; 50 ms lets 500 items through 10 % loss each way in seconds."""
 
@@ -200,7 +203,7 @@ class MissionUpload:
     def _finish(self, transfer: _Transfer) -> list[Reply]:
         whole = (*transfer.head, *transfer.items, *transfer.tail)
         self._end()
-        fault = plan_fault(transfer.kind, whole)
+        fault = plan_fault(transfer.kind, whole, any_radius=self._rules.any_radius)
         if fault is MissionResult.ACCEPTED:
             self._plans.set_plan(transfer.kind, whole)
             self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)

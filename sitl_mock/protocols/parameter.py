@@ -13,7 +13,7 @@ import math
 import re
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -110,6 +110,7 @@ class ParameterStore(Mapping[str, float]):
         self.names: Final = table.names
         self.index: Final = table.places
         self.revision = 0
+        self.reset_at_boot = False
         self._values = dict(table.values)
         for name, value in (overrides or {}).items():
             self.set(name, value, check_range=True)
@@ -143,6 +144,13 @@ class ParameterStore(Mapping[str, float]):
             self._values[name] = stored
             self.revision += 1
         return stored
+
+    def reset(self, keep: Callable[[str], bool] = lambda _: False) -> None:
+        """Put every parameter back to its default, except those that `keep` names."""
+        self.reset_at_boot = False
+        for name, item in self.definitions.items():
+            if not keep(name):
+                self.set(name, item.default)
 
     def hash(self) -> int:
         """Return the CRC-32 over names and values that PX4 sends as ``_HASH_CHECK`` (no inversions, as NuttX).

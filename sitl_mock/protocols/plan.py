@@ -168,10 +168,18 @@ def item_fault(kind: PlanKind, item: PlanItem, commands: frozenset[int]) -> Miss
     return MissionResult.ACCEPTED if item.frame in GLOBAL_FRAMES | {MISSION_FRAME} else MissionResult.UNSUPPORTED_FRAME
 
 
-def plan_fault(kind: PlanKind, items: Sequence[PlanItem]) -> MissionResult:
-    """Check a whole plan: the vertices of each polygon stand together and are as many as they say."""
+def plan_fault(kind: PlanKind, items: Sequence[PlanItem], *, any_radius: bool) -> MissionResult:
+    """Check a whole plan: each polygon's vertices are consecutive and complete, and a circle has a positive radius.
+
+    Args:
+        kind: Of the plan.
+        items: Of the plan.
+        any_radius: Whether the radius of a circle is left unchecked, as PX4 does.
+    """
     if kind is not PlanKind.FENCE:
         return MissionResult.ACCEPTED
+    if not any_radius and any(item.command in CIRCLES and not 0.0 < item.param1 < math.inf for item in items):
+        return MissionResult.ERROR
     at = 0
     while at < len(items):
         item = items[at]
@@ -186,8 +194,7 @@ def plan_fault(kind: PlanKind, items: Sequence[PlanItem]) -> MissionResult:
 def _fence_fault(item: PlanItem) -> MissionResult:
     if item.command not in POLYGONS | CIRCLES | {FENCE_RETURN}:
         return MissionResult.UNSUPPORTED
-    least = 3.0 if item.command in POLYGONS else 0.0
-    if item.command != FENCE_RETURN and not (least <= item.param1 < math.inf and item.param1 > 0.0):
+    if item.command in POLYGONS and not 3.0 <= item.param1 < math.inf:
         return MissionResult.INVALID_PARAM1
     return _place_fault(item)
 

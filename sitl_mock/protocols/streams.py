@@ -236,6 +236,9 @@ PX4_GCS_HZ: Final[dict[str, float]] = {
     "CURRENT_EVENT_SEQUENCE": 1.0 / 3.0,
 }
 
+QUIET_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0}
+"""A link that sends only what a client asks for, as PX4's MAVLink mode `custom` does; saves time in simulations."""
+
 ARDUPILOT_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "TIMESYNC": 0.1}
 """Nothing else until it is asked for (SR0_* are 0); TIMESYNC comes now and then."""
 

@@ -67,11 +67,24 @@ _SCRIPTS: Final = MappingProxyType(
         "baro": (),
     }
 )
-_KINDS: Final = MappingProxyType({(0, 1.0): "gyro", (1, 1.0): "mag", (2, 1.0): "baro", (5, 1.0): "airspeed"})
-_OF_PARAM5: Final = MappingProxyType({1.0: "accel", 2.0: "level"})
-_QUIETLY: Final = frozenset({(1, 2.0), (4, 4.0)})
-"""Quick calibrations of the compass and of the accelerometer say nothing."""
-_RADIO, _ESC = (3, 1.0), (6, 1.0)
+_THERMAL, _RADIO, _QUIET, _ESC = "thermal", "radio", "quiet", "ESC"
+_KINDS: Final = MappingProxyType(
+    {
+        (0, 1): "gyro",
+        **dict.fromkeys(((0, 3), (4, 3), (6, 3)), _THERMAL),
+        (1, 1): "mag",
+        (2, 1): "baro",
+        (3, 1): _RADIO,
+        (3, 2): _QUIET,
+        (4, 1): "accel",
+        (4, 2): "level",
+        (4, 4): _QUIET,
+        **dict.fromkeys(((5, 1), (5, 2)), "airspeed"),
+        (6, 1): _ESC,
+        (3, 0): _QUIET,
+    }
+)
+"""What (number of a parameter, its value) asks for; the first that matches counts, so one NaN does not matter."""
 _CANCELLED: Final = (CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.TEMPORARILY_REJECTED, delay_s=0.01))
 
 
@@ -94,34 +107,31 @@ class Calibration:
 
     def execute(self, state: VehicleState, now_s: float, command: Command) -> Answers:
         """Begin, cancel or refuse."""
-        asked = [(index, value) for index, value in enumerate(command.params) if value]
-        if any(math.isnan(value) for value in command.params):
-            return _answer(Result.UNSUPPORTED)
+        given = [int(value) if math.isfinite(value) else None for value in command.params]
         if state.armed:
             return _answer(Result.TEMPORARILY_REJECTED)
-        if not asked:
+        if given == [0] * 7:
             return self._cancel(state)
         if self.kind:
             return _answer(Result.TEMPORARILY_REJECTED)
-        return self._begin(state, now_s, asked[0])
+        return self._begin(state, now_s, next((_KINDS[at] for at in _KINDS if given[at[0]] == at[1]), ""))
 
-    def _begin(self, state: VehicleState, now_s: float, asked: tuple[int, float]) -> Answers:
-        index, value = asked
-        kind = _OF_PARAM5.get(value) if index == 4 else _KINDS.get(asked)
-        if kind is not None:
+    def _begin(self, state: VehicleState, now_s: float, kind: str) -> Answers:
+        if kind in _SCRIPTS:
             self.kind, self._begun_s = kind, now_s
             again = ((at_s + number * _SIDE_S, level, text) for number in count() for at_s, level, text in _AGAIN)
             self._script = chain(_SCRIPTS[kind], again if kind == "accel" else ())
             self._next = next(self._script, None)
             state.say(_INFO, f"[cal] calibration started: 2 {kind}")
             return _answer(Result.ACCEPTED)
-        if asked == _ESC:
+        if kind == _ESC:
             state.say(_CRITICAL, "[cal] calibration failed: Disconnect battery and try again")
             return _answer(Result.DENIED)
-        if asked == _RADIO:
+        if kind == _THERMAL:
+            return ()
+        if kind == _RADIO:
             state.say(_INFO, "Calibration: Disabling RC input")
-            return _answer(Result.ACCEPTED)
-        return _answer(Result.ACCEPTED) if asked in _QUIETLY else ()
+        return _answer(Result.ACCEPTED if kind else Result.UNSUPPORTED)
 
     def _cancel(self, state: VehicleState) -> Answers:
         if not self.kind:

@@ -7,6 +7,7 @@ ground. Whatever has no handler and is not among them is UNSUPPORTED.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
@@ -33,8 +34,8 @@ UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
 SILENCE: Final[Answers] = ()
 
 
-_TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 245, 401, 620, 2510, 42006, 43003})
-"""Region of interest, go-around, actuators, storage, arming checks, logging, compass by heading, external position.
+_TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 401, 620, 2510, 42006, 43003})
+"""Region of interest, go-around, actuators, arming checks, logging, compass by heading, external position.
 
 620 is in no dialect, and is taken as well.
 """
@@ -55,7 +56,6 @@ _OTHER: Final[Mapping[int, Answers]] = {
 _WITH_ONE: Final[Mapping[int, Answers]] = {262: ACCEPTED, 310: ACCEPTED, 2510: UNSUPPORTED, 2511: ACCEPTED}
 _WITH_NAN: Final[Mapping[int, Answers]] = {
     211: DENIED,
-    245: SILENCE,
     2510: UNSUPPORTED,
     2511: ACCEPTED,
     43003: REFUSED,
@@ -271,6 +271,31 @@ def _reboot(px4: Px4, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
+def _storage(px4: Px4, _now_s: float, command: Command) -> Answers:
+    """PREFLIGHT_STORAGE: 0 loads, 1 saves, 2 and 4 reset all parameters, 3 the sensors' calibration; others: silence.
+
+    2 keeps the flight's counters. The system id comes from the simulator's start script, so it stays.
+    """
+    if px4.state.armed:
+        return REFUSED
+    first = command.params[0]
+    choice = int(first) if math.isfinite(first) else -1
+    if choice not in range(5):
+        return SILENCE
+    if choice in _KEPT_BY_RESET:
+        kept = _KEPT_BY_RESET[choice]
+        px4.state.parameters.reset(lambda name: kept.fullmatch(name) is not None)
+    return ACCEPTED
+
+
+_KEPT_BY_RESET: Final[Mapping[int, re.Pattern[str]]] = {
+    2: re.compile("MAV_SYS_ID|LND_FLIGHT_T_HI|LND_FLIGHT_T_LO|COM_FLIGHT_UUID"),
+    3: re.compile(r"(?!CAL_(ACC|GYRO|MAG)).*"),
+    4: re.compile("MAV_SYS_ID"),
+}
+"""By the first parameter: what a reset leaves alone."""
+
+
 def _calibrate(px4: Px4, now_s: float, command: Command) -> Answers:
     """PREFLIGHT_CALIBRATION: its texts follow the answer."""
     return px4.calibration.execute(px4.state, now_s, command)
@@ -291,6 +316,7 @@ _HANDLERS: Mapping[int, Callable[[Px4, float, Command], Answers]] = MappingProxy
         186: change_altitude,
         192: reposition,
         241: _calibrate,
+        245: _storage,
         246: _reboot,
         300: _start_mission,
         400: _arm,

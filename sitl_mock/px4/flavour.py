@@ -20,6 +20,7 @@ from sitl_mock.protocols import (
     PX4_OWN_ID_ONLY,
     PX4_PARAMETER_RULES,
     PX4_STREAM_RULES,
+    QUIET_HZ,
     PlanStore,
     px4_identity,
 )
@@ -118,7 +119,7 @@ PX4: Final = Flavour(
     parameter_rules=PX4_PARAMETER_RULES,
     stream_rules=PX4_STREAM_RULES,
     mission_rules=PX4_MISSION_RULES,
-    rates_hz={"onboard": PX4_ONBOARD_HZ, "gcs": PX4_GCS_HZ},
+    rates_hz={"onboard": PX4_ONBOARD_HZ, "gcs": PX4_GCS_HZ, "quiet": QUIET_HZ},
     identity=px4_identity,
     plant=plant,
     commander=px4_commander,

@@ -154,10 +154,10 @@ def estimator_status(report: Report) -> Fields:
 
 
 def ekf_status_report(report: Report) -> Fields:
-    """EKF_STATUS_REPORT."""
+    """EKF_STATUS_REPORT; EKF3 reports each predicted position (256, 512) with the position itself (8, 16)."""
     estimator = report.state.estimator
     flags = 1 | (32 if estimator.altitude_valid else 0)
-    flags |= 2 | 4 | 8 if estimator.position_valid else 128
+    flags |= 2 | 4 | 8 | 256 if estimator.position_valid else 128
     flags |= 16 | 512 if estimator.global_valid else 0
     bad = 0.0 if estimator.position_valid else 1.0
     return (flags, 0.05 + bad, 0.02 + bad, 0.02, 0.02, 0.0, 0.0)

@@ -27,13 +27,21 @@ class UdpEndpoint:
     Args:
         link: Name of the vehicles' link that these sockets carry.
         ports: Vehicle name to (own port, port it sends to); own port 0 takes a free one, target port 0 none.
-        clock: Seconds, to forget peers by.
+        clock: Seconds; peers are forgotten by it.
+        any_if_taken: Use a free port instead of an own port that is taken.
 
     Raises:
         TransportError: A port is taken.
     """
 
-    def __init__(self, link: str, ports: dict[str, tuple[int, int]], clock: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        link: str,
+        ports: dict[str, tuple[int, int]],
+        clock: Callable[[], float],
+        *,
+        any_if_taken: bool = False,
+    ) -> None:
         self.dropped = 0
         self._link = link
         self._clock = clock
@@ -43,7 +51,7 @@ class UdpEndpoint:
         self._peers: dict[str, dict[Address, float]] = {}
         try:
             for name, (own, target) in ports.items():
-                self._sockets[name] = _bound(own)
+                self._sockets[name] = _bound(own, any_if_taken=any_if_taken)
                 self._readable.register(self._sockets[name], selectors.EVENT_READ, name)
                 self._fixed[name] = (_HOST, target) if target else None
                 self._peers[name] = {}
@@ -138,13 +146,15 @@ def _datagrams(frames: Sequence[bytes]) -> Iterator[bytes]:
         yield b"".join(frames[start:])
 
 
-def _bound(port: int) -> socket.socket:
+def _bound(port: int, *, any_if_taken: bool = False) -> socket.socket:
     each = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     each.setblocking(False)
     try:
         each.bind((_HOST, port))
     except OSError as error:
         each.close()
+        if any_if_taken:
+            return _bound(0)
         raise TransportError(
             f"UDP port {port} on {_HOST} cannot be opened: {error.strerror}; "
             "end the program that has it, or choose another with --udp or --gcs"

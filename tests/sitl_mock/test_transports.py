@@ -108,6 +108,12 @@ class TestUdp:
         with pytest.raises(TransportError, match=str(port)):
             UdpEndpoint("onboard", {"uav1": (0, 0), "uav2": (port, 0)}, clock)
 
+    def test_a_taken_port_may_be_replaced_by_a_free_one(self, client, clock):
+        port = client.getsockname()[1]
+        endpoint = UdpEndpoint("gcs", {"uav1": (port, 0)}, clock, any_if_taken=True)
+        assert endpoint_port(endpoint) not in {0, port}
+        endpoint.close()
+
     def test_closing_twice_is_allowed(self, clock):
         endpoint = UdpEndpoint("onboard", {"uav1": (0, 0)}, clock)
         endpoint.close()

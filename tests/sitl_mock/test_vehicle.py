@@ -72,6 +72,23 @@ def test_each_link_has_its_own_rates_sequence_and_requests():
     assert (counts["gcs"]["COMMAND_ACK"], counts["onboard"]["COMMAND_ACK"]) == (1, 0)
 
 
+@pytest.mark.parametrize("flavour", ["px4", "arducopter", "rover"])
+def test_a_quiet_link_sends_heartbeats_and_what_is_asked_for(flavour):
+    vehicle = MockVehicle(flavour, links={"onboard": "quiet"}, texts=False)
+    encoder, decoder, heard = Encoder(255, 190), Decoder(), []
+    request = encoder.pack("COMMAND_LONG", 1, 1, 511, 0, 32.0, 1e5, 0, 0, 0, 0, 0)
+    for tick in range(500):
+        for frame in vehicle.step(tick * 0.02, [request] if tick == 250 else []):
+            heard += decoder.feed(frame, whole=True)
+    counts = Counter(message.get_type() for message in heard)
+    announced = {"HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
+    assert {name: count for name, count in counts.items() if name not in announced} == {
+        "HEARTBEAT": 10,
+        "COMMAND_ACK": 1,
+        "LOCAL_POSITION_NED": 50,
+    }
+
+
 def test_time_since_boot_starts_with_the_first_step():
     vehicle, decoder = MockVehicle("px4"), Decoder()
     vehicle.step(1234.5)

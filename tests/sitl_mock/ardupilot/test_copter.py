@@ -222,11 +222,30 @@ def test_a_lost_radio_returns_for_good(fly):
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "GUIDED"), (1, "RTL"), (5, "LAND")])
 def test_a_lost_ground_station_does_what_fs_gcs_enable_says(fly, action, mode):
-    flight = fly("arducopter", parameters={"FS_GCS_ENABLE": action})
+    flight = fly("arducopter", parameters={"FS_GCS_ENABLE": action}, source=(255, 190))
     flight.airborne()
     flight.send("HEARTBEAT", 6, 8, 0, 0, 4, 3)
     flight.run(5.5)
     assert flight.mode == mode
+
+
+def test_only_the_ground_station_of_sysid_mygcs_can_be_lost(fly):
+    flight = fly("arducopter", parameters={"FS_GCS_ENABLE": 1, "SYSID_MYGCS": 200}, source=(255, 190))
+    flight.airborne()
+    flight.send("HEARTBEAT", 6, 8, 0, 0, 4, 3)
+    flight.run(6.0)
+    assert flight.mode == "GUIDED"
+
+
+@pytest.mark.parametrize("sticks", ["override", "manual control"])
+@pytest.mark.parametrize(("system_id", "heard"), [(255, True), (1, False), (254, False)])
+def test_sticks_count_only_from_the_system_id_of_sysid_mygcs(fly, sticks, system_id, heard):
+    flight = fly("arducopter", source=(system_id, 190)).run(1.0)
+    if sticks == "override":
+        flight.send("RC_CHANNELS_OVERRIDE", 1, 1, 1500, 1500, 1700, 1500, *[0] * 14)
+    else:
+        flight.send("MANUAL_CONTROL", 1, 0, 0, 700, 0, *[0] * 11)
+    assert flight.vehicle.autopilot.state.pilot.known is heard
 
 
 def test_a_lost_estimate_lands(fly):
@@ -247,3 +266,46 @@ def test_prearm_checks_are_told_on_request(fly):
     flight = fly("arducopter", ready_after_s=10.0).run(1.0)
     assert flight.command(401) == [0]
     assert "PreArm: Need Position Estimate" in flight.texts()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "text"),
+    [
+        ({"ANGLE_MAX": 100}, "Check ANGLE_MAX"),
+        ({"FS_THR_VALUE": 900}, "Check FS_THR_VALUE"),
+        ({"FS_GCS_ENABLE": 2}, "FS_GCS_ENABLE=2 removed, see FS_OPTIONS"),
+        ({"ACRO_BAL_ROLL": 9}, "Check ACRO_BAL_ROLL/PITCH"),
+        ({"PILOT_SPEED_UP": 0}, "Check PILOT_SPEED_UP"),
+    ],
+)
+def test_prearm_checks_name_a_bad_parameter_and_arming_is_refused(fly, parameters, text):
+    flight = fly("arducopter").run(1.0)
+    for name, value in parameters.items():
+        flight.vehicle.autopilot.parameters.set(name, value)
+    assert flight.command(401) == [0]
+    assert flight.texts()[-1] == f"PreArm: {text}"
+    assert flight.command(400, 1.0) == [4]
+    assert f"Arm: {text}" in flight.texts()
+    flight.vehicle.autopilot.parameters.set("ARMING_CHECK", 0)
+    assert flight.command(400, 1.0) == [0]
+    assert flight.command(401) == [1], "refused while armed"
+
+
+def test_the_estimators_flags_are_those_that_ardupilots_tests_wait_for(fly):
+    flight = fly("arducopter", ready_after_s=1.0).run(0.5)
+    flight.command(512, 193.0)
+    assert not flight.last("EKF_STATUS_REPORT").flags & 256
+    flight.run(1.0)
+    flight.command(512, 193.0)
+    assert flight.last("EKF_STATUS_REPORT").flags == 831
+
+
+def test_a_reset_of_the_parameters_takes_effect_at_the_next_boot(fly):
+    flight = fly("arducopter", parameters={"WPNAV_SPEED": 700.0}, system_id=1).run(1.0)
+    parameters = flight.vehicle.autopilot.parameters
+    assert flight.command(245, 2.0) == [0]
+    assert flight.texts()[-1] == "All parameters reset, reboot board"
+    assert parameters["WPNAV_SPEED"] == 700.0
+    assert flight.command(246, 1.0) == [0]
+    flight.run(1.0)
+    assert parameters["WPNAV_SPEED"] == parameters.definitions["WPNAV_SPEED"].default

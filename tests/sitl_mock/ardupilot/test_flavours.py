@@ -46,6 +46,10 @@ def accelerate(north, *, mask=0xC3F):
     return ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, mask, 0, 0, 0, 0, 0, 0, north, 0, 0, 0, 0)
 
 
+GROUND = (255, 190)
+"""System and component id of a ground station; ArduPilot takes sticks from no other system id."""
+
+
 def override(*pulses):
     return ("RC_CHANNELS_OVERRIDE", 1, 1, *pulses, *[0] * (8 - len(pulses)), *[0] * 10)
 
@@ -158,7 +162,7 @@ def test_row_9_the_ground_accepts_the_modes_that_the_real_one_accepts(fly, mode)
 
 
 def test_row_9_circle_goes_round_a_point_ahead_with_the_nose_to_it(fly):
-    flight = fly.airborne("arducopter", yaw_deg=180.0, height=20.0)
+    flight = fly.airborne("arducopter", source=GROUND, yaw_deg=180.0, height=20.0)
     middle = override(1500, 1500, 1500, 1500)
     flight.send(*middle)
     flight.run(0.1)
@@ -180,7 +184,7 @@ def test_row_9_circle_goes_round_a_point_ahead_with_the_nose_to_it(fly):
 
 
 def test_row_9_the_mode_switch_on_channel_5_chooses_the_mode_of_its_position(fly):
-    flight = fly.airborne("arducopter", height=20.0)
+    flight = fly.airborne("arducopter", source=GROUND, height=20.0)
     for pulse, mode in ((1300, "LAND"), (1700, "LOITER"), (1100, "CIRCLE")):
         flight.send(*override(1500, 1500, 1500, 1500, pulse))
         flight.run(0.5)
@@ -188,7 +192,7 @@ def test_row_9_the_mode_switch_on_channel_5_chooses_the_mode_of_its_position(fly
 
 
 def test_row_9_a_switch_that_does_not_move_does_not_fight_a_client(fly):
-    flight = fly.airborne("arducopter", height=20.0)
+    flight = fly.airborne("arducopter", source=GROUND, height=20.0)
     flight.send(*override(1500, 1500, 1500, 1500, 1700))
     flight.run(0.5)
     flight.guided()
@@ -198,7 +202,7 @@ def test_row_9_a_switch_that_does_not_move_does_not_fight_a_client(fly):
 
 
 def test_row_9_loiter_climbs_beyond_the_dead_band_of_the_throttle_and_sinks_when_the_override_ends(fly):
-    flight = fly.airborne("arducopter", height=30.0)
+    flight = fly.airborne("arducopter", source=GROUND, height=30.0)
     flight.command(176, 1, 5)
     for _ in range(5):
         flight.send(*override(1500, 1500, 1700, 1500))
@@ -210,7 +214,7 @@ def test_row_9_loiter_climbs_beyond_the_dead_band_of_the_throttle_and_sinks_when
 
 
 def test_row_9_a_throttle_below_the_failsafes_value_is_a_lost_radio(fly):
-    flight = fly.airborne("arducopter", height=20.0)
+    flight = fly.airborne("arducopter", source=GROUND, height=20.0)
     flight.send(*override(1500, 1500, 900, 1500))
     flight.run(0.5)
     assert flight.mode == "RTL"

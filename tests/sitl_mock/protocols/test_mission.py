@@ -284,8 +284,6 @@ def test_more_items_than_fit_are_refused_at_the_count(wire, vehicle, plans, rule
         (waypoint(0, frame=0, command=16), FENCE, MissionResult.UNSUPPORTED),
         (waypoint(0, frame=0, command=5001, p1=2.0), FENCE, MissionResult.INVALID_PARAM1),
         (waypoint(0, frame=0, command=5001, p1=math.nan), FENCE, MissionResult.INVALID_PARAM1),
-        (waypoint(0, frame=0, command=5003, p1=0.0), FENCE, MissionResult.INVALID_PARAM1),
-        (waypoint(0, frame=0, command=5003, p1=math.inf), FENCE, MissionResult.INVALID_PARAM1),
         (waypoint(0, frame=1, command=5003, p1=9.0), FENCE, MissionResult.UNSUPPORTED_FRAME),
         (waypoint(0, frame=0, command=5001, p1=3.0), FENCE, MissionResult.INVALID),
         (waypoint(0, command=16), RALLY, MissionResult.UNSUPPORTED),
@@ -323,6 +321,13 @@ def test_a_polygon_with_a_stray_vertex_or_a_gap_is_invalid(wire, vehicle):
     stray = [*triangle[:2], waypoint(2, frame=0, command=5003, p1=3.0)]
     acked(upload(client, stray, FENCE), MissionResult.INVALID, FENCE)
     acked(upload(client, triangle, FENCE), MissionResult.ACCEPTED, FENCE)
+
+
+@pytest.mark.parametrize("radius_m", [0.0, -5.0])
+def test_px4_takes_a_fence_circle_of_any_radius_and_ardupilot_refuses_the_plan(wire, vehicle, radius_m):
+    circle = [waypoint(0, frame=0, command=5003, p1=radius_m)]
+    acked(upload(wire(vehicle()), circle, FENCE), MissionResult.ACCEPTED, FENCE)
+    acked(upload(wire(vehicle(ARDUPILOT_MISSION_RULES)), circle, FENCE), MissionResult.ERROR, FENCE)
 
 
 def test_an_item_beyond_the_count_is_an_invalid_sequence_and_an_early_one_is_waited_for(wire, vehicle):

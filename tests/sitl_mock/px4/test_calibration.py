@@ -89,6 +89,13 @@ def test_while_one_is_under_way_others_and_arming_are_refused(standing):
     assert standing.texts()[-1] == "Arming denied: calibrating"
 
 
+@pytest.mark.parametrize("kind", [GYRO, MAG, BARO, ACCEL, LEVEL, AIRSPEED], ids=str)
+def test_unused_parameters_may_be_nan_as_mavsdk_sends_them(standing, kind):
+    given = [value or math.nan for value in kind]
+    assert standing.command(CALIBRATE, *given, *[math.nan] * (7 - len(given))) == [0]
+    assert standing.texts()[0].startswith("[cal] calibration started")
+
+
 @pytest.mark.parametrize(
     ("params", "results", "text"),
     [
@@ -96,7 +103,7 @@ def test_while_one_is_under_way_others_and_arming_are_refused(standing):
         ((0, 2), [0], ""),
         ((0, 0, 0, 0, 4), [0], ""),
         ((0, 0, 0, 0, 3), [], ""),
-        ((math.nan,), [3], ""),
+        ((math.nan,) * 7, [3], ""),
         (RADIO, [0], "Calibration: Disabling RC input"),
         (ESC, [2], "[cal] calibration failed: Disconnect battery and try again"),
     ],

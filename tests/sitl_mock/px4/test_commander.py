@@ -199,6 +199,23 @@ def test_reboot_is_refused_while_armed_and_starts_the_clock_anew(fly):
     assert flight.last("ATTITUDE").time_boot_ms < before
 
 
+@pytest.mark.parametrize(
+    ("choice", "speed", "calibration"), [(2, 12.0, 0.0), (4, 12.0, 0.0), (3, 8.0, 0.0), (1, 8.0, 0.5)]
+)
+def test_preflight_storage_resets_what_its_first_parameter_says(fly, choice, speed, calibration):
+    flight = fly("px4", parameters={"MPC_XY_VEL_MAX": 8.0, "CAL_GYRO0_XOFF": 0.5}).run(1.0)
+    parameters = flight.vehicle.autopilot.parameters
+    assert flight.command(245, choice) == [0]
+    assert parameters["MPC_XY_VEL_MAX"] == speed
+    assert parameters["CAL_GYRO0_XOFF"] == pytest.approx(calibration)
+    assert parameters["MAV_SYS_ID"] == 1
+
+
+def test_preflight_storage_is_refused_while_armed(fly):
+    flight = fly.airborne("px4", height=5.0)
+    assert flight.command(245, 2.0) == [1]
+
+
 def test_set_mode_message_is_obeyed(fly):
     flight = fly.airborne("px4", height=5.0)
     flight.send("SET_MODE", 1, 1, 0x06040000)
