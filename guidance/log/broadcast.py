@@ -18,7 +18,6 @@ from guidance.errors import ConfigError, LinkError
 from guidance.links.wires.zenoh import is_over
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry
 from guidance.log.reader import Idle, Item
-from guidance.messages import EvaderReport, Message
 
 MOST_WAITING: Final = 256
 """Five seconds of cycles: what finds no room is dropped and counted."""
@@ -54,7 +53,7 @@ class Broadcast:
     def __init__(self, name: str, session: "zenoh.Session", metadata: Mapping[str, str]) -> None:
         self._name = name
         self._metadata = dict(metadata)
-        self._heard: dict[type, Message] = {}
+        self._heard: dict[type, Any] = {}
         self._last: CycleEntry | None = None
         self._waiting: deque[tuple[str, CycleEntry | EventEntry]] = deque()
         self._asked: deque[Any] = deque(maxlen=_MOST_ASKED)
@@ -67,9 +66,6 @@ class Broadcast:
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
         """Nothing: raw frames have a bus of their own."""
-
-    def report(self, report: EvaderReport) -> None:
-        """Nothing: the cycle has it."""
 
     def cycle(self, entry: CycleEntry) -> None:
         """Publish one guidance cycle."""

@@ -1,21 +1,20 @@
-"""Values of a record as JSON, back again, and as the JSON Schema of their channel: all three made from their types.
+"""Converts named tuples to JSON and back, and describes them as JSON Schema.
 
-JSON has no NaN, and viewers of records know no nullable type: Foxglove and Lichtblick want one plain `type` for each
-field, the `properties` of every object and the `items` of every array. So a field that is not known (None, NaN,
-infinite) is left out of its object and is not required; in an array, which must keep its places, it is null, and the
-schema says so in `prefixItems`, which viewers pass over. Read back, an absent number is NaN and an absent "or None" is
-None. Everything else comes back bit for bit: the shortest digits of a number read back as the same number.
+JSON has no NaN, and viewers such as Foxglove accept one plain `type` per schema field, without null. A field that is
+None, NaN or infinite is therefore left out of its object. In an array, which must keep its length, an unknown number is
+null. On reading, an absent number becomes NaN and an absent optional value becomes None. All other values are read back
+bit for bit.
 """
 
 import json
 import math
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from functools import cache
 from typing import Any, Final, Generic, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic_core import CoreSchema, SchemaValidator, ValidationError
+from pydantic_core import CoreSchema, SchemaSerializer, SchemaValidator, ValidationError
 from pydantic_core import core_schema as cs
 
 from guidance.errors import ConfigError
@@ -25,69 +24,67 @@ Schema = dict[str, Any]
 T = TypeVar("T")
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
-_PLAIN: Final[Mapping[Any, tuple[str, CoreSchema]]] = {
-    int: ("integer", cs.int_schema(strict=True)),
-    bool: ("boolean", cs.bool_schema(strict=True)),
-    str: ("string", cs.str_schema(strict=True)),
-}
+_TAG: Final = "kind"
 _NUMBER: Final = cs.union_schema(
     [cs.float_schema(strict=True), cs.no_info_after_validator_function(lambda _: math.nan, cs.none_schema())],
     mode="left_to_right",
     custom_error_type="number",
     custom_error_message="must be a number",
+    serialization=cs.simple_ser_schema("float"),
 )
-_REASONS: Final = {
-    "missing_keyword_only_argument": "is missing",
-    "unexpected_keyword_argument": "is unknown to this version",
-}
+_REASONS: Final = {"missing": "is missing", "extra_forbidden": "is unknown to this version"}
 
 
 class Form(NamedTuple):
-    """One type: what turns a value into JSON (None leaves it out), what reads it, and how viewers are told of it."""
+    """How one type is converted (pydantic core schema) and described (JSON Schema)."""
 
-    write: Callable[[Any], Any]
-    read: CoreSchema
+    core: Any
     schema: Schema
 
 
+_PLAIN: Final[Mapping[Any, Form]] = {
+    float: Form(_NUMBER, {"type": "number"}),
+    int: Form(cs.int_schema(strict=True), {"type": "integer"}),
+    bool: Form(cs.bool_schema(strict=True), {"type": "boolean"}),
+    str: Form(cs.str_schema(strict=True), {"type": "string"}),
+}
+
+
 class Codec(Generic[T]):
-    """Writes and reads values of one type.
+    """Converts values of one type.
 
     Args:
-        title: What viewers know the type by.
+        title: Name of the type in the record.
         kind: A named tuple of numbers, text, enumerations, tuples of those, and other named tuples.
 
     Raises:
-        TypeError: If viewers could not read it: an array of arrays, or of different things.
+        TypeError: If viewers cannot read the type: an array of arrays, or of mixed types.
     """
 
     def __init__(self, title: str, kind: Callable[..., T]) -> None:
         self.title = title
         self._name = kind.__name__
-        self._form = form_of(kind)
-        self._read = SchemaValidator(self._form.read)
-
-    @property
-    def schema(self) -> Schema:
-        """The JSON Schema of a channel of such values."""
-        return {"$schema": DIALECT, "title": self.title, **self._form.schema}
-
-    def plain(self, value: T) -> Any:  # noqa: ANN401 - any JSON
-        """Return a value as what JSON can hold."""
-        return self._form.write(value)
+        core, schema = form_of(kind)
+        self.schema: Schema = {"$schema": DIALECT, "title": title, **schema}
+        self._validator = SchemaValidator(core)
+        self._serializer = SchemaSerializer(core, {"ser_json_inf_nan": "null"})
 
     def encode(self, value: T) -> bytes:
-        """Lay a value out as JSON."""
-        return json.dumps(self._form.write(value), separators=(",", ":"), allow_nan=False).encode()
+        """Return a value as JSON."""
+        return self._serializer.to_json(value, exclude_none=True, warnings=False)
+
+    def plain(self, value: T) -> Any:  # noqa: ANN401 - any JSON
+        """Return a value as the dictionaries, lists and numbers of its JSON."""
+        return json.loads(self.encode(value))
 
     def decode(self, data: bytes | str) -> T:
-        """Read a value back.
+        """Read a value.
 
         Raises:
-            ConfigError: If it is no JSON, or does not fit the type, as in a record of another version.
+            ConfigError: If it is not JSON or does not match the type, for example in a record of another version.
         """
         try:
-            value: T = self._read.validate_json(data)
+            value: T = self._validator.validate_json(data)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(map(str, (self._name, *first["loc"])))
@@ -98,145 +95,111 @@ class Codec(Generic[T]):
 
 @cache
 def form_of(kind: Any) -> Form:  # noqa: ANN401 - a type annotation can be any object
-    """Return how values of a type are written, read and described.
+    """Return how a type is converted and described.
 
     Raises:
         TypeError: As for `Codec`.
     """
-    if kind is float:
-        return Form(_finite, _NUMBER, {"type": "number"})
     if kind in _PLAIN:
-        name, read = _PLAIN[kind]
-        return Form(_same, read, {"type": name})
-    origin = get_origin(kind)
-    if origin in {types.UnionType, Union}:
-        return _union(kind)
+        return _PLAIN[kind]
+    if (one := inside(kind)) is not kind:
+        return form_of(one)._replace(core=cs.nullable_schema(form_of(one).core))
+    origin, parts = get_origin(kind), get_args(kind)
     if origin in {tuple, Sequence}:
-        return _array(get_args(kind) if origin is tuple else (*get_args(kind), ...))
+        return _array(parts if origin is tuple else (*parts, ...))
     if isinstance(kind, type) and issubclass(kind, StrEnum):
-        members = list(kind)
-        return Form(str, cs.enum_schema(kind, members), {"type": "string", "enum": [str(one) for one in members]})
-    if hasattr(kind, "_fields"):
-        return _named(kind)
-    raise TypeError(f"{kind}: no viewer could read it")
-
-
-def optional_in(kind: Any) -> set[str]:  # noqa: ANN401
-    """Return the fields of a named tuple that may be absent: NaN, None, or younger than the record."""
-    hints = get_type_hints(kind)
-    unknown = {name for name, hint in hints.items() if hint is float or inside(hint) is not hint}
-    return (unknown | set(kind._field_defaults)) - {"now_s"}  # an entry's own time is always known
+        return Form(cs.enum_schema(kind, list(kind)), {"type": "string", "enum": [str(one) for one in kind]})
+    kinds = parts or (kind,)
+    if not all(hasattr(one, "_fields") for one in kinds):
+        raise TypeError(f"{kind}: viewers cannot read this type")
+    return _object(kinds, tagged=kind == Message)
 
 
 def inside(hint: Any) -> Any:  # noqa: ANN401
-    """Return X for X | None, and everything else as it is."""
+    """Return X for X | None, and everything else unchanged."""
     if get_origin(hint) in {types.UnionType, Union}:
         parts = [part for part in get_args(hint) if part is not types.NoneType]
         return parts[0] if len(parts) == 1 else hint
     return hint
 
 
-def _same(value: Any) -> Any:  # noqa: ANN401
-    return value
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _named(kind: Any) -> Form:  # noqa: ANN401
-    hints = get_type_hints(kind)
-    writes = [(name, form_of(hint).write) for name, hint in hints.items()]
-
-    def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
-        return {
-            name: said
-            for (name, put), item in zip(writes, value, strict=True)
-            if item is not None and (said := put(item)) is not None
-        }
-
-    return Form(write, cs.call_schema(_fields(kind), kind), _object([kind], sorted(set(hints) - optional_in(kind))))
-
-
-def _fields(kind: Any, *more: cs.ArgumentsParameter) -> CoreSchema:  # noqa: ANN401
-    """Read an object's fields as arguments of its type; what came later has a default, and older records lack it."""
-    optional = optional_in(kind)
-    parameters = list(more)
-    for name, hint in get_type_hints(kind).items():
-        read = form_of(hint).read
-        if name == "now_s":
-            read = cs.float_schema(strict=True, allow_inf_nan=False)
-        if name in optional:
-            absent = kind._field_defaults.get(name, math.nan if hint is float else None)
-            read = cs.with_default_schema(read, default=absent)
-        parameters.append(cs.arguments_parameter(name, read, mode="keyword_only"))
-    return cs.arguments_schema(parameters)
-
-
 def _array(kinds: tuple[Any, ...]) -> Form:
     first, endless = kinds[0], kinds[-1] is Ellipsis
     if get_origin(inside(first)) is tuple or len(set(kinds) - {Ellipsis}) > 1:
-        raise TypeError(f"tuple{list(kinds)}: no viewer could read an array of arrays, or of different things")
-    put, read, items = form_of(first)
-    write = list if put is _same else lambda value: [put(item) for item in value]
+        raise TypeError(f"tuple{list(kinds)}: viewers cannot read an array of arrays, or of mixed types")
+    core, items = form_of(first)
     if endless:
-        return Form(write, cs.tuple_schema([read], variadic_item_index=0), {"type": "array", "items": items})
+        some = cs.tuple_schema([core], variadic_item_index=0)
+        written = cs.plain_serializer_function_ser_schema(tuple, return_schema=some)  # a Sequence may be a list
+        return Form({**some, "serialization": written}, {"type": "array", "items": items})
     each = {"type": [items["type"], "null"]} if first is float else items
     schema = {"type": "array", "items": items, "prefixItems": [each] * len(kinds), "maxItems": len(kinds)}
-    return Form(write, cs.tuple_schema([read] * len(kinds)), schema)
+    return Form(cs.tuple_schema([core] * len(kinds)), schema)
 
 
-def _union(kind: Any) -> Form:  # noqa: ANN401
-    """X | None, or one of several kinds of object: messages say which in `kind`, others are told by their fields."""
-    if kind == Message:
-        return _messages(get_args(kind))
-    if (one := inside(kind)) is not kind:
-        form = form_of(one)
-        return form._replace(read=cs.nullable_schema(form.read))
-    kinds = get_args(kind)
-    if not all(hasattr(one, "_fields") for one in kinds):
-        raise TypeError(f"{kind}: no viewer could read it")
-    writes = {one: form_of(one).write for one in kinds}
-    read = cs.union_schema([form_of(one).read for one in kinds], mode="left_to_right")
-    return Form(lambda value: writes[type(value)](value), read, _object(kinds, ()))
-
-
-def _messages(kinds: Sequence[Any]) -> Form:
-    names = {one.__name__: one for one in kinds}
-    writes = {one: form_of(one).write for one in kinds}
-
-    def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
-        kind = type(value)
-        return {"kind": kind.__name__, **writes[kind](value)}
-
-    def read_as(kind: Any) -> CoreSchema:  # noqa: ANN401
-        tag = cs.arguments_parameter("kind", cs.any_schema(), mode="keyword_only")
-        return cs.call_schema(_fields(kind, tag), lambda *, kind, _of=kind, **fields: _of(**fields))  # noqa: ARG005
-
-    read = cs.tagged_union_schema({name: read_as(one) for name, one in names.items()}, discriminator="kind")
-    return Form(write, read, _object(kinds, ["received_s"], kind={"enum": list(names), "type": "string"}))
-
-
-def _object(kinds: Iterable[Any], required: Iterable[str], **more: Schema) -> Schema:
-    """Describe an object of any of several kinds: with the fields of all of them."""
-    properties: dict[str, Schema] = dict(more)
+def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
+    """One of several named tuples: messages name theirs in `kind`, others differ in their fields."""
+    tag: dict[str, Any] = {_TAG: cs.typed_dict_field(cs.any_schema(), required=True)} if tagged else {}
+    fields = {kind: tag | {name: _field(kind, name) for name in get_type_hints(kind)} for kind in kinds}
+    properties: dict[str, Schema] = {_TAG: {"enum": [kind.__name__ for kind in kinds], "type": "string"}} if tag else {}
     for kind in kinds:
         for name, hint in get_type_hints(kind).items():
             schema = form_of(hint).schema
             if properties.setdefault(name, schema) != schema:
-                raise TypeError(f"{kind.__name__}.{name}: is something else in another kind of the same array")
-    return {
-        "type": "object",
-        "properties": properties,
-        "required": [*more, *required],
-        "additionalProperties": False,
-    }
+                raise TypeError(f"{kind.__name__}.{name}: has another type in another object of the same array")
+    required = set.intersection(*({name for name, one in each.items() if one["required"]} for each in fields.values()))
+
+    choices = {kind.__name__: _built(kind, fields[kind]) for kind in kinds}
+    core = (
+        cs.tagged_union_schema(choices, _TAG) if tagged else cs.union_schema([*choices.values()], mode="left_to_right")
+    )
+    every = cs.typed_dict_schema({name: field for each in fields.values() for name, field in each.items()})
+    as_dict = _tagged_dict if tagged else _dict
+    return Form(
+        {**core, "serialization": cs.plain_serializer_function_ser_schema(as_dict, return_schema=every)},
+        {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False},
+    )
+
+
+def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401
+    """Describe one field: numbers, optional values and fields with a default may be absent."""
+    hint = get_type_hints(kind)[name]
+    if name == "now_s":  # the time of an entry is always known
+        return cs.typed_dict_field(cs.float_schema(strict=True, allow_inf_nan=False), required=True)
+    core = form_of(hint).core
+    if hint is not float and inside(hint) is hint and name not in kind._field_defaults:
+        return cs.typed_dict_field(core, required=True)
+    default = kind._field_defaults.get(name, math.nan if hint is float else None)
+    exclude_if = _is_unknown if inside(hint) is float else None
+    return cs.typed_dict_field(
+        cs.with_default_schema(core, default=default), required=False, serialization_exclude_if=exclude_if
+    )
+
+
+def _built(kind: Any, fields: dict[str, cs.TypedDictField]) -> CoreSchema:  # noqa: ANN401
+    def build(values: dict[str, Any]) -> Any:  # noqa: ANN401
+        values.pop(_TAG, None)
+        return kind(**values)
+
+    return cs.no_info_after_validator_function(build, cs.typed_dict_schema(fields, extra_behavior="forbid"))
+
+
+def _is_unknown(value: float | None) -> bool:
+    return value is not None and not math.isfinite(value)
+
+
+def _dict(value: Any) -> dict[str, Any]:  # noqa: ANN401
+    return dict(zip(value._fields, value, strict=True))
+
+
+def _tagged_dict(value: Any) -> dict[str, Any]:  # noqa: ANN401
+    return {_TAG: type(value).__name__, **_dict(value)}
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any value
-    """Turn a value of no known type into what JSON can hold: named tuples by field, NaN and infinities as null."""
+    """Return a value of any type as dictionaries, lists and numbers for JSON; NaN and infinity become None."""
     if isinstance(value, float):
-        return _finite(value)
+        return value if math.isfinite(value) else None
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):

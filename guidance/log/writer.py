@@ -1,57 +1,70 @@
-"""The flight's record: one MCAP file with the raw frames of every link and a JSON row for every cycle and event.
+"""Writes the record of a flight: an MCAP file with the raw frames of every link and a JSON row per cycle and event.
 
-A long flight goes on in a next file from time to time, `NAME.002.mcap` and so on: each can be read by itself, and what
-the writer has to remember for a file's index stays bounded. Only their owner reads them. Written through an unbuffered
-file in small chunks, so that a killed process loses at most the last fraction of a second. A record that cannot be
+A long flight is continued in further files, `NAME.002.mcap` and so on. Each can be read alone. Only their owner can
+read them. Chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that cannot be
 written never disturbs the flight: recording stops and `failed` says why.
 """
 
 import calendar
-import json
 import math
+import threading
 import time
-from collections.abc import Mapping
-from io import BytesIO, FileIO
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, Protocol
 
-from mcap.writer import CompressionType, Writer
-from typing_extensions import Buffer
-
-from guidance.files import private_file, private_folder
+from guidance.files import private_folder
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
+from guidance.log.mcap_file import McapFile
 from guidance.log.scene import Scene
-from guidance.messages import EvaderReport
-
-T = TypeVar("T")
 
 CHUNK_BYTES = 32 * 1024
 CHUNK_S = 0.1
-"""A chunk is written when it is this long or this old: what a killed process had not written is lost."""
+"""A chunk is written when it reaches this size or age. A killed process loses the chunk that it had not written."""
 
-ROTATED_S = 600.0
-ROTATED_BYTES = 256_000_000
-"""A file is finished and the next one begun when it is this long or this large.
-
-Until then the writer remembers where each of its chunks is: a megabyte in 100 s.
-"""
+ROTATE_S = 600.0
+ROTATE_BYTES = 256_000_000
+"""A new file is begun when the current one reaches this duration or size."""
 
 PART = "part"
-"""Key of a file's number in its metadata; the first has none."""
+"""Metadata key: the number of a file; absent in the first."""
+
+MAX_WAITING: Final = 4096
+"""Entries that may wait for the recorder's thread; further ones are dropped and counted."""
+
+_LOOK_EVERY_S: Final = 0.03
+
+
+class Record(Protocol):
+    """Where a flight is kept. No method raises or waits."""
+
+    @property
+    def failed(self) -> str | None:
+        """Why recording has stopped; None while it works."""
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame."""
+
+    def cycle(self, entry: CycleEntry) -> None:
+        """Keep one guidance cycle."""
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
 
 
 class Recorder:
-    """Writes MCAP files. Times are those of the injected clock, in nanoseconds of the file's log time.
+    """`Record` that writes MCAP files. Times are those of the injected clock, in nanoseconds.
 
     Args:
-        path: Where to write; files that follow are named after it (`guidance.log.writer.part_path`).
+        path: The first file; further ones are named by `part_path`.
         metadata: Name -> text, written at the start of each file: configuration, versions, seed.
-        rotate_s: How long a file may be.
-        rotate_bytes: How large it may be.
+        rotate_s: Maximum duration of a file.
+        rotate_bytes: Maximum size of a file.
 
     Raises:
-        OSError: If the file cannot be opened; nothing has flown yet.
+        OSError: If the file cannot be opened, before anything flies.
     """
 
     def __init__(
@@ -59,8 +72,8 @@ class Recorder:
         path: Path,
         metadata: Mapping[str, str],
         *,
-        rotate_s: float = ROTATED_S,
-        rotate_bytes: int = ROTATED_BYTES,
+        rotate_s: float = ROTATE_S,
+        rotate_bytes: int = ROTATE_BYTES,
     ) -> None:
         self.path = path
         self.failed: str | None = None
@@ -68,116 +81,164 @@ class Recorder:
         self._rotate_s, self._rotate_bytes = rotate_s, rotate_bytes
         self._scene = Scene()
         self._sequence = 0
-        self._part = 0
+        self._part = 1
         private_folder(path.parent)
-        self._open_part()
-
-    def _open_part(self) -> None:
-        self._part += 1
-        self._stream = private_file(part_path(self.path, self._part)).open("wb", buffering=0)
-        self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="", library="guidance")
-        self._writer.add_metadata("run", {**self._metadata, **({} if self._part == 1 else {PART: str(self._part)})})
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        self._chunk_began_s = math.inf
-        self._part_began_s: float | None = None
-
-    def _rotate(self) -> None:
-        """Go on in the next file; it is there before the one before is finished, so that who follows finds it."""
-        stream, writer = self._stream, self._writer
-        try:
-            self._open_part()
-        finally:
-            with stream:
-                writer.finish()
+        self._file = McapFile(path, self._metadata)
+        self._file_ends_s = self._chunk_ends_s = math.inf
+        self._closed = False
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Keep one raw MAVLink frame as it went over the wire; `topic` is the Zenoh key."""
-        self._write(now_s, topic, frame, encoding="mavlink", codec=None)
+        """Keep one raw MAVLink frame; `topic` is the Zenoh key."""
+        self._write(now_s, topic, frame, None)
 
     def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle, and what viewers draw of it."""
-        self._keep(entry.now_s, CYCLE_TOPIC, CYCLE, entry)
+        """Keep one guidance cycle, the reports that it read, and what viewers draw of it."""
+        for report in entry.inputs.reports:
+            self._write(report.received_s, EVADER_TOPIC, REPORT.encode(report), REPORT)
+        self._write(entry.now_s, CYCLE_TOPIC, CYCLE.encode(entry), CYCLE)
         for drawn in self._scene.of(entry):
-            self._keep(entry.now_s, drawn.topic, drawn.codec, drawn.message)
+            self._write(entry.now_s, drawn.topic, drawn.codec.encode(drawn.message), drawn.codec)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
-        self._keep(now_s, EVENT_TOPIC, EVENT, EventEntry(now_s, event, detail))
-
-    def report(self, report: EvaderReport) -> None:
-        """Keep one report of the evader."""
-        self._keep(report.received_s, EVADER_TOPIC, REPORT, report)
+        self._write(now_s, EVENT_TOPIC, EVENT.encode(EventEntry(now_s, event, detail)), EVENT)
 
     def close(self) -> None:
         """Finish the file; may be called twice."""
-        if self._stream.closed:
-            return
+        self._closed = True
         try:
-            if self.failed is None:
-                self._writer.finish()
+            self._file.close(finish=self.failed is None)
         except OSError as error:
             self.failed = str(error)
-        finally:
-            self._stream.close()
 
-    def _keep(self, now_s: float, topic: str, codec: Codec[T], entry: T) -> None:
-        self._write(now_s, topic, codec.encode(entry), encoding="json", codec=codec)
-
-    def _write(self, now_s: float, topic: str, data: bytes, *, encoding: str, codec: Codec[Any] | None) -> None:
-        if self.failed is not None or self._stream.closed:
+    def _write(self, now_s: float, topic: str, data: bytes, codec: Codec[Any] | None) -> None:
+        if self._closed or self.failed is not None:
             return
         try:
-            if self._part_began_s is None:
-                self._part_began_s = now_s
-            elif now_s - self._part_began_s >= self._rotate_s or self._stream.tell() >= self._rotate_bytes:
+            if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
                 self._rotate()
-                self._part_began_s = now_s
-            if topic not in self._channels:
-                schema_id = 0 if codec is None else self._schema(codec)
-                self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
-            time_ns = round(now_s * 1e9)
-            self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
+            waiting_bytes = self._file.add(topic, codec, round(now_s * 1e9), self._sequence, data)
             self._sequence += 1
-            self._chunk_began_s = min(self._chunk_began_s, now_s)
-            if now_s - self._chunk_began_s >= CHUNK_S:
-                self._writer.flush()
-                self._chunk_began_s = math.inf
+            if self._chunk_ends_s == math.inf:
+                self._chunk_ends_s = now_s + CHUNK_S
+                self._file_ends_s = min(self._file_ends_s, now_s + self._rotate_s)
+            elif now_s >= self._chunk_ends_s or waiting_bytes > CHUNK_BYTES:
+                self._file.flush()
+                self._chunk_ends_s = math.inf
         except OSError as error:
             self.failed = str(error)
 
-    def _schema(self, codec: Codec[Any]) -> int:
-        if codec.title not in self._schemas:
-            described = json.dumps(codec.schema, separators=(",", ":")).encode()
-            self._schemas[codec.title] = self._writer.register_schema(codec.title, "jsonschema", described)
-        return self._schemas[codec.title]
+    def _rotate(self) -> None:
+        """Open the next file, then finish the previous one: a program that follows the record always finds a next."""
+        before = self._file
+        try:
+            self._file = McapFile(part_path(self.path, self._part + 1), {**self._metadata, PART: str(self._part + 1)})
+        finally:
+            before.close(finish=True)
+        self._part += 1
+        self._file_ends_s = self._chunk_ends_s = math.inf
 
 
 def part_path(path: Path, part: int) -> Path:
-    """Return the name of a record's file: the first is `path` itself, the second NAME.002.mcap."""
+    """Return the name of a file of a record: the first is `path` itself, the second NAME.002.mcap."""
     return path if part == 1 else path.with_name(f"{path.stem}.{part:03d}{path.suffix}")
 
 
-class _Whole(BytesIO):
-    """Every write goes to the file at once and whole; the library would put a buffer around a raw file."""
-
-    def __init__(self, raw: FileIO) -> None:
-        super().__init__()
-        self._raw = raw
-
-    def write(self, data: Buffer) -> int:
-        """Write all of it, or raise OSError."""
-        rest = memoryview(data).cast("B")
-        while rest:
-            rest = rest[self._raw.write(rest) or 0 :]
-        return memoryview(data).nbytes
-
-    def tell(self) -> int:
-        """Where the file stands."""
-        return self._raw.tell()
-
-
 def started_utc(now_s: float) -> str:
-    """Return when a clock of real time that shows `now_s` was at zero: ISO 8601, to the second."""
+    """Return the UTC time, ISO 8601 to the second, at which a real-time clock that now shows `now_s` was at zero."""
     return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
+
+
+class Records:
+    """Several records as one. It has failed once any of them has."""
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        self._records = records
+
+    @property
+    def failed(self) -> str | None:
+        """Why one of them has stopped; None while all work."""
+        return next((record.failed for record in self._records if record.failed is not None), None)
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame."""
+        for record in self._records:
+            record.frame(now_s, topic, frame)
+
+    def cycle(self, entry: CycleEntry) -> None:
+        """Keep one guidance cycle."""
+        for record in self._records:
+            record.cycle(entry)
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
+        for record in self._records:
+            record.event(now_s, event, detail)
+
+
+class BackgroundRecorder:
+    """`Record` in front of a `Recorder` on its own thread: a slow or full disk does not delay the loop."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+        self._stop = threading.Event()
+        self.dropped = 0
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def failed(self) -> str | None:
+        """Why recording has stopped; None while it works."""
+        return self._recorder.failed
+
+    def frame(self, now_s: float, topic: str, frame: bytes) -> None:
+        """Keep one raw MAVLink frame."""
+        self._add(self._recorder.frame, now_s, topic, frame)
+
+    def cycle(self, entry: CycleEntry) -> None:
+        """Keep one guidance cycle."""
+        self._add(self._recorder.cycle, entry)
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep one event."""
+        self._add(self._recorder.event, now_s, event, detail)
+
+    def close(self) -> None:
+        """Write what waits and finish the file; may be called twice."""
+        self._stop.set()
+        self._thread.join()
+        self._recorder.close()
+
+    def _add(self, write: Callable[..., None], *what: Any) -> None:  # noqa: ANN401 - its arguments
+        if len(self._waiting) >= MAX_WAITING:
+            self.dropped += 1
+        else:
+            self._waiting.append((write, what))
+
+    def _run(self) -> None:
+        while not self._stop.wait(_LOOK_EVERY_S):
+            self._write()
+        self._write()
+
+    def _write(self) -> None:
+        while self._waiting:
+            write, what = self._waiting.popleft()
+            try:
+                write(*what)
+            except (OSError, ValueError, TypeError) as error:  # a row that cannot be encoded ends only the record
+                self._recorder.failed = self._recorder.failed or str(error)
+
+
+class NullRecorder:
+    """`Record` that has failed from the start."""
+
+    dropped = 0
+
+    def __init__(self, reason: str) -> None:
+        self.failed: str | None = reason
+
+    def frame(self, *_what: object, **_more: object) -> None:
+        """Do nothing."""
+
+    cycle = event = close = frame

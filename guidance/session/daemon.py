@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.flight import FINAL, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ORDERED, RELOADED
-from guidance.log.record import Record
+from guidance.log.writer import Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, is_done, missing, not_engageable, refusal, status

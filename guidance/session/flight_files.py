@@ -21,8 +21,7 @@ from guidance.files import writing
 from guidance.flight import FlightSettings
 from guidance.log.provenance import versions
 from guidance.log.reader import CONFIG, SCENARIO
-from guidance.log.record import BackgroundRecorder, NullRecorder
-from guidance.log.writer import Recorder, started_utc
+from guidance.log.writer import BackgroundRecorder, NullRecorder, Recorder, started_utc
 from guidance.session.log import Logger
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from guidance.clock import Clock
-from guidance.log.record import Record
+from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
 from guidance.session.log import SILENT, Logger
 from guidance.session.loop import Signals, World, run

@@ -7,7 +7,7 @@ from pathlib import Path
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
-from guidance.log.record import BackgroundRecorder
+from guidance.log.writer import BackgroundRecorder
 from guidance.session.control_bus import admitted
 from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly

@@ -7,7 +7,7 @@ from guidance.clock import Timing
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import BEGUN, cycle_entry
-from guidance.log.record import Record
+from guidance.log.writer import Record
 
 HEARTBEAT_S = 1.0
 
@@ -74,8 +74,6 @@ class LinkedFlight:
         if not self._begun:
             self._begun = True
             recorder.event(inputs.now_s, BEGUN)
-        for report in inputs.reports:
-            recorder.report(report)
         recorder.cycle(cycle_entry(inputs, outputs, timing))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"

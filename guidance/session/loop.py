@@ -20,7 +20,7 @@ from guidance.clock import Clock, Timing
 from guidance.flight import Event
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.links.wires.shared import Passed
-from guidance.log.record import Record
+from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
 from guidance.session.process import GcScheduler
 from guidance.session.spec import FlightPlan

@@ -3,7 +3,7 @@
 import logging
 
 from guidance.log.entries import STOPPED
-from guidance.log.record import Record, Records
+from guidance.log.writer import Record, Records
 from guidance.preflight import Finding, Verdict
 from guidance.session.log import Logger
 from guidance.session.metrics import Metrics

@@ -48,9 +48,6 @@ class Kept:
     def event(self, *call: Any) -> None:
         self.cycles[-1].append(("event", call))
 
-    def report(self, *call: Any) -> None:
-        self.cycles[-1].append(("report", call))
-
     def cycle(self, *call: Any) -> None:
         self.cycles.append([("cycle", call)])
 

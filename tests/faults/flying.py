@@ -14,9 +14,8 @@ from guidance.clock import VirtualClock
 from guidance.control import Polygon
 from guidance.flight import FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
-from guidance.log.record import Records
 from guidance.log.replay import compare
-from guidance.log.writer import Recorder
+from guidance.log.writer import Recorder, Records
 from guidance.session.daemon import Daemon
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import PERIOD_S, run

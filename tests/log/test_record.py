@@ -8,8 +8,7 @@ from mcap.reader import make_reader
 
 from guidance.flight import State
 from guidance.log.entries import CycleEntry, InputsEntry
-from guidance.log.record import MOST_WAITING, BackgroundRecorder
-from guidance.log.writer import Recorder
+from guidance.log.writer import MAX_WAITING, BackgroundRecorder, Recorder
 
 READY = CycleEntry(0.0, State.READY, InputsEntry((), (), ()), ())
 
@@ -48,7 +47,7 @@ def test_a_disk_that_stands_still_costs_rows_and_never_the_loop(tmp_path, monkey
     go = threading.Event()
     monkeypatch.setattr(inner, "cycle", lambda *_: go.wait(10.0))
     recorder = BackgroundRecorder(inner)
-    for _ in range(MOST_WAITING + 100):
+    for _ in range(MAX_WAITING + 100):
         recorder.cycle(READY)
     assert recorder.dropped >= 99
     go.set()

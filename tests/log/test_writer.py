@@ -89,7 +89,7 @@ def test_a_full_disk_stops_the_recording_and_not_the_flight(tmp_path, monkeypatc
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(recorder._writer, "add_message", full)
+    monkeypatch.setattr(recorder._file, "add", full)
     recorder.event(1.0, "lost")
     assert "No space left" in recorder.failed
     recorder.event(2.0, "quietly dropped")
@@ -122,7 +122,7 @@ FLYING = """
 import sys
 from pathlib import Path
 from guidance.flight import State
-from guidance.log.record import BackgroundRecorder
+from guidance.log.writer import BackgroundRecorder
 from guidance.log.entries import CycleEntry, InputsEntry
 from guidance.clock import MonotonicClock
 from guidance.log.writer import Recorder

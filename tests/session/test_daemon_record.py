@@ -3,17 +3,17 @@
 import errno
 import json
 from functools import partial
+from io import FileIO
+from types import SimpleNamespace
 
 import pytest
 
 from guidance.config import parse
 from guidance.flight import State
-from guidance.log import compare, cycles_of, events_of
-from guidance.log import writer as record
+from guidance.log import compare, cycles_of, events_of, mcap_file
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
-from guidance.log.record import BackgroundRecorder
-from guidance.log.writer import Recorder
+from guidance.log.writer import BackgroundRecorder, Recorder
 from guidance.session.flight_files import daemon_recording, recorded_settings
 from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
@@ -60,32 +60,31 @@ def test_a_configuration_that_was_read_again_is_in_the_record_and_its_flight_is_
     assert before.differing > 100
 
 
-class FullDisk:
+class FullDisk(FileIO):
     """A raw file with room for so many bytes: the write that does not fit is cut short, the next one fails."""
 
-    def __init__(self, raw, room):
-        self._raw, self._room = raw, room
+    room = 0
 
     def write(self, data):
-        if self._room <= 0:
+        if self.room <= 0:
             raise OSError(errno.ENOSPC, "No space left on device")
-        count = self._raw.write(data[: self._room])
-        self._room -= count
+        count = super().write(data[: self.room])
+        self.room -= count
         return count
-
-    def tell(self):
-        return self._raw.tell()
 
 
 @pytest.fixture(params=["in the loop", "in the background"])
 def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
     """Make a recorder on a disk with room for `room` bytes."""
-    whole = record._Whole
 
     def make(room):
-        monkeypatch.setattr(record, "_Whole", lambda raw: whole(FullDisk(raw, room)))
+        monkeypatch.setattr(FullDisk, "room", room)
+        monkeypatch.setattr(mcap_file, "private_file", lambda path: SimpleNamespace(open=lambda *_, **__: disk(path)))
         recorder = Recorder(tmp_path / "daemon.mcap", {"config": json.dumps(vehicle_document())})
         return BackgroundRecorder(recorder) if request.param == "in the background" else recorder
+
+    def disk(path):
+        return FullDisk(path, "wb")
 
     return make
 
@@ -135,3 +134,13 @@ def test_a_record_that_is_written_is_said_to_be_on_and_one_that_is_not_wanted_of
     assert base(record=recorder).order("status")["recording"] == "on"
     recorder.close()
     assert base().order("status")["recording"] == "off"
+
+
+def test_a_record_deleted_in_flight_is_no_longer_reported_as_on(base, tmp_path):
+    recorder = Recorder(tmp_path / "daemon.mcap", {})
+    one = base(record=recorder).engaged()
+    assert one.order("status")["recording"] == "on"
+    (tmp_path / "daemon.mcap").unlink()
+    one.run(0.5)
+    assert one.order("status")["recording"] == f"stopped: {tmp_path / 'daemon.mcap'} was deleted"
+    recorder.close()
