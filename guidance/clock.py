@@ -1,29 +1,29 @@
-"""Where time comes from. Nothing else in the package reads a clock."""
+"""The clocks. No other module reads the time."""
 
 import time
 from typing import Final, NamedTuple, Protocol
 
 
 class Clock(Protocol):
-    """A monotonic time in seconds, and a way to wait for a moment of it."""
+    """A monotonic clock in seconds."""
 
     def now_s(self) -> float:
-        """Return the present, seconds."""
+        """Return the time in seconds."""
         ...
 
     def sleep_until(self, moment_s: float) -> None:
-        """Wait until `moment_s`; return at once if it has passed."""
+        """Wait until `moment_s`; return immediately if it has passed."""
         ...
 
 
 class MonotonicClock:
-    """Real time, from zero at the start of the process's use of it."""
+    """Real time, starting at zero when the clock is created."""
 
     def __init__(self) -> None:
         self._start_s = time.monotonic()
 
     def now_s(self) -> float:
-        """Seconds since this clock was made."""
+        """Seconds since this clock was created."""
         return time.monotonic() - self._start_s
 
     def sleep_until(self, moment_s: float) -> None:
@@ -34,22 +34,22 @@ class MonotonicClock:
 
 
 class VirtualClock:
-    """Time that moves only when it is told to. Waiting moves it."""
+    """A clock that advances only when something waits for it."""
 
     def __init__(self, now_s: float = 0.0) -> None:
         self._now_s = now_s
 
     def now_s(self) -> float:
-        """Return the time it was last moved to."""
+        """Return the virtual time."""
         return self._now_s
 
     def sleep_until(self, moment_s: float) -> None:
-        """Move to `moment_s`, never backwards."""
+        """Advance to `moment_s`, never backwards."""
         self._now_s = max(self._now_s, moment_s)
 
 
 class Timing(NamedTuple):
-    """How the loop kept time: how much later than due a cycle began, and how long the one before worked."""
+    """Timing of a cycle: its delay, and the working time of the previous cycle."""
 
     late_s: float
     worked_s: float

@@ -1,7 +1,4 @@
-"""Configuration files: TOML in, checked models out. A wrong key, unit or range stops the start and says so.
-
-What is wrong is said with its line, and values as people write them.
-"""
+"""Configuration files: reads TOML into checked models. Errors give the line, the key, the value and what is allowed."""
 
 import difflib
 import re
@@ -15,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from guidance.errors import ConfigError
 
 MOST_LETTERS: Final = 60
-"""A longer value is cut: its key says which one is meant."""
+"""Longer values are cut in messages."""
 
 _HEADING: Final = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
 _NAME: Final = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
@@ -30,13 +27,13 @@ RENAMED: Final[Mapping[str, str]] = {
     "game.guarded": "game.target",
     "preflight.target_height_limit_m": "preflight.evader_height_limit_m",
 }
-"""Keys of vehicle and scenario files that had another name in version 0.1: old -> new."""
+"""Keys of vehicle and scenario files that were renamed after version 0.1: old -> new."""
 
 RENAMED_EVENTS: Final[Mapping[str, str]] = {
     "target lost": "evader lost",
     "target too fast for this vehicle": "evader too fast for this vehicle",
 }
-"""Events in scenario files, likewise."""
+"""Events in scenario files that were renamed after version 0.1: old -> new."""
 
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
 Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
@@ -44,11 +41,11 @@ Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
 
 
 def line_of(text: str, location: Location) -> int | None:
-    """Return the line, counted from 1, on which a key or what holds it begins; None where it is not found.
+    """Return the line (from 1) of a key, or of the nearest table above it; None if neither is found.
 
     Args:
         text: A TOML document.
-        location: The names of the key's tables and its own; numbers count in arrays.
+        location: Names of the key's tables and of the key; numbers are array indices.
     """
     wanted = [str(part) for part in location]
     best: tuple[int, int] | None = None
@@ -59,7 +56,7 @@ def line_of(text: str, location: Location) -> int | None:
 
 
 def _keys(text: str) -> list[tuple[int, list[str]]]:
-    """Return every heading and key with its line; what is inside an inline table or a long text is not looked into."""
+    """Return every table heading and key with its line, except those inside inline tables and multi-line strings."""
     found: list[tuple[int, list[str]]] = []
     table: list[str] = []
     counts: dict[tuple[str, ...], int] = {}
@@ -87,7 +84,7 @@ def _parts(text: str) -> list[str]:
 
 
 def as_toml(value: Any) -> str:  # noqa: ANN401 - any value of a document
-    """Return a value as it would be written in TOML, cut where it is long."""
+    """Format a value as TOML, cut to `MOST_LETTERS`."""
     text = _written(value)
     return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
 
@@ -103,7 +100,7 @@ def _written(value: Any) -> str:  # noqa: ANN401
 
 
 class Section(BaseModel):
-    """Base of every section: frozen, unknown keys refused, numbers finite."""
+    """Base of all sections: frozen, no unknown keys, finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -115,8 +112,8 @@ def load(model: type[Model], path: Path) -> Model:
     """Read a TOML file into `model`.
 
     Raises:
-        ConfigError: If the file cannot be read, is no TOML, or a key is unknown, missing or out of range. The message
-            has one line a fault, each with the key, the value and what is allowed.
+        ConfigError: If the file cannot be read, is not TOML, or a key is unknown, missing or out of range. The message
+            has one line for each fault, with the key, the value and what is allowed.
     """
     text = read_text(path)
     return parse(model, read_toml(text, path), source=str(path), text=text)
@@ -126,7 +123,7 @@ def read_text(path: Path) -> str:
     """Read a configuration file's text.
 
     Raises:
-        ConfigError: If it cannot be read, or is no text.
+        ConfigError: If it cannot be read or is not UTF-8 text.
     """
     try:
         return path.read_text(encoding="utf-8")
@@ -137,10 +134,10 @@ def read_text(path: Path) -> str:
 
 
 def read_toml(text: str, path: Path) -> dict[str, Any]:
-    """Read the text of a configuration file.
+    """Parse the text of a configuration file.
 
     Raises:
-        ConfigError: If it is no TOML; the message says on which line.
+        ConfigError: If it is not TOML; the message gives the line.
     """
     try:
         return tomllib.loads(text)
@@ -149,13 +146,13 @@ def read_toml(text: str, path: Path) -> dict[str, Any]:
 
 
 def parse(model: type[Model], document: dict[str, Any], *, source: str, text: str = "") -> Model:
-    """Check a document that has been read already.
+    """Check a parsed document.
 
     Args:
-        model: What it should be.
+        model: The model it must match.
         document: Plain values.
-        source: Named in the message.
-        text: The document as it was written, for the lines in the message.
+        source: Name of the document, for the message.
+        text: Its TOML text, for line numbers in the message.
 
     Raises:
         ConfigError: As `load`.
@@ -170,7 +167,7 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str, text: st
 
 
 def _place(fault: dict[str, Any]) -> Location:
-    """Return where a fault is; one of several keys together begins with the name of that which it blames."""
+    """Return the location of a fault. The message of a check over several keys begins with the key at fault."""
     named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", str(fault["msg"]))
     return named[1].split(".") if named and not fault["loc"] else tuple(fault["loc"])
 
@@ -181,15 +178,15 @@ def _line(text: str, location: Location) -> str:
 
 
 def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
-    """Say in one line what pydantic found wrong with a document: the key, its value and what is allowed."""
+    """Describe one of pydantic's errors in a line: the key, its value and what is allowed."""
     location = [str(part) for part in fault["loc"]]
     key = ".".join(location)
     if fault["type"] == "extra_forbidden":
         if key in RENAMED:
-            return f"{key}: is named {RENAMED[key]} now"
+            return f"{key}: was renamed to {RENAMED[key]}"
         known = sorted(_section_at(model, location[:-1]))
         near = difflib.get_close_matches(location[-1], known, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+        hint = f"did you mean {near[0]!r}?" if near else f"allowed here: {', '.join(known)}"
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":
         if isinstance(fault["loc"][-1], int):
@@ -203,7 +200,7 @@ def explain(model: type[BaseModel], fault: dict[str, Any]) -> str:
 
 
 def _plain_words(message: str) -> str:
-    """Put pydantic's words as ours: what a value must be."""
+    """Rephrase pydantic's message as what the value must be."""
     message = message[0].lower() + message[1:]
     size = re.fullmatch(r"(?:tuple|list) should have at (most|least) (\d+) items? after validation, not \d+", message)
     if size is not None:
@@ -213,7 +210,7 @@ def _plain_words(message: str) -> str:
 
 
 def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:
-    """Name the keys known at a place in the document, following optional sections and tables."""
+    """Return the keys allowed at a location, following optional sections and tables."""
     section: type[BaseModel] | None = model
     for part in location:
         field = section.model_fields.get(part) if section else None
@@ -228,23 +225,23 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - a ty
 
 
 def config_folder() -> Path:
-    """Return the folder of the configuration that comes with the package: in the wheel, or in the checkout."""
+    """Return the folder of the bundled configuration files, in the wheel or in the checkout."""
     package = Path(__file__).parent
     installed = package / "_config"
     return installed if installed.is_dir() else package.parent / "config"
 
 
 def find(name: str, folder: str) -> Path:
-    """Find a configuration file: as a path, or by its name in the folder that comes with the package.
+    """Find a configuration file by path, or by name among the bundled files.
 
     Raises:
-        ConfigError: If there is none; the message lists those that come with the package.
+        ConfigError: If there is none; the message lists the bundled names.
     """
     shipped = config_folder()
     for candidate in (Path(name), shipped / name, shipped / folder / name, shipped / folder / f"{name}.toml"):
         if candidate.is_file():
             return candidate
-    # `config/scenarios/pe.toml` is how the checkout spells it; an installed wheel has it elsewhere.
+    # Accept the checkout's spelling, as in `config/scenarios/pe.toml`, in an installed wheel too.
     if name.startswith("config/") and (shipped / name.removeprefix("config/")).is_file():
         return shipped / name.removeprefix("config/")
     known = sorted(path.stem for path in (shipped / folder).glob("*.toml"))

@@ -1,4 +1,4 @@
-"""What the base installation leaves out: which extra brings a package that is missing, and how to add it."""
+"""Optional packages: the extra that installs each of them, and the error that says so."""
 
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -14,18 +14,18 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "cluster": ("distributed",),
     "keys": ("cryptography",),
 }
-"""The packages that each extra is missed by."""
+"""Import names of each extra."""
 
 
 def require(what: str, *extras: str) -> None:
-    """See that extras are installed, before any work is done.
+    """Check that extras are installed, before any work begins.
 
     Args:
-        what: What needs them, as the user named it: a command, an option or a file.
+        what: The command, option or file that needs them.
         extras: Names of `EXTRAS`.
 
     Raises:
-        ConfigError: If one is missing; the message says how to add it.
+        ConfigError: If one is missing; the message says how to install it.
     """
     advice = how_to_add(*extras)
     if advice is not None:
@@ -33,7 +33,7 @@ def require(what: str, *extras: str) -> None:
 
 
 def how_to_add(*extras: str) -> str | None:
-    """Say what is missing of some extras and how to add it; None if nothing is."""
+    """Return which packages are missing and how to install them; None if all are installed."""
     missing = {extra: [name for name in EXTRAS[extra] if find_spec(name) is None] for extra in extras}
     lacking = [extra for extra, names in missing.items() if names]
     if not lacking:

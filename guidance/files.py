@@ -1,7 +1,7 @@
-"""Files and folders that only their owner reads: they say where people and vehicles were.
+"""Private files and folders: flight data show where people and vehicles were.
 
-Whatever the process's umask is, a file has mode 0600 and a folder that is made for it 0700. A folder that is there
-already keeps the rights that a person gave it. What the system refuses is said with the file's name.
+Files get mode 0600 and new folders 0700, independent of the umask. Existing folders keep their mode. Errors name the
+file.
 """
 
 import contextlib
@@ -18,22 +18,22 @@ _FOLDER: Final = stat.S_IRWXU
 
 
 def private_folder(path: Path) -> Path:
-    """Make a folder, and those above it that are missing, for us alone; return it.
+    """Create a folder and its missing parents with mode 0700; return it.
 
     Raises:
-        OSError: If it cannot be made.
+        OSError: If it cannot be created.
     """
     for folder in reversed((path, *path.parents)):
         if not folder.exists():
-            with contextlib.suppress(FileExistsError):  # somebody else has made it meanwhile
+            with contextlib.suppress(FileExistsError):  # another process created it
                 folder.mkdir(mode=_FOLDER)
-                folder.chmod(_FOLDER)  # a umask takes away only
+                folder.chmod(_FOLDER)  # the umask can only remove permissions
     path.mkdir(exist_ok=True)
     return path
 
 
 def private_file(path: Path) -> Path:
-    """Make an empty file for us alone, or empty the one there and make it ours alone; return it, to be written.
+    """Create an empty file with mode 0600, or empty an existing one and set that mode; return it.
 
     Raises:
         OSError: If it cannot be written.
@@ -49,10 +49,10 @@ def private_file(path: Path) -> Path:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Say what cannot be written, and why, where the system only refuses.
+    """Turn an OSError of the body into an error that names the file.
 
     Raises:
-        OutputError: For an OSError of the body.
+        OutputError: If the body raises OSError.
     """
     try:
         yield

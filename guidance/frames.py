@@ -1,26 +1,22 @@
-"""The only place where axes turn and altitudes change their datum: WGS-84 ◂▸ local NED ◂▸ game frame, body ◂▸ NED.
+"""Frames and datums: WGS-84, local NED, the game frame and the body frame. All conversions are here.
 
-* wgs84: degrees, and an altitude whose datum is its type. `Amsl`, `Ellipsoid` and `Relative` are never equal and
-  never convert silently: a number taken for another datum flies into the ground (tens of metres of geoid undulation,
-  hundreds of terrain).
-* ned: metres, north-east-down about the estimator's origin, which need not be home. Down is the difference of
-  altitudes, not the tangent plane's z: that is what autopilots report, and what a height limit means.
-* game: metres, x east, y north, z up, about a game origin whose height is the evader's plane.
-* body: forward-right-down, turned from NED by the yaw alone.
+* WGS-84: degrees, and an altitude whose type is its datum. `Amsl`, `Ellipsoid` and `Relative` never compare equal and
+  never convert silently: a wrong datum is an error of tens of metres (geoid) or hundreds (terrain).
+* NED: metres north, east and down of the estimator's origin, which may differ from home. Down is a difference of
+  altitudes, as autopilots report it and as height limits mean it, and not the tangent plane's z.
+* Game: metres, x east, y north, z up, about the game's origin, which lies on the evader's plane.
+* Body: forward, right, down, rotated from NED by yaw only.
 """
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
+from typing import Final, Protocol
 
 import pymap3d
 
 from guidance.errors import ConfigError
 
 Vector = tuple[float, float, float]
-
-_PX4_RADIUS_M = 6371000.0  # CONSTANTS_RADIUS_OF_EARTH
-_ARDUPILOT_RADIUS_M = 0.011131884502145034e7 * 180.0 / math.pi  # LOCATION_SCALING_FACTOR, metres per 1e-7 degree
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,26 +43,56 @@ class Relative:
 Altitude = Amsl | Ellipsoid | Relative
 
 
-class MapProjection(StrEnum):
-    """How latitude and longitude become metres. An autopilot's own map must be used beside its local position.
+class Projection(Protocol):
+    """How latitude and longitude become metres. An autopilot's local position needs the autopilot's own projection.
 
-    The autopilots take the Earth for a sphere, so that their metres differ from WGS-84's by up to 0.5 %.
+    Autopilots treat the Earth as a sphere; their metres differ from WGS-84's by up to 0.5 %.
     """
 
-    WGS84 = "wgs84"
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
+    def to_metres(self, zero: "LocalFrame", latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """Metres north and east of the frame's zero."""
+        ...
+
+    def to_degrees(self, zero: "LocalFrame", north_m: float, east_m: float) -> tuple[float, float]:
+        """Latitude and longitude in degrees; the inverse of `to_metres`. The longitude need not be wrapped."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TangentPlane:
+    """The plane that touches the WGS-84 ellipsoid at the frame's zero."""
+
+    def to_metres(self, zero: "LocalFrame", latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """Project; the point is taken at the zero's altitude, so the evader's height does not change the metres."""
+        height = zero.altitude.metres
+        north, east, _ = pymap3d.geodetic2ned(
+            latitude_deg, longitude_deg, height, zero.latitude_deg, zero.longitude_deg, height
+        )
+        return float(north), float(east)
+
+    def to_degrees(self, zero: "LocalFrame", north_m: float, east_m: float) -> tuple[float, float]:
+        """Find the place below a point of the plane. The plane rises above the ellipsoid by s²/2R: a fixed point."""
+        height, down_m = zero.altitude.metres, 0.0
+        for _ in range(4):
+            latitude, longitude, reached = pymap3d.ned2geodetic(
+                north_m, east_m, down_m, zero.latitude_deg, zero.longitude_deg, height
+            )
+            down_m += float(reached) - height
+        return float(latitude), float(longitude)
+
+
+WGS84: Final = TangentPlane()
 
 
 @dataclass(frozen=True, slots=True)
 class LocalFrame:
-    """North-east-down about a declared origin (GPS_GLOBAL_ORIGIN), altitudes with their datum.
+    """A local NED frame about a given origin (GPS_GLOBAL_ORIGIN).
 
     `home` is needed for `Relative` altitudes, and `undulation_m` (ellipsoid minus mean sea level at this place) for
     `Ellipsoid` ones.
 
     Raises:
-        ConfigError: If the origin is no place on Earth.
+        ConfigError: If the origin is not a place on Earth.
     """
 
     latitude_deg: float
@@ -74,7 +100,7 @@ class LocalFrame:
     altitude: Amsl
     home: Amsl | None = None
     undulation_m: float | None = None
-    projection: MapProjection = MapProjection.WGS84
+    projection: Projection = WGS84
 
     def __post_init__(self) -> None:
         if not abs(self.latitude_deg) < 90.0:  # at a pole north has no direction
@@ -106,81 +132,18 @@ class LocalFrame:
     def ned_from_wgs84(self, latitude_deg: float, longitude_deg: float, altitude: Altitude) -> Vector:
         """Position in metres, north-east-down about the origin; NaN in gives NaN out."""
         down_m = self.altitude.metres - self.amsl(altitude).metres
-        match self.projection:
-            case MapProjection.WGS84:
-                north_m, east_m = self._tangent_plane(latitude_deg, longitude_deg)
-            case MapProjection.PX4:
-                north_m, east_m = self._azimuthal(latitude_deg, longitude_deg)
-            case MapProjection.ARDUPILOT:
-                north_m, east_m = self._equirectangular(latitude_deg, longitude_deg)
+        north_m, east_m = self.projection.to_metres(self, latitude_deg, longitude_deg)
         return (north_m, east_m, down_m)
 
     def wgs84_from_ned(self, position_ned_m: Vector) -> tuple[float, float, Amsl]:
         """Latitude and longitude in degrees and the altitude of a position; the inverse of `ned_from_wgs84`."""
         north_m, east_m, down_m = position_ned_m
-        match self.projection:
-            case MapProjection.WGS84:
-                latitude, longitude = self._tangent_plane_inverse(north_m, east_m)
-            case MapProjection.PX4:
-                latitude, longitude = self._azimuthal_inverse(north_m, east_m)
-            case MapProjection.ARDUPILOT:
-                latitude, longitude = self._equirectangular_inverse(north_m, east_m)
-        return latitude, _wrap_deg(longitude), Amsl(self.altitude.metres - down_m)
+        latitude, longitude = self.projection.to_degrees(self, north_m, east_m)
+        return latitude, wrap_deg(longitude), Amsl(self.altitude.metres - down_m)
 
     def ned_in(self, other: "LocalFrame", position_ned_m: Vector) -> Vector:
         """Position in another local frame of a place that is given in this one, metres."""
         return other.ned_from_wgs84(*self.wgs84_from_ned(position_ned_m))
-
-    def _tangent_plane(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        # Both ends at the origin's altitude: horizontal metres, free of the evader's height.
-        height = self.altitude.metres
-        north, east, _ = pymap3d.geodetic2ned(
-            latitude_deg, longitude_deg, height, self.latitude_deg, self.longitude_deg, height
-        )
-        return float(north), float(east)
-
-    def _tangent_plane_inverse(self, north_m: float, east_m: float) -> tuple[float, float]:
-        height = self.altitude.metres
-        # The point of the tangent plane that lies above the wanted one: it sags by s²/2R, found by fixed point.
-        down_m = 0.0
-        for _ in range(4):
-            latitude, longitude, reached = pymap3d.ned2geodetic(
-                north_m, east_m, down_m, self.latitude_deg, self.longitude_deg, height
-            )
-            down_m += float(reached) - height
-        return float(latitude), float(longitude)
-
-    def _azimuthal(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """Azimuthal equidistant on the sphere, as PX4 (Snyder, Map Projections, eqs. 22-4, 22-5, 25-2)."""
-        lat0, lat = math.radians(self.latitude_deg), math.radians(latitude_deg)
-        east = math.radians(longitude_deg - self.longitude_deg)
-        cosine = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(east)
-        arc = math.acos(min(1.0, max(-1.0, cosine)))
-        scale_m = _PX4_RADIUS_M * (arc / math.sin(arc) if arc > 1e-9 else 1.0)
-        north = math.cos(lat0) * math.sin(lat) - math.sin(lat0) * math.cos(lat) * math.cos(east)
-        return scale_m * north, scale_m * math.cos(lat) * math.sin(east)
-
-    def _azimuthal_inverse(self, north_m: float, east_m: float) -> tuple[float, float]:
-        lat0, distance_m = math.radians(self.latitude_deg), math.hypot(north_m, east_m)
-        if distance_m == 0.0:
-            return self.latitude_deg, self.longitude_deg
-        arc = distance_m / _PX4_RADIUS_M
-        sine, cosine = math.sin(arc), math.cos(arc)
-        lat = math.asin(cosine * math.sin(lat0) + north_m * sine * math.cos(lat0) / distance_m)
-        turn = math.atan2(east_m * sine, distance_m * math.cos(lat0) * cosine - north_m * math.sin(lat0) * sine)
-        return math.degrees(lat), self.longitude_deg + math.degrees(turn)
-
-    def _equirectangular(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """Equal steps of latitude and longitude, scaled at the latitude midway, as ArduPilot's `get_distance_NE`."""
-        north = math.radians(latitude_deg - self.latitude_deg)
-        east = math.radians(_wrap_deg(longitude_deg - self.longitude_deg))
-        midway = math.cos(math.radians(0.5 * (latitude_deg + self.latitude_deg)))
-        return _ARDUPILOT_RADIUS_M * north, _ARDUPILOT_RADIUS_M * east * midway
-
-    def _equirectangular_inverse(self, north_m: float, east_m: float) -> tuple[float, float]:
-        latitude = self.latitude_deg + math.degrees(north_m / _ARDUPILOT_RADIUS_M)
-        midway = math.cos(math.radians(0.5 * (latitude + self.latitude_deg)))
-        return latitude, self.longitude_deg + math.degrees(east_m / (_ARDUPILOT_RADIUS_M * midway))
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,5 +186,6 @@ def wrap_rad(angle_rad: float) -> float:
     return math.remainder(angle_rad, math.tau)
 
 
-def _wrap_deg(angle_deg: float) -> float:
+def wrap_deg(angle_deg: float) -> float:
+    """The same angle in [-180, 180]."""
     return math.remainder(angle_deg, 360.0)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeVar
 
-from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
+from guidance.frames import Amsl, LocalFrame, Projection, Vector
 from guidance.messages import (
     Attitude,
     CommandAck,
@@ -189,7 +189,7 @@ def _jump_ned_m(before: LocalPosition, now: LocalPosition, step_s: float) -> Vec
     return (north, east, down) if math.hypot(north, east, down) > allowed_m else None
 
 
-def local_frame(state: VehicleState, projection: MapProjection) -> LocalFrame | None:
+def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | None:
     """Return where the vehicle's local frame lies on Earth; None until HOME_POSITION was heard.
 
     GPS_GLOBAL_ORIGIN is the estimator's word; without it the origin is reckoned from home, which need not be there. An

@@ -39,7 +39,7 @@ def test_a_key_of_an_optional_section_is_known_too():
 
 
 def test_a_key_like_no_other_lists_what_is_known():
-    with pytest.raises(ConfigError, match="zzz: unknown key; known here: inner, spare, title"):
+    with pytest.raises(ConfigError, match="zzz: unknown key; allowed here: inner, spare, title"):
         parse(Outer, {**GOOD, "zzz": 1}, source="x")
 
 
@@ -155,7 +155,7 @@ def test_a_wrong_file_is_told_line_key_and_what_is_allowed(tmp_path):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ('way = "maths"', "line 3: way: unknown key; known here: as, description"),
+        ('way = "maths"', "line 3: way: unknown key; allowed here: as, description"),
         ('random."evader.speed_m_s" = { gauss = [1, 2] }', "evader.speed_m_s = { gauss = [1, 2] }: must be one of {"),
         ('random."evader.position" = { disc = 3 }', "random.evader.position = { disc = 3 }: a disc or an annulus is a"),
     ],

@@ -3,7 +3,6 @@ import math
 import pytest
 
 from guidance.autopilots import PX4
-from guidance.frames import MapProjection
 from guidance.messages import Attitude, CommandAck, Heartbeat, Home, LandedState, LocalPosition, Odometry, Origin
 from guidance.vehicle import VehicleState, local_frame, observe
 
@@ -69,11 +68,11 @@ def test_the_fold_leaves_the_old_state_as_it_was():
 def test_the_local_frame_is_the_estimators_origin_not_home():
     home = Home(1.0, 47.4, 8.5, 500.0, (30.0, 40.0, -2.0))
     state = observe(VehicleState(), [home])
-    frame = local_frame(state, MapProjection.PX4)
+    frame = local_frame(state, PX4.projection)
     assert frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, frame.home) == pytest.approx(
         (30.0, 40.0, -2.0), abs=2e-3
     )
-    told = local_frame(observe(state, [Origin(1.1, 47.3, 8.4, 400.0)]), MapProjection.PX4)
+    told = local_frame(observe(state, [Origin(1.1, 47.3, 8.4, 400.0)]), PX4.projection)
     assert (told.latitude_deg, told.longitude_deg, told.altitude.metres) == (47.3, 8.4, 400.0)
     assert told.home.metres == 500.0
 

@@ -1,23 +1,24 @@
-"""The autopilots that a flight can be flown with, each described in one module. Another one is one more module here.
+"""The autopilots that a flight can use. One module describes each; `register` adds another from outside.
 
-Which ones:
-    PX4, ARDUCOPTER: all that is known of them; each is an `Autopilot`. ROVER: how ArduPilot's rover is spoken to.
-    AUTOPILOTS: those that are flown, by name; `autopilot_named` looks one up and says which there are.
-    AutopilotProfile: what is said to one, and how it is understood; an `Autopilot` has handling and rules besides.
-    Handling: how one vehicle flies: what it follows, how it brakes, what it surely achieves.
-    Mode: a flight mode by what it means to us.
+Descriptions:
+    PX4, ARDUCOPTER: each an `Autopilot`. ROVER: the protocol of ArduPilot's rover, which plays the evader.
+    AUTOPILOTS: all of them by name. `autopilot_named`, `autopilots_of`: look one up. AutopilotName: type of a key.
+    AutopilotProfile: protocol (modes, commands, streams). Handling: how the vehicle flies. Mode: a mode by its meaning.
+    Bound: a parameter that bounds a key of a new vehicle file.
 
-How one is judged before a flight:
-    Wants: what the configuration asks of it.
-    Finding: one row: what was found, what is wanted, how to come there; its `Verdict` is pass, warn or refuse.
+Preflight:
+    Preflight, Wants: what the configuration demands. Finding: one row of the result, with a `Verdict`.
 
-Numbers of MAVLink:
+MAVLink numbers:
     HEARTBEAT, SYS_STATUS, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, GPS_GLOBAL_ORIGIN, HOME_POSITION,
-    ODOMETRY, POSITION_TARGET_LOCAL_NED, EXTENDED_SYS_STATE: ids of messages.
-    MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, MAV_CMD_SET_MESSAGE_INTERVAL: numbers of commands.
+    ODOMETRY, POSITION_TARGET_LOCAL_NED, EXTENDED_SYS_STATE: message ids.
+    MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE, MAV_CMD_SET_MESSAGE_INTERVAL: commands.
 """
 
-from collections.abc import Mapping
+from importlib.metadata import entry_points
+from typing import Annotated, Any
+
+from pydantic import AfterValidator
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
 from guidance.autopilots.description import (
@@ -36,27 +37,70 @@ from guidance.autopilots.description import (
     SYS_STATUS,
     Autopilot,
     AutopilotProfile,
+    Bound,
     Handling,
     Mode,
 )
 from guidance.autopilots.px4 import PX4
-from guidance.autopilots.rules import Finding, Verdict, Wants
+from guidance.autopilots.rules import Finding, Preflight, Verdict, Wants
 from guidance.errors import ConfigError
 
-AUTOPILOTS: Mapping[str, Autopilot] = {one.name: one for one in (PX4, ARDUCOPTER)}
+ENTRY_POINTS = "pursuit_guidance.autopilots"
+
+AUTOPILOTS: dict[str, Autopilot] = {}
+"""The autopilots that can be flown, by name. Add one with `register`."""
+
+
+def register(autopilot: Autopilot) -> None:
+    """Add an autopilot. Vehicle files, scenarios, `init`, discovery and preflight know it from then on.
+
+    A package can do this when it is imported, or name its description in the entry point group
+    `pursuit_guidance.autopilots`, which is read when an unknown name is looked up.
+
+    Raises:
+        ConfigError: If another autopilot has this name.
+    """
+    if AUTOPILOTS.setdefault(autopilot.name, autopilot) is not autopilot:
+        raise ConfigError(f"autopilot {autopilot.name!r}: another one has this name; choose a new name")
 
 
 def autopilot_named(name: str) -> Autopilot:
-    """Look an autopilot up by its name in configurations.
+    """Return an autopilot by its name in configuration files.
 
     Raises:
-        ConfigError: If there is none of this name.
+        ConfigError: If there is none.
     """
-    try:
-        return AUTOPILOTS[name]
-    except KeyError:
-        raise ConfigError(f"autopilot = {name!r}: allowed are {', '.join(AUTOPILOTS)}") from None
+    if name not in AUTOPILOTS:
+        for installed in entry_points(group=ENTRY_POINTS, name=name):
+            register(installed.load())
+    if name not in AUTOPILOTS:
+        raise ConfigError(f"autopilot = {name!r}: allowed are {', '.join(AUTOPILOTS)}")
+    return AUTOPILOTS[name]
 
+
+def autopilots_of(autopilot_id: int) -> tuple[Autopilot, ...]:
+    """Return the autopilots with a MAV_AUTOPILOT number."""
+    return tuple(one for one in AUTOPILOTS.values() if one.autopilot_id == autopilot_id)
+
+
+def _registered(name: str) -> str:
+    try:
+        return autopilot_named(name).name
+    except ConfigError:
+        raise ValueError(f"must be one of {', '.join(AUTOPILOTS)}") from None
+
+
+class _Names:
+    @staticmethod
+    def __get_pydantic_json_schema__(_: Any, __: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's protocol
+        return {"type": "string", "enum": list(AUTOPILOTS)}
+
+
+AutopilotName = Annotated[str, AfterValidator(_registered), _Names()]
+"""Type of a key that names an autopilot."""
+
+for _one in (PX4, ARDUCOPTER):
+    register(_one)
 
 __all__ = [
     "ARDUCOPTER",
@@ -77,11 +121,16 @@ __all__ = [
     "ROVER",
     "SYS_STATUS",
     "Autopilot",
+    "AutopilotName",
     "AutopilotProfile",
+    "Bound",
     "Finding",
     "Handling",
     "Mode",
+    "Preflight",
     "Verdict",
     "Wants",
     "autopilot_named",
+    "autopilots_of",
+    "register",
 ]

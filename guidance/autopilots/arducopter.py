@@ -5,6 +5,7 @@ simulated quadrotor, default parameters).
 """
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 from guidance.autopilots.description import (
@@ -14,13 +15,35 @@ from guidance.autopilots.description import (
     STREAMS_HZ,
     Autopilot,
     AutopilotProfile,
+    Bound,
     Handling,
     Mode,
 )
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
 from guidance.certificate import Acceleration
-from guidance.control import Approach, CatchUp, Following, ServoGains
-from guidance.frames import MapProjection
+from guidance.control import Approach, CatchUp, Dynamics, Following, ServoGains
+from guidance.frames import LocalFrame, wrap_deg
+
+
+@dataclass(frozen=True, slots=True)
+class Equirectangular:
+    """ArduPilot's map: equal steps of latitude and longitude, scaled at the mean latitude (`get_distance_NE`)."""
+
+    radius_m: float = 0.011131884502145034e7 * 180.0 / math.pi  # LOCATION_SCALING_FACTOR, metres per 1e-7 degree
+
+    def to_metres(self, zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """See `guidance.frames.Projection`."""
+        north = math.radians(latitude_deg - zero.latitude_deg)
+        east = math.radians(wrap_deg(longitude_deg - zero.longitude_deg))
+        midway = math.cos(math.radians(0.5 * (latitude_deg + zero.latitude_deg)))
+        return self.radius_m * north, self.radius_m * east * midway
+
+    def to_degrees(self, zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:
+        """See `guidance.frames.Projection`."""
+        latitude = zero.latitude_deg + math.degrees(north_m / self.radius_m)
+        midway = math.cos(math.radians(0.5 * (latitude + zero.latitude_deg)))
+        return latitude, zero.longitude_deg + math.degrees(east_m / (self.radius_m * midway))
+
 
 HANDLING: Final = Handling(
     following=Following(
@@ -32,13 +55,15 @@ HANDLING: Final = Handling(
         catch_up=CatchUp(),
     ),
     acceleration=Acceleration(ground_m_s2=2.5, vertical_m_s2=1.0),
-    acceleration_m_s2=5.0,
-    vertical_acceleration_m_s2=2.0,
-    jerk_m_s3=20.0,
-    braking_m_s2=2.3,
-    vertical_braking_m_s2=0.8,
-    reaction_s=0.4,
-    easing_m_s3=3.0,  # its velocity follows a place that runs ahead, and makes up for what it lost at the start
+    dynamics=Dynamics(
+        acceleration_m_s2=5.0,
+        vertical_acceleration_m_s2=2.0,
+        jerk_m_s3=20.0,
+        braking_m_s2=2.3,
+        vertical_braking_m_s2=0.8,
+        reaction_s=0.4,
+        easing_m_s3=3.0,  # its velocity follows a place that runs ahead, and makes up for what it lost at the start
+    ),
 )
 
 _OFF_ON: Final = {0: "off", 1: "on"}
@@ -64,7 +89,7 @@ _SHORTEST_LOSS_S: Final = 0.2
 
 
 def _guided_timeout(value: float, wants: Wants, _: Parameters) -> Judgement:
-    limit_s = wants.loss_time_limit_s
+    limit_s = wants.preflight.loss_time_limit_s
     return passes(
         _SHORTEST_LOSS_S <= value <= limit_s,
         f"{_SHORTEST_LOSS_S:g} to {limit_s:g} s",
@@ -74,7 +99,7 @@ def _guided_timeout(value: float, wants: Wants, _: Parameters) -> Judgement:
 
 
 def _otherwise(wants: Wants) -> Verdict:
-    return Verdict.REFUSE if wants.fence_required else Verdict.WARN
+    return Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
 
 
 def _fence_on(value: float, wants: Wants, _: Parameters) -> Judgement:
@@ -107,11 +132,11 @@ def _fence(distance_m: float, least_m: float, wants: Wants) -> Judgement:
 def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgement:
     if not round(parameters.get("FENCE_TYPE", _CIRCLE)) & _CIRCLE:
         return Judgement(Verdict.PASS, "any: FENCE_TYPE is without the circle")
-    return _fence(value, wants.fence_radius_m, wants)
+    return _fence(value, wants.limits.reach_m, wants)
 
 
 def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _fence(value, wants.ceiling_m, wants)
+    return _fence(value, wants.limits.ceiling_m, wants)
 
 
 def _not_enforced(wanted: str) -> Judgement:
@@ -120,19 +145,19 @@ def _not_enforced(wanted: str) -> Judgement:
 
 
 def _speed(_: float, wants: Wants, __: Parameters) -> Judgement:
-    return _not_enforced(f"any; the game asks {wants.speed_m_s:g} m/s")
+    return _not_enforced(f"any; the game asks {wants.game_speeds.speed_m_s:g} m/s")
 
 
 def _climb(_: float, wants: Wants, __: Parameters) -> Judgement:
-    return _not_enforced(f"any; the game asks {wants.climb_m_s:g} m/s")
+    return _not_enforced(f"any; the game asks {wants.game_speeds.climb_m_s:g} m/s")
 
 
 def _descent(_: float, wants: Wants, __: Parameters) -> Judgement:
-    return _not_enforced(f"any; the game asks {wants.descent_m_s:g} m/s")
+    return _not_enforced(f"any; the game asks {wants.game_speeds.descent_m_s:g} m/s")
 
 
 def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:
-    why = f"too flat to fly {wants.speed_m_s:g} m/s against drag"
+    why = f"too flat to fly {wants.game_speeds.speed_m_s:g} m/s against drag"
     return passes(value >= 2000.0, "at least 2000 (20°)", 3000, why, otherwise=Verdict.WARN)
 
 
@@ -188,7 +213,7 @@ ARDUCOPTER: Final = Autopilot(
     mode_titles={Mode.HOLD: "BRAKE", Mode.RETURN: "RTL"},
     mode_parameters={Mode.GUIDED: (4, 0), Mode.HOLD: (17, 0), Mode.RETURN: (6, 0), Mode.LAND: (9, 0)},
     arming_mode=Mode.GUIDED,
-    projection=MapProjection.ARDUPILOT,
+    projection=Equirectangular(),
     unused=0.0,
     takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
     stream_before_guided=False,
@@ -199,9 +224,17 @@ ARDUCOPTER: Final = Autopilot(
     streams_hz=STREAMS_HZ,
     handling=HANDLING,
     rules=RULES,
+    bounds=(
+        Bound("game", "speed_m_s", "WPNAV_SPEED", _CENTI),
+        Bound("game", "climb_m_s", "WPNAV_SPEED_UP", _CENTI),
+        Bound("game", "descent_m_s", "WPNAV_SPEED_DN", _CENTI),
+        Bound("limits", "fence_radius_m", "FENCE_RADIUS"),
+        Bound("limits", "ceiling_m", "FENCE_ALT_MAX"),
+    ),
     uploaded_fence_counts=_heeds_uploaded_fence,
     one_inclusion_is_enough=False,
     tells_setpoint_always=False,
+    mock="arducopter",
 )
 
 ROVER: Final = AutopilotProfile(
@@ -211,7 +244,7 @@ ROVER: Final = AutopilotProfile(
     mode_titles={Mode.RETURN: "RTL"},
     mode_parameters={Mode.GUIDED: (15, 0), Mode.HOLD: (4, 0), Mode.RETURN: (11, 0)},
     arming_mode=Mode.GUIDED,
-    projection=MapProjection.ARDUPILOT,
+    projection=Equirectangular(),
     unused=0.0,
     takeoff_frame=MAV_FRAME_GLOBAL_RELATIVE_ALT,
     stream_before_guided=False,

@@ -1,14 +1,15 @@
-"""What one autopilot is to us, as data: modes and commands, how its vehicle handles, how its parameters are judged."""
+"""The description of an autopilot: its protocol, how its vehicle flies, and how its parameters are judged."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 from guidance.autopilots.rules import Parameters, Rule
 from guidance.certificate import Acceleration
-from guidance.control import Following
-from guidance.frames import MapProjection
+from guidance.control import Dynamics, Following, Speeds
+from guidance.frames import Projection
 from guidance.messages import Command
 
 MAV_CMD_NAV_LAND = 21
@@ -23,9 +24,12 @@ MAV_FRAME_GLOBAL_RELATIVE_ALT = 3
 
 _NAN = math.nan
 
+MULTICOPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
+"""MAV_TYPEs of vehicles that hover and move in any direction."""
+
 
 class Mode(StrEnum):
-    """A flight mode by what it means to us; everything a pilot may choose besides is OTHER."""
+    """A flight mode by its meaning to the guidance. Every other mode is OTHER."""
 
     GUIDED = "guided"  # PX4 OFFBOARD, ArduCopter GUIDED
     HOLD = "hold"
@@ -37,24 +41,24 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotProfile:
-    """What is said to one autopilot, and how it is understood.
+    """An autopilot's protocol: its modes, commands, streams and map.
 
     Attributes:
-        name: As in configurations.
+        name: Its name in configuration files.
         autopilot_id: MAV_AUTOPILOT in HEARTBEAT.
         custom_modes: HEARTBEAT.custom_mode of each mode.
         mode_parameters: DO_SET_MODE's second and third parameter for each mode.
-        arming_mode: Asked for before arming, so that taking off starts from a mode of ours.
-        projection: The autopilot's own map between degrees and metres.
-        unused: What fills a command's parameters that are not given.
+        arming_mode: Mode requested before arming, so that the take-off starts from one of our modes.
+        projection: Its map between degrees and metres.
+        unused: Value of a command's unused parameters.
         takeoff_frame: Datum of NAV_TAKEOFF's altitude.
-        stream_before_guided: Whether setpoints must flow before the guided mode is granted.
-        loss_parameter: The parameter that says how long the autopilot waits for setpoints.
-        setpoint_timeout_s: Its default.
-        waits_in_guided: Whether it stays in the guided mode once setpoints have stopped, hovering until told otherwise.
-        prearm_always_told: SYS_STATUS has the arming checks' verdict in `health` even where `present` lacks the bit.
-        streams_hz: Rate to ask of each message id.
-        mode_titles: What a pilot's ground station calls each mode.
+        stream_before_guided: Whether it grants the guided mode only while setpoints arrive.
+        loss_parameter: Parameter with the time that it waits for setpoints.
+        setpoint_timeout_s: Default of that parameter.
+        waits_in_guided: Whether it stays in the guided mode and hovers when setpoints stop.
+        prearm_always_told: Whether SYS_STATUS reports the arming checks in `health` even if `present` lacks the bit.
+        streams_hz: Requested rate of each message id.
+        mode_titles: Name of each mode in a ground station.
     """
 
     name: str
@@ -62,7 +66,7 @@ class AutopilotProfile:
     custom_modes: Mapping[Mode, int]
     mode_parameters: Mapping[Mode, tuple[int, int]]
     arming_mode: Mode
-    projection: MapProjection
+    projection: Projection
     unused: float
     takeoff_frame: int
     stream_before_guided: bool
@@ -74,11 +78,11 @@ class AutopilotProfile:
     mode_titles: Mapping[Mode, str] = field(default_factory=dict)
 
     def mode_title(self, mode: Mode) -> str:
-        """Call a mode as a pilot knows it: OFFBOARD on PX4, GUIDED on ArduCopter."""
+        """Return a mode's name in a ground station: OFFBOARD on PX4, GUIDED on ArduCopter."""
         return self.mode_titles.get(mode, "another mode" if mode is Mode.OTHER else mode.upper())
 
     def mode_of(self, custom_mode: int) -> Mode:
-        """Name what HEARTBEAT.custom_mode says."""
+        """Return the mode of HEARTBEAT.custom_mode."""
         return next((mode for mode, number in self.custom_modes.items() if number == custom_mode), Mode.OTHER)
 
     def set_mode(self, mode: Mode) -> Command:
@@ -91,11 +95,11 @@ class AutopilotProfile:
         return self._command(MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
 
     def disarm(self) -> Command:
-        """COMPONENT_ARM_DISARM, never forced: refused in the air, as it should be."""
+        """COMPONENT_ARM_DISARM, never forced, so the autopilot refuses it in the air."""
         return self._command(MAV_CMD_COMPONENT_ARM_DISARM, 0, 0)
 
     def takeoff(self, *, height_m: float, home_amsl_m: float) -> Command:
-        """NAV_TAKEOFF to a height above home; PX4 wants it above mean sea level, ArduCopter above home."""
+        """NAV_TAKEOFF to a height above home. PX4 expects it above mean sea level, ArduCopter above home."""
         altitude = height_m if self.takeoff_frame == MAV_FRAME_GLOBAL_RELATIVE_ALT else height_m + home_amsl_m
         unused = self.unused
         return Command(MAV_CMD_NAV_TAKEOFF, (unused, unused, unused, unused, unused, unused, altitude))
@@ -105,7 +109,7 @@ class AutopilotProfile:
         return self._command(MAV_CMD_NAV_LAND)
 
     def reposition(self, *, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Command:
-        """DO_REPOSITION at the autopilot's own speed, changing to the mode that can (Hold, GUIDED)."""
+        """DO_REPOSITION at the autopilot's own speed, with a change to the mode that flies it (Hold, GUIDED)."""
         return Command(
             MAV_CMD_DO_REPOSITION,
             (-1.0, 1.0, 0.0, _NAN, latitude_deg, longitude_deg, altitude_amsl_m),
@@ -113,7 +117,7 @@ class AutopilotProfile:
         )
 
     def stream_requests(self) -> tuple[Command, ...]:
-        """SET_MESSAGE_INTERVAL for every stream the core needs."""
+        """SET_MESSAGE_INTERVAL for every stream in `streams_hz`."""
         return tuple(
             Command(MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0))
             for message_id, rate_hz in self.streams_hz.items()
@@ -131,41 +135,54 @@ class AutopilotProfile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handling:
-    """One vehicle's handling.
+    """How the vehicle flies at the autopilot's default parameters.
 
-    `acceleration` is what the vehicle surely achieves, by which the time that it needs is told: the autopilot's own
-    parameter (PX4's MPC_ACC_HOR and MPC_ACC_DOWN_MAX, ArduCopter's WPNAV_ACCEL and WPNAV_ACCEL_Z) at its default. The
-    last seven are of `guidance.control.Envelope`, with its names and meanings.
+    Attributes:
+        following: How the guidance makes it follow a velocity.
+        acceleration: Acceleration it surely achieves: the autopilot's own parameters (PX4's MPC_ACC_HOR and
+            MPC_ACC_DOWN_MAX, ArduCopter's WPNAV_ACCEL and WPNAV_ACCEL_Z). Used to compute `time_needed_s`.
+        dynamics: The part of the envelope that is the vehicle's.
     """
 
     following: Following
     acceleration: Acceleration
-    acceleration_m_s2: float
-    vertical_acceleration_m_s2: float
-    jerk_m_s3: float
-    braking_m_s2: float
-    vertical_braking_m_s2: float
-    reaction_s: float
-    easing_m_s3: float
+    dynamics: Dynamics
+
+
+class Bound(NamedTuple):
+    """A parameter that bounds a key of the vehicle file. Its value times `scale` has the key's unit."""
+
+    section: str
+    key: str
+    parameter: str
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Autopilot(AutopilotProfile):
-    """One autopilot that a flight can be flown with: everything that is known of it.
+    """An autopilot that a flight can use. One module describes each; `guidance.autopilots.register` adds another.
 
     Attributes:
-        handling: Of its vehicle, at default parameters.
+        handling: How its vehicle flies.
         rules: How its parameters are judged before a flight.
+        bounds: Parameters that bound the keys of a new vehicle file.
         uploaded_fence_counts: Whether it heeds an uploaded fence, given its parameters.
-        one_inclusion_is_enough: Whether it is enough to be within one of several uploaded areas, or all of them count.
-        tells_setpoint_always: Whether it tells its setpoint in every mode (POSITION_TARGET_LOCAL_NED), or in ours only.
+        one_inclusion_is_enough: Whether being inside one of several uploaded areas is enough (PX4), or all count.
+        tells_setpoint_always: Whether it sends POSITION_TARGET_LOCAL_NED in every mode, or only in the guided mode.
+        vehicle_types: MAV_TYPEs that may be flown: by default everything that hovers and moves in any direction.
+        mock: Flavour of `sitl-mock` that plays this autopilot in mocked flights.
+        mock_speeds: The mock's parameters for the climb and descent rates of a scenario.
     """
 
     handling: Handling
     rules: tuple[Rule, ...]
+    bounds: tuple[Bound, ...]
     uploaded_fence_counts: Callable[[Parameters], bool]
     one_inclusion_is_enough: bool
     tells_setpoint_always: bool
+    mock: str
+    mock_speeds: Callable[[Speeds], Mapping[str, float]] = lambda _: {}
+    vehicle_types: frozenset[int] = MULTICOPTERS
 
 
 HEARTBEAT, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, SYS_STATUS = 0, 30, 32, 33, 1

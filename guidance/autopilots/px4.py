@@ -5,13 +5,43 @@ Sources: `px4_custom_mode.h`, MAVLink common, PX4 v1.17's parameter reference, a
 """
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
-from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Handling, Mode
+from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
 from guidance.certificate import Acceleration
-from guidance.control import Approach, CatchUp, Following, ServoGains
-from guidance.frames import MapProjection
+from guidance.control import Approach, CatchUp, Dynamics, Following, ServoGains, Speeds
+from guidance.frames import LocalFrame
+
+
+@dataclass(frozen=True, slots=True)
+class AzimuthalEquidistant:
+    """PX4's map: azimuthal equidistant on a sphere (Snyder, Map Projections, eqs. 22-4, 22-5, 25-2)."""
+
+    radius_m: float = 6371000.0  # CONSTANTS_RADIUS_OF_EARTH
+
+    def to_metres(self, zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """See `guidance.frames.Projection`."""
+        lat0, lat = math.radians(zero.latitude_deg), math.radians(latitude_deg)
+        east = math.radians(longitude_deg - zero.longitude_deg)
+        cosine = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(east)
+        arc = math.acos(min(1.0, max(-1.0, cosine)))
+        scale_m = self.radius_m * (arc / math.sin(arc) if arc > 1e-9 else 1.0)
+        north = math.cos(lat0) * math.sin(lat) - math.sin(lat0) * math.cos(lat) * math.cos(east)
+        return scale_m * north, scale_m * math.cos(lat) * math.sin(east)
+
+    def to_degrees(self, zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:
+        """See `guidance.frames.Projection`."""
+        lat0, distance_m = math.radians(zero.latitude_deg), math.hypot(north_m, east_m)
+        if distance_m == 0.0:
+            return zero.latitude_deg, zero.longitude_deg
+        arc = distance_m / self.radius_m
+        sine, cosine = math.sin(arc), math.cos(arc)
+        lat = math.asin(cosine * math.sin(lat0) + north_m * sine * math.cos(lat0) / distance_m)
+        turn = math.atan2(east_m * sine, distance_m * math.cos(lat0) * cosine - north_m * math.sin(lat0) * sine)
+        return math.degrees(lat), zero.longitude_deg + math.degrees(turn)
+
 
 HANDLING: Final = Handling(
     following=Following(
@@ -33,13 +63,15 @@ HANDLING: Final = Handling(
         catch_up=CatchUp(),
     ),
     acceleration=Acceleration(ground_m_s2=3.0, vertical_m_s2=3.0),
-    acceleration_m_s2=9.0,
-    vertical_acceleration_m_s2=3.0,
-    jerk_m_s3=80.0,
-    braking_m_s2=3.0,
-    vertical_braking_m_s2=2.0,
-    reaction_s=0.35,
-    easing_m_s3=30.0,
+    dynamics=Dynamics(
+        acceleration_m_s2=9.0,
+        vertical_acceleration_m_s2=3.0,
+        jerk_m_s3=80.0,
+        braking_m_s2=3.0,
+        vertical_braking_m_s2=2.0,
+        reaction_s=0.35,
+        easing_m_s3=30.0,
+    ),
 )
 
 _LOSS_ACTIONS: Final = {
@@ -62,7 +94,7 @@ _SHORTEST_LOSS_S: Final = 0.2
 
 
 def _loss_time(value: float, wants: Wants, _: Parameters) -> Judgement:
-    limit_s = wants.loss_time_limit_s
+    limit_s = wants.preflight.loss_time_limit_s
     return passes(
         _SHORTEST_LOSS_S <= value <= limit_s,
         f"{_SHORTEST_LOSS_S:g} to {limit_s:g} s",
@@ -87,13 +119,13 @@ def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
 
 
 def _fence_action(value: float, wants: Wants, _: Parameters) -> Judgement:
-    otherwise = Verdict.REFUSE if wants.fence_required else Verdict.WARN
+    otherwise = Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
     why = "Terminate lets the vehicle fall" if round(value) == 4 else "the autopilot's fence would not act"
     return passes(round(value) in {2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why, otherwise=otherwise)
 
 
 def _fence(distance_m: float, least_m: float, wants: Wants, off: str) -> Judgement:
-    otherwise = Verdict.REFUSE if wants.fence_required else Verdict.WARN
+    otherwise = Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
     why = off if distance_m == 0.0 else "it would act inside ours"
     wanted = f"at least {least_m:g} m, ours"
     return passes(distance_m >= least_m, wanted, math.ceil(least_m + 5.0), why, otherwise=otherwise)
@@ -104,26 +136,26 @@ def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judge
     if value == 0.0 and uploaded == 1.0:
         return Judgement(Verdict.PASS, "0, since the uploaded fence stands behind ours")
     read = "none that holds the vehicle in is uploaded" if uploaded == 0.0 else "whether one is uploaded is not known"
-    return _fence(value, wants.fence_radius_m, wants, f"0 is off, and {read}")
+    return _fence(value, wants.limits.reach_m, wants, f"0 is off, and {read}")
 
 
 def _fence_height(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _fence(value, wants.ceiling_m, wants, "0 is off, and an uploaded fence has no height")
+    return _fence(value, wants.limits.ceiling_m, wants, "0 is off, and an uploaded fence has no height")
 
 
 def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
-    enough = _at_least(value, wants.limit_speed_m_s)
-    if enough.verdict is Verdict.REFUSE and value >= wants.speed_m_s:
+    enough = _at_least(value, wants.limit_speeds.speed_m_s)
+    if enough.verdict is Verdict.REFUSE and value >= wants.game_speeds.speed_m_s:
         return enough._replace(verdict=Verdict.WARN, why="enough for the game; catching up is cut to it")
     return enough
 
 
 def _climb(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _at_least(value, wants.climb_m_s)
+    return _at_least(value, wants.game_speeds.climb_m_s)
 
 
 def _descent(value: float, wants: Wants, _: Parameters) -> Judgement:
-    return _at_least(value, wants.descent_m_s)
+    return _at_least(value, wants.game_speeds.descent_m_s)
 
 
 def _at_least(value: float, wanted_m_s: float) -> Judgement:
@@ -185,6 +217,10 @@ def _mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
+def _mock_speeds(speeds: Speeds) -> dict[str, float]:
+    return {"MPC_Z_VEL_MAX_UP": float(speeds.climb_m_s), "MPC_Z_VEL_MAX_DN": float(speeds.descent_m_s)}
+
+
 PX4: Final = Autopilot(
     name="px4",
     autopilot_id=12,
@@ -204,7 +240,7 @@ PX4: Final = Autopilot(
         Mode.LAND: (4, 6),
     },
     arming_mode=Mode.HOLD,
-    projection=MapProjection.PX4,
+    projection=AzimuthalEquidistant(),
     unused=math.nan,
     takeoff_frame=MAV_FRAME_GLOBAL,
     stream_before_guided=True,
@@ -215,7 +251,16 @@ PX4: Final = Autopilot(
     streams_hz={**STREAMS_HZ, ODOMETRY: 30.0},
     handling=HANDLING,
     rules=RULES,
+    bounds=(
+        Bound("game", "speed_m_s", "MPC_XY_VEL_MAX"),
+        Bound("game", "climb_m_s", "MPC_Z_VEL_MAX_UP"),
+        Bound("game", "descent_m_s", "MPC_Z_VEL_MAX_DN"),
+        Bound("limits", "fence_radius_m", "GF_MAX_HOR_DIST"),
+        Bound("limits", "ceiling_m", "GF_MAX_VER_DIST"),
+    ),
     uploaded_fence_counts=lambda _: True,
     one_inclusion_is_enough=True,
     tells_setpoint_always=True,
+    mock="px4",
+    mock_speeds=_mock_speeds,
 )

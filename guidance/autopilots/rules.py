@@ -1,21 +1,25 @@
-"""A rule about one parameter: how its value is read and judged by what the configuration asks, what to set it to."""
+"""Rules that judge the autopilot's parameters before a flight: what a value means, and what to set instead."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
+from pydantic import Field
+
+from guidance.config import Section
+from guidance.control import Limits, Speeds
+
 
 class Verdict(StrEnum):
-    """What a row means for the flight."""
+    """What a finding means for the flight."""
 
     PASS = "pass"
-    WARN = "warn"  # worth knowing; nothing is held up
+    WARN = "warn"  # worth knowing; the flight may start
     REFUSE = "refuse"  # the vehicle does not become ready
 
 
 class Finding(NamedTuple):
-    """One condition: what was found, what is wanted, and how to come from one to the other (empty if it is)."""
+    """One condition: the value found, the value expected, and how to fix it (empty if it passes)."""
 
     name: str
     value: str
@@ -24,51 +28,47 @@ class Finding(NamedTuple):
     advice: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wants:
-    """What the configuration asks of the autopilot.
+class Preflight(Section):
+    """The `[preflight]` section of a vehicle file: what preflight demands of the autopilot."""
+
+    fence_required: bool = Field(True, description="whether the autopilot's own fence must enclose ours")
+    loss_time_limit_s: float = Field(
+        1.5, gt=0.2, le=5.0, description="longest time that the autopilot may fly an old setpoint"
+    )
+    origin_distance_limit_m: float = Field(
+        1000.0, gt=0.0, description="greatest distance of the local frame's origin from home"
+    )
+    evader_height_limit_m: float = Field(
+        30.0, gt=0.0, description="greatest height difference between the evader and home"
+    )
+
+
+class Wants(NamedTuple):
+    """What the configuration demands of the autopilot.
 
     Attributes:
-        speed_m_s: Horizontal speed of the game.
-        limit_speed_m_s: Horizontal speed that our own limits allow (catching up is a little faster than the game).
-        climb_m_s: Climb of the game.
-        descent_m_s: Descent of the game.
-        fence_required: Whether the autopilot's own fence must stand behind ours.
-        fence_radius_m: How far from home our fence lets the vehicle go.
-        ceiling_m: How high above home.
-        fence_circle_m: Radius of our circle about home, where there is one.
-        fence_corners_ne_m: Corners of our polygon, metres north and east of home, where there is one.
-        fence_corners_deg: The same by latitude and longitude, as long as home is not known.
-        battery_needed: Share of the charge to come home with from the edge of the fence, where that is reckoned.
-        loss_time_limit_s: Longest time that an old setpoint may be flown when ours stop.
-        origin_distance_limit_m: Farthest that the local frame's zero may be from home.
-        evader_height_limit_m: Largest difference between the evader's altitude and home's.
+        preflight: The `[preflight]` section.
+        limits: The `[limits]` section.
+        game_speeds: Speeds of the game.
+        limit_speeds: Speed limits of our commands; the excess over the game's speeds recovers a late start.
+        battery_needed: Share of the charge needed to fly home from the fence; None without `[flight.reserve]`.
     """
 
-    speed_m_s: float
-    limit_speed_m_s: float
-    climb_m_s: float
-    descent_m_s: float
-    fence_required: bool
-    fence_radius_m: float
-    ceiling_m: float
-    loss_time_limit_s: float = 1.5
-    origin_distance_limit_m: float = 1000.0
-    evader_height_limit_m: float = 30.0
-    fence_circle_m: float | None = None
-    fence_corners_ne_m: tuple[tuple[float, float], ...] | None = None
-    fence_corners_deg: tuple[tuple[float, float], ...] | None = None
+    preflight: Preflight
+    limits: Limits
+    game_speeds: Speeds
+    limit_speeds: Speeds
     battery_needed: float | None = None
 
 
 Parameters = Mapping[str, float]
 
 UPLOADED: Final = "uploaded fence"
-"""Stands among the parameters for what was read of the uploaded fence: 1 if it holds the vehicle in, 0 if not."""
+"""Pseudo-parameter: 1 if an uploaded fence encloses the vehicle, 0 if none does, missing if unknown."""
 
 
 class Judgement(NamedTuple):
-    """What a rule says of a value. `set_to` is a value that would pass, None where a person has to choose."""
+    """Result of a rule. `set_to` is a value that passes; None if a person has to choose one."""
 
     verdict: Verdict
     wanted: str
@@ -77,7 +77,7 @@ class Judgement(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """One parameter. Without `needed`, an autopilot that does not have it is only remarked on."""
+    """Judges one parameter. If it is not `needed`, a missing parameter is only a warning."""
 
     name: str
     judge: Callable[[float, Wants, Parameters], Judgement]
@@ -94,8 +94,8 @@ def _row(rule: Rule, parameters: Parameters, wants: Wants) -> Finding:
     value = parameters.get(rule.name)
     if value is None:
         if rule.needed:
-            return Finding(rule.name, "not read", "to be read", Verdict.REFUSE, "asked for again every few seconds")
-        return Finding(rule.name, "not read", "to be read", Verdict.WARN, "this autopilot may not have it")
+            return Finding(rule.name, "not read", "a value", Verdict.REFUSE, "requested again every few seconds")
+        return Finding(rule.name, "not read", "a value", Verdict.WARN, "this autopilot may not have it")
     verdict, wanted, set_to, why = rule.judge(value, wants, parameters)
     passed = verdict is Verdict.PASS
     command = "" if passed or set_to is None else f"param set {rule.name} {set_to:.9g}"
@@ -110,25 +110,25 @@ def passes(
     *,
     otherwise: Verdict = Verdict.REFUSE,
 ) -> Judgement:
-    """Pass on a condition.
+    """Pass if the condition holds.
 
     Args:
-        condition: Whether the value is as wanted.
-        wanted: What is wanted, for people.
-        set_to: What `guidance check --apply` sets instead; None where that is a person's to decide.
-        why: What comes of it otherwise; said only where it fails.
-        otherwise: The verdict where it fails.
+        condition: Whether the value passes.
+        wanted: The expected value, for people.
+        set_to: What `guidance check --apply` sets instead; None if a person has to choose.
+        why: The consequence of failing.
+        otherwise: The verdict of failing.
     """
     return Judgement(Verdict.PASS, wanted) if condition else Judgement(otherwise, wanted, set_to, why)
 
 
 def named(names: Mapping[int, str]) -> Callable[[float], str]:
-    """Read an enumeration: `2 (Hold)`."""
+    """Format an enumeration: `2 (Hold)`."""
     return lambda value: f"{value:g} ({names.get(round(value), 'unknown')})"
 
 
 def bits(names: Mapping[int, str]) -> Callable[[float], str]:
-    """Read a bit mask: `5 (Mission, Offboard)`."""
+    """Format a bit mask: `5 (Mission, Offboard)`."""
 
     def read(value: float) -> str:
         mask = round(value)

@@ -62,15 +62,16 @@ def _asked() -> tuple[str | None, str | None]:
 
 
 def _surveyed(url: str, autopilot: str | None) -> "Surveyed":
+    from guidance.autopilots import autopilot_named  # noqa: PLC0415
     from guidance.links.endpoint import parse  # noqa: PLC0415
     from guidance.screen import console, waiting  # noqa: PLC0415
     from guidance.session.fly_vehicle import FOUND_WITHIN_S  # noqa: PLC0415
-    from guidance.session.new_vehicle_file import LIMITS, READ_WITHIN_S, survey  # noqa: PLC0415
+    from guidance.session.new_vehicle_file import READ_WITHIN_S, survey  # noqa: PLC0415
 
     parse(url)  # which is wrong before anybody waits
     with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", FOUND_WITHIN_S + READ_WITHIN_S):
         surveyed = survey(url, autopilot)
-    count = len(LIMITS[surveyed.autopilot])
+    count = len(autopilot_named(surveyed.autopilot).bounds)
     typer.echo(
         f"found    {surveyed.autopilot}, system {surveyed.found.system_id}: "
         f"{len(surveyed.parameters)} of {count} limits read"

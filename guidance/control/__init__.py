@@ -11,16 +11,18 @@ Following:
 Limiting, always last:
     limit: makes a setpoint of a command that the envelope allows, `Limited`, with a `LimitMemory`; `start` begins one.
     Situation: where the vehicle and the evader are.
-    Envelope: fences, floor, ceiling and speeds that are never left. SpeedLimits: the part of it that is speeds.
+    Limits: the section of a file. Envelope: the same with the vehicle's Dynamics, for the limiter.
     StandOffLimit: the space about the evader that is never entered. Limiter: what changed a command, by name.
     keep_inside: holds a velocity back at a fence. measure_fence: where a vehicle is to its fences, `FenceGeometry`.
     Polygon, NorthEast: corners of a fence, and a place, in metres about home.
 """
 
-from guidance.control.envelope import Envelope, Limiter, Polygon, Situation, SpeedLimits, Speeds, StandOffLimit
+from guidance.control.envelope import Dynamics, Envelope, Limiter, Situation, StandOffLimit
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
 from guidance.control.follow import Approach, CatchUp, Following, FollowMemory, follow, less_drift, with_drift
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
+from guidance.control.limits import Limits, Speeds
+from guidance.control.polygon import Polygon
 from guidance.control.servo import ServoGains
 from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
 
@@ -28,6 +30,7 @@ __all__ = [
     "AltitudeHold",
     "Approach",
     "CatchUp",
+    "Dynamics",
     "Envelope",
     "FenceGeometry",
     "FollowMemory",
@@ -36,11 +39,11 @@ __all__ = [
     "LimitMemory",
     "Limited",
     "Limiter",
+    "Limits",
     "NorthEast",
     "Polygon",
     "ServoGains",
     "Situation",
-    "SpeedLimits",
     "Speeds",
     "StandOffLimit",
     "follow",

@@ -14,8 +14,9 @@ to come back. The walls are fences, floor and ceiling. An evader is arrived at, 
 off the stand-off by itself, and the servo feeds its braking forward.
 """
 
-from guidance.control.envelope import Envelope, Point, Situation
+from guidance.control.envelope import Envelope, Situation
 from guidance.control.fence import Edge, FenceGeometry
+from guidance.control.polygon import Point
 from guidance.control.shaping import approach_speed
 from guidance.frames import Vector
 

@@ -12,7 +12,8 @@ to fly back by the same braking law before the servo works on it, and turns it i
 import math
 from typing import NamedTuple
 
-from guidance.control.envelope import Envelope, Point, Polygon
+from guidance.control.envelope import Envelope
+from guidance.control.polygon import Point, Polygon
 from guidance.control.shaping import approach_speed
 from guidance.frames import Vector
 

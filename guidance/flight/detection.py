@@ -150,9 +150,10 @@ def _trust(context: EventContext) -> Iterator[Event]:
     settings, silence_s = context.settings, context.operator_silence_s
     if context.rival and settings.hold_on_rival:
         yield Event.RIVAL
-    if silence_s > settings.operator_timeout_s:
+    timeout_s = math.inf if settings.operator_timeout_s is None else settings.operator_timeout_s
+    if silence_s > timeout_s:
         yield Event.OPERATOR_LOST
-    if silence_s > settings.operator_timeout_s + settings.operator_return_s:
+    if silence_s > timeout_s + settings.operator_return_s:
         yield Event.OPERATOR_GONE
     status = context.vehicle.last(SystemStatus)
     if status is not None and status.battery_remaining < context.battery_needed:
@@ -195,7 +196,8 @@ def _phase(context: EventContext) -> Iterator[Event]:
         yield ended[0]
     if context.now_s - context.since_s > context.settings.limits_s.get(context.state, math.inf):
         yield Event.TIMED_OUT
-    if context.chase_s > context.settings.longest_chase_s:
+    longest_s = context.settings.longest_chase_s
+    if longest_s is not None and context.chase_s > longest_s:
         yield Event.CHASE_TIMED_OUT
 
 

@@ -124,7 +124,7 @@ class Heard:
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """Heights and fences count from home, which need not be the origin of the local frame."""
-        envelope, corners_deg = self.cycle.envelope, self._settings.fence_corners_deg
+        envelope, corners_deg = self.cycle.envelope, self._settings.limits.fence_polygon_deg
         if corners_deg is not None:
             envelope = replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
         return replace(envelope, home_ned_m=home_ned_m)

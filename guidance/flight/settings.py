@@ -1,26 +1,25 @@
-"""What a flight needs to know beforehand: how long its phases may take, and what battery it takes to come home."""
+"""The `[flight]` section of a vehicle file, and the settings of one running flight, which extend it."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from types import MappingProxyType
+from typing import Final, Literal, Self
+
+from pydantic import Field, InstanceOf, model_validator
 
 from guidance.autopilots import Autopilot
+from guidance.config import Section
+from guidance.control import Limits
 from guidance.cycle import CycleSettings
-from guidance.errors import ConfigError
 from guidance.flight.table import State
 from guidance.frames import Vector
-
-Corners = tuple[tuple[float, float], ...]
-"""Latitude and longitude of each corner of a fence, degrees."""
 
 
 class AfterCapture(StrEnum):
     """What to do at the stand-off disc."""
 
-    HOLD = "hold"  # hover where it was reached
-    SHADOW = "shadow"  # keep station on the moving evader
+    HOLD = "hold"  # hover there
+    SHADOW = "shadow"  # follow the moving evader
     RETURN = "return"  # fly home
 
 
@@ -28,61 +27,45 @@ class EngageOn(StrEnum):
     """What begins the game, from standing by."""
 
     COMMAND = "command"  # an order
-    PILOT_MODE = "pilot_mode"  # a pilot who switches to the guided mode; a neutral setpoint stream makes that possible
+    PILOT_MODE = "pilot_mode"  # the pilot's switch to the guided mode; a neutral setpoint stream makes it possible
 
 
-LIMITS_S: Mapping[State, float] = MappingProxyType(
-    {
-        State.CONNECTING: 30.0,
-        State.CHECKING: 90.0,
-        State.ARMING: 15.0,
-        State.CLIMBING: 90.0,
-        State.POSITIONING: 180.0,
-        State.ENTERING: 10.0,
-        State.PAUSED: 10.0,
-    }
-)
+LIMITS_S: Final[Mapping[State, float]] = {
+    State.CONNECTING: 30.0,
+    State.CHECKING: 90.0,
+    State.ARMING: 15.0,
+    State.CLIMBING: 90.0,
+    State.POSITIONING: 180.0,
+    State.ENTERING: 10.0,
+    State.PAUSED: 10.0,
+}
+"""Longest stay in a state."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reserve:
-    """What the way home is reckoned by: distance, height, wind and speed.
+class Reserve(Section):
+    """Computes the battery needed to fly home from distance, height, wind and speed."""
 
-    Attributes:
-        endurance_s: How long a full charge lasts in flight.
-        left: Share of the charge, 0 to 1, that is to be left on the ground.
-        return_speed_m_s: The autopilot's own, on its way home, through the air.
-        landing_speed_m_s: Likewise, downwards.
-        wind_m_s: Against it at worst.
+    endurance_s: float = Field(gt=0.0, le=1e5, description="flight time of a full charge")
+    left: float = Field(0.1, ge=0.0, lt=1.0, description="share of the charge that must be left on the ground")
+    return_speed_m_s: float = Field(5.0, gt=0.0, le=30.0, description="airspeed of the autopilot's return")
+    landing_speed_m_s: float = Field(0.7, gt=0.0, le=5.0, description="descent rate of the autopilot's landing")
+    wind_m_s: float = Field(0.0, ge=0.0, lt=30.0, description="strongest headwind")
 
-    Raises:
-        ConfigError: If a number is out of its range, or the wind as fast as the vehicle.
-    """
-
-    endurance_s: float
-    left: float = 0.1
-    return_speed_m_s: float = 5.0
-    landing_speed_m_s: float = 0.7
-    wind_m_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
-            least = 0.0 if one.name in {"left", "wind_m_s"} else 1e-3
-            if not least <= value <= (1.0 if one.name == "left" else 1e6):
-                raise ConfigError(f"reserve.{one.name} = {value}: not in its range")
+    @model_validator(mode="after")
+    def _check_wind(self) -> Self:
         if self.wind_m_s >= self.return_speed_m_s:
-            raise ConfigError(
-                f"reserve.wind_m_s = {self.wind_m_s:g}: must be below reserve.return_speed_m_s = "
-                f"{self.return_speed_m_s:g}: against such a wind nothing comes home"
+            raise ValueError(
+                f"flight.reserve.wind_m_s = {self.wind_m_s:g}: must be below flight.reserve.return_speed_m_s = "
+                f"{self.return_speed_m_s:g}; otherwise the vehicle cannot fly home against the wind"
             )
+        return self
 
     def needed(self, away_m: float, height_m: float) -> float:
-        """Return the share of the charge that is needed to come home and land.
+        """Return the share of the charge, 0 to 1, needed to fly home and land.
 
         Args:
-            away_m: From home, over the ground.
-            height_m: Above home.
+            away_m: Horizontal distance from home.
+            height_m: Height above home.
         """
         home_s = away_m / (self.return_speed_m_s - self.wind_m_s)
         down_s = max(0.0, height_m) / self.landing_speed_m_s
@@ -90,46 +73,59 @@ class Reserve:
         return min(1.0, share) if math.isfinite(share) else 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class FlightSettings:
-    """One flight.
+class FlightSection(Section):
+    """How a flight proceeds around the game."""
+
+    takeoff_height_m: float = Field(15.0, ge=2.0, le=120.0, description="above home")
+    after_capture: AfterCapture = Field(
+        AfterCapture.HOLD, description="hover there, follow the moving evader, or fly home"
+    )
+    engage_on: EngageOn = Field(
+        EngageOn.COMMAND, description="what engages: an order, or the pilot's switch to the guided mode"
+    )
+    on_terminate: Literal["hold", "land", "return"] = Field("hold", description="order given to the vehicle on SIGTERM")
+    battery_minimum: float = Field(0.25, ge=0.0, le=1.0, description="share of the charge below which it returns")
+    reserve: Reserve | None = Field(
+        None, description="return when the charge just suffices to fly home; replaces battery_minimum"
+    )
+    operator_timeout_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=3600.0,
+        description="hold after this long without an order, `guidance ctl alive` or an open operator's page; "
+        "default: never",
+    )
+    operator_return_s: float = Field(30.0, gt=0.0, le=3600.0, description="return after this much longer")
+    longest_chase_s: float | None = Field(
+        None, gt=0.0, le=7200.0, description="hold when a chase, pauses included, lasts longer; default: never"
+    )
+
+
+class FlightSettings(FlightSection):
+    """Settings of one running flight: the `[flight]` section, and what the other sections and the scenario give.
 
     Attributes:
-        autopilot: Which one.
-        cycle: Everything a guidance cycle needs.
-        takeoff_height_m: Above home.
-        start_game_m: Where the autopilot flies to before standing by, in the game frame; None stays above the take-off.
-        after_capture: What to do at the stand-off disc.
-        engage_on: What begins the game.
-        battery_minimum: Battery remaining (0 to 1) below which the flight returns, where there is no `reserve`.
-        reserve: By which the battery that is needed to come home is reckoned, from wherever the vehicle is.
-        farthest_m: How far from home the fence lets it go; with a reserve it starts only with enough to come back.
-        guarantee_slack_s: How much of what was promised may be lost before an alarm says so, besides what
-            `guidance.monitor` allows for: s of the time of capture (PE), and the evader's way in that time (TAD).
-        settle_s: How long everything must be well again before a paused game goes on.
-        limits_s: Longest stay in a state, where there is a limit.
-        fence_corners_deg: A polygon fence by latitude and longitude; it takes effect with HOME_POSITION, before which
-            nothing flies.
-        longest_chase_s: How long one chase may last, pauses included, before the vehicle is handed to its hold.
-        operator_timeout_s: How long a person may give no sign of life before the vehicle is handed to its hold,
-        operator_return_s: and how much longer before it returns.
-        hold_on_rival: Whether the vehicle is handed to its hold when two sources report as the evader.
+        autopilot: The vehicle's autopilot.
+        cycle: Settings of the guidance cycle.
+        limits: The `[limits]` section.
+        start_game_m: Where the vehicle stands by, in the game frame; None stays above the take-off.
+        hold_on_rival: Whether the vehicle holds when two sources report as the evader.
+        guarantee_slack_s: Tolerated loss of the promised value before an alarm, in s of capture time (PE) or of the
+            evader's way (TAD), besides the allowance of `guidance.monitor`.
+        settle_s: How long all inputs must be good before a paused game continues.
+        limits_s: Longest stay in each state that has a limit.
     """
 
-    autopilot: Autopilot
-    cycle: CycleSettings
-    takeoff_height_m: float
+    autopilot: InstanceOf[Autopilot]
+    cycle: InstanceOf[CycleSettings]
+    limits: Limits = Limits()
     start_game_m: Vector | None = None
-    after_capture: AfterCapture = AfterCapture.HOLD
-    engage_on: EngageOn = EngageOn.COMMAND
-    battery_minimum: float = 0.2
-    settle_s: float = 1.0
-    guarantee_slack_s: float = 0.3
-    limits_s: Mapping[State, float] = field(default_factory=lambda: LIMITS_S)
-    fence_corners_deg: Corners | None = None
-    longest_chase_s: float = math.inf
     hold_on_rival: bool = True
-    operator_timeout_s: float = math.inf
-    operator_return_s: float = math.inf
-    reserve: Reserve | None = None
-    farthest_m: float = 0.0
+    guarantee_slack_s: float = 0.3
+    settle_s: float = 1.0
+    limits_s: Mapping[State, float] = Field(default_factory=lambda: LIMITS_S)
+
+    @property
+    def farthest_m(self) -> float:
+        """Greatest distance from home that the fence allows; 0 while it is unknown (corners in degrees)."""
+        return self.limits.reach_m if math.isfinite(self.limits.reach_m) else 0.0

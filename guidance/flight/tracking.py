@@ -17,8 +17,7 @@ from guidance.autopilots import AutopilotProfile
 from guidance.control import Polygon
 from guidance.cycle import CycleSettings, EvaderEstimate
 from guidance.estimation import Observer, ReportOutcome, TrackSettings, moved, observe, predict
-from guidance.flight.settings import Corners
-from guidance.frames import Amsl, GameFrame, LocalFrame, MapProjection, Vector
+from guidance.frames import Amsl, GameFrame, LocalFrame, Projection, Vector
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
 from guidance.vehicle import VehicleState, local_frame
 
@@ -122,7 +121,7 @@ class Tracking:
 class OriginEstimate:
     """The origin as believed. `held_back_ned_m` is a jump of the position whose meaning is not known yet."""
 
-    def __init__(self, projection: MapProjection) -> None:
+    def __init__(self, projection: Projection) -> None:
         self._projection = projection
         self._frame: LocalFrame | None = None
         self._telling: tuple[Message | None, Message | None] = (None, None)
@@ -190,7 +189,7 @@ def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> 
     return math.dist(then, frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, altitude))
 
 
-def polygon_about_home(corners_deg: Corners, home_ned_m: Vector, frame: LocalFrame) -> Polygon:
+def polygon_about_home(corners_deg: Sequence[tuple[float, float]], home_ned_m: Vector, frame: LocalFrame) -> Polygon:
     """Return the polygon in metres about home, by the autopilot's own map between degrees and metres.
 
     Args:

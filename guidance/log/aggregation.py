@@ -87,7 +87,7 @@ class Aggregator:
 
     def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
         """The limits as the flight has them: a fence given on the map is put about home."""
-        envelope, corners_deg = self._settings.cycle.envelope, self._settings.fence_corners_deg
+        envelope, corners_deg = self._settings.cycle.envelope, self._settings.limits.fence_polygon_deg
         if corners_deg is None:
             return envelope
         return replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))

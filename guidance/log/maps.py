@@ -93,8 +93,8 @@ def _fence(settings: FlightSettings, home: Home) -> Iterator[Feature]:
     if envelope.fence_radius_m is not None:
         edge = tuple(_on_circle(frame, envelope.fence_radius_m, corner) for corner in range(_CIRCLE_CORNERS))
         yield Feature("fence", "area", (*edge, edge[0]), {"radius_m": envelope.fence_radius_m})
-    if settings.fence_corners_deg is not None:
-        yield _polygon([(longitude, latitude, altitude_m) for latitude, longitude in settings.fence_corners_deg])
+    if settings.limits.fence_polygon_deg is not None:
+        yield _polygon([(longitude, latitude, altitude_m) for latitude, longitude in settings.limits.fence_polygon_deg])
     elif envelope.fence_polygon is not None:
         yield _polygon([_placed(frame, north_m, east_m) for north_m, east_m in envelope.fence_polygon.corners_ne_m])
 

@@ -1,12 +1,9 @@
-"""Is the autopilot set up for offboard flight? Parameters, frames and rates against the configuration, as rows.
+"""Preflight: is the autopilot set up for offboard flight? Judges parameters, frames and rates as rows.
 
-What it offers:
-    rows: judges `Facts` against `Wants`, a `Finding` with its `Verdict` each.
-    PreflightMemory: asks for what is judged, and gathers the facts; `parameter_names` says what it asks for.
-    another_autopilot: the row that refuses another autopilot than configured.
-    engage_rows: judges the parameters that are read again before the game begins, `engage_names`.
-    refusals: names what keeps a vehicle on the ground. advice: says how to mend it.
-    changes: what to set so that it passes, a `ParameterChange` each.
+PreflightMemory: requests parameters (`parameter_names`) and collects `Facts`.
+rows: judges `Facts` against `Wants`; each `Finding` has a `Verdict`. another_autopilot: the row for a wrong autopilot.
+engage_names, engage_rows: the parameters that are read and judged again before every engagement.
+refusals: names of the refused rows. advice: their fixes in one line. changes: the `ParameterChange`s that fix them.
 """
 
 from guidance.autopilots import Finding, Verdict, Wants

@@ -1,12 +1,11 @@
-"""The fence that was uploaded to the autopilot as a plan, read back item by item; and whether ours lies within it.
+"""Reads back the fence that was uploaded to the autopilot, and checks that it encloses ours.
 
-Both, and home, are judged by points on the outlines. Sources: https://mavlink.io/en/services/mission.html (download of
-MAV_MISSION_TYPE_FENCE), MAV_CMD_NAV_FENCE_*.
+The check samples points on the outlines. Source: https://mavlink.io/en/services/mission.html (download of
+MAV_MISSION_TYPE_FENCE) and MAV_CMD_NAV_FENCE_*.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Finding, Verdict, Wants
@@ -17,12 +16,12 @@ from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused
 
 MOST_ITEMS: Final = 1000
 READ_AGAIN_S: Final = 15.0
-"""Read again after this long: nobody announces that another fence was uploaded."""
+"""Period of reading. The autopilot does not announce a new upload."""
 
 _ASK_AGAIN_S: Final = 5.0
 _POLYGONS: Final[Mapping[int, bool]] = {5001: True, 5002: False}
 _CIRCLES: Final[Mapping[int, bool]] = {5003: True, 5004: False}
-"""MAV_CMD_NAV_FENCE_*: True for an area to stay within, False for one to stay out of."""
+"""MAV_CMD_NAV_FENCE_*: True for an inclusion area, False for an exclusion area."""
 
 Point = tuple[float, float]
 _NAME: Final = "uploaded fence"
@@ -32,7 +31,7 @@ Shape = tuple[Point, float] | Polygon
 
 
 class Area(NamedTuple):
-    """Corners of a polygon, or the centre of a circle with its radius (zero for a polygon), in degrees and metres."""
+    """A polygon by its corners, or a circle by its centre (degrees) and radius (m; zero for a polygon)."""
 
     inclusion: bool
     corners_deg: tuple[tuple[float, float], ...]
@@ -40,25 +39,25 @@ class Area(NamedTuple):
 
     @property
     def words(self) -> str:
-        """As a person would name it."""
+        """Short description."""
         shape = f"circle of {self.radius_m:g} m" if self.radius_m > 0.0 else f"polygon of {len(self.corners_deg)}"
-        return shape if self.inclusion else f"{shape} to stay out of"
+        return shape if self.inclusion else f"excluded {shape}"
 
 
 class Uploaded(NamedTuple):
-    """What is known of the uploaded fence: `areas` None where it was not read yet, or why it cannot be."""
+    """The uploaded fence. `areas` is None until it was read; `refused` is the MISSION_ACK that refused it."""
 
     areas: tuple[Area, ...] | None = None
     refused: int | None = None
 
     @property
     def holds_in(self) -> bool:
-        """True where an area is there that the vehicle has to stay within."""
+        """Whether there is an inclusion area."""
         return any(area.inclusion for area in self.areas or ())
 
     @property
     def words(self) -> str:
-        """What was found, for a row."""
+        """Short description."""
         if self.areas is None:
             why = "" if self.refused is None else f" (MISSION_ACK {self.refused})"
             return f"not read{why}"
@@ -66,7 +65,7 @@ class Uploaded(NamedTuple):
 
 
 class Reading:
-    """Reads the fence, and reads it again now and then. Time is given; a link repeats what is not answered."""
+    """Downloads the fence, and again every `READ_AGAIN_S`. The link repeats unanswered requests."""
 
     def __init__(self) -> None:
         self.found = Uploaded()
@@ -81,7 +80,7 @@ class Reading:
         self._over = False
 
     def observe(self, message: Message) -> None:
-        """Take in a message, whatever it is about."""
+        """Handle a message of any kind."""
         if isinstance(message, FenceRefused) and not self._over and self._asked is not None:
             self.found, self._over = Uploaded(refused=message.result), True
         elif isinstance(message, FenceCount) and self._count is None and message.items <= MOST_ITEMS:
@@ -90,7 +89,7 @@ class Reading:
             self._items[message.sequence] = message
 
     def requests(self, now_s: float) -> tuple[FenceRequest | FenceReceived, ...]:
-        """Return what is to be asked or said now."""
+        """Return the requests of this cycle."""
         if self._over:
             if now_s - self._begun_s < READ_AGAIN_S:
                 return ()
@@ -111,7 +110,7 @@ class Reading:
 
 
 def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
-    """Put the items together: as many corners as each polygon says it has; other items are no areas."""
+    """Assemble areas from mission items. Each polygon item gives its number of corners."""
     found: list[Area] = []
     corners: list[tuple[float, float]] = []
     for item in items:
@@ -127,39 +126,40 @@ def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
 
 
 def about_home(wants: Wants, home: Home | None, frame: LocalFrame | None) -> Wants:
-    """Put a fence that is wanted by degrees about home, as soon as that is known, with how far it reaches."""
-    if wants.fence_corners_deg is None or home is None or frame is None:
+    """Replace a fence in degrees by the same one in metres about home, once home is known."""
+    corners_deg = wants.limits.fence_polygon_deg
+    if corners_deg is None or home is None or frame is None:
         return wants
-    corners = _about(home, frame, wants.fence_corners_deg)
-    farthest_m = max(math.hypot(*corner) for corner in corners)
-    return replace(wants, fence_corners_ne_m=corners, fence_radius_m=min(wants.fence_radius_m, farthest_m))
+    corners = _about(home, frame, corners_deg)
+    limits = wants.limits.model_copy(update={"fence_polygon_ne_m": corners, "fence_polygon_deg": None})
+    return wants._replace(limits=limits)
 
 
 def home_row(wants: Wants) -> Iterator[Finding]:
-    """A vehicle whose home is outside its fence could not begin."""
-    if wants.fence_corners_ne_m is None:
+    """Refuse a fence that does not contain home."""
+    if wants.limits.fence_polygon_ne_m is None:
         return
-    inside = Polygon(wants.fence_corners_ne_m).contains((0.0, 0.0))
+    inside = Polygon(wants.limits.fence_polygon_ne_m).contains((0.0, 0.0))
     found, verdict = ("inside", Verdict.PASS) if inside else ("outside", Verdict.REFUSE)
-    yield Finding("home in our fence", found, "inside", verdict, "" if inside else "another field? See limits.fence_*")
+    yield Finding("home in our fence", found, "inside", verdict, "" if inside else "is this the right field?")
 
 
 def uploaded_row(
     uploaded: Uploaded, wants: Wants, home: Home | None, frame: LocalFrame | None, *, in_use: bool, any_inclusion: bool
 ) -> Finding:
-    """Judge the uploaded fence: where ours is not within it, the autopilot would act inside ours.
+    """Judge the uploaded fence. If it does not enclose ours, the autopilot would act inside ours.
 
     Args:
         uploaded: What was read.
-        wants: With our fence about home.
+        wants: With our fence in metres about home.
         home: As the vehicle has it.
         frame: The vehicle's local frame.
-        in_use: Whether the autopilot heeds an uploaded fence at all.
-        any_inclusion: Whether it is enough to be within one of several areas (PX4), or all count (ArduCopter).
+        in_use: Whether the autopilot heeds an uploaded fence.
+        any_inclusion: Whether being inside one of several areas is enough (PX4), or all count (ArduCopter).
     """
-    wanted = "ours within it, where there is one"
+    wanted = "a fence that encloses ours, or none"
     if uploaded.areas is None:
-        advice = "it cannot be known whether it would act inside ours; asked for again every few seconds"
+        advice = "it may act inside our fence; requested again every few seconds"
         return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, advice)
     if not uploaded.areas or not in_use:
         return Finding(_NAME, uploaded.words if in_use else f"{uploaded.words}, not in use", wanted, Verdict.PASS)
@@ -168,19 +168,19 @@ def uploaded_row(
     try:
         areas = [(area, _shape(area, home, frame)) for area in uploaded.areas]
     except ConfigError as error:
-        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, f"it cannot be judged: {error}")
+        return Finding(_NAME, uploaded.words, wanted, Verdict.WARN, f"cannot be judged: {error}")
     outside = [point for point in outline(wants) if not _allowed(point, areas, any_inclusion=any_inclusion)]
     if not outside:
         return Finding(_NAME, uploaded.words, wanted, Verdict.PASS)
     north, east = outside[0]
-    verdict = Verdict.REFUSE if wants.fence_required else Verdict.WARN
-    advice = f"it would act inside ours, as at {north:.0f} m north, {east:.0f} m east of home: upload a wider one"
+    verdict = Verdict.REFUSE if wants.preflight.fence_required else Verdict.WARN
+    advice = f"it acts inside our fence at {north:.0f} m north, {east:.0f} m east of home: upload a wider one"
     return Finding(_NAME, uploaded.words, wanted, verdict, advice)
 
 
 def outline(wants: Wants) -> list[Point]:
-    """Points on the outline of where our fences let the vehicle be, metres north and east of home."""
-    corners, radius_m = wants.fence_corners_ne_m, wants.fence_circle_m
+    """Return points on the outline of our fence, metres north and east of home."""
+    corners, radius_m = wants.limits.fence_polygon_ne_m, wants.limits.fence_radius_m
     points: list[Point] = []
     if radius_m is not None:
         turns = [math.tau * n / _ROUND for n in range(_ROUND)]

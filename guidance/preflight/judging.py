@@ -1,10 +1,10 @@
-"""All rows of one vehicle, and what would have to be set so that they pass: functions of what is known and wanted."""
+"""Judges the facts of one vehicle as rows, and computes the parameter changes that make the rows pass."""
 
 import struct
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from guidance.autopilots import AUTOPILOTS, Autopilot, Finding, Verdict, Wants
+from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, judge
 from guidance.messages import Heartbeat, Home, ParameterSet
 from guidance.preflight import fence, telemetry
@@ -16,7 +16,7 @@ _REAL32: Final = 9
 
 
 class ParameterChange(NamedTuple):
-    """One parameter: value now and then as its rule reads them, why, and how severe it is as it stands."""
+    """A parameter to set: formatted values before and after, the reason, and the verdict on the present value."""
 
     name: str
     now: str
@@ -27,12 +27,12 @@ class ParameterChange(NamedTuple):
 
 
 def parameter_names(autopilot: Autopilot) -> tuple[str, ...]:
-    """Name the parameters that are judged."""
+    """Return the names of the judged parameters."""
     return tuple(rule.name for rule in autopilot.rules)
 
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
-    """Judge everything; of another autopilot than was configured nothing else is worth a row."""
+    """Judge everything. For a wrong autopilot, return that row only."""
     other = another_autopilot(facts, autopilot)
     if other is not None:
         return (other,)
@@ -55,26 +55,26 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
 
 
 def engage_names(autopilot: Autopilot) -> tuple[str, ...]:
-    """Name the parameters that are read again before the game begins: those that the vehicle may not fly without."""
+    """Return the names of the needed parameters, which are read again before every engagement."""
     return tuple(rule.name for rule in autopilot.rules if rule.needed)
 
 
 def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
-    """Judge them; one that is not known has not answered."""
+    """Judge the needed parameters; an unknown one has not been answered."""
     wants = fence.about_home(wants, facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection))
     judged = judge([rule for rule in autopilot.rules if rule.needed], _judged(facts), wants)
     return tuple(
-        row if row.name in facts.parameters else row._replace(value="not answered", advice="is the link well?")
+        row if row.name in facts.parameters else row._replace(value="not answered", advice="check the link")
         for row in judged
     )
 
 
 def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
-    """Return the row that refuses an autopilot of another kind than the configured one; None where there is none."""
+    """Return the row that refuses an autopilot other than the configured one, or None."""
     heartbeat = facts.vehicle.last(Heartbeat)
     if heartbeat is None or heartbeat.autopilot == autopilot.autopilot_id:
         return None
-    found = next((one.name for one in AUTOPILOTS.values() if one.autopilot_id == heartbeat.autopilot), None)
+    found = next((one.name for one in autopilots_of(heartbeat.autopilot)), None)
     advice = "another system's HEARTBEAT? check vehicle.url, vehicle.system_id and vehicle.component_id"
     if found is not None:
         advice = f'set vehicle.autopilot = "{found}", or check vehicle.url and vehicle.system_id'
@@ -83,16 +83,15 @@ def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
 
 
 def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool = False) -> tuple[ParameterChange, ...]:
-    """Return the parameters to set so that no parameter is refused any more, as far as there is a value for it.
+    """Return the parameters to set so that none is refused any more, where a rule has a value to set.
 
-    One may ask for another (a return height below a fence that was off), so that all are judged again until nothing
-    is left to change.
+    One change can require another (a return height below a fence that was off), so the rules are applied repeatedly.
 
     Args:
         facts: What was read.
-        autopilot: Which one.
-        wants: What it has to be set to.
-        advised: Also change what is only warned of.
+        autopilot: The vehicle's autopilot.
+        wants: What the configuration demands.
+        advised: Whether to change parameters with a warning, too.
     """
     home, frame = facts.vehicle.last(Home), local_frame(facts.vehicle, autopilot.projection)
     wants, before = fence.about_home(wants, home, frame), _judged(facts)
@@ -107,27 +106,27 @@ def _judged(facts: Facts) -> dict[str, float]:
 
 
 def refusals(rows: Sequence[Finding]) -> tuple[str, ...]:
-    """Name the rows that keep the vehicle from becoming ready."""
+    """Return the names of the refused rows."""
     return tuple(row.name for row in rows if row.verdict is Verdict.REFUSE)
 
 
 def advice(rows: Sequence[Finding]) -> str:
-    """Say in one line what is refused and how to mend it."""
+    """Return one line with every refused row and its fix."""
     refused = (row for row in rows if row.verdict is Verdict.REFUSE)
-    return "; ".join(f"{row.name} is {row.value}, wanted {row.wanted} ({row.advice})" for row in refused)
+    return "; ".join(f"{row.name} is {row.value}, expected {row.wanted} ({row.advice})" for row in refused)
 
 
 def mend(
     rules: Sequence[Rule], before: Parameters, types: Mapping[str, int], wants: Wants, *, advised: bool
 ) -> tuple[ParameterChange, ...]:
-    """Return what to set, in the rules' order; a rule without a value to set leaves its parameter alone.
+    """Return the parameters to set, in the rules' order; a rule without a value leaves its parameter alone.
 
     Args:
-        rules: In the order in which they are judged and told.
+        rules: The rules.
         before: The parameters as read.
         types: MAV_PARAM_TYPE of each.
-        wants: What the flight wants of the autopilot.
-        advised: Whether what is only advised is set, too.
+        wants: What the configuration demands.
+        advised: Whether to change parameters with a warning, too.
     """
     after = dict(before)
     wrong: dict[str, Judgement] = {}
@@ -156,7 +155,7 @@ def mend(
 
 
 def single(value: float) -> float:
-    """Return the nearest number that a parameter can be on the wire: single precision."""
+    """Round to single precision, as parameters have on the wire."""
     (nearest,) = struct.unpack("<f", struct.pack("<f", value))
     return float(nearest)
 

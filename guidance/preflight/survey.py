@@ -1,4 +1,4 @@
-"""Gathers what preflight judges: asks for parameters, counts what arrives, remembers. Time is given, never read."""
+"""Collects the facts of preflight: requests parameters and the uploaded fence, and counts messages."""
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,17 +10,23 @@ from guidance.preflight.fence import Reading, Uploaded
 from guidance.vehicle import VehicleState
 
 ASK_AGAIN_S: Final = 5.0
-"""A link repeats a request four times in two seconds; what is not answered by then is asked for anew after this."""
+"""Period of new requests. The link itself repeats each request four times within two seconds."""
 
 COUNTED_S: Final = 2.0
-"""Rates are counted over this time."""
+"""Averaging time of rates."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """The vehicle's side: parameters and uploaded fence as read, the vehicle as heard, messages per second.
+    """What is known of a vehicle.
 
-    And the evader's last altitude. `parameter_types` are MAV_PARAM_TYPE.
+    Attributes:
+        parameters: Parameters that were read.
+        parameter_types: Their MAV_PARAM_TYPE.
+        vehicle: State from telemetry.
+        rates_hz: Rate of each kind of message.
+        evader_amsl_m: The evader's last altitude.
+        uploaded: The uploaded fence.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -32,7 +38,7 @@ class Facts:
 
 
 class PreflightMemory:
-    """The memory of one vehicle's preflight."""
+    """Collects the facts of one vehicle."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
@@ -45,7 +51,7 @@ class PreflightMemory:
         self._fence = Reading()
 
     def observe(self, messages: Iterable[Message], reports: Iterable[EvaderReport]) -> None:
-        """Take in what one cycle heard. Autopilots announce parameters that are changed, so that this stays true."""
+        """Handle the messages of one cycle. Autopilots announce changed parameters, so the facts stay current."""
         for message in messages:
             self._heard |= isinstance(message, Heartbeat)
             self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
@@ -58,7 +64,7 @@ class PreflightMemory:
             self._evader_amsl_m = report.altitude_amsl_m
 
     def requests(self, now_s: float) -> tuple[Request, ...]:
-        """Ask for all parameters that are still missing, every few seconds, and then for the uploaded fence."""
+        """Request missing parameters every `ASK_AGAIN_S`, then the uploaded fence."""
         if not self._heard:
             return ()
         if self.complete:
@@ -69,23 +75,23 @@ class PreflightMemory:
         return tuple(ParameterRequest(name) for name in self._names if name not in self._parameters)
 
     def forget(self, names: Iterable[str]) -> None:
-        """Ask for these once more: they are unknown until they are answered."""
+        """Forget these parameters and request them again."""
         for name in names:
             self._parameters.pop(name, None)
         self._asked_s = None
 
     @property
     def complete(self) -> bool:
-        """True once every parameter has been read. An autopilot need not have an uploaded fence to tell of."""
+        """Whether every parameter was read. The uploaded fence is optional."""
         return self._parameters.keys() >= set(self._names)
 
     @property
     def read(self) -> tuple[int, int]:
-        """How many parameters have been read, and how many are wanted."""
+        """Number of parameters read, and of parameters requested."""
         return len(self._parameters), len(set(self._names))
 
     def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
-        """What is known now."""
+        """Return the facts at `now_s`."""
         rates_hz = {kind: _rate_hz(times_s, now_s) for kind, times_s in self._arrivals.items()}
         parameters: Mapping[str, float] = dict(self._parameters)
         return Facts(

@@ -1,7 +1,7 @@
-"""What the vehicle tells of itself: where it thinks it is, and whether its streams come as often as they are needed.
+"""Rows about the vehicle's telemetry: consistent positions and heights, and stream rates.
 
-A stale or wrong estimator origin, and altitudes above different zeros, have sent vehicles into the ground. All that is
-needed to notice is to ask the vehicle the same thing twice. And what was asked for and what comes are not the same.
+An old estimator origin or a wrong height datum has flown vehicles into the ground. Comparing two messages about the
+same place reveals both.
 """
 
 import math
@@ -19,7 +19,7 @@ from guidance.autopilots import (
     Verdict,
     Wants,
 )
-from guidance.frames import Amsl, LocalFrame, MapProjection, Vector
+from guidance.frames import Amsl, LocalFrame, Projection, Vector
 from guidance.messages import (
     Attitude,
     GlobalPosition,
@@ -37,8 +37,8 @@ _AGREEMENT_M = 5.0
 _HOME_HEIGHT_M = 3.0
 
 
-def position_rows(facts: Facts, projection: MapProjection, wants: Wants) -> Iterator[Finding]:
-    """Judge origin, home, position and datum."""
+def position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterator[Finding]:
+    """Judge battery, origin, home, position and height datum."""
     vehicle = facts.vehicle
     if wants.battery_needed is not None:
         yield _battery(vehicle.last(SystemStatus), wants.battery_needed)
@@ -47,7 +47,7 @@ def position_rows(facts: Facts, projection: MapProjection, wants: Wants) -> Iter
         missing = " and ".join(
             name for name, one in (("GPS_GLOBAL_ORIGIN", origin), ("HOME_POSITION", home)) if one is None
         )
-        yield Finding("local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for the vehicle's position")
+        yield Finding("local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for a position fix")
         return
     frame = LocalFrame(
         origin.latitude_deg,
@@ -68,10 +68,10 @@ def position_rows(facts: Facts, projection: MapProjection, wants: Wants) -> Iter
 
 
 def _battery(status: SystemStatus | None, needed: float) -> Finding:
-    wanted = f"{needed:.0%} at least, to come home from the edge of the fence"
+    wanted = f"at least {needed:.0%}, to fly home from the edge of the fence"
     if status is None or math.isnan(status.battery_remaining):
-        return Finding("battery reserve", "unknown", wanted, Verdict.WARN, "the autopilot tells no battery")
-    left, advice = status.battery_remaining, "charge it, or draw the fence closer; see flight.reserve"
+        return Finding("battery reserve", "unknown", wanted, Verdict.WARN, "the autopilot does not report the battery")
+    left, advice = status.battery_remaining, "charge the battery or make the fence smaller; see flight.reserve"
     verdict = Verdict.REFUSE if left < needed else Verdict.PASS
     return Finding("battery reserve", f"{left:.0%}", wanted, verdict, advice if left < needed else "")
 
@@ -79,7 +79,7 @@ def _battery(status: SystemStatus | None, needed: float) -> Finding:
 def _origin(frame: LocalFrame, home: Home, wants: Wants) -> Finding:
     north, east, _ = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
     distance_m = math.hypot(north, east)
-    limit_m = wants.origin_distance_limit_m
+    limit_m = wants.preflight.origin_distance_limit_m
     return _within("frame origin", distance_m, limit_m, "m from home", "restart the autopilot here: its origin is old")
 
 
@@ -97,18 +97,18 @@ def _position(frame: LocalFrame, position: GlobalPosition, local: LocalPosition)
 def _datum(home: Home, position: GlobalPosition) -> Finding:
     home_amsl_m = position.altitude_amsl_m - position.altitude_above_home_m
     difference_m = abs(home_amsl_m - home.altitude_amsl_m)
-    advice = "altitudes are counted from different zeros (sea level, ellipsoid, home?)"
+    advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
     return _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
 
 
 def _evader(facts: Facts, home: Home, wants: Wants) -> Finding:
-    limit_m = wants.evader_height_limit_m
+    limit_m = wants.preflight.evader_height_limit_m
     if facts.evader_amsl_m is None:
         return Finding(
             "evader's altitude", "not heard", f"within {limit_m:g} m of home", Verdict.WARN, "is it sending?"
         )
     difference_m = abs(facts.evader_amsl_m - home.altitude_amsl_m)
-    advice = "another zero of altitude? About 50 m is the geoid above the ellipsoid: see evader.frame.undulation_m"
+    advice = "a different datum? The geoid is about 50 m above the ellipsoid: see evader.frame.undulation_m"
     return _within("evader's altitude", difference_m, limit_m, "m from home's", advice)
 
 
@@ -132,26 +132,26 @@ class _Stream(NamedTuple):
 
 
 _STREAMS: Final = (
-    _Stream("LOCAL_POSITION_NED", LocalPosition, LOCAL_POSITION_NED, 10.0, Verdict.REFUSE, "the game plays on it"),
-    _Stream("ATTITUDE", Attitude, ATTITUDE, 4.0, Verdict.REFUSE, "the heading is held by it"),
-    _Stream("GLOBAL_POSITION_INT", GlobalPosition, GLOBAL_POSITION_INT, 1.0, Verdict.WARN, "frames are checked by it"),
-    _Stream("ODOMETRY", Odometry, ODOMETRY, 5.0, Verdict.WARN, "estimator resets are seen by it"),
+    _Stream("LOCAL_POSITION_NED", LocalPosition, LOCAL_POSITION_NED, 10.0, Verdict.REFUSE, "the game needs it"),
+    _Stream("ATTITUDE", Attitude, ATTITUDE, 4.0, Verdict.REFUSE, "the heading needs it"),
+    _Stream("GLOBAL_POSITION_INT", GlobalPosition, GLOBAL_POSITION_INT, 1.0, Verdict.WARN, "the frame check needs it"),
+    _Stream("ODOMETRY", Odometry, ODOMETRY, 5.0, Verdict.WARN, "the detection of estimator resets needs it"),
     _Stream(
         "POSITION_TARGET_LOCAL_NED",
         PositionTarget,
         POSITION_TARGET_LOCAL_NED,
         1.0,
         Verdict.WARN,
-        "setpoints of other sources are seen by it",
+        "the detection of foreign setpoints needs it",
     ),
 )
 
 
 def stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
-    """Judge the rates of all streams that this autopilot is asked for."""
+    """Judge the rate of every requested stream."""
     for stream in _STREAMS:
         asked_hz = autopilot.streams_hz.get(stream.message_id)
-        # ArduCopter tells its setpoint in GUIDED only.
+        # ArduCopter reports its setpoint in GUIDED only.
         if asked_hz is None or (stream.kind is PositionTarget and not autopilot.tells_setpoint_always):
             continue
         rate_hz = facts.rates_hz.get(stream.kind, 0.0)
@@ -159,7 +159,7 @@ def stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
         yield Finding(
             stream.name,
             f"{rate_hz:.1f} Hz",
-            f"at least {stream.least_hz:g} Hz ({asked_hz:g} asked for)",
+            f"at least {stream.least_hz:g} Hz ({asked_hz:g} requested)",
             Verdict.PASS if passed else stream.otherwise,
             "" if passed else f"{stream.without}: is the link fast enough for {asked_hz:g} Hz?",
         )

@@ -24,7 +24,7 @@ from guidance.preflight.survey import COUNTED_S
 from guidance.session.daemon import Daemon
 from guidance.session.log import Log
 from guidance.session.loop import PERIOD_S
-from guidance.session.spec import FlightPlan, plan_of
+from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import load_vehicle
 from guidance.session.vehicle_world import open_all
 

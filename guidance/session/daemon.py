@@ -28,9 +28,9 @@ from guidance.session.orders import (
     Question,
     ShutdownHandover,
 )
+from guidance.session.plan import FlightPlan
 from guidance.session.process import Notifier
 from guidance.session.recording import Recording
-from guidance.session.spec import FlightPlan
 
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0

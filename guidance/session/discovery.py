@@ -1,9 +1,17 @@
-"""Getting to know a vehicle that runs elsewhere, before anything is ordered: whose it is, and where it stands."""
+"""Finds out which autopilot a running vehicle has and where it stands, before any order."""
 
 from collections.abc import Callable
 from typing import Final
 
-from guidance.autopilots import AUTOPILOTS, GPS_GLOBAL_ORIGIN, HOME_POSITION, AutopilotProfile
+from guidance.autopilots import (
+    AUTOPILOTS,
+    GPS_GLOBAL_ORIGIN,
+    HOME_POSITION,
+    Autopilot,
+    AutopilotProfile,
+    autopilot_named,
+    autopilots_of,
+)
 from guidance.clock import Clock
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import State
@@ -15,15 +23,12 @@ from guidance.session.mission import Progress
 from guidance.vehicle import VehicleState, local_frame, observe
 
 PLACED_WITHIN_S: Final = 120.0
-"""Longest wait for a vehicle that knows where it is; an ArduCopter takes 25 to 45 s from its start."""
+"""Longest wait for a position. An ArduCopter takes 25 to 45 s after its start."""
 
 _ASK_EVERY_S: Final = 1.5
 _BEAT_EVERY_S: Final = 1.0
 _LOOK_EVERY_S: Final = 0.05
 _LANDED_STATE_WITHIN_S: Final = 3.0
-_MULTICOPTERS: Final = {2, 3, 4, 13, 14, 15, 29, 35}
-"""MAV_TYPE of what can hover and fly in any direction."""
-
 _NAMES: Final[dict[type[Message], str]] = {
     Heartbeat: "HEARTBEAT",
     Home: "HOME_POSITION",
@@ -32,23 +37,29 @@ _NAMES: Final[dict[type[Message], str]] = {
 }
 
 
-def identify(found: Found, url: str, asked: str | None) -> AutopilotProfile:
-    """Return which autopilot was found; `asked` is the one that a person expects there.
+def identify(found: Found, url: str, asked: str | None) -> Autopilot:
+    """Return the autopilot that was found.
+
+    Args:
+        found: What answered.
+        url: Where, for the message.
+        asked: Name of the expected autopilot; None accepts any.
 
     Raises:
-        ConfigError: If it is none that is flown here, no multicopter, or not the one asked for.
+        ConfigError: If it is an unknown autopilot or vehicle type, or not the expected one.
     """
-    if asked is not None and asked not in AUTOPILOTS:
-        raise ConfigError(f"--autopilot {asked}: allowed are {', '.join(AUTOPILOTS)}")
-    profile = next((one for one in AUTOPILOTS.values() if one.autopilot_id == found.autopilot), None)
+    expected = None if asked is None else autopilot_named(asked)
     who = f"{url}: system {found.system_id}"
-    if profile is None:
-        raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; flown are px4 (12) and arducopter (3)")
-    if found.vehicle_type not in _MULTICOPTERS:
-        raise ConfigError(f"{who} is MAV_TYPE {found.vehicle_type}: only multicopters are flown")
-    if asked is not None and asked != profile.name:
-        raise ConfigError(f"{who} is {profile.name}, not --autopilot {asked}: leave it out, or give another --vehicle")
-    return profile
+    matching = autopilots_of(found.autopilot)
+    if not matching:
+        known = " and ".join(f"{one.name} ({one.autopilot_id})" for one in AUTOPILOTS.values())
+        raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; supported are {known}")
+    flown = [one for one in matching if found.vehicle_type in one.vehicle_types]
+    if not flown:
+        raise ConfigError(f"{who} is MAV_TYPE {found.vehicle_type}: {matching[0].name} is flown as a multicopter only")
+    if expected is not None and expected not in flown:
+        raise ConfigError(f"{who} is {flown[0].name}, not --autopilot {asked}: omit it, or give another --vehicle")
+    return expected or flown[0]
 
 
 def wait_until_placed(
@@ -59,17 +70,17 @@ def wait_until_placed(
     *,
     within_s: float = PLACED_WITHIN_S,
 ) -> tuple[Home, LocalFrame]:
-    """Wait until the vehicle has told where its home and its local frame are, on the ground and disarmed.
+    """Wait for the home and the local frame of a vehicle that is disarmed on the ground.
 
     Args:
         link: To the vehicle.
         profile: Of its autopilot.
-        clock: By which time passes.
-        show: Is told what is waited for.
-        within_s: How long at most.
+        clock: The clock.
+        show: Receives the progress.
+        within_s: Longest wait.
 
     Raises:
-        FlightError: If it is in the air, or armed, or does not know its place in time. Nothing was ordered then.
+        FlightError: If it is in the air, armed, or has no position in time. Nothing was ordered then.
     """
     state, said = VehicleState(), ""
     begun_s = now_s = clock.now_s()
@@ -90,7 +101,7 @@ def wait_until_placed(
         home, frame = state.last(Home), local_frame(state, profile.projection)
         if not missing and home is not None and frame is not None:
             return home, frame
-        words = f"{', '.join(missing)} not heard: no position yet?" + (f' It says "{said}"' if said else "")
+        words = f"{', '.join(missing)} not received: no position fix yet?" + (f' It says "{said}"' if said else "")
         if waited_s > within_s:
             raise FlightError(f"not ready within {within_s:g} s: {words} Nothing was armed")
         show(Progress(now_s, State.CONNECTING, _mode(state, profile), None, "s", waiting=words))
@@ -109,7 +120,7 @@ def _refuse_if_flown(state: VehicleState, waited_s: float) -> None:
     if state.last(LandedState) is not None and not state.on_ground:
         raise FlightError("the vehicle is in the air already: land and disarm it first; nothing was ordered")
     if state.last(LandedState) is not None or waited_s > _LANDED_STATE_WITHIN_S:
-        raise FlightError("the vehicle is armed already, by another hand: disarm it first; nothing was ordered")
+        raise FlightError("the vehicle was armed by someone else: disarm it first; nothing was ordered")
 
 
 def _mode(state: VehicleState, profile: AutopilotProfile) -> str:

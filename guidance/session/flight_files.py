@@ -23,7 +23,7 @@ from guidance.log.provenance import versions
 from guidance.log.reader import CONFIG, SCENARIO
 from guidance.log.writer import BackgroundRecorder, NullRecorder, Recorder, started_utc
 from guidance.session.log import Logger
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.scenario import Scenario
 

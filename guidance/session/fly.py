@@ -10,9 +10,9 @@ from guidance.session.log import SILENT, Logger
 from guidance.session.loop import Signals, World, run
 from guidance.session.mission import MOCKED, Conduct, Mission, Progress
 from guidance.session.orders import Mailbox
+from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier
 from guidance.session.result import FlightResult
-from guidance.session.spec import FlightPlan, plan_of
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.sensor import SensedEvader
 

@@ -26,12 +26,11 @@ from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
 from guidance.session.log import Log
 from guidance.session.loop import Signals
-from guidance.session.merging import config_of
 from guidance.session.mission import Conduct, Progress
 from guidance.session.orders import ORDER_OF, Mailbox
+from guidance.session.plan import FlightPlan, config_of, plan_of
 from guidance.session.process import Notifier
 from guidance.session.result import FlightResult
-from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
 from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
 from guidance.sim.scenario import EVADER, EVADER_ID, Scenario, Site, Wind

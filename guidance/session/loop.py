@@ -22,8 +22,8 @@ from guidance.links.port import EvaderSource, VehicleLink
 from guidance.links.wires.shared import Passed
 from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
+from guidance.session.plan import FlightPlan
 from guidance.session.process import GcScheduler
-from guidance.session.spec import FlightPlan
 from guidance.sim.players import EvaderPlayer
 
 PERIOD_S: Final = 0.02

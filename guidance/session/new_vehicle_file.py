@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from guidance.autopilots import AutopilotProfile
+from guidance.autopilots import Autopilot, autopilot_named
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError, OutputError
@@ -28,33 +28,6 @@ _BEHIND_M: Final = 5.0
 
 _LIMITS_ABOVE: Final = 1.1
 """Unless a file says otherwise, commands may be so much faster than the game."""
-
-
-class Limit(NamedTuple):
-    """A parameter of the autopilot that bounds a key of the file, and what turns its value into the key's unit."""
-
-    section: str
-    key: str
-    parameter: str
-    scale: float = 1.0
-
-
-LIMITS: Final[Mapping[str, tuple[Limit, ...]]] = {
-    "px4": (
-        Limit("game", "speed_m_s", "MPC_XY_VEL_MAX"),
-        Limit("game", "climb_m_s", "MPC_Z_VEL_MAX_UP"),
-        Limit("game", "descent_m_s", "MPC_Z_VEL_MAX_DN"),
-        Limit("limits", "fence_radius_m", "GF_MAX_HOR_DIST"),
-        Limit("limits", "ceiling_m", "GF_MAX_VER_DIST"),
-    ),
-    "arducopter": (
-        Limit("game", "speed_m_s", "WPNAV_SPEED", 0.01),
-        Limit("game", "climb_m_s", "WPNAV_SPEED_UP", 0.01),
-        Limit("game", "descent_m_s", "WPNAV_SPEED_DN", 0.01),
-        Limit("limits", "fence_radius_m", "FENCE_RADIUS"),
-        Limit("limits", "ceiling_m", "FENCE_ALT_MAX"),
-    ),
-}
 
 
 class Surveyed(NamedTuple):
@@ -98,9 +71,9 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
         link.close()
 
 
-def _read(link: VehicleLink, profile: AutopilotProfile, clock: Clock) -> dict[str, float]:
+def _read(link: VehicleLink, profile: Autopilot, clock: Clock) -> dict[str, float]:
     """Ask for the parameters until all have come, or for so long as is reasonable: an old firmware may lack one."""
-    wanted = {limit.parameter for limit in LIMITS[profile.name]}
+    wanted = {bound.parameter for bound in profile.bounds}
     read: dict[str, float] = {}
     begun_s, asked_s, now_s = clock.now_s(), -math.inf, clock.now_s()
     while wanted - read.keys() and now_s - begun_s < READ_WITHIN_S:
@@ -129,11 +102,15 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
     Raises:
         ConfigError: If the name or the URL is none, or there is no such autopilot.
     """
-    if autopilot not in LIMITS:
-        raise ConfigError(f"--autopilot {autopilot}: allowed are {', '.join(LIMITS)}")
-    text = (config_folder() / "vehicles" / f"{autopilot}.toml").read_text(encoding="utf-8")
-    text = f"{_head(autopilot, surveyed)}\n{text[text.index('name = ') :]}"
-    changes: list[tuple[str, str, str, str]] = [("", "name", _quoted(name), "in orders, metrics and records")]
+    described = autopilot_named(autopilot)
+    templates = config_folder() / "vehicles"
+    template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
+    text = template.read_text(encoding="utf-8")
+    text = f"{_head(described, surveyed)}\n{text[text.index('name = ') :]}"
+    changes: list[tuple[str, str, str, str]] = [
+        ("", "name", _quoted(name), "in orders, metrics and records"),
+        ("vehicle", "autopilot", _quoted(autopilot), ""),
+    ]
     if url is not None:
         changes.append(("vehicle", "url", _quoted(url), ""))
     if surveyed is not None:
@@ -164,15 +141,15 @@ def write_new(path: Path, text: str) -> None:
         raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
 
 
-def _head(autopilot: str, surveyed: Surveyed | None) -> str:
+def _head(autopilot: Autopilot, surveyed: Surveyed | None) -> str:
     lines = [
         "# A vehicle file of pursuit guidance. Every key carries its unit; `guidance schema vehicle` describes all."
     ]
     if surveyed is None:
-        lines.append(f"# Written without a vehicle: the limits are those that come along for {autopilot}.")
+        lines.append(f"# Written without a vehicle: the limits are those that come along for {autopilot.name}.")
         return "\n".join((*lines, ""))
-    lines.append(f"# Read of system {surveyed.found.system_id}, {autopilot}:")
-    for limit in LIMITS[autopilot]:
+    lines.append(f"# Read of system {surveyed.found.system_id}, {autopilot.name}:")
+    for limit in autopilot.bounds:
         value = surveyed.parameters.get(limit.parameter)
         lines.append(f"#   {limit.parameter:<18} {'not told' if value is None else f'{value:g}'}")
     return "\n".join((*lines, ""))
@@ -180,7 +157,7 @@ def _head(autopilot: str, surveyed: Surveyed | None) -> str:
 
 def _bounded(text: str, surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
     """Yield the keys whose bound was read, with the largest value that it allows, at most the file's own."""
-    for section, key, parameter, scale in LIMITS[surveyed.autopilot]:
+    for section, key, parameter, scale in autopilot_named(surveyed.autopilot).bounds:
         told = surveyed.parameters.get(parameter)
         if told is None:
             continue

@@ -18,8 +18,8 @@ from guidance.session.log import Log
 from guidance.session.loop import Signals, run
 from guidance.session.metrics import Metrics, MetricsServer
 from guidance.session.orders import ORDER_OF, Mailbox
+from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.process import Notifier, claim
-from guidance.session.spec import FlightPlan, plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
 from guidance.session.vehicle_world import open_all, open_control
 

@@ -1,44 +1,186 @@
-"""The configuration of a vehicle: how it is reached, whom it pursues, which game it plays and within which limits.
+"""The vehicle file: how the vehicle and the evader are reached, which game is played, and within which limits."""
 
-Its fence may be that of a QGroundControl plan, whose inclusion polygon takes the place of the file's name. Format of
-plans: https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html. The corners are in the
-configuration from then on, and so in the record of every flight, wherever the file goes.
-"""
-
-import json
+import math
 import re
 from pathlib import Path
-from typing import Any, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
-from guidance.config import Section, load, parse
-from guidance.control import Speeds
-from guidance.errors import ConfigError
+from guidance.autopilots import AutopilotName, Preflight
+from guidance.config import Altitude, Latitude, Longitude, Section, parse, read_text, read_toml
+from guidance.control import Limits, Speeds
+from guidance.flight.settings import FlightSection
+from guidance.links.endpoint import taken_apart
 from guidance.links.wires.zenoh_access import ZenohSection
-from guidance.session.sections import EvaderSection, GameSection, LimitsSection, SystemId, Url
+from guidance.session.fence_plan import with_fence_plan
+from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
 _ABOVE_THE_FLOOR_M: Final = 1.0
-"""Take-off ends up to 0.7 m low, and a hover wanders by some decimetres."""
+"""A take-off ends up to 0.7 m low, and a hover wanders by some decimetres."""
 
 _LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+")
 _BY_TLS = re.compile(r"tls/[^\s/]+:\d+")
 
-_KEY: Final = "limits.fence_plan_file"
+SystemId = Annotated[int, Field(ge=1, le=255)]
+
+EvaderKind = Literal[
+    "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
+]
+_IN_METRES = ("odometry", "ros_pose", "ros_odometry")
+ON_ZENOH = ("json", "ros_pose", "ros_odometry")
+
+
+def _known_policy(policy: str) -> str:
+    allowed = sorted(name for name in PURSUER_STRATEGIES if name not in COURSES)
+    if policy not in allowed:
+        raise ValueError(f"must be one of {', '.join(allowed)}")
+    return policy
+
+
+Policy = Annotated[
+    str,
+    AfterValidator(_known_policy),
+    WithJsonSchema({"type": "string", "enum": [name for name in PURSUER_STRATEGIES if name not in COURSES]}),
+]
+
+
+def _is_url(url: str) -> str:
+    taken_apart(url)
+    return url
+
+
+Url = Annotated[str, AfterValidator(_is_url)]
+
+
+class EvaderFrame(Section):
+    """The evader's local frame, for sources that report metres, or heights that need a datum."""
+
+    latitude_deg: Latitude = Field(description="of the frame's origin")
+    longitude_deg: Longitude = Field(description="of the frame's origin")
+    altitude_amsl_m: Altitude = Field(description="of the frame's origin, above mean sea level")
+    home_altitude_amsl_m: Altitude | None = Field(None, description="of the evader's home, for heights above home")
+    undulation_m: float | None = Field(None, ge=-120.0, le=120.0, description="height of the geoid above the ellipsoid")
+
+
+class EvaderSection(Section):
+    """The source of evader reports. Without a `url`, they arrive on the vehicle's link."""
+
+    kind: EvaderKind = Field(description="the message that reports the evader")
+    url: Url | None = Field(None, description="where its reports arrive; default: the vehicle's link")
+    system_id: SystemId | None = Field(None, description="the only MAVLink system id that is accepted")
+    component_id: SystemId | None = Field(None, description="its component id; default: any")
+    icao_address: int | None = Field(None, ge=1, le=0xFFFFFF, description="of ADSB_VEHICLE")
+    id_or_mac: str | None = Field(
+        None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal, of OPEN_DRONE_ID"
+    )
+    request_rate_hz: float | None = Field(
+        None, gt=0.0, le=50.0, description="message rate to request from an evader that sends nothing unasked"
+    )
+    timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="the evader is lost after this long without a report")
+    second_source: Literal["hold", "tell"] = Field(
+        "hold", description="reaction to two sources that report as the evader: hold, or only an event"
+    )
+    signing_key_file: Path | None = Field(
+        None, description="64 hexadecimal digits; without url the vehicle's key applies"
+    )
+    frame: EvaderFrame | None = Field(None, description="origin of its coordinates")
+
+    @field_validator("url")
+    @classmethod
+    def _check_carrier(cls, url: str | None, info: ValidationInfo) -> str | None:
+        if url is not None and info.data.get("kind") in ON_ZENOH:
+            endpoint = taken_apart(url)
+            if endpoint.scheme != "zenoh" or not endpoint.namespace:
+                raise ValueError(f'kind = "{info.data["kind"]}" arrives over Zenoh: must be zenoh://host:port/key')
+        return url
+
+    @model_validator(mode="after")
+    def _check_source(self) -> Self:
+        if self.kind in ON_ZENOH and self.url is None:
+            raise ValueError(f'evader.url: missing; kind = "{self.kind}" needs zenoh://host:port/key')
+        if self.kind not in ON_ZENOH and self.system_id is None:
+            raise ValueError(f'evader.system_id: missing; kind = "{self.kind}" accepts one MAVLink system only')
+        if self.kind in _IN_METRES and self.frame is None:
+            raise ValueError(f'evader.frame: missing; kind = "{self.kind}" reports metres about an origin of its own')
+        if self.kind in ON_ZENOH and self.request_rate_hz is not None:
+            raise ValueError(f'evader.request_rate_hz: not allowed; kind = "{self.kind}" cannot be asked for a rate')
+        if self.signing_key_file is not None and (self.kind in ON_ZENOH or self.url is None):
+            raise ValueError(
+                "evader.signing_key_file: not allowed; it signs MAVLink reports that have their own url "
+                "(the vehicle's link uses the vehicle's key, Zenoh uses TLS)"
+            )
+        if self.kind == "adsb" and self.icao_address is None:
+            raise ValueError('evader.icao_address: missing; kind = "adsb" needs the aircraft\'s address')
+        return self
+
+
+class Place(Section):
+    """A place on Earth."""
+
+    latitude_deg: Latitude = Field(description="north is positive")
+    longitude_deg: Longitude = Field(description="east is positive")
+    altitude_amsl_m: Altitude = Field(0.0, description="information only: the game uses height differences")
+
+
+class GameSection(Section):
+    """The game."""
+
+    kind: Literal["pe", "tad"] = Field("pe", description="pursuit-evasion, or target-attacker-defender")
+    speed_set: Literal["ball", "cylinder"] = Field(
+        "cylinder", description="one speed in all directions, or separate horizontal, climb and descent speeds"
+    )
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="the pursuer's horizontal speed in the game")
+    climb_m_s: float = Field(1.5, gt=0.0, le=10.0, description="its climb rate")
+    descent_m_s: float = Field(1.0, gt=0.0, le=10.0, description="its descent rate")
+    policy: Policy = Field("optimal", description="the pursuer's strategy")
+    navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description="N of policy = proportional_navigation")
+    evader_speed_m_s: float = Field(gt=0.0, le=30.0, description="declared top speed of the evader")
+    standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0, description="radius of the disc around the evader")
+    standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="height of the disc above the evader")
+    tolerance_m: float = Field(1.0, gt=0.0, le=10.0, description="distance from the disc that counts as capture")
+    target: Place | None = Field(None, description="TAD: the evader's target")
+    target_velocity_m_s: tuple[float, float] = Field(
+        (0.0, 0.0), description="TAD: velocity of the target, east and north, constant from engagement"
+    )
+
+    @property
+    def speeds(self) -> Speeds:
+        """The pursuer's speeds in the game."""
+        return Speeds(self.speed_m_s, self.climb_m_s, self.descent_m_s)
+
+    @model_validator(mode="after")
+    def _check_game(self) -> Self:
+        if self.speed_m_s <= self.evader_speed_m_s:
+            raise ValueError(
+                f"game.speed_m_s = {self.speed_m_s:g}: must be above game.evader_speed_m_s = "
+                f"{self.evader_speed_m_s:g}; a slower pursuer is another game"
+            )
+        if self.kind == "tad" and self.target is None:
+            raise ValueError(
+                'game.target: missing; kind = "tad" needs the latitude_deg and longitude_deg of the place to defend'
+            )
+        moves = math.hypot(*self.target_velocity_m_s)
+        if not moves < self.evader_speed_m_s or (moves > 0.0 and self.kind == "pe"):
+            raise ValueError(
+                f"game.target_velocity_m_s = {list(self.target_velocity_m_s)}: must be slower than "
+                f'game.evader_speed_m_s = {self.evader_speed_m_s:g}, and only with kind = "tad"'
+            )
+        if self.kind == "pe" and self.target is not None:
+            raise ValueError('game.target: not allowed with kind = "pe"; use kind = "tad"')
+        return self
 
 
 class Vehicle(Section):
-    """How the autopilot is reached."""
+    """How to reach the autopilot."""
 
-    autopilot: Literal["px4", "arducopter"] = Field(description="which autopilot is there")
-    link: Literal["mavsdk", "pymavlink"] = Field(
-        "pymavlink", description="which client speaks to it; only pymavlink signs"
-    )
+    autopilot: AutopilotName = Field(description="the vehicle's autopilot")
+    link: Literal["mavsdk", "pymavlink"] = Field("pymavlink", description="client library; only pymavlink can sign")
     url: Url = Field(description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://")
     system_id: SystemId = Field(1, description="MAVLink system id of the vehicle")
     component_id: SystemId = Field(1, description="MAVLink component id of its autopilot")
-    connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0, description="how long the first HEARTBEAT is waited for")
-    signing_key_file: Path | None = Field(None, description="64 hexadecimal digits, readable by nobody else")
+    connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0, description="longest wait for the first HEARTBEAT")
+    signing_key_file: Path | None = Field(None, description="64 hexadecimal digits; only the owner may read the file")
 
     @model_validator(mode="after")
     def _check_signing(self) -> Self:
@@ -47,78 +189,15 @@ class Vehicle(Section):
         return self
 
 
-class ReserveSection(Section):
-    """By what the battery that is needed to fly home is reckoned: how far it is, how fast, and against which wind."""
-
-    endurance_s: float = Field(gt=0.0, le=1e5, description="that a full charge lasts in flight")
-    left: float = Field(0.1, ge=0.0, lt=1.0, description="share of the charge that is to be left on the ground")
-    return_speed_m_s: float = Field(5.0, gt=0.0, le=30.0, description="the autopilot's own, through the air")
-    landing_speed_m_s: float = Field(0.7, gt=0.0, le=5.0, description="the autopilot's own, downwards")
-    wind_m_s: float = Field(0.0, ge=0.0, lt=30.0, description="that is against it at worst")
-
-    @model_validator(mode="after")
-    def _check_wind(self) -> Self:
-        if self.wind_m_s >= self.return_speed_m_s:
-            raise ValueError(
-                f"flight.reserve.wind_m_s = {self.wind_m_s:g}: must be below flight.reserve.return_speed_m_s = "
-                f"{self.return_speed_m_s:g}: against such a wind nothing comes home"
-            )
-        return self
-
-
-class FlightSection(Section):
-    """How the flight goes around the game."""
-
-    takeoff_height_m: float = Field(15.0, ge=2.0, le=120.0, description="above home")
-    after_capture: Literal["hold", "shadow", "return"] = Field(
-        "hold", description="stay, keep station on the moving evader, or fly home"
-    )
-    engage_on: Literal["command", "pilot_mode"] = Field(
-        "command", description="who engages: an order, or the pilot's switch to the guided mode once standing by"
-    )
-    on_terminate: Literal["hold", "land", "return"] = Field("hold", description="what SIGTERM hands the vehicle to")
-    battery_minimum: float = Field(0.25, ge=0.0, le=1.0, description="share of the charge below which it returns")
-    reserve: ReserveSection | None = Field(
-        None, description="returns by what it takes to come home from where it is, in place of battery_minimum"
-    )
-    operator_timeout_s: float | None = Field(
-        None,
-        ge=1.0,
-        le=3600.0,
-        description="without an order, `guidance ctl alive` or an operator's page in view for so long it holds; "
-        "no sign of life asked if not given",
-    )
-    operator_return_s: float = Field(30.0, gt=0.0, le=3600.0, description="for so much longer: it returns")
-    longest_chase_s: float | None = Field(
-        None,
-        gt=0.0,
-        le=7200.0,
-        description="of one chase with its pauses, then the autopilot's hold; unlimited if not given",
-    )
-
-
-class Preflight(Section):
-    """What the autopilot has to be set to."""
-
-    fence_required: bool = Field(True, description="whether the autopilot's own fence must stand behind ours")
-    loss_time_limit_s: float = Field(
-        1.5, gt=0.2, le=5.0, description="longest time that it may fly an old setpoint when ours stop"
-    )
-    origin_distance_limit_m: float = Field(
-        1000.0, gt=0.0, description="farthest that its local frame's zero may be from home"
-    )
-    evader_height_limit_m: float = Field(30.0, gt=0.0, description="largest height of the evader above or below home")
-
-
 class Control(Section):
-    """Where orders come from: Zenoh queryables on loopback, or on a router that knows who may order by certificates."""
+    """Where orders arrive: Zenoh queryables on loopback, or on a router that checks certificates."""
 
     endpoint: str = Field(
         "tcp/127.0.0.1:7448", description="Zenoh endpoint, on loopback; or a router's by TLS: docs/zenoh.md"
     )
-    host: bool = Field(True, description="listen there; false connects to a Zenoh router that is there already")
+    host: bool = Field(True, description="listen there; false connects to a running Zenoh router")
     token_file: Path | None = Field(
-        None, description="the secret that lets `guidance ctl` in; by default in the runtime folder, for its owner only"
+        None, description="file with the secret of `guidance ctl`; default: in the runtime folder, for its owner only"
     )
 
     @field_validator("endpoint")
@@ -126,25 +205,23 @@ class Control(Section):
     def _check_loopback(cls, endpoint: str) -> str:
         if _LOOPBACK.fullmatch(endpoint) is None and _BY_TLS.fullmatch(endpoint) is None:
             raise ValueError(
-                "must be on loopback, as tcp/127.0.0.1:7448, or a router by TLS, as tls/192.168.1.10:7447: who "
-                "reaches it commands the vehicle"
+                "must be on loopback, as tcp/127.0.0.1:7448, or a router with TLS, as tls/192.168.1.10:7447: whoever "
+                "can reach it commands the vehicle"
             )
         return endpoint
 
     @property
     def by_tls(self) -> bool:
-        """Whether orders come by a router that judges certificates."""
+        """Whether orders arrive through a router that checks certificates."""
         return _BY_TLS.fullmatch(self.endpoint) is not None
 
     @model_validator(mode="after")
     def _check_host(self) -> Self:
         if self.by_tls and self.host:
-            raise ValueError(
-                f"control.endpoint = {self.endpoint!r}: a router of its own; control.host = false goes with it"
-            )
+            raise ValueError(f"control.endpoint = {self.endpoint!r}: is a router; set control.host = false")
         if self.by_tls and self.token_file is not None:
             raise ValueError(
-                f"control.token_file = {str(self.token_file)!r}: not by TLS, where certificates say who we are"
+                f"control.token_file = {str(self.token_file)!r}: not allowed with TLS, where certificates identify us"
             )
         return self
 
@@ -152,23 +229,23 @@ class Control(Section):
 class LogSection(Section):
     """The log, on standard error."""
 
-    format: Literal["console", "json"] = Field("console", description="lines for people, or a JSON object each")
-    level: Literal["debug", "info", "warning", "error"] = Field("info", description="what is worth a line")
+    format: Literal["console", "json"] = Field("console", description="readable lines, or one JSON object per line")
+    level: Literal["debug", "info", "warning", "error"] = Field("info", description="lowest level that is logged")
 
 
 class MetricsSection(Section):
-    """Prometheus, on loopback."""
+    """The Prometheus endpoint, on loopback."""
 
-    port: int | None = Field(None, ge=1, le=65535, description="of 127.0.0.1; none by default")
+    port: int | None = Field(None, ge=1, le=65535, description="port on 127.0.0.1; default: no metrics")
 
 
 class RecordSection(Section):
     """The flight record."""
 
-    folder: Path | None = Field(None, description="where each start begins an MCAP record; none by default")
-    required: bool = Field(True, description="whether a record that cannot be written keeps the vehicle on the ground")
-    rotate_s: float = Field(600.0, ge=10.0, description="a longer flight goes on in a next file")
-    rotate_mb: float = Field(256.0, ge=1.0, description="so does a larger one")
+    folder: Path | None = Field(None, description="folder of the MCAP records, one per start; default: no records")
+    required: bool = Field(True, description="whether an unwritable record keeps the vehicle on the ground")
+    rotate_s: float = Field(600.0, ge=10.0, description="a new file begins after this time")
+    rotate_mb: float = Field(256.0, ge=1.0, description="a new file begins at this size")
 
 
 class Config(Section):
@@ -178,7 +255,7 @@ class Config(Section):
     vehicle: Vehicle
     evader: EvaderSection
     game: GameSection
-    limits: LimitsSection = LimitsSection()
+    limits: Limits = Limits()
     flight: FlightSection = FlightSection()
     preflight: Preflight = Preflight()
     control: Control = Control()
@@ -189,7 +266,7 @@ class Config(Section):
 
     @property
     def speed_limits(self) -> Speeds:
-        """What no command exceeds."""
+        """Speed limits of every command."""
         return self.limits.speeds(self.game.speeds, section="game")
 
     @model_validator(mode="after")
@@ -198,13 +275,13 @@ class Config(Section):
         if self.control.by_tls and self.zenoh.tls_certificate_file is None:
             raise ValueError(
                 f"control.endpoint = {self.control.endpoint!r}: needs zenoh.tls_certificate_file; without mutual TLS "
-                "anybody could command the vehicle"
+                "anyone could command the vehicle"
             )
         low, high = self.limits.floor_m, self.limits.ceiling_m
         if low <= self.flight.takeoff_height_m < low + _ABOVE_THE_FLOOR_M:
             raise ValueError(
                 f"flight.takeoff_height_m = {self.flight.takeoff_height_m:g}: must be {_ABOVE_THE_FLOOR_M:g} m above "
-                f"limits.floor_m = {low:g} at least: a vehicle sinks a little as the game begins"
+                f"limits.floor_m = {low:g} at least: the vehicle sinks slightly when the game begins"
             )
         for key, height_m in (
             ("flight.takeoff_height_m", self.flight.takeoff_height_m),
@@ -218,48 +295,12 @@ class Config(Section):
 
 
 def load_vehicle(path: Path) -> Config:
-    """Read a vehicle file, and the plan that it names; relative names of both count from the vehicle file's folder.
+    """Read a vehicle file and the fence plan it names. Relative names are relative to the vehicle file's folder.
 
     Raises:
-        ConfigError: If either cannot be read or is wrong.
+        ConfigError: If a file cannot be read or is wrong.
     """
-    config = load(Config, path)
-    config = config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})
-    named = config.limits.fence_plan_file
-    if named is None:
-        return config
-    document = config.model_dump(mode="json")
-    corners = corners_deg(path.parent / named)
-    document["limits"] |= {"fence_plan_file": None, "fence_polygon_deg": corners}
-    return parse(Config, document, source=f"{path} with the fence of {named}")
-
-
-def corners_deg(path: Path) -> list[tuple[float, float]]:
-    """Read the one inclusion polygon of a plan: latitude and longitude of each corner.
-
-    Raises:
-        ConfigError: If the file is no plan, or its fence is anything but one inclusion polygon.
-    """
-    said = f"{_KEY} = {str(path)!r}"
-    try:
-        plan = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{said}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise ConfigError(f"{said}: not JSON ({error})") from error
-    fence = plan.get("geoFence") if isinstance(plan, dict) else None
-    if not isinstance(fence, dict):
-        raise ConfigError(f"{said}: has no geoFence; save it from QGroundControl's Plan view with a fence drawn")
-    polygons, circles = (fence.get(key) or [] for key in ("polygons", "circles"))
-    excluded = [one for one in polygons if not (isinstance(one, dict) and one.get("inclusion") is True)]
-    if len(polygons) != 1 or excluded or circles:
-        raise ConfigError(
-            f"{said}: its fence has {len(polygons)} polygons ({len(excluded)} of them not for inclusion) and "
-            f"{len(circles)} circles; exactly one inclusion polygon is wanted (a circle about home is "
-            "limits.fence_radius_m)"
-        )
-    corners: Any = polygons[0].get("polygon")
-    try:
-        return [(float(latitude), float(longitude)) for latitude, longitude in corners]
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{said}: its polygon is no list of latitude and longitude ({error})") from error
+    text = read_text(path)
+    document = with_fence_plan(read_toml(text, path), path.parent)
+    config = parse(Config, document, source=str(path), text=text)
+    return config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})

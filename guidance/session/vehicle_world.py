@@ -24,8 +24,7 @@ from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials, crede
 from guidance.messages import Command, EvaderReport
 from guidance.session.control_bus import ControlBus, OwnerToken
 from guidance.session.orders import Mailbox
-from guidance.session.sections import ON_ZENOH, EvaderSection
-from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderSection
 from guidance.sim.players import EvaderPlayer
 
 _WIRE_LIMIT_S = 5.0

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, Final
 
+from guidance.autopilots import autopilot_named
 from guidance.errors import ConfigError
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Fault, Scenario
 from sitl_mock.errors import ConfigError as MockConfigError
@@ -28,12 +29,10 @@ def fleet(scenario: Scenario) -> dict[str, Any]:
     site, pursuer, evader = scenario.site, scenario.pursuer, scenario.evader
     home_x, home_y = scenario.home_m
     ex, ey = evader.position_m
-    own = _vehicle(PURSUER, pursuer.autopilot, PURSUER_ID, (home_y, home_x, 0.0))
-    if pursuer.autopilot == "px4":
-        own["parameters"] = {
-            "MPC_Z_VEL_MAX_UP": float(pursuer.climb_m_s),
-            "MPC_Z_VEL_MAX_DN": float(pursuer.descent_m_s),
-        }
+    autopilot = autopilot_named(pursuer.autopilot)
+    own = _vehicle(PURSUER, autopilot.mock, PURSUER_ID, (home_y, home_x, 0.0))
+    if parameters := autopilot.mock_speeds(pursuer.speeds):
+        own["parameters"] = dict(parameters)
     return {
         "seed": scenario.seed,
         "home": {

@@ -1,6 +1,6 @@
-"""From a scenario to its game and its players: strategies, with their courses laid out from where the players start.
+"""The game and the players of a scenario: strategies with their courses, and the pilot of the mocked evader.
 
-The evader of a mocked flight is a ground vehicle, commanded over MAVLink like any other, that plays a policy.
+The evader of a mocked flight is a ground vehicle that this process commands over MAVLink.
 """
 
 from dataclasses import dataclass
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 REPEAT_S = 1.0
 
 PURSUER_STREAM, EVADER_STREAM = 1, 2
-"""Streams of random numbers, so that the players of one seed turn independently."""
+"""Random streams of the players. They differ, so both players turn independently with one seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class EvaderSettings:
-    """What the evader plays.
+    """How the evader plays.
 
     Attributes:
-        game: The game it believes in; its own point capture unless told otherwise.
-        strategy: What it plays.
-        target_game_m: The place it wants to reach, in the game frame; None in the PE game.
-        site: Latitude and longitude in degrees and altitude of the game frame's zero.
+        game: The game as the evader knows it.
+        strategy: Its strategy.
+        target_game_m: Its target in the game frame; None in the PE game.
+        site: Latitude and longitude in degrees and altitude of the game frame's origin.
     """
 
     game: Game
@@ -46,7 +46,7 @@ class EvaderSettings:
 
 
 class EvaderPlayer(Protocol):
-    """An evader that this process plays itself."""
+    """An evader that this process plays."""
 
     @property
     def ready(self) -> bool:
@@ -54,20 +54,20 @@ class EvaderPlayer(Protocol):
         ...
 
     def position_game_m(self) -> Vector | None:
-        """Where it is in the game frame, None until it knows."""
+        """Its position in the game frame, None until known."""
         ...
 
     def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
-        """Move on to the present, playing or standing still."""
+        """Advance to `now_s`, playing or standing still."""
         ...
 
     def stop(self) -> None:
-        """The flight is over: disarm."""
+        """End: disarm."""
         ...
 
 
 class EvaderPilot:
-    """Readies the evader's vehicle, waits, and plays once the game has begun."""
+    """Prepares the evader's vehicle, waits for the game, and plays it."""
 
     def __init__(self, link: VehicleLink, settings: EvaderSettings) -> None:
         self._link = link
@@ -79,19 +79,19 @@ class EvaderPilot:
 
     @property
     def ready(self) -> bool:
-        """Armed, guided, and its place on Earth known."""
+        """Whether it is armed, in GUIDED, and its position is known."""
         heartbeat = self.vehicle.last(Heartbeat)
         guided = heartbeat is not None and ROVER.mode_of(heartbeat.custom_mode) is Mode.GUIDED
         return guided and self.vehicle.armed and self.position_game_m() is not None
 
     def position_game_m(self) -> Vector | None:
-        """Where its own telemetry has it in the game frame, None until heard."""
+        """Its position in the game frame from its own telemetry, None until known."""
         frame = self._game_frame()
         local = self.vehicle.last(LocalPosition)
         return None if frame is None or local is None else frame.position_from_ned(local.position_ned_m)
 
     def step(self, now_s: float, pursuer_game_m: Vector | None, *, playing: bool) -> None:
-        """Run one cycle: listen, and either ready the vehicle, or play, or stand still."""
+        """Run one cycle: receive, then prepare the vehicle, play, or stand still."""
         self.messages = self._link.receive()
         self.vehicle = observe(self.vehicle, self.messages)
         if not self.ready:
@@ -106,7 +106,7 @@ class EvaderPilot:
             self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
 
     def stop(self) -> None:
-        """Disarm the vehicle: it stands on the ground."""
+        """Disarm the vehicle."""
         self._link.request(ROVER.disarm())
 
     def _make_ready(self, now_s: float) -> None:
@@ -144,13 +144,13 @@ class EvaderPilot:
 
 
 def site(scenario: Scenario) -> tuple[float, float, Amsl]:
-    """Return where the game frame has its zero: on the evader's plane."""
+    """Return the origin of the game frame, on the evader's plane."""
     where = scenario.site
     return where.latitude_deg, where.longitude_deg, Amsl(where.altitude_amsl_m + scenario.evader.height_m)
 
 
 def speed_set(scenario: Scenario) -> SpeedSet:
-    """Return the pursuer's speeds as the game knows them."""
+    """Return the pursuer's speed set."""
     pursuer = scenario.pursuer
     if pursuer.speed_set == "ball":
         return Ball(pursuer.speed_m_s)
@@ -158,17 +158,17 @@ def speed_set(scenario: Scenario) -> SpeedSet:
 
 
 def standoff(scenario: Scenario) -> StandOff:
-    """Return the terminal disc, its height above the evader's plane."""
+    """Return the terminal disc, with its height above the evader's plane."""
     return StandOff(scenario.standoff.radius_m, scenario.standoff.height_m - scenario.evader.height_m)
 
 
 def game(scenario: Scenario) -> Game:
-    """Return the game of a scenario as the evader, who knows its own speed, plays it in flight."""
+    """Return the game with the evader's true speed, as the evader plays it in flight."""
     return Game(speed_set(scenario), scenario.evader.speed_m_s, standoff=standoff(scenario))
 
 
 def target_game_m(scenario: Scenario) -> Vector | None:
-    """Return the place that the evader wants to reach, in the game frame."""
+    """Return the evader's target in the game frame, None in the PE game."""
     return None if scenario.target is None else (*scenario.target.position_m, 0.0)
 
 
@@ -178,8 +178,8 @@ def pursuer_strategy(scenario: Scenario, start_m: Array, speeds: SpeedSet, seed:
     Args:
         scenario: Policy, course and gain.
         start_m: Starts, (..., 3), m.
-        speeds: The speed set, of numbers (...), m/s.
-        seed: One a row, (...).
+        speeds: Speed set with numbers of shape (...), m/s.
+        seed: Shape (...), one for each row.
     """
     course = _course(scenario.pursuer, scenario, start_m, speeds, seed, PURSUER_STREAM)
     return Strategy(scenario.pursuer.policy, course, scenario.pursuer.navigation_gain)
@@ -191,15 +191,15 @@ def evader_strategy(scenario: Scenario, start_m: Array, speed_m_s: ArrayLike, se
     Args:
         scenario: Policy and course.
         start_m: Starts, (..., 3), m.
-        speed_m_s: One a row, (...).
-        seed: One a row, (...).
+        speed_m_s: Shape (...), one for each row.
+        seed: Shape (...), one for each row.
     """
     course = _course(scenario.evader, scenario, start_m, Ball(speed_m_s), seed, EVADER_STREAM)
     return Strategy(scenario.evader.policy, course)
 
 
 def evader_settings(scenario: Scenario) -> EvaderSettings:
-    """Return the evader's play."""
+    """Return how the evader plays."""
     evader = scenario.evader
     strategy = evader_strategy(scenario, np.array((*evader.position_m, 0.0)), evader.speed_m_s, scenario.seed)
     return EvaderSettings(game(scenario), strategy, target_game_m(scenario), site(scenario))

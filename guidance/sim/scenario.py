@@ -1,6 +1,6 @@
-"""The scenario file: two players, a game and where it is flown. One file for mathematics and for flights.
+"""The scenario file: two players, a game and a site. The same file is computed or flown.
 
-Positions are in the game frame: x east, y north, z up, metres, about the site's point on the evader's plane.
+Positions are in the game frame: x east, y north, z up, in metres about the site, on the evader's plane.
 """
 
 import itertools
@@ -9,8 +9,10 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import ConfigDict, Field, WithJsonSchema, model_validator
 
+from guidance.autopilots import AutopilotName
 from guidance.config import Latitude, Longitude, Section
-from guidance.control import SpeedLimits, Speeds
+from guidance.control import Limits, Speeds
+from guidance.control.limits import Tighter
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 
@@ -22,7 +24,7 @@ PURSUER_ID, EVADER_ID = 1, 2
 """MAVLink system ids of the players."""
 
 BESIDE_M: Final = 2.0
-"""How far beside its start the pursuer takes off."""
+"""Distance from the pursuer's take-off place to its start."""
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_STRATEGIES]})]
@@ -32,7 +34,7 @@ TrackRow = tuple[float, float, float, float]
 
 
 class Site(Section):
-    """Where on Earth the game frame has its zero."""
+    """The origin of the game frame on Earth."""
 
     latitude_deg: Latitude = Field(47.397742, description="north is positive")
     longitude_deg: Longitude = Field(8.545594, description="east is positive")
@@ -40,14 +42,14 @@ class Site(Section):
 
 
 class Player(Section):
-    """What both players share: how they play, where that is a course."""
+    """Keys of both players: the strategy, and the course that some strategies follow."""
 
-    policy: str = Field("optimal", description="what is played")
-    waypoints_m: tuple[Point3 | Point2, ...] = Field((), description='of policy = "waypoints"; then the player stays')
-    turn_every_s: float = Field(5.0, ge=0.5, description='of policy = "random_turns": how often it turns')
-    turn_most_deg: float = Field(90.0, gt=0.0, le=180.0, description="largest turn at a time")
+    policy: str = Field("optimal", description="the player's strategy")
+    waypoints_m: tuple[Point3 | Point2, ...] = Field((), description='of policy = "waypoints"; the last one ends it')
+    turn_every_s: float = Field(5.0, ge=0.5, description='with policy = "random_turns": time between turns')
+    turn_most_deg: float = Field(90.0, gt=0.0, le=180.0, description='with policy = "random_turns": largest turn')
     track: tuple[TrackRow, ...] = Field(
-        (), description='of policy = "recorded": rows of t, x, y, z, or in a file the path of a .csv or .mcap'
+        (), description='of policy = "recorded": rows of t, x, y, z, or a .csv or .mcap file'
     )
 
     @model_validator(mode="after")
@@ -57,84 +59,91 @@ class Player(Section):
             if (self.policy == policy) != given:
                 raise ValueError(
                     f"{key}: {'missing' if not given else 'not allowed'} with policy = {self.policy!r}; "
-                    f"it says where policy = {policy!r} goes"
+                    f"it is the course of policy = {policy!r}"
                 )
         times = [row[0] for row in self.track]
         if any(later <= sooner for sooner, later in itertools.pairwise(times)) or len(times) == 1:
-            raise ValueError("track: needs two rows at least, with times that rise from row to row")
+            raise ValueError("track: needs at least two rows, with increasing times")
         return self
 
 
 class Pursuer(Player):
-    """The vehicle that guidance flies."""
+    """The vehicle that the guidance flies."""
 
-    policy: PursuerPolicy = Field("optimal", description="what it plays")
-    position_m: Point3 = Field(description="where the game begins: x east, y north, z up")
-    speed_m_s: float = Field(gt=0.0, le=30.0, description="level speed that the game is played with")
+    policy: PursuerPolicy = Field("optimal", description="the pursuer's strategy")
+    position_m: Point3 = Field(description="start of the game: x east, y north, z up")
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="horizontal speed in the game")
     speed_set: Literal["ball", "cylinder"] = Field(
-        "ball", description="one speed in all directions (the paper's), or level, up and down apart"
+        "ball", description="one speed in all directions (the paper's), or a climb and a descent rate of its own"
     )
-    climb_m_s: float = Field(3.0, gt=0.0, le=10.0, description="and upwards, of the cylinder")
-    descent_m_s: float = Field(1.5, gt=0.0, le=10.0, description="and downwards, of the cylinder")
+    climb_m_s: float = Field(3.0, gt=0.0, le=10.0, description="climb rate, with the cylinder")
+    descent_m_s: float = Field(1.5, gt=0.0, le=10.0, description="descent rate, with the cylinder")
     navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description='N of policy = "proportional_navigation"')
-    autopilot: Literal["px4", "arducopter"] = Field("px4", description="which one the mock plays in a flight")
+    autopilot: AutopilotName = Field("px4", description="the autopilot that the mock plays in a flight")
     takeoff_height_m: float = Field(10.0, ge=2.0, le=120.0, description="above home")
 
     @property
     def speeds(self) -> Speeds:
-        """What the game is played with."""
+        """The pursuer's speeds in the game."""
         return Speeds(self.speed_m_s, self.climb_m_s, self.descent_m_s)
 
 
 class Evader(Player):
-    """The cooperative evader: a ground vehicle that plays the evader."""
+    """The cooperative evader, a ground vehicle."""
 
-    policy: EvaderPolicy = Field("optimal", description="what it plays")
-    position_m: Point2 = Field(description="where the game begins: x east, y north")
-    height_m: float = Field(0.0, ge=0.0, description="of the evader's own antenna above its plane")
-    speed_m_s: float = Field(gt=0.0, le=30.0, description="that it has")
+    policy: EvaderPolicy = Field("optimal", description="the evader's strategy")
+    position_m: Point2 = Field(description="start of the game: x east, y north")
+    height_m: float = Field(0.0, ge=0.0, description="height of the evader's antenna above its plane")
+    speed_m_s: float = Field(gt=0.0, le=30.0, description="its top speed")
     declared_speed_m_s: float | None = Field(
-        None, gt=0.0, le=30.0, description="that it says it has, which the pursuer believes; speed_m_s if not given"
+        None, gt=0.0, le=30.0, description="top speed that it declares to the pursuer; default: speed_m_s"
     )
 
     @property
     def believed_speed_m_s(self) -> float:
-        """The bound on the evader's speed that the pursuer plays against."""
+        """The top speed that the pursuer assumes."""
         return self.speed_m_s if self.declared_speed_m_s is None else self.declared_speed_m_s
 
 
 class Target(Section):
-    """The place the evader wants to reach."""
+    """The evader's target."""
 
     position_m: Point2 = Field(description="x east, y north")
 
 
 class Standoff(Section):
-    """The terminal set: the disc of this radius around the evader, at this height above the ground."""
+    """The terminal set: a disc around the evader, at a height above the ground."""
 
-    radius_m: float = Field(3.0, gt=0.0, le=100.0, description="R, about the evader")
-    height_m: float = Field(5.0, ge=2.0, le=120.0, description="h, above the ground")
-    tolerance_m: float = Field(0.5, gt=0.0, le=5.0, description="distance from the disc that counts as captured")
+    radius_m: float = Field(3.0, gt=0.0, le=100.0, description="radius R of the disc")
+    height_m: float = Field(5.0, ge=2.0, le=120.0, description="height h of the disc above the ground")
+    tolerance_m: float = Field(0.5, gt=0.0, le=5.0, description="distance from the disc that counts as capture")
 
 
-class Limits(SpeedLimits):
-    """What the flight never leaves: heights above the site, a circle about home (`Scenario.home_m`), and speeds."""
+class ScenarioLimits(Limits):
+    """Limits of a scenario: the vehicle file's keys with wider defaults, and without polygons."""
 
-    fence_radius_m: float = Field(300.0, gt=10.0, description="greatest distance from home")
-    ceiling_m: float = Field(120.0, gt=5.0, description="greatest height")
-    floor_m: float = Field(3.0, ge=1.0, description="lowest height")
+    floor_m: Annotated[float, Tighter(max)] = Field(3.0, ge=1.0, description="lowest height")
+    ceiling_m: Annotated[float, Tighter(min)] = Field(120.0, gt=5.0, description="greatest height")
+    fence_radius_m: Annotated[float, Tighter(min)] = Field(300.0, gt=10.0, description="greatest distance from home")
+
+    @model_validator(mode="after")
+    def _check_polygon(self) -> Self:
+        for key in ("fence_polygon_ne_m", "fence_polygon_deg", "fence_plan_file"):
+            if getattr(self, key) is not None:
+                raise ValueError(f"limits.{key}: not allowed in a scenario; give it in the vehicle file")
+        return self
 
 
 class Sensor(Section):
-    """How the pursuer hears of the evader from engagement on: reports of position and velocity, in all worlds alike."""
+    """How reports of the evader reach the pursuer after engagement, in mathematics and in flights."""
 
-    rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="of reports; as they come if not given")
+    rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="report rate; default: the source's own rate")
     latency_s: float = Field(0.0, ge=0.0, le=5.0, description="from measurement to arrival")
     position_noise_m: float = Field(0.0, ge=0.0, le=50.0, description="standard deviation of each coordinate")
     velocity_noise_m_s: float = Field(0.0, ge=0.0, le=10.0, description="standard deviation of each component")
-    dropout: float = Field(0.0, ge=0.0, lt=1.0, description="share of reports that never arrive")
+    dropout: float = Field(0.0, ge=0.0, lt=1.0, description="share of lost reports")
     outages_s: tuple[tuple[float, float], ...] = Field(
-        (), description="from when to when, after engagement, nothing arrives"
+        (), description="intervals [from, to] after engagement without any report"
     )
 
     @model_validator(mode="after")
@@ -146,28 +155,28 @@ class Sensor(Section):
 
 
 class Wind(Section):
-    """The air's velocity, x east and y north. It moves the pursuer and not the evader.
+    """The wind. It moves the pursuer, not the evader.
 
-    In mathematics it carries the pursuer, whose speed is then an airspeed, and both players know of it. In flight it
-    blows on the vehicle, whose autopilot holds the speed over ground against it, and nobody is told.
+    In mathematics, the pursuer's speed is an airspeed and both players know the wind. In flight, the autopilot holds
+    the ground speed against the wind, and the guidance does not know it.
     """
 
-    velocity_m_s: Point2 = Field((0.0, 0.0), description="x east, y north: where the air goes to")
+    velocity_m_s: Point2 = Field((0.0, 0.0), description="velocity of the air, x east, y north")
 
 
 class Fault(Section):
-    """What goes wrong in a mocked flight: a fault of `sitl-mock list faults`, with its keys."""
+    """A fault in a mocked flight: a kind from `sitl-mock list faults` with its keys."""
 
     model_config = ConfigDict(extra="allow")
 
-    kind: str = Field(description="as `sitl-mock list faults` names it")
-    vehicle: Literal["pursuer", "evader"] = Field("pursuer", description="whose")
-    after: Literal["engaged", "start"] = Field("engaged", description="what at_s counts from")
-    at_s: Annotated[float, Field(ge=0.0)] = Field(0.0, description="when it begins")
-    for_s: Annotated[float, Field(gt=0.0)] | None = Field(None, description="how long it lasts; for good if not given")
+    kind: str = Field(description="a name from `sitl-mock list faults`")
+    vehicle: Literal["pursuer", "evader"] = Field("pursuer", description="the affected vehicle")
+    after: Literal["engaged", "start"] = Field("engaged", description="the moment from which at_s counts")
+    at_s: Annotated[float, Field(ge=0.0)] = Field(0.0, description="start of the fault")
+    for_s: Annotated[float, Field(gt=0.0)] | None = Field(None, description="duration; default: until the end")
 
     def keys(self) -> dict[str, Any]:
-        """The keys that belong to the kind."""
+        """The keys of this kind of fault."""
         return dict(self.model_extra or {})
 
 
@@ -175,7 +184,7 @@ class Scenario(Section):
     """A whole scenario file."""
 
     title: str = Field(description="a few words")
-    description: str = Field("", description="what it shows, and why it is as it is")
+    description: str = Field("", description="purpose and choices of the scenario")
     game: Literal["pe", "tad"] = Field(description="pursuit-evasion, or target-attacker-defender")
     pursuer: Pursuer
     evader: Evader
@@ -183,23 +192,23 @@ class Scenario(Section):
     standoff: Standoff = Standoff()
     sensor: Sensor = Sensor()
     wind: Wind = Wind()
-    fault: tuple[Fault, ...] = Field((), description="what goes wrong in a mocked flight")
+    fault: tuple[Fault, ...] = Field((), description="faults of a mocked flight")
     expect: Expect = Expect()
-    limits: Limits = Limits()
+    limits: ScenarioLimits = ScenarioLimits()
     site: Site = Site()
-    seed: int = Field(0, ge=0, description="of all that is random")
-    time_limit_s: float = Field(300.0, gt=0.0, description="of the game itself, from engagement")
-    hold_s: float = Field(3.0, ge=0.0, description="on station before landing")
+    seed: int = Field(0, ge=0, description="seed of all random numbers")
+    time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
+    hold_s: float = Field(3.0, ge=0.0, description="time on station before landing")
 
     @property
     def home_m(self) -> Point2:
-        """Where the pursuer takes off: south of its start, so that it has somewhere to fly to."""
+        """The pursuer's take-off place, `BESIDE_M` south of its start."""
         x, y, _ = self.pursuer.position_m
         return (x, y - BESIDE_M)
 
     @property
     def speed_limits(self) -> Speeds:
-        """What no command to the pursuer exceeds."""
+        """Speed limits of every command to the pursuer."""
         return self.limits.speeds(self.pursuer.speeds, section="pursuer")
 
     @model_validator(mode="after")
@@ -212,15 +221,15 @@ class Scenario(Section):
                 raise ValueError(
                     f"speed ratio pursuer.speed_m_s / evader.{key} = {self.pursuer.speed_m_s:g} / {speed_m_s:g} = "
                     f"{self.pursuer.speed_m_s / speed_m_s:.3g}{f' with {wind_m_s:g} m/s of wind' if wind_m_s else ''}: "
-                    "must be above 1, with the wind added to the evader's; a slower pursuer is another game"
+                    "must be above 1, with the wind added to the evader's speed; a slower pursuer is another game"
                 )
         if self.evader.height_m >= self.standoff.height_m:
             raise ValueError(
                 f"evader.height_m = {self.evader.height_m:g}: must be below standoff.height_m = "
-                f"{self.standoff.height_m:g}, the height the pursuer never goes below"
+                f"{self.standoff.height_m:g}, the pursuer's lowest height"
             )
         if self.game == "tad" and self.target is None:
-            raise ValueError('target.position_m: missing; game = "tad" needs the place the evader wants to reach')
+            raise ValueError('target.position_m: missing; game = "tad" needs a target')
         if self.game == "pe" and self.target is not None:
             raise ValueError('target: not allowed with game = "pe"; use game = "tad"')
         return self
@@ -233,7 +242,7 @@ class Scenario(Section):
             if policy not in names:
                 raise ValueError(f"{player}.policy = {policy!r}: allowed are {', '.join(names)}")
             if policy == "task_oriented" and self.target is None:
-                raise ValueError(f"{player}.policy = {policy!r}: needs target.position_m, the place to go to")
+                raise ValueError(f"{player}.policy = {policy!r}: needs target.position_m")
         if any(len(point) == 2 for point in self.pursuer.waypoints_m):
             raise ValueError("pursuer.waypoints_m: every point needs x, y and z")
         self.expect.check_all(self.game)

@@ -11,8 +11,8 @@ import numpy as np
 from guidance.files import private_file
 from guidance.flight import State
 from guidance.frames import Vector
+from guidance.session.plan import plan_of
 from guidance.session.result import FlightResult, ending_words
-from guidance.session.spec import plan_of
 from guidance.sim.batch import stack, starts
 from guidance.sim.maths import game_of, moments, opening
 from guidance.sim.outcome import Outcome

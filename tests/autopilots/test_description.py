@@ -1,49 +1,39 @@
-"""The descriptions of the autopilots: each whole, and another one is one more description."""
+"""Descriptions of autopilots: complete, consistent, and one module is enough to add another autopilot."""
 
+import json
 import re
 from dataclasses import replace
 
 import pytest
 
-from guidance.autopilots import ARDUCOPTER, AUTOPILOTS, PX4, Verdict, Wants, autopilot_named
+from guidance.autopilots import ARDUCOPTER, AUTOPILOTS, PX4, Verdict, autopilot_named, register
 from guidance.autopilots.rules import Judgement, Rule
-from guidance.control import Envelope
+from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
+from guidance.game import StandOff
+from guidance.links.opening import Found
 from guidance.preflight import Facts, changes, parameter_names, rows
+from guidance.session.discovery import identify
+from guidance.session.fly_mock import fly_mock
+from guidance.session.new_vehicle_file import vehicle_file
+from guidance.session.plan import plan_of
+from guidance.session.vehicle_file import Config, load_vehicle
+from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import load_scenario
+from tests.preflight.wants import wants_of
 
-WANTS = Wants(
-    speed_m_s=6.0,
-    limit_speed_m_s=6.6,
-    climb_m_s=1.5,
-    descent_m_s=1.0,
-    fence_required=True,
-    fence_radius_m=100.0,
-    ceiling_m=60.0,
-)
+WANTS = wants_of(limit_speed_m_s=6.6, fence_radius_m=100.0)
 
 
-def test_every_autopilot_has_a_handling_that_its_own_limits_allow():
-    for one in (autopilot.handling for autopilot in AUTOPILOTS.values()):
-        servo, approach = one.following.servo, one.following.approach
-        assert servo.acceleration_m_s2 <= one.acceleration_m_s2
-        assert servo.vertical_acceleration_m_s2 <= one.vertical_acceleration_m_s2
-        assert servo.jerk_m_s3 <= one.jerk_m_s3
+def test_every_handling_fits_its_own_limits():
+    for handling in (autopilot.handling for autopilot in AUTOPILOTS.values()):
+        servo, approach, dynamics = handling.following.servo, handling.following.approach, handling.dynamics
+        assert servo.acceleration_m_s2 <= dynamics.acceleration_m_s2
+        assert servo.vertical_acceleration_m_s2 <= dynamics.vertical_acceleration_m_s2
+        assert servo.jerk_m_s3 <= dynamics.jerk_m_s3
         assert approach.braking_m_s2 <= servo.acceleration_m_s2
         assert approach.vertical_braking_m_s2 <= servo.vertical_acceleration_m_s2
-        Envelope(
-            floor_m=3.0,
-            ceiling_m=100.0,
-            speed_m_s=9.0,
-            climb_m_s=3.0,
-            descent_m_s=1.5,
-            acceleration_m_s2=one.acceleration_m_s2,
-            vertical_acceleration_m_s2=one.vertical_acceleration_m_s2,
-            jerk_m_s3=one.jerk_m_s3,
-            yaw_rate_rad_s=0.8,
-            braking_m_s2=one.braking_m_s2,
-            vertical_braking_m_s2=one.vertical_braking_m_s2,
-            reaction_s=one.reaction_s,
-        )
+        Limits().envelope(Speeds(9.0, 3.0, 1.5), dynamics, StandOff(3.0, 5.0))
 
 
 def test_an_autopilot_that_is_not_known_is_refused_by_name():
@@ -61,7 +51,8 @@ def test_every_mode_of_ours_is_told_from_its_number_and_asked_for_by_it(autopilo
 
 
 def _slow_enough(value, wants, _):
-    return Judgement(Verdict.PASS if value >= wants.speed_m_s else Verdict.REFUSE, "the game's speed", wants.speed_m_s)
+    asked_m_s = wants.game_speeds.speed_m_s
+    return Judgement(Verdict.PASS if value >= asked_m_s else Verdict.REFUSE, "the game's speed", asked_m_s)
 
 
 @pytest.fixture
@@ -88,6 +79,38 @@ def test_a_third_autopilot_is_judged_by_its_own_description_alone(third):
     assert (change.name, change.now, change.then) == ("TOP_SPEED", "4 m/s", "6 m/s")
 
 
-def test_a_third_autopilot_is_found_by_its_name_once_it_is_listed(third, monkeypatch):
-    monkeypatch.setattr("guidance.autopilots.AUTOPILOTS", {**AUTOPILOTS, third.name: third})
-    assert autopilot_named("paper") is third
+@pytest.fixture
+def vtol():
+    """A third autopilot, registered from outside the package: PX4's protocol with a name and parameters of its own."""
+    described = replace(PX4, name="px4_vtol", vehicle_types=frozenset({19, 22}), rules=PX4.rules[:3])
+    register(described)
+    yield described
+    del AUTOPILOTS["px4_vtol"]
+
+
+def test_a_registered_autopilot_is_known_everywhere(vtol, tmp_path):
+    assert autopilot_named("px4_vtol") is vtol
+    text = vehicle_file("px4_vtol", name="uav1", url="udpin://127.0.0.1:14540")
+    path = tmp_path / "vtol.toml"
+    path.write_text(text)
+    assert plan_of(load_vehicle(path)).flight.autopilot is vtol
+    assert "px4_vtol" in json.dumps(Config.model_json_schema())
+    assert "px4_vtol" in json.dumps(Scenario.model_json_schema())
+    assert identify(Found(1, 1, 12, 22, armed=False), "udpin://", None) is vtol
+    assert identify(Found(1, 1, 12, 2, armed=False), "udpin://", None) is PX4
+    with pytest.raises(ConfigError, match="is px4, not --autopilot px4_vtol"):
+        identify(Found(1, 1, 12, 2, armed=False), "udpin://", "px4_vtol")
+
+
+@pytest.mark.flight
+def test_a_registered_autopilot_flies_the_mock(vtol, tmp_path):
+    _, scenario = load_scenario("hover_chase")
+    pursuer = scenario.pursuer.model_copy(update={"autopilot": "px4_vtol"})
+    flown = scenario.model_copy(update={"pursuer": pursuer})
+    result = fly_mock(flown, tmp_path, lambda _: None, fast=True, link="pymavlink", port=0)
+    assert result.captured
+
+
+def test_a_second_autopilot_of_the_same_name_is_refused(vtol):
+    with pytest.raises(ConfigError, match="'px4_vtol': another one has this name"):
+        register(replace(vtol, autopilot_id=99))

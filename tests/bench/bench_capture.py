@@ -60,18 +60,18 @@ def strict(settings: FlightSettings) -> FlightSettings:
     limits = replace(
         settings.cycle.envelope, speed_m_s=game.horizontal_m_s, climb_m_s=game.climb_m_s, descent_m_s=game.descent_m_s
     )
-    return replace(settings, cycle=replace(settings.cycle, envelope=limits))
+    return settings.model_copy(update={"cycle": replace(settings.cycle, envelope=limits)})
 
 
 def plain(settings: FlightSettings) -> FlightSettings:
     """The game's velocity goes out as it is; only the limits see it."""
-    return replace(settings, cycle=replace(settings.cycle, following=None))
+    return settings.model_copy(update={"cycle": replace(settings.cycle, following=None)})
 
 
 def pure_pursuit(settings: FlightSettings) -> FlightSettings:
     """The plain loop, pure pursuit for a strategy."""
     settings = plain(settings)
-    return replace(settings, cycle=replace(settings.cycle, strategy=Strategy("pure_pursuit")))
+    return settings.model_copy(update={"cycle": replace(settings.cycle, strategy=Strategy("pure_pursuit"))})
 
 
 FLOWN: Mapping[str, Change] = {

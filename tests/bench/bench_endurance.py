@@ -47,7 +47,7 @@ from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon
 from guidance.session.flight_files import recorded_settings
 from guidance.session.loop import run
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock
 from sitl_mock import MockVehicle

@@ -32,8 +32,8 @@ from guidance.session.control_client import answers, ask, control_key, join_sess
 from guidance.session.daemon import Daemon
 from guidance.session.fly import fly
 from guidance.session.orders import Mailbox
+from guidance.session.plan import plan_of
 from guidance.session.service import reload
-from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import load_vehicle
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld

@@ -26,7 +26,7 @@ from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.linked_flight import LinkedFlight
 from guidance.session.loop import PERIOD_S
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from sitl_mock.vehicle import MockVehicle
 from tests.harness.chase import ORDERS, Runner, hover_chase
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from random import Random
 
 import pytest
@@ -138,9 +138,7 @@ def farthest_beyond_m(autopilot, gust):
     handling, airframe = AUTOPILOTS[autopilot].handling, AIRFRAMES[autopilot]
     envelope = Envelope(
         floor_m=2.0, ceiling_m=60.0, speed_m_s=1.1 * gust.speed_m_s, climb_m_s=2.0, descent_m_s=1.5, yaw_rate_rad_s=1.0,
-        acceleration_m_s2=handling.acceleration_m_s2, vertical_acceleration_m_s2=handling.vertical_acceleration_m_s2,
-        jerk_m_s3=handling.jerk_m_s3, braking_m_s2=handling.braking_m_s2, reaction_s=handling.reaction_s,
-        vertical_braking_m_s2=handling.vertical_braking_m_s2, easing_m_s3=handling.easing_m_s3,
+        **asdict(handling.dynamics),
         fence_margin_m=2.0, **gust.fence(),
     )  # fmt: skip
     asked = (gust.speed_m_s * math.cos(gust.bearing_rad), gust.speed_m_s * math.sin(gust.bearing_rad), 0.0)

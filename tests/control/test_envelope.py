@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Envelope, Polygon, StandOffLimit
-from guidance.control.envelope import Situation, SpeedLimits, Speeds
+from guidance.control.envelope import Situation
+from guidance.control.limits import Limits, Speeds
 from guidance.errors import ConfigError
 from tests.control.scenes import OPEN
 
@@ -38,7 +39,7 @@ def test_a_limit_that_is_no_positive_number_is_refused_by_name(name, value):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"floor_m": 30.0, "ceiling_m": 30.0}, "floor_m = 30.0: allowed is less than ceiling_m = 30.0"),
+        ({"floor_m": 30.0, "ceiling_m": 30.0}, "floor_m = 30.0: must be below ceiling_m = 30.0"),
         ({"floor_m": math.nan}, "floor_m = nan"),
         ({"ceiling_m": math.inf}, "ceiling_m = inf"),
         ({"floor_m": -math.inf}, "floor_m = -inf"),
@@ -224,19 +225,19 @@ def test_outward_is_away_from_the_inside_wherever_the_polygon_lies(angle, north,
 
 def test_speed_limits_are_those_of_the_file_or_a_tenth_above_the_game_s_and_never_below_them():
     game = Speeds(6.0, 3.0, 1.5)
-    assert SpeedLimits().speeds(game, section="game") == pytest.approx((6.6, 3.3, 1.65))
-    given_one = SpeedLimits(speed_m_s=7.0, climb_m_s=3.0).speeds(game, section="game")
+    assert Limits().speeds(game, section="game") == pytest.approx((6.6, 3.3, 1.65))
+    given_one = Limits(speed_m_s=7.0, climb_m_s=3.0).speeds(game, section="game")
     assert given_one == pytest.approx((7.0, 3.0, 1.65))  # as fast as the game is enough
     largest = {"speed_m_s": 33.0, "climb_m_s": 11.0, "descent_m_s": 11.0}
-    assert SpeedLimits(**largest).speeds(game, section="game") == tuple(largest.values())
+    assert Limits(**largest).speeds(game, section="game") == tuple(largest.values())
     for name, value in largest.items():
         for wrong in (0.0, value + 0.5):
             with pytest.raises(ValueError, match=name):
-                SpeedLimits(**{name: wrong})
-    assert SpeedLimits(speed_m_s=0.5).speeds(Speeds(0.4, 3.0, 1.5), section="game").speed_m_s == 0.5
+                Limits(**{name: wrong})
+    assert Limits(speed_m_s=0.5).speeds(Speeds(0.4, 3.0, 1.5), section="game").speed_m_s == 0.5
     words = r"^limits\.descent_m_s = 1\.4: must be at least own\.descent_m_s = 1\.5, "
     with pytest.raises(ValueError, match=words):
-        SpeedLimits(descent_m_s=1.4).speeds(game, section="own")
+        Limits(descent_m_s=1.4).speeds(game, section="own")
 
 
 def test_of_a_situation_that_says_no_more_than_place_and_velocity_nothing_else_is_taken_to_move():

@@ -20,7 +20,7 @@ from guidance.session.daemon import Daemon
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import PERIOD_S, run
 from guidance.session.mission import Conduct, Mission
-from guidance.session.spec import FlightPlan, plan_of
+from guidance.session.plan import FlightPlan, plan_of
 from guidance.sim.mock_files import faults_after
 from guidance.sim.scenario import PURSUER
 from guidance.sim.sensor import SensedEvader
@@ -143,7 +143,7 @@ def plan(case: Case) -> FlightPlan:
         return planned
     cycle = planned.flight.cycle
     envelope = replace(cycle.envelope, fence_polygon=Polygon(case.corners_m))
-    return replace(planned, flight=replace(planned.flight, cycle=replace(cycle, envelope=envelope)))
+    return replace(planned, flight=planned.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)}))
 
 
 class Tape(Recorder):

@@ -39,7 +39,7 @@ def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch):
         plan = planned(case)
         cycle = plan.flight.cycle
         envelope = replace(cycle.envelope, fence_radius_m=1e4)
-        return replace(plan, flight=replace(plan.flight, cycle=replace(cycle, envelope=envelope)))
+        return replace(plan, flight=plan.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)}))
 
     monkeypatch.setattr(flying, "plan", unfenced)
     (violation,) = flown().violations

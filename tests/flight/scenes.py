@@ -64,7 +64,7 @@ QUIET = Certificate(
 
 
 def settings_of(autopilot=PX4, **changes):
-    return replace(SETTINGS, autopilot=autopilot, **changes)
+    return SETTINGS.model_copy(update={"autopilot": autopilot, **changes})
 
 
 def heartbeat(at_s=NOW_S, mode=Mode.HOLD, *, armed=True, autopilot=PX4):

@@ -25,12 +25,13 @@ from tests.flight.scenes import (
     heartbeat,
     home,
     local,
+    settings_of,
     status,
     well,
 )
 
 FLYING = sorted({state for state, event in TRANSITIONS if event is Event.REBOOTED})
-INVITING = replace(SETTINGS, engage_on=EngageOn.PILOT_MODE)
+INVITING = settings_of(engage_on=EngageOn.PILOT_MODE)
 GUIDED = well(heartbeat(mode=Mode.GUIDED))
 
 
@@ -40,7 +41,7 @@ def happens(event, state, **changes):
 
 def test_in_quiet_flight_nothing_happens():
     for state in (State.ENGAGED, State.PAUSED, State.ON_STATION):
-        assert list(events(context(state, vehicle=GUIDED, settings=replace(SETTINGS, settle_s=60.0)))) == []
+        assert list(events(context(state, vehicle=GUIDED, settings=settings_of(settle_s=60.0)))) == []
     assert list(events(context(State.STANDING_BY))) == []
 
 
@@ -91,7 +92,7 @@ def test_a_mode_that_is_not_our_doing_is_another_hand(state, autopilot):
             Event.PILOT,
             state,
             vehicle=well(heartbeat(mode=mode, autopilot=autopilot)),
-            settings=replace(SETTINGS, autopilot=autopilot),
+            settings=settings_of(autopilot),
         )
         assert seen is (mode not in OUR_MODES[state])
 
@@ -158,7 +159,7 @@ def test_the_guided_mode_is_said_by_a_heartbeat_after_the_state_was_entered(at_s
 def test_a_late_loop_pauses_and_one_that_stopped_for_as_long_as_the_autopilot_waits_yields(
     autopilot, dt_s, late, stopped
 ):
-    settings = replace(SETTINGS, autopilot=autopilot)
+    settings = settings_of(autopilot)
     assert happens(Event.LOOP_LATE, State.ENGAGED, dt_s=dt_s, settings=settings) is late
     assert happens(Event.LOOP_STOPPED, State.ENGAGED, dt_s=dt_s, settings=settings) is stopped
 
@@ -231,7 +232,7 @@ def test_an_evader_is_lost_after_its_timeout(silence_s, lost):
 
 def test_done_is_a_matter_of_configuration():
     for after in AfterCapture:
-        settings = replace(SETTINGS, after_capture=after)
+        settings = settings_of(after_capture=after)
         assert happens(Event.DONE, State.ON_STATION, settings=settings) is (after is AfterCapture.RETURN)
 
 
@@ -297,7 +298,7 @@ def test_a_pause_ends_once_everything_was_well_for_a_while(changes, clear):
 def test_a_phase_has_its_own_longest_time(state, limit_s):
     assert not happens(Event.TIMED_OUT, state, since_s=NOW_S - limit_s)
     assert happens(Event.TIMED_OUT, state, since_s=NOW_S - limit_s - 0.01)
-    patient = replace(SETTINGS, limits_s={})
+    patient = settings_of(limits_s={})
     assert not happens(Event.TIMED_OUT, state, since_s=-1e9, settings=patient)
 
 
@@ -315,7 +316,7 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
         "evader_ned_m": (1e3, 0.0, HOME_DOWN_M),
         "envelope": ABOUT_HOME,
         "certificate": QUIET._replace(**flags),
-        "settings": replace(SETTINGS, after_capture=AfterCapture.RETURN),
+        "settings": settings_of(after_capture=AfterCapture.RETURN),
     }
     most_severe = [
         Event.PILOT,

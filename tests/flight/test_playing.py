@@ -1,6 +1,5 @@
 """The flight's step, fed by hand: what is sent while the game is on, what ends it, and when there is silence."""
 
-import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -311,12 +310,12 @@ def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
     assert flown.cycle().state is State.STANDING_BY
 
 
-def test_a_flight_that_says_nothing_of_it_is_flown_so():
+def test_default_settings_of_a_flight():
     said = FlightSettings(autopilot=ARDUCOPTER, cycle=SETTINGS.cycle, takeoff_height_m=10.0)
     assert (said.start_game_m, said.after_capture, said.engage_on) == (None, AfterCapture.HOLD, EngageOn.COMMAND)
-    assert (said.battery_minimum, said.settle_s, said.guarantee_slack_s) == (0.2, 1.0, 0.3)
-    assert (said.reserve, said.farthest_m, said.fence_corners_deg, said.hold_on_rival) == (None, 0.0, None, True)
-    assert (said.longest_chase_s, said.operator_timeout_s, said.operator_return_s) == (math.inf,) * 3
+    assert (said.battery_minimum, said.settle_s, said.guarantee_slack_s) == (0.25, 1.0, 0.3)
+    assert (said.reserve, said.farthest_m, said.hold_on_rival) == (None, 200.0, True)
+    assert (said.longest_chase_s, said.operator_timeout_s, said.operator_return_s) == (None, None, 30.0)
     assert said.limits_s == {
         State.CONNECTING: 30.0,
         State.CHECKING: 90.0,

@@ -13,7 +13,7 @@ from guidance.errors import ConfigError
 from guidance.frames import GameFrame
 from guidance.game import Game, Reason, StandOff, solve
 from guidance.monitor import MonitorMemory, Violation, watch
-from guidance.session.sections import GameSection
+from guidance.session.vehicle_file import GameSection
 from guidance.strategies import StrategyMemory
 from tests.flight.scenes import CYCLE
 

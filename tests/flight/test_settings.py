@@ -5,6 +5,8 @@ import math
 import pytest
 
 from guidance.autopilots import Mode
+from guidance.config import parse
+from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, State
 from guidance.flight.settings import Reserve
@@ -25,32 +27,29 @@ def test_what_is_needed_is_the_way_home_against_the_wind_and_the_descent():
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"wind_m_s": 6.0}, "against such a wind nothing comes home"),
-        ({"wind_m_s": 5.0}, "against such a wind nothing comes home"),
-        ({"endurance_s": 0.0}, "reserve.endurance_s = 0.0"),
-        ({"left": 1.5}, "reserve.left = 1.5"),
-        ({"left": -0.1}, "reserve.left = -0.1"),
-        ({"wind_m_s": -1.0}, "reserve.wind_m_s = -1.0"),
-        ({"landing_speed_m_s": 2e6}, "reserve.landing_speed_m_s = 2000000.0"),
-        ({"return_speed_m_s": 0.0005}, "reserve.return_speed_m_s = 0.0005"),
+        ({"wind_m_s": 6.0}, "cannot fly home against the wind"),
+        ({"wind_m_s": 5.0}, "cannot fly home against the wind"),
+        ({"endurance_s": 0.0}, "endurance_s"),
+        ({"left": 1.5}, "left"),
+        ({"left": -0.1}, "left"),
+        ({"wind_m_s": -1.0}, "wind_m_s"),
+        ({"landing_speed_m_s": 2e6}, "landing_speed_m_s"),
+        ({"return_speed_m_s": 0.0}, "return_speed_m_s"),
     ],
 )
-def test_a_reserve_that_cannot_be_is_refused(wrong, words):
+def test_an_impossible_reserve_is_refused(wrong, words):
     with pytest.raises(ConfigError, match=words):
-        Reserve(**{"endurance_s": 600.0, **wrong})
+        parse(Reserve, {"endurance_s": 600.0, **wrong}, source="reserve")
 
 
-def test_a_reserve_that_says_nothing_of_it_keeps_a_tenth_and_knows_no_wind():
-    assert Reserve(endurance_s=600.0) == Reserve(
-        endurance_s=600.0, left=0.1, return_speed_m_s=5.0, landing_speed_m_s=0.7, wind_m_s=0.0
-    )
-    assert Reserve(endurance_s=0.5, left=0.0, wind_m_s=0.0).needed(0.0, 0.0) == 0.0
-    assert Reserve(endurance_s=2.0, left=1.0, return_speed_m_s=2.0, wind_m_s=1.9).needed(0.0, 0.0) == 1.0
+def test_the_reserve_needed_is_at_least_what_is_left_and_at_most_a_full_charge():
+    assert Reserve(endurance_s=0.5, left=0.0).needed(0.0, 0.0) == 0.0
+    assert Reserve(endurance_s=2.0, left=0.99).needed(100.0, 0.0) == 1.0
     assert RESERVE.needed(math.inf, 0.0) == RESERVE.needed(math.nan, 0.0) == 1.0
 
 
 def test_a_certificate_says_what_it_takes_to_come_home_from_here_where_that_is_reckoned():
-    reckoned, fixed = Flown(settings_of(reserve=RESERVE, farthest_m=100.0)), Flown()
+    reckoned, fixed = Flown(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0))), Flown()
     for flown in (reckoned, fixed):
         flown.position[0] = 60.0
         flown.engaged(evader=(120.0, 0.0)).cycle()
@@ -60,7 +59,7 @@ def test_a_certificate_says_what_it_takes_to_come_home_from_here_where_that_is_r
 
 def held(away_m, battery, **changes):
     """A flight that stands by, so far from home, with so much battery."""
-    flight = Flight(settings_of(reserve=RESERVE, farthest_m=100.0, **changes))
+    flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0), **changes))
     flight.state = State.STANDING_BY
     said = [heartbeat(NOW_S), local(NOW_S, (away_m, 0.0, -14.0)), Attitude(NOW_S, NOW_S, 0.0), LandedState(NOW_S, 2)]
     flight.step(Inputs(NOW_S, [home(NOW_S), *said, status(NOW_S, battery)]))
@@ -83,7 +82,7 @@ def test_without_a_reserve_the_fixed_share_holds_wherever_it_is():
 
 
 def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
-    flight = Flight(settings_of(reserve=RESERVE, farthest_m=300.0))
+    flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     needed = RESERVE.needed(300.0, 10.0)
     for battery, passed in ((needed - 0.01, False), (needed + 0.01, True)):
         flight.step(Inputs(NOW_S + battery, [heartbeat(NOW_S, Mode.HOLD, armed=False), status(NOW_S, battery)]))
@@ -91,9 +90,9 @@ def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
 
 
 def test_before_a_flight_or_without_a_place_the_way_home_is_reckoned_from_the_edge_of_the_fence():
-    flown = Flown(settings_of(reserve=RESERVE, farthest_m=300.0))
+    flown = Flown(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     flown.cycles(0.1)
     assert flown.flight.battery_needed == RESERVE.needed(300.0, 10.0)
-    lost = Flight(settings_of(reserve=RESERVE, farthest_m=300.0))
+    lost = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     lost.state = State.STANDING_BY
     assert lost.battery_needed == RESERVE.needed(300.0, 10.0)

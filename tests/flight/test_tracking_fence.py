@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs
 from guidance.flight.tracking import polygon_about_home
@@ -32,7 +33,7 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
     assert [place for corner in made for place in corner] == pytest.approx(
         [place for corner in SQUARE_M for place in corner], abs=1e-3
     )
-    flight = Flight(settings_of(autopilot, fence_corners_deg=corners_deg))
+    flight = Flight(settings_of(autopilot, limits=Limits.model_construct(fence_polygon_deg=corners_deg)))
     origin = Origin(50.0, frame.latitude_deg, frame.longitude_deg, 488.0)
     flight.step(Inputs(50.0, [heartbeat(50.0, autopilot=autopilot), origin, home, local(50.0)]))
     envelope = flight._heard.cycle.envelope
@@ -46,7 +47,7 @@ def test_a_home_that_is_set_anew_takes_heights_along_on_the_ground_only_and_leav
     armed, flown_by
 ):
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=SETTINGS.autopilot.projection)
-    flight = Flight(settings_of(fence_corners_deg=on_the_map(frame, (0.0, 0.0, 0.0))))
+    flight = Flight(settings_of(limits=Limits.model_construct(fence_polygon_deg=on_the_map(frame, (0.0, 0.0, 0.0)))))
     origin = Origin(50.0, 47.397742, 8.545594, 488.0)
     homes = [(0.0, 0.0, 0.0), (10.0, 20.0, -3.0)]
     for n, home_ned_m in enumerate(homes):
@@ -62,7 +63,7 @@ def test_a_home_that_is_set_anew_takes_heights_along_on_the_ground_only_and_leav
 def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
     told = LocalFrame(47.4, 8.55, Amsl(488.0), projection=SETTINGS.autopilot.projection)
     home_ned_m = told.ned_from_wgs84(47.397742, 8.545594, Amsl(488.0))
-    flight = Flight(settings_of(fence_corners_deg=on_the_map(told, home_ned_m)))
+    flight = Flight(settings_of(limits=Limits.model_construct(fence_polygon_deg=on_the_map(told, home_ned_m))))
     home = Home(50.0, 47.397742, 8.545594, 488.0, home_ned_m)
     flight.step(Inputs(50.0, [heartbeat(50.0), home, local(50.0)]))
     before = flight._heard.cycle.envelope.fence_polygon

@@ -50,7 +50,7 @@ def test_the_real_px4s_home_wandered_meanwhile():
 
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopilot):
-    flight = Flight(replace(SETTINGS, autopilot=autopilot))
+    flight = Flight(settings_of(autopilot))
     origin = next(one for one in messages(autopilot.name, autopilot.autopilot_id) if isinstance(one, Origin))
     frame = LocalFrame(
         origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=autopilot.projection

@@ -19,7 +19,7 @@ from guidance.messages import EvaderReport, Setpoint
 from guidance.monitor import Alarm
 from guidance.session.linked_flight import LinkedFlight
 from guidance.session.loop import PERIOD_S
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import load_scenario
 from sitl_mock.vehicle import MockVehicle
@@ -252,7 +252,7 @@ class Chase(Sortie):
         turn_at_m: float = -math.inf,
         turned: float = 1.0,
     ) -> None:
-        settings = change(replace(plan_of(scenario=scenario).flight, after_capture=AfterCapture.SHADOW))
+        settings = change(plan_of(scenario=scenario).flight.model_copy(update={"after_capture": AfterCapture.SHADOW}))
         self.chased = Chased()
         self.vehicle = _vehicle(scenario)
         alter(self.vehicle)

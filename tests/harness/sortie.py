@@ -11,7 +11,7 @@ from guidance.flight import Event, Flight, State
 from guidance.messages import LocalPosition
 from guidance.session.linked_flight import LinkedFlight
 from guidance.session.loop import PERIOD_S
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.copies import Flown

@@ -12,8 +12,8 @@ from guidance.session.loop import World
 from guidance.session.metrics import Metrics
 from guidance.session.mission import Conduct, Mission
 from guidance.session.orders import Mailbox
+from guidance.session.plan import FlightPlan
 from guidance.session.process import Notifier
-from guidance.session.spec import FlightPlan
 from guidance.sim.scenario import Scenario
 from tests.harness.sortie import Sortie
 

@@ -21,7 +21,7 @@ from pymavlink.dialects.v20 import all as dialect
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.control import Polygon
+from guidance.control import Limits, Polygon
 from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
@@ -261,7 +261,7 @@ def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
         settings = replace(settings, cycle=cycle)
     else:
         corners = corners_deg if given == "degrees" else corners_deg[::-1]
-        settings = replace(settings, fence_corners_deg=corners)
+        settings = settings.model_copy(update={"limits": Limits(fence_polygon_deg=corners)})
     (fence,) = [one for one in features_of(flight[1], settings) if one.name == "fence, polygon"]
     drawn = {(round(latitude, 9), round(longitude, 9)) for longitude, latitude, _ in fence.places}
     assert drawn == {(round(latitude, 9), round(longitude, 9)) for latitude, longitude in corners_deg}

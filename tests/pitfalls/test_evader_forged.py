@@ -22,7 +22,7 @@ from guidance.links.evaders.opening import ZENOH
 from guidance.session.daemon import Daemon
 from guidance.session.loop import run
 from guidance.session.mission import Mission
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld

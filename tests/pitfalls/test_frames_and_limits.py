@@ -7,7 +7,7 @@ import pytest
 
 from guidance.flight import Event, State
 from guidance.messages import GlobalPosition, LocalPosition
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from sitl_mock.world import Home
 from tests.harness.sortie import SHORT
 
@@ -155,7 +155,7 @@ def test_25_an_evader_beyond_the_fence_is_pursued_only_to_the_fence(sortie, auto
     far = far.model_copy(update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})})
     settings = plan_of(scenario=far).flight
     envelope = dataclasses.replace(settings.cycle.envelope, fence_radius_m=30.0)
-    fenced = dataclasses.replace(settings, cycle=dataclasses.replace(settings.cycle, envelope=envelope))
+    fenced = settings.model_copy(update={"cycle": dataclasses.replace(settings.cycle, envelope=envelope)})
     flight = sortie(autopilot, scenario=far, settings=fenced).engaged().run(25.0)
     position = flight.mock.truth.position_ned_m
     assert math.hypot(*position[:2]) <= 30.0

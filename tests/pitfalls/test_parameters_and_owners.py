@@ -1,27 +1,18 @@
 """Pitfalls 5, 6, 9, 24, 29: what the autopilot is set to, who starts the game, and who else is talking."""
 
-import dataclasses
-
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import autopilot_named
 from guidance.flight import EngageOn, Event, State
-from guidance.preflight import Facts, Verdict, Wants, refusals, rows
+from guidance.preflight import Facts, Verdict, refusals, rows
 from sitl_mock import MockVehicle
+from tests.preflight.wants import wants_of
 
 pytestmark = pytest.mark.flight
 
 
-WANTS = Wants(
-    speed_m_s=6.0,
-    limit_speed_m_s=9.0,
-    climb_m_s=2.0,
-    descent_m_s=1.5,
-    fence_required=False,
-    fence_radius_m=200.0,
-    ceiling_m=60.0,
-)
+WANTS = wants_of(fence_required=False)
 
 
 def judged(autopilot, **changed):
@@ -58,7 +49,7 @@ def test_06_the_exceptions_to_radio_loss_are_read_bit_by_bit(bits, words):
 
 
 def with_pilot_start(settings):
-    return dataclasses.replace(settings, engage_on=EngageOn.PILOT_MODE)
+    return settings.model_copy(update={"engage_on": EngageOn.PILOT_MODE})
 
 
 def test_09_a_pilots_switch_to_offboard_begins_the_game_where_that_is_configured(sortie):

@@ -1,29 +1,26 @@
 """The uploaded fence: read from the mock over its wire, and judged against ours."""
 
 import json
-import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.autopilots import autopilot_named
-from guidance.frames import Amsl, LocalFrame, MapProjection
+from guidance.autopilots import PX4, autopilot_named
+from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Heartbeat, Home, Origin
-from guidance.preflight import Facts, PreflightMemory, Verdict, Wants, rows
+from guidance.preflight import Facts, PreflightMemory, Verdict, rows
 from guidance.preflight.fence import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
 from guidance.vehicle import VehicleState, observe
 from sitl_mock import MockVehicle
+from tests.preflight.wants import wants_of
 
 HERE = (47.397742, 8.545594)
-FRAME = LocalFrame(*HERE, Amsl(488.0), Amsl(488.0), projection=MapProjection.PX4)
-WANTS = Wants(
-    speed_m_s=6.0, limit_speed_m_s=9.0, climb_m_s=2.0, descent_m_s=1.5, fence_required=True, fence_radius_m=100.0,
-    ceiling_m=60.0, fence_circle_m=100.0,
-)  # fmt: skip
+FRAME = LocalFrame(*HERE, Amsl(488.0), Amsl(488.0), projection=PX4.projection)
+WANTS = wants_of(fence_radius_m=100.0)
 SET = {
     "px4": {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 0.0, "GF_MAX_VER_DIST": 70.0},
     "arducopter": {
@@ -63,20 +60,16 @@ def judged(uploaded, *, autopilot="px4", wants=WANTS, **parameters):
         ("px4", (WIDE, TIGHT), "polygon of 4, polygon of 4", "pass"),  # within one is enough for PX4
         ("arducopter", (WIDE, TIGHT), "polygon of 4, polygon of 4", "refuse"),
         ("arducopter", (WIDE, DISC), "polygon of 4, circle of 120 m", "pass"),
-        ("px4", (POND,), "circle of 20 m to stay out of", "refuse"),
-        ("px4", (WIDE, POND), "polygon of 4, circle of 20 m to stay out of", "refuse"),
+        ("px4", (POND,), "excluded circle of 20 m", "refuse"),
+        ("px4", (WIDE, POND), "polygon of 4, excluded circle of 20 m", "refuse"),
     ],
 )
 def test_an_uploaded_fence_that_would_act_inside_ours_is_refused(autopilot, areas, value, verdict):
     row = judged(Uploaded(areas), autopilot=autopilot)["uploaded fence"]
     assert (row.value, str(row.verdict)) == (value, verdict)
-    assert ("it would act inside ours, as at" in row.advice) is (verdict == "refuse")
-    required = judged(Uploaded(areas), autopilot=autopilot, wants=replaced(WANTS, fence_required=False))
+    assert ("it acts inside our fence at" in row.advice) is (verdict == "refuse")
+    required = judged(Uploaded(areas), autopilot=autopilot, wants=wants_of(fence_required=False, fence_radius_m=100.0))
     assert required["uploaded fence"].verdict is not Verdict.REFUSE
-
-
-def replaced(wants, **changes):
-    return Wants(**{name: getattr(wants, name) for name in wants.__slots__} | changes)
 
 
 def test_what_was_not_read_or_cannot_be_is_said_to_be_unknown():
@@ -126,7 +119,7 @@ def test_arducopter_needs_a_height_and_a_circle_or_an_uploaded_polygon(fence_typ
 
 
 def test_a_fence_by_degrees_reaches_as_far_as_it_does_about_home():
-    wants = replaced(WANTS, fence_circle_m=None, fence_radius_m=math.inf, fence_corners_deg=square(80.0))
+    wants = wants_of(fence_radius_m=None, fence_polygon_deg=square(80.0))
     found = judged(Uploaded((WIDE,)), wants=wants, GF_MAX_HOR_DIST=110.0)
     assert found["GF_MAX_HOR_DIST"].verdict is Verdict.REFUSE
     assert "at least 113.137 m" in found["GF_MAX_HOR_DIST"].wanted
@@ -134,9 +127,9 @@ def test_a_fence_by_degrees_reaches_as_far_as_it_does_about_home():
     assert found["home in our fence"].verdict is Verdict.PASS
     tight = Area(inclusion=True, corners_deg=square(79.0))
     assert judged(Uploaded((tight,)), wants=wants)["uploaded fence"].verdict is Verdict.REFUSE
-    elsewhere = replaced(wants, fence_corners_deg=square(80.0, 500.0))
+    elsewhere = wants_of(fence_radius_m=None, fence_polygon_deg=square(80.0, 500.0))
     assert judged(Uploaded(()), wants=elsewhere)["home in our fence"].verdict is Verdict.REFUSE
-    both = replaced(WANTS, fence_corners_ne_m=((-200.0, -200.0), (-200.0, 200.0), (200.0, 0.0)))
+    both = wants_of(fence_radius_m=100.0, fence_polygon_ne_m=((-200.0, -200.0), (-200.0, 200.0), (200.0, 0.0)))
     assert judged(Uploaded((DISC,)), wants=both)["uploaded fence"].verdict is Verdict.PASS
 
 

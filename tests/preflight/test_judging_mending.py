@@ -5,19 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS, PX4, autopilot_named
-from guidance.preflight import Facts, Verdict, Wants, changes, parameter_names, rows
+from guidance.preflight import Facts, Verdict, changes, parameter_names, rows
 from guidance.preflight.fence import Uploaded
 from sitl_mock import MockVehicle
+from tests.preflight.wants import wants_of
 
-WANTS = Wants(
-    speed_m_s=6.0,
-    limit_speed_m_s=6.6,
-    climb_m_s=2.0,
-    descent_m_s=1.5,
-    fence_required=True,
-    fence_radius_m=200.0,
-    ceiling_m=60.0,
-)
+WANTS = wants_of(limit_speed_m_s=6.6)
 
 
 def defaults(autopilot):

@@ -1,22 +1,13 @@
-import math
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.autopilots import ARDUCOPTER, PX4, autopilot_named
-from guidance.preflight import Facts, Verdict, Wants, parameter_names, refusals, rows
+from guidance.preflight import Facts, Verdict, parameter_names, refusals, rows
 from sitl_mock import MockVehicle
+from tests.preflight.wants import wants_of
 
-WANTS = Wants(
-    speed_m_s=6.0,
-    limit_speed_m_s=9.0,
-    climb_m_s=2.0,
-    descent_m_s=1.5,
-    fence_required=True,
-    fence_radius_m=200.0,
-    ceiling_m=60.0,
-)
+WANTS = wants_of()
 SAFE = {
     "px4": {
         "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 0, "COM_RC_OVERRIDE": 3, "NAV_RCL_ACT": 2,
@@ -116,11 +107,7 @@ def test_every_rule(autopilot, name, value, verdict, words):
     ],
 )
 def test_a_fence_that_is_not_required_is_warned_of_and_not_refused(autopilot, name, value):
-    optional = Wants(
-        speed_m_s=6.0, limit_speed_m_s=9.0, climb_m_s=2.0, descent_m_s=1.5, fence_required=False,
-        fence_radius_m=200.0, ceiling_m=60.0,
-    )  # fmt: skip
-    assert row_of(autopilot, name, value, optional).verdict is Verdict.WARN
+    assert row_of(autopilot, name, value, wants_of(fence_required=False)).verdict is Verdict.WARN
 
 
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
@@ -179,4 +166,3 @@ def test_profiles_differ_in_what_is_asked():
     assert "COM_OF_LOSS_T" in parameter_names(PX4)
     assert "GUID_TIMEOUT" in parameter_names(ARDUCOPTER)
     assert not set(parameter_names(PX4)) & set(parameter_names(ARDUCOPTER))
-    assert math.isfinite(WANTS.origin_distance_limit_m)

@@ -1,12 +1,11 @@
 """Frames, datum, rates and the survey that gathers them."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4
-from guidance.frames import Amsl, LocalFrame, MapProjection
+from guidance.frames import Amsl, LocalFrame
 from guidance.messages import (
     Attitude,
     EvaderReport,
@@ -22,16 +21,14 @@ from guidance.messages import (
     PositionTarget,
     SystemStatus,
 )
-from guidance.preflight import Facts, PreflightMemory, Verdict, Wants, rows
+from guidance.preflight import Facts, PreflightMemory, Verdict, rows
 from guidance.preflight.survey import ASK_AGAIN_S
 from guidance.vehicle import VehicleState, observe
+from tests.preflight.wants import wants_of
 
-WANTS = Wants(
-    speed_m_s=6.0, limit_speed_m_s=9.0, climb_m_s=2.0, descent_m_s=1.5, fence_required=True, fence_radius_m=200.0,
-    ceiling_m=60.0,
-)  # fmt: skip
+WANTS = wants_of()
 ORIGIN = Origin(0.0, 47.397742, 8.545594, 488.0)
-FRAME = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=MapProjection.PX4)
+FRAME = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=PX4.projection)
 REST = (0.0, 0.0, 0.0)
 
 
@@ -177,7 +174,7 @@ def test_the_evaders_last_altitude_is_kept():
 @pytest.mark.parametrize(("left", "verdict"), [(0.34, Verdict.REFUSE), (0.36, Verdict.PASS), (math.nan, Verdict.WARN)])
 def test_the_battery_has_to_bring_it_home_from_the_edge_of_the_fence(left, verdict):
     vehicle = observe(vehicle_at(), [SystemStatus(0.0, 0, 0, left)])
-    found = rows(Facts(vehicle=vehicle, evader_amsl_m=488.0), PX4, replace(WANTS, battery_needed=0.35))
+    found = rows(Facts(vehicle=vehicle, evader_amsl_m=488.0), PX4, wants_of(battery_needed=0.35))
     (row,) = [row for row in found if row.name == "battery reserve"]
     assert (row.verdict, row.wanted) == (verdict, "35% at least, to come home from the edge of the fence")
     assert "battery reserve" not in verdicts(vehicle)

@@ -18,8 +18,8 @@ from guidance.links.wires.shared import TappedWire
 from guidance.session.daemon import Daemon
 from guidance.session.metrics import Metrics
 from guidance.session.orders import Mailbox
+from guidance.session.plan import plan_of
 from guidance.session.process import Notifier
-from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
 from sitl_mock.mavlink import Signing

@@ -17,7 +17,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.preflight import refusals
 from guidance.session.checkup import Checkup
 from guidance.session.log import Log
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import MockVehicle
 from sitl_mock.child import running

@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.monitor import Alarm, Violation
 from guidance.session.orders import WORDS
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 
 FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}

@@ -14,8 +14,8 @@ from guidance.flight import State
 from guidance.log.writer import Recorder
 from guidance.session.daemon import Daemon
 from guidance.session.fly import fly
+from guidance.session.plan import plan_of
 from guidance.session.service import reload
-from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR

@@ -15,7 +15,7 @@ from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
 from guidance.log.writer import BackgroundRecorder, Recorder
 from guidance.session.flight_files import daemon_recording, recorded_settings
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 
 

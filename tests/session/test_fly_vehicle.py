@@ -23,10 +23,9 @@ from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.fly_vehicle import laid_about
-from guidance.session.merging import config_of
 from guidance.session.mission import Conduct
+from guidance.session.plan import config_of, plan_of
 from guidance.session.result import outcome_of_flight
-from guidance.session.spec import plan_of
 from guidance.session.vehicle_world import VehicleWorld
 from guidance.sim.scenario import EVADER_ID, Scenario
 from guidance.sim.sensor import SensedEvader
@@ -201,7 +200,7 @@ def test_an_arducopter_that_has_just_been_switched_on_is_waited_for(sortie):
     assert flown.state is State.ARMING
     assert world.now_s() > 35.0
     waited = {one.waiting for one in (*world.shown, *flown.shown) if one.waiting}
-    assert any("not heard" in words or "the autopilot's own checks fail" in words for words in waited), waited
+    assert any("not received" in words or "the autopilot's own checks fail" in words for words in waited), waited
 
 
 def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(sortie):
@@ -218,7 +217,7 @@ def test_a_vehicle_that_does_not_know_its_place_is_given_up():
     world = World()
     world.sleep_until(0.1)
     world.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["HOME_POSITION"], "direction": "out"})
-    with pytest.raises(FlightError, match=r"not ready within 6 s: HOME_POSITION not heard.*Nothing was armed"):
+    with pytest.raises(FlightError, match=r"not ready within 6 s: HOME_POSITION not received.*Nothing was armed"):
         world.meet(within_s=6.0)
     assert world.ordered() == []
 
@@ -229,7 +228,7 @@ def test_a_vehicle_that_another_hand_has_armed_is_refused(autopilot):
     world.sleep_until(4.0)
     guided = world.profile.set_mode(world.profile.arming_mode)
     world.by_hand(guided, world.profile.arm(), until=lambda: world.vehicle.armed)
-    with pytest.raises(FlightError, match="armed already, by another hand: disarm it first; nothing was ordered"):
+    with pytest.raises(FlightError, match="armed by someone else: disarm it first; nothing was ordered"):
         world.meet()
     assert world.ordered() == []
 
@@ -291,10 +290,14 @@ def test_whoever_ends_the_run_in_flight_has_the_vehicle_landed(sortie):
     [
         (PX4_FOUND._replace(autopilot=3), "px4", r"is arducopter, not --autopilot px4"),
         (PX4_FOUND, "arducopter", r"is px4, not --autopilot arducopter"),
-        (PX4_FOUND, "copter", r"--autopilot copter: allowed are px4, arducopter"),
-        (PX4_FOUND._replace(autopilot=4), None, r"MAV_AUTOPILOT 4; flown are px4 \(12\) and arducopter \(3\)"),
-        (PX4_FOUND._replace(autopilot=3, vehicle_type=10), None, "MAV_TYPE 10: only multicopters are flown"),
-        (PX4_FOUND._replace(vehicle_type=1), None, "MAV_TYPE 1: only multicopters are flown"),
+        (PX4_FOUND, "copter", "autopilot = 'copter': allowed are px4, arducopter"),
+        (PX4_FOUND._replace(autopilot=4), None, r"MAV_AUTOPILOT 4; supported are px4 \(12\) and arducopter \(3\)"),
+        (
+            PX4_FOUND._replace(autopilot=3, vehicle_type=10),
+            None,
+            "MAV_TYPE 10: arducopter is flown as a multicopter only",
+        ),
+        (PX4_FOUND._replace(vehicle_type=1), None, "MAV_TYPE 1: px4 is flown as a multicopter only"),
     ],
 )
 def test_an_autopilot_that_is_not_flown_or_not_meant_is_refused(found, asked, words):

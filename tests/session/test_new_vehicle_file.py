@@ -5,11 +5,12 @@ import tomllib
 import pytest
 from typer.testing import CliRunner
 
+from guidance.autopilots import AUTOPILOTS
 from guidance.cli import app
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found
-from guidance.session.new_vehicle_file import LIMITS, Surveyed, survey, vehicle_file, write_new
+from guidance.session.new_vehicle_file import Surveyed, survey, vehicle_file, write_new
 from guidance.session.vehicle_file import Config, load_vehicle
 
 QUADROTOR = 2
@@ -52,7 +53,7 @@ def test_centimetres_are_read_as_such_and_a_fence_that_is_off_is_said():
     assert "#   GF_MAX_VER_DIST    not told" in text
 
 
-@pytest.mark.parametrize("autopilot", LIMITS)
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_without_a_vehicle_the_file_is_the_one_that_comes_along(autopilot, tmp_path):
     out = tmp_path / "uav.toml"
     done = CliRunner().invoke(app, ["init", "--autopilot", autopilot, "--out", str(out)])
@@ -76,12 +77,12 @@ def test_nothing_is_overwritten_and_nothing_is_guessed(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flavour", LIMITS)
+@pytest.mark.parametrize("flavour", AUTOPILOTS)
 def test_the_limits_of_a_vehicle_that_runs_are_read(flavour, mock_vehicle):
     vehicle = mock_vehicle(flavour, over=["udp"], ready_after_s=0.5)
     surveyed = survey(vehicle.udp)
     assert surveyed.autopilot == flavour
-    assert set(surveyed.parameters) == {limit.parameter for limit in LIMITS[flavour]}
+    assert set(surveyed.parameters) == {bound.parameter for bound in AUTOPILOTS[flavour].bounds}
     assert read_file(vehicle_file(flavour, name="uav1", url=vehicle.udp, surveyed=surveyed)).vehicle.url == vehicle.udp
     with pytest.raises(ConfigError, match="not --autopilot"):
         survey(vehicle.udp, "arducopter" if flavour == "px4" else "px4")

@@ -10,8 +10,8 @@ from guidance.config import config_folder, find, load, parse
 from guidance.errors import ConfigError
 from guidance.flight import AfterCapture, EngageOn, State
 from guidance.game import Ball, Cylinder
+from guidance.session.plan import plan_of
 from guidance.session.service import reload
-from guidance.session.spec import plan_of
 from guidance.session.vehicle_file import Config, load_vehicle
 
 TRIANGLE = [[47.397, 8.545], [47.399, 8.545], [47.399, 8.548]]
@@ -29,7 +29,7 @@ def read(vehicle_document):
     [
         ({"nmae": "uav1"}, "nmae: unknown key; did you mean 'name'?"),
         ({"name": "two words"}, "name = 'two words'"),
-        ({"vehicle": {"autopilot": "betaflight"}}, "vehicle.autopilot = 'betaflight': must be 'px4' or"),
+        ({"vehicle": {"autopilot": "betaflight"}}, "vehicle.autopilot = 'betaflight': must be one of px4, arducopter"),
         ({"vehicle": {"link": "pigeon"}}, "vehicle.link = 'pigeon': must be 'mavsdk' or 'pymavlink'"),
         ({"vehicle": {"url": "udp://:14540"}}, "vehicle.url = 'udp://:14540': udp:// does not say who calls"),
         ({"vehicle": {"url": "udpin://:14540"}}, "vehicle.url = 'udpin://:14540': a host and a port are needed"),
@@ -37,11 +37,11 @@ def read(vehicle_document):
         ({"evader": {"url": "tcp://h:1"}}, "evader.url = 'tcp://h:1': tcp:// does not say who calls whom"),
         (
             {"evader": {"kind": "json", "url": "udpin://127.0.0.1:14560"}},
-            "evader.url = 'udpin://127.0.0.1:14560': kind = \"json\" comes over Zenoh: allowed is zenoh://host:port/key",
+            "evader.url = 'udpin://127.0.0.1:14560': kind = \"json\" arrives over Zenoh: must be zenoh://host:port/key",
         ),
-        ({"evader": {"kind": "ros_pose", "url": "zenoh://127.0.0.1:7447"}}, "allowed is zenoh://host:port/key"),
+        ({"evader": {"kind": "ros_pose", "url": "zenoh://127.0.0.1:7447"}}, "must be zenoh://host:port/key"),
         ({"vehicle": {"system_id": 0}}, "vehicle.system_id = 0: must be greater than or equal to 1"),
-        ({"vehicle": {"speed": 5.0}}, "vehicle.speed: unknown key; known here: autopilot"),
+        ({"vehicle": {"speed": 5.0}}, "vehicle.speed: unknown key; allowed here: autopilot"),
         ({"vehicle": {"link": "mavsdk", "signing_key_file": "key"}}, "MAVSDK does not sign"),
         ({"vehicle": {"connect_timeout_s": 0.0}}, "vehicle.connect_timeout_s = 0.0"),
         ({"evader": {"kind": "radar"}}, "evader.kind = 'radar'"),
@@ -60,17 +60,17 @@ def read(vehicle_document):
         ({"game": {"kind": "tad", "target": {"latitude_deg": 97.0, "longitude_deg": 8.0}}}, "latitude_deg = 97.0"),
         ({"game": {"standoff_height_m": 2.0}}, "game.standoff_height_m = 2: allowed is limits.floor_m = 3"),
         ({"limits": {"floor_m": 60.0}}, "limits.floor_m = 60: must be below limits.ceiling_m"),
-        ({"limits": {"fence_radius_m": None}}, "no flight is unfenced"),
+        ({"limits": {"fence_radius_m": None}}, "every flight needs a fence"),
         ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.001, 8.0]]}}, "fence_polygon has 2 corners"),
         ({"limits": {"fence_polygon_deg": []}}, "limits.fence_polygon_deg has 0 corners"),
         ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.0, 8.0], [47.001, 8.0]]}}, "is shorter than 0.01 m"),
         ({"limits": {"fence_polygon_deg": [[47.0, 8.0], [47.1, 8.5], [8.0, 47.0]]}}, "and longitude exchanged?"),
         ({"limits": {"fence_polygon_deg": [[147.0, 8.0], [47.0, 8.0], [47.1, 8.0]]}}, "fence_polygon_deg.0.0 = 147.0"),
-        ({"limits": {"fence_polygon_deg": TRIANGLE, "fence_plan_file": "a"}}, "fence_plan_file: one polygon only"),
+        ({"limits": {"fence_polygon_deg": TRIANGLE, "fence_plan_file": "a"}}, "fence_plan_file: only one polygon"),
         ({"flight": {"takeoff_height_m": 90.0}}, "flight.takeoff_height_m = 90"),
         ({"flight": {"takeoff_height_m": 3.0}}, "must be 1 m above limits.floor_m = 3 at least"),
         ({"flight": {"reserve": {"endurance_s": 0.0}}}, "flight.reserve.endurance_s = 0.0"),
-        ({"flight": {"reserve": {"endurance_s": 600.0, "wind_m_s": 6.0}}}, "against such a wind nothing comes home"),
+        ({"flight": {"reserve": {"endurance_s": 600.0, "wind_m_s": 6.0}}}, "cannot fly home against the wind"),
         ({"flight": {"after_capture": "celebrate"}}, "flight.after_capture = 'celebrate'"),
         ({"flight": {"engage_on": "boot"}}, "flight.engage_on = 'boot'"),
         ({"flight": {"on_terminate": "fall"}}, "flight.on_terminate = 'fall'"),
@@ -78,12 +78,12 @@ def read(vehicle_document):
         ({"flight": {"battery_minimum": 20.0}}, "flight.battery_minimum = 20.0"),
         ({"preflight": {"loss_time_limit_s": 60.0}}, "preflight.loss_time_limit_s = 60.0"),
         ({"control": {"endpoint": "tcp/0.0.0.0:7448"}}, "must be on loopback"),
-        ({"control": {"endpoint": "tcp/192.168.1.9:7448"}}, "who reaches it commands the vehicle"),
+        ({"control": {"endpoint": "tcp/192.168.1.9:7448"}}, "whoever can reach it commands the vehicle"),
         ({"metrics": {"port": 70000}}, "metrics.port = 70000"),
         ({"log": {"format": "xml"}}, "log.format = 'xml'"),
-        ({"target": {"kind": "global_position", "system_id": 2}}, "target: is named evader now"),
-        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, "game.guarded: is named game.target now"),
-        ({"preflight": {"target_height_limit_m": 9.0}}, "is named preflight.evader_height_limit_m now"),
+        ({"target": {"kind": "global_position", "system_id": 2}}, "target: was renamed to evader"),
+        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, "game.guarded: was renamed to game.target"),
+        ({"preflight": {"target_height_limit_m": 9.0}}, "was renamed to preflight.evader_height_limit_m"),
     ],
 )  # fmt: skip
 def test_a_wrong_file_is_refused_with_key_value_and_what_is_allowed(read, sections, words):
@@ -96,7 +96,7 @@ def test_a_wrong_file_is_refused_with_key_value_and_what_is_allowed(read, sectio
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
-        ({"game": {"policy": "hope"}}, "game.policy = 'hope': allowed are"),
+        ({"game": {"policy": "hope"}}, "game.policy = 'hope': must be one of"),
         ({"limits": {"fence_polygon_ne_m": [[0, 0], [9, 9]]}}, "fence_polygon has 2 corners"),
         ({"limits": {"fence_margin_m": 100.0}}, "fence_margin_m = 100.0"),
     ],
@@ -144,7 +144,7 @@ def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
     assert (envelope.climb_m_s, envelope.descent_m_s) == pytest.approx((2.75, 1.32))
     assert envelope.stand_off.radius_m < config.game.standoff_radius_m
     assert envelope.stand_off.height_m < config.game.standoff_height_m
-    assert plan_of(config).wants.limit_speed_m_s == envelope.speed_m_s
+    assert plan_of(config).wants.limit_speeds.speed_m_s == envelope.speed_m_s
 
 
 def test_speed_limits_are_keys_of_their_own_and_the_games_speeds_stay(read):
@@ -181,7 +181,7 @@ def test_what_follows_a_capture_is_configured(read, choice):
 
 
 def test_a_chase_may_last_for_ever_unless_the_file_says_otherwise(read):
-    assert plan_of(read()).flight.longest_chase_s == math.inf
+    assert plan_of(read()).flight.longest_chase_s is None
     assert plan_of(read(flight={"longest_chase_s": 120.0})).flight.longest_chase_s == 120.0
 
 
@@ -189,7 +189,7 @@ def test_a_polygon_alone_fences_as_far_as_its_farthest_corner(read):
     square = [[-30.0, -40.0], [-30.0, 40.0], [30.0, 40.0], [30.0, -40.0]]
     config = read(limits={"fence_radius_m": None, "fence_polygon_ne_m": square})
     assert config.limits.reach_m == pytest.approx(50.0)
-    assert plan_of(config).wants.fence_radius_m == pytest.approx(50.0)
+    assert plan_of(config).wants.limits.reach_m == pytest.approx(50.0)
     envelope = plan_of(config).flight.cycle.envelope
     assert envelope.fence_radius_m is None
     assert envelope.fence_polygon.contains((0.0, 39.0))
@@ -200,8 +200,8 @@ def test_a_polygon_by_degrees_is_about_home_and_its_reach_is_known_with_it(read)
     config = read(limits={"fence_radius_m": None, "fence_polygon_deg": TRIANGLE})
     assert config.limits.reach_m == math.inf
     assert plan_of(config).flight.cycle.envelope.fence_polygon is None
-    assert plan_of(config).flight.fence_corners_deg == tuple(map(tuple, TRIANGLE))
-    assert plan_of(config).wants.fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert plan_of(config).flight.limits.fence_polygon_deg == tuple(map(tuple, TRIANGLE))
+    assert plan_of(config).wants.limits.fence_polygon_deg == tuple(map(tuple, TRIANGLE))
 
 
 def drawn(polygons=((True, TRIANGLE),), circles=()):
@@ -228,7 +228,7 @@ def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
     config = load_vehicle(path)
     assert config.limits.fence_plan_file is None
     assert config.limits.fence_polygon_deg == tuple(map(tuple, TRIANGLE))
-    assert reload(path, config).flight.fence_corners_deg == tuple(map(tuple, TRIANGLE))
+    assert reload(path, config).flight.limits.fence_polygon_deg == tuple(map(tuple, TRIANGLE))
     assert load_vehicle(find("px4", "vehicles")) == load(Config, find("px4", "vehicles"))
 
 
@@ -243,8 +243,8 @@ def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
         (json.dumps(drawn(polygons=[(True, TRIANGLE)] * 2)), "2 polygons (0 of them not for inclusion)"),
         (json.dumps(drawn(polygons=[(False, TRIANGLE)])), "1 polygons (1 of them not for inclusion)"),
         (json.dumps(drawn(circles=[{"inclusion": True}])), "1 circles"),
-        (json.dumps(drawn(polygons=[(True, [[47.0]])])), "no list of latitude and longitude"),
-        (json.dumps(drawn(polygons=[(True, None)])), "no list of latitude and longitude"),
+        (json.dumps(drawn(polygons=[(True, [[47.0]])])), "not a list of latitude and longitude"),
+        (json.dumps(drawn(polygons=[(True, None)])), "not a list of latitude and longitude"),
         (json.dumps(drawn(polygons=[(True, TRIANGLE[:2])])), "fence_polygon has 2 corners"),
     ],
 )

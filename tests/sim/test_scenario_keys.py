@@ -39,7 +39,7 @@ def built(**sections):
         ({"evader": {"policy": "task_oriented"}}, "evader.policy = 'task_oriented': needs target.position_m"),
         ({"evader": {"declared_speed_m_s": 9.0}}, "evader.declared_speed_m_s"),
         ({"wind": {"velocity_m_s": [2.0, 0.0]}}, "with 2 m/s of wind"),
-        ({"envelope": {"speed_m_s": 5.0}}, "envelope: is named limits now"),
+        ({"envelope": {"speed_m_s": 5.0}}, "envelope: was renamed to limits"),
         ({"sensor": {"rate_hz": 0.0}}, "sensor.rate_hz = 0.0: must be greater than 0"),
         ({"sensor": {"latency": 0.1}}, "sensor.latency: unknown key; did you mean 'latency_s'?"),
         ({"sensor": {"outages_s": [[3.0, 2.0]]}}, "must be [from, to]"),

@@ -6,7 +6,7 @@ import pytest
 
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 from guidance.sim.players import evader_settings, game, site
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import has_teams, load_document, load_scenario
@@ -101,7 +101,7 @@ def test_a_floor_above_the_stand_off_is_refused():
 
 
 def test_the_old_name_of_the_limits_says_the_new_one():
-    assert "envelope: is named limits now" in refused(envelope={"floor_m": 3.0})
+    assert "envelope: was renamed to limits" in refused(envelope={"floor_m": 3.0})
 
 
 def test_speed_limits_are_a_tenth_above_the_game_unless_given_and_never_below_it():

@@ -1,0 +1,171 @@
+"""The `[limits]` of a vehicle file or a scenario file, and the envelope they make with the vehicle's dynamics.
+
+Heights are above home, distances are from home. Speeds bound every command; the game plays with speeds of its own.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Final, NamedTuple, Self
+
+from pydantic import Field, model_validator
+
+from guidance.config import Latitude, Longitude, Section
+from guidance.control.envelope import Dynamics, Envelope, StandOffLimit
+from guidance.control.polygon import Polygon
+from guidance.errors import ConfigError
+from guidance.frames import Amsl, LocalFrame
+from guidance.game import StandOff
+
+CATCH_UP_RATIO: Final = 1.1
+"""Default of the speed limits over the game's speeds. The excess lets the vehicle recover a late start."""
+
+FARTHEST_FENCE_M: Final = 20_000.0
+_STANDOFF_MARGIN_M: Final = 1.0
+"""The stand-off limit lies this far inside the game's disc, so it binds only when something is wrong."""
+
+_DEFAULT = f"; default: {CATCH_UP_RATIO - 1.0:.0%} above the game's speed"
+
+
+class Speeds(NamedTuple):
+    """Horizontal speed, climb rate and descent rate, m/s."""
+
+    speed_m_s: float
+    climb_m_s: float
+    descent_m_s: float
+
+
+class Tighter(NamedTuple):
+    """Marks a limit, and says which of two values is the tighter one."""
+
+    of: Callable[[float, float], float]
+
+
+_LOWER, _HIGHER = Tighter(min), Tighter(max)
+
+
+class Limits(Section):
+    """What the flight never leaves."""
+
+    floor_m: Annotated[float, _HIGHER] = Field(5.0, ge=1.0, description="lowest height")
+    ceiling_m: Annotated[float, _LOWER] = Field(60.0, gt=5.0, le=500.0, description="greatest height")
+    fence_radius_m: Annotated[float | None, _LOWER] = Field(
+        200.0, gt=10.0, le=10_000.0, description="greatest distance from home"
+    )
+    fence_polygon_ne_m: tuple[tuple[float, float], ...] | None = Field(None, description="corners north, east of home")
+    fence_polygon_deg: tuple[tuple[Latitude, Longitude], ...] | None = Field(
+        None, description="corners by latitude, longitude"
+    )
+    fence_plan_file: Path | None = Field(
+        None, description="a QGroundControl plan (.plan) with one inclusion polygon, which becomes the fence"
+    )
+    fence_margin_m: Annotated[float, _HIGHER] = Field(2.0, ge=0.0, description="how far inside the fence commands stay")
+    yaw_rate_deg_s: Annotated[float, _LOWER] = Field(45.0, gt=0.0, le=180.0, description="fastest turn of the nose")
+    speed_m_s: Annotated[float | None, _LOWER] = Field(
+        None, gt=0.0, le=33.0, description=f"horizontal speed of every command{_DEFAULT}"
+    )
+    climb_m_s: Annotated[float | None, _LOWER] = Field(
+        None, gt=0.0, le=11.0, description=f"climb rate of every command{_DEFAULT}"
+    )
+    descent_m_s: Annotated[float | None, _LOWER] = Field(
+        None, gt=0.0, le=11.0, description=f"descent rate of every command{_DEFAULT}"
+    )
+
+    @model_validator(mode="after")
+    def _check_fence(self) -> Self:
+        if self.floor_m >= self.ceiling_m:
+            raise ValueError(f"limits.floor_m = {self.floor_m:g}: must be below limits.ceiling_m = {self.ceiling_m:g}")
+        keys = ("fence_polygon_ne_m", "fence_polygon_deg", "fence_plan_file")
+        polygons = {f"limits.{key}": getattr(self, key) for key in keys}
+        given = [key for key, value in polygons.items() if value is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)}: only one polygon is allowed; remove the others")
+        if self.fence_radius_m is None and not given:
+            raise ValueError(
+                f"limits.fence_radius_m: missing; give it or one of {', '.join(polygons)}: every flight needs a fence"
+            )
+        if self.fence_polygon_deg is not None:
+            _check_corners(self.fence_polygon_deg)
+        return self
+
+    @property
+    def reach_m(self) -> float:
+        """Greatest distance from home inside the fence; infinite for corners in degrees, until home is known."""
+        corners = self.fence_polygon_ne_m or ()
+        farthest_m = max((math.hypot(*corner) for corner in corners), default=math.inf)
+        return min(farthest_m, math.inf if self.fence_radius_m is None else self.fence_radius_m)
+
+    def speeds(self, game: Speeds, *, section: str) -> Speeds:
+        """Return the speed limits of a flight that plays the game with these speeds.
+
+        Args:
+            game: The game's speeds.
+            section: The section of the file that gives them, for the message.
+
+        Raises:
+            ValueError: If a limit is below the game's speed. The message names both keys.
+        """
+        return Speeds(*(self._speed(name, played, section) for name, played in game._asdict().items()))
+
+    def _speed(self, name: str, played_m_s: float, section: str) -> float:
+        limit_m_s: float | None = getattr(self, name)
+        if limit_m_s is None:
+            return CATCH_UP_RATIO * played_m_s
+        if limit_m_s < played_m_s:
+            raise ValueError(
+                f"limits.{name} = {limit_m_s:g}: must be at least {section}.{name} = {played_m_s:g}, the game's own "
+                f"speed; raise limits.{name} or lower {section}.{name}"
+            )
+        return limit_m_s
+
+    def tighter(self, other: "Limits") -> Self:
+        """Return these limits, each replaced by the other's value where that one is tighter. Polygons stay."""
+        changed = {}
+        for name, field in type(self).model_fields.items():
+            rule = next((mark for mark in field.metadata if isinstance(mark, Tighter)), None)
+            values = [value for value in (getattr(self, name), getattr(other, name)) if value is not None]
+            if rule is not None and values:
+                changed[name] = values[0] if len(values) == 1 else rule.of(*values)
+        return self.model_copy(update=changed)
+
+    def envelope(self, speeds: Speeds, dynamics: Dynamics, standoff: StandOff) -> Envelope:
+        """Return the envelope of a vehicle, about a home that is not known yet.
+
+        Args:
+            speeds: The speed limits, see `speeds`.
+            dynamics: Of the vehicle.
+            standoff: The game's disc, its height above the evader's plane.
+
+        Raises:
+            ConfigError: If the limits contradict each other.
+        """
+        return Envelope(
+            **asdict(dynamics),
+            **speeds._asdict(),
+            **{name: getattr(self, name) for name in ("floor_m", "ceiling_m", "fence_radius_m", "fence_margin_m")},
+            yaw_rate_rad_s=math.radians(self.yaw_rate_deg_s),
+            fence_polygon=None if self.fence_polygon_ne_m is None else Polygon(self.fence_polygon_ne_m),
+            stand_off=StandOffLimit(
+                radius_m=max(0.5, float(standoff.radius_m) - _STANDOFF_MARGIN_M),
+                height_m=max(0.5, float(standoff.height_m) - _STANDOFF_MARGIN_M),
+            ),
+        )
+
+
+def _check_corners(corners_deg: tuple[tuple[float, float], ...]) -> None:
+    """Check the polygon in metres about its first corner; about home it has the same shape."""
+    if not corners_deg:
+        raise ValueError("limits.fence_polygon_deg has 0 corners: needs at least 3")
+    frame = LocalFrame(*corners_deg[0], Amsl(0.0))
+    places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
+    try:
+        Polygon(tuple((north, east) for north, east, _ in places))
+    except ConfigError as error:
+        raise ValueError(f"limits.fence_polygon_deg, in metres about its first corner: {error}") from error
+    widest_m = max(math.hypot(north, east) for north, east, _ in places)
+    if widest_m > FARTHEST_FENCE_M:
+        raise ValueError(
+            f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner: at most {FARTHEST_FENCE_M:g} m "
+            "are allowed; are latitude and longitude exchanged?"
+        )

@@ -1,0 +1,246 @@
+"""What a flight is flown by: made from a vehicle file, a scenario file, or a scenario file on top of a vehicle file.
+
+The vehicle file says how the vehicle and the evader are reached, and what the flight must never do. The scenario is an
+overlay: it says what is played, from where and for how long. The tighter limit of both applies. If the files contradict
+each other, nothing flies. A scenario alone becomes a vehicle file with the scenario's own limits.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from guidance.autopilots import Wants, autopilot_named
+from guidance.config import parse
+from guidance.cycle import CycleSettings
+from guidance.errors import ConfigError
+from guidance.flight import FlightSettings, State
+from guidance.flight.settings import LIMITS_S, FlightSection
+from guidance.frames import Amsl, Vector
+from guidance.game import Ball, Cylinder, SpeedSet, StandOff
+from guidance.session.vehicle_file import Config, EvaderSection, GameSection, LogSection, Vehicle
+from guidance.sim import players
+from guidance.sim.scenario import EVADER_ID, PURSUER, Scenario
+from guidance.strategies import Strategy
+
+if TYPE_CHECKING:
+    from guidance.links.opening import Found
+
+_UNLIMITED_WITH_A_PERSON: Final = (State.CONNECTING, State.CHECKING)
+_MOCK_URL: Final = "udpin://127.0.0.1:14540"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPlan:
+    """What a flight is flown by. It may be replaced on the ground.
+
+    Attributes:
+        flight: Settings of the flight.
+        wants: What preflight demands of the autopilot; None for a mock, which is not judged.
+        document: The configuration as JSON.
+    """
+
+    flight: FlightSettings
+    wants: Wants | None = None
+    document: str = ""
+
+
+def plan_of(config: Config | None = None, scenario: Scenario | None = None) -> FlightPlan:
+    """Return the plan of a vehicle file, a scenario, or both.
+
+    A scenario alone is flown by a mock: preflight does not judge it, and the flight fails if the mock does not become
+    ready. With a scenario, the game frame's zero is the scenario's site. If the scenario names no site, it is the
+    origin of the vehicle's local frame, so the scenario can be flown anywhere.
+
+    Raises:
+        ConfigError: If the files contradict themselves or each other, or both are missing.
+    """
+    if config is None:
+        if scenario is None:
+            raise ConfigError("neither a vehicle file nor a scenario: give at least one")
+        vehicle = Vehicle(autopilot=scenario.pursuer.autopilot, url=_MOCK_URL)
+        settings = _settings(_as_vehicle_file(scenario, vehicle, _MOCK_URL), scenario, players.site(scenario), LIMITS_S)
+        return FlightPlan(flight=settings, document=scenario.model_dump_json())
+    site = None
+    if scenario is None:
+        target = config.game.target
+        if target is not None:
+            site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
+    else:
+        config = merged(scenario, config)
+        site = players.site(scenario) if "site" in scenario.model_fields_set else None
+    limits_s: dict[State, float] = {
+        state: limit_s for state, limit_s in LIMITS_S.items() if state not in _UNLIMITED_WITH_A_PERSON
+    }
+    settings = _settings(config, scenario, site, limits_s)
+    return FlightPlan(flight=settings, wants=_wants(config, settings), document=config.model_dump_json())
+
+
+def _settings(
+    config: Config, scenario: Scenario | None, site: tuple[float, float, Amsl] | None, limits_s: Mapping[State, float]
+) -> FlightSettings:
+    autopilot, game = autopilot_named(config.vehicle.autopilot), config.game
+    speed_set, standoff = _speed_set(game), StandOff(game.standoff_radius_m, game.standoff_height_m)
+    strategy, start_game_m, target_game_m = Strategy(game.policy, gain=game.navigation_gain), None, None
+    if scenario is not None:
+        start_game_m, target_game_m = _start_game_m(scenario), players.target_game_m(scenario)
+        strategy = players.pursuer_strategy(scenario, np.array(start_game_m), speed_set, scenario.seed)
+    elif game.target is not None:
+        target_game_m = (0.0, 0.0, 0.0)  # the game frame's zero is the target; only height differences matter
+    handling = autopilot.handling
+    cycle = CycleSettings(
+        speed_set=speed_set,
+        strategy=strategy,
+        declared_evader_speed_m_s=game.evader_speed_m_s,
+        standoff=standoff,
+        tolerance_m=game.tolerance_m,
+        envelope=config.limits.envelope(config.speed_limits, handling.dynamics, standoff),
+        following=handling.following,
+        acceleration=handling.acceleration,
+        target_game_m=target_game_m,
+        site=site,
+        evader_timeout_s=config.evader.timeout_s,
+        target_velocity_m_s=game.target_velocity_m_s,
+    )
+    return FlightSettings(
+        **dict(config.flight),
+        autopilot=autopilot,
+        cycle=cycle,
+        limits=config.limits,
+        start_game_m=start_game_m,
+        hold_on_rival=config.evader.second_source == "hold",
+        limits_s=limits_s,
+    )
+
+
+def _speed_set(game: GameSection) -> SpeedSet:
+    return Ball(game.speed_m_s) if game.speed_set == "ball" else Cylinder(*game.speeds)
+
+
+def _wants(config: Config, flight: FlightSettings) -> Wants:
+    reserve = flight.reserve
+    needed = None if reserve is None else reserve.needed(flight.farthest_m, flight.takeoff_height_m)
+    return Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
+
+
+def _start_game_m(scenario: Scenario) -> Vector:
+    x, y, z = scenario.pursuer.position_m
+    return (x, y, z - scenario.evader.height_m)
+
+
+def merged(scenario: Scenario, config: Config) -> Config:
+    """Return the vehicle file with the scenario's game and the tighter limits.
+
+    Raises:
+        ConfigError: If the two contradict each other. The message has one line for each contradiction, with both keys.
+    """
+    contradictions = [*_speeds(scenario, config), *_evader(scenario, config), *_places(scenario, config)]
+    if contradictions:
+        lines = "\n".join(f"  {line}" for line in contradictions)
+        raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
+    game = GameSection(
+        **_game(scenario)
+        | {key: min(getattr(scenario.pursuer, key), getattr(config.game, key)) for key in ("climb_m_s", "descent_m_s")}
+    )
+    own, theirs = (
+        limits.model_copy(update=speeds._asdict())
+        for limits, speeds in ((config.limits, config.speed_limits), (scenario.limits, scenario.speed_limits))
+    )
+    document = config.model_dump(mode="json")
+    document["game"] = game.model_dump(mode="json")
+    document["limits"] = own.tighter(theirs).model_dump(mode="json")
+    document["flight"] |= {
+        "takeoff_height_m": scenario.pursuer.takeoff_height_m,
+        "after_capture": "hold",
+        "engage_on": "command",
+    }
+    return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
+
+
+def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found: "Found", evader_url: str) -> Config:
+    """Return the vehicle file that flies a scenario with the scenario's own limits.
+
+    Args:
+        scenario: Who plays what, where and within which limits.
+        url: Where the vehicle is.
+        link: `mavsdk` or `pymavlink`.
+        autopilot: Name of the autopilot.
+        found: The ids that the vehicle answered with.
+        evader_url: Where the simulated evader reports.
+
+    Raises:
+        ConfigError: If the scenario asks for what no vehicle file may.
+    """
+    vehicle = Vehicle(
+        autopilot=autopilot, link=link, url=url, system_id=found.system_id, component_id=found.component_id
+    )
+    document = _as_vehicle_file(scenario, vehicle, evader_url).model_dump(mode="json")
+    return parse(Config, document, source=f"{scenario.title!r} at {url}")
+
+
+def _as_vehicle_file(scenario: Scenario, vehicle: Vehicle, evader_url: str) -> Config:
+    """Return a vehicle file without its checks, which demand more than a mock needs."""
+    return Config.model_construct(
+        name=PURSUER,
+        vehicle=vehicle,
+        evader=EvaderSection(kind="global_position", url=evader_url, system_id=EVADER_ID),
+        game=GameSection.model_construct(**_game(scenario)),
+        limits=scenario.limits,
+        flight=FlightSection(takeoff_height_m=scenario.pursuer.takeoff_height_m, on_terminate="land"),
+        log=LogSection(level="error"),
+    )
+
+
+def _game(scenario: Scenario) -> dict[str, Any]:
+    pursuer, disc = scenario.pursuer, scenario.standoff
+    return {
+        "speed_set": pursuer.speed_set,
+        **pursuer.speeds._asdict(),
+        "evader_speed_m_s": scenario.evader.believed_speed_m_s,
+        "standoff_radius_m": disc.radius_m,
+        "standoff_height_m": disc.height_m - scenario.evader.height_m,
+        "tolerance_m": disc.tolerance_m,
+    }
+
+
+def _speeds(scenario: Scenario, config: Config) -> Iterator[str]:
+    pursuer, given, game = scenario.pursuer, scenario.pursuer.model_fields_set, config.game
+    if "autopilot" in given and pursuer.autopilot != config.vehicle.autopilot:
+        yield f"pursuer.autopilot = {pursuer.autopilot!r}, but vehicle.autopilot = {config.vehicle.autopilot!r}"
+    for key, speed_m_s in pursuer.speeds._asdict().items():
+        if key in given and speed_m_s > (limit_m_s := getattr(game, key)):
+            yield f"pursuer.{key} = {speed_m_s:g} is more than the vehicle's game.{key} = {limit_m_s:g}"
+
+
+def _evader(scenario: Scenario, config: Config) -> Iterator[str]:
+    game, evader = config.game, scenario.evader
+    if evader.believed_speed_m_s < game.evader_speed_m_s:
+        key = "speed_m_s" if evader.declared_speed_m_s is None else "declared_speed_m_s"
+        yield (
+            f"evader.{key} = {evader.believed_speed_m_s:g} is less than game.evader_speed_m_s = "
+            f"{game.evader_speed_m_s:g}, the speed that the evader may reach"
+        )
+    above_m = scenario.standoff.height_m - evader.height_m
+    for key, near_m, least_m in (
+        ("radius_m", scenario.standoff.radius_m, game.standoff_radius_m),
+        ("height_m", above_m, game.standoff_height_m),
+    ):
+        if near_m < least_m:
+            yield f"standoff.{key} = {near_m:g} is nearer to the evader than game.standoff_{key} = {least_m:g}"
+
+
+def _places(scenario: Scenario, config: Config) -> Iterator[str]:
+    pursuer, limits = scenario.pursuer, config.limits
+    low, high = limits.floor_m, limits.ceiling_m
+    for key, height_m in (
+        ("pursuer.position_m", pursuer.position_m[2]),
+        ("pursuer.takeoff_height_m", pursuer.takeoff_height_m),
+        ("standoff.height_m", scenario.standoff.height_m),
+    ):
+        if not low <= height_m <= high:
+            yield f"{key}: height {height_m:g} m is not within limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
+    fence_m, out_m = limits.fence_radius_m, math.hypot(*pursuer.position_m[:2])
+    if fence_m is not None and "site" not in scenario.model_fields_set and out_m > fence_m:
+        yield f"pursuer.position_m: {out_m:.0f} m out is beyond limits.fence_radius_m = {fence_m:g}"
