@@ -13,7 +13,7 @@ WANTED = {"px4": 1.06, "arducopter": 1.07}
 
 
 def plain(settings):
-    return replace(settings, cycle=replace(settings.cycle, following=None))
+    return settings.model_copy(update={"cycle": replace(settings.cycle, following=None)})
 
 
 @pytest.fixture(scope="module", params=sorted(WANTED))

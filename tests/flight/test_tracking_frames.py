@@ -16,7 +16,7 @@ from guidance.messages import EvaderReport, GlobalPosition, Heartbeat, Home, Loc
 from guidance.vehicle import VehicleState, observe
 from tests.flight.flown import CYCLE_S, Flown
 from tests.flight.recorded import messages
-from tests.flight.scenes import BOTH, HOME_DOWN_M, SETTINGS, local
+from tests.flight.scenes import BOTH, HOME_DOWN_M, SETTINGS, local, settings_of
 from tests.harness.examples import drawn
 
 ZERO = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=PX4.projection)

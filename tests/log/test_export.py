@@ -258,7 +258,7 @@ def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
     corners_deg = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in SQUARE_NE_M)
     if given == "metres":
         cycle = replace(settings.cycle, envelope=replace(settings.cycle.envelope, fence_polygon=Polygon(SQUARE_NE_M)))
-        settings = replace(settings, cycle=cycle)
+        settings = settings.model_copy(update={"cycle": cycle})
     else:
         corners = corners_deg if given == "degrees" else corners_deg[::-1]
         settings = settings.model_copy(update={"limits": Limits(fence_polygon_deg=corners)})

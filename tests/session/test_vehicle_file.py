@@ -82,7 +82,7 @@ def read(vehicle_document):
         ({"metrics": {"port": 70000}}, "metrics.port = 70000"),
         ({"log": {"format": "xml"}}, "log.format = 'xml'"),
         ({"target": {"kind": "global_position", "system_id": 2}}, "target: was renamed to evader"),
-        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, "game.guarded: was renamed to game.target"),
+        ({"game": {"guarded": {"latitude_deg": 47.0, "longitude_deg": 8.0}}}, "was renamed to game.target"),
         ({"preflight": {"target_height_limit_m": 9.0}}, "was renamed to preflight.evader_height_limit_m"),
     ],
 )  # fmt: skip
