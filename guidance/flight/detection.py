@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 from guidance.autopilots import Mode
 from guidance.certificate import Certificate
 from guidance.control import Envelope, FenceGeometry
-from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks
+from guidance.flight.readiness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S, checks, telemetry_gap
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import HANDING_OVER, OUR_MODES, TRANSITIONS, Event, State
+from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, Event, State
 from guidance.frames import Vector
 from guidance.messages import Heartbeat, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
@@ -58,6 +58,7 @@ class EventContext(NamedTuple):
     rival: str
     battery_needed: float
     operator_silence_s: float
+    battery_was_low: bool = False
 
     @property
     def heard_since_entry(self) -> bool:
@@ -69,6 +70,23 @@ class EventContext(NamedTuple):
 def events(context: EventContext) -> Iterator[Event]:
     """Yield what happened, the most severe first; only events that the table answers in this state."""
     return (event for read in _READINGS for event in read(context) if (context.state, event) in TRANSITIONS)
+
+
+def detail_of(event: Event, context: EventContext) -> str:
+    """Say what was measured when an event was detected; empty if its name says everything."""
+    match event:
+        case Event.TELEMETRY_LOST:
+            return telemetry_gap(context.vehicle, context.now_s)
+        case Event.LOOP_STOPPED:
+            return f"guidance stood still for {context.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
+        case Event.PILOT if context.mode is not None:
+            title = context.settings.autopilot.mode_title(context.mode)
+            return f"the vehicle is in {title}: a pilot or the autopilot chose that mode"
+        case Event.REBOOTED:
+            return "the autopilot rebooted"
+        case Event.DISARMED if context.state in SETPOINT_STATES:
+            return "the vehicle disarmed while guidance flew it"
+    return ""
 
 
 def fit(context: EventContext) -> bool:
@@ -106,7 +124,8 @@ def _external_mode_change(context: EventContext) -> bool:
 
 
 def _waits_for_pilot(context: EventContext) -> bool:
-    return context.state is State.STANDING_BY and context.settings.engage_on is EngageOn.PILOT_MODE
+    waiting = {State.STANDING_BY, State.OUT_OF_CONTACT}
+    return context.state in waiting and context.settings.engage_on is EngageOn.PILOT_MODE
 
 
 def _may_be_invited(context: EventContext) -> bool:
@@ -115,6 +134,8 @@ def _may_be_invited(context: EventContext) -> bool:
 
 def _telemetry_lost(context: EventContext) -> bool:
     vehicle = context.vehicle
+    if context.state in HANDING_OVER and context.now_s - context.since_s < TELEMETRY_LIMIT_S:
+        return False  # ordered while out of contact: the request goes out first
     if vehicle.age_s(Heartbeat, context.now_s) > HEARTBEAT_LIMIT_S:
         return True
     # Before the checks pass, the streams have only just been asked for.
@@ -156,8 +177,13 @@ def _trust(context: EventContext) -> Iterator[Event]:
     if silence_s > timeout_s + settings.operator_return_s:
         yield Event.OPERATOR_GONE
     status = context.vehicle.last(SystemStatus)
-    if status is not None and status.battery_remaining < context.battery_needed:
+    if not context.battery_was_low and battery_low(status, context.battery_needed):
         yield Event.BATTERY_LOW
+
+
+def battery_low(status: SystemStatus | None, needed: float) -> bool:
+    """True if the vehicle reports less than the share of the charge that is needed; an unknown charge is not low."""
+    return status is not None and status.battery_remaining < needed
 
 
 def _missing(context: EventContext) -> Iterator[Event]:
@@ -233,6 +259,11 @@ def _clear(context: EventContext) -> bool:
     return waited and settled and heard and not _telemetry_lost(context)
 
 
+def _in_contact(context: EventContext) -> bool:
+    waited = context.now_s - context.since_s >= context.settings.settle_s
+    return waited and not _telemetry_lost(context) and fit(context)
+
+
 _READINGS: Final = (_vehicle, _place, _trust, _missing, _game, _phase)
 
 _PHASE_ENDS: Final[Mapping[State, tuple[Event, Callable[[EventContext], bool]]]] = {
@@ -247,5 +278,6 @@ _PHASE_ENDS: Final[Mapping[State, tuple[Event, Callable[[EventContext], bool]]]]
     State.POSITIONING: (Event.AT_START, _at_start),
     State.ENTERING: (Event.GUIDED, lambda context: context.heard_since_entry and context.mode is Mode.GUIDED),
     State.PAUSED: (Event.CLEAR, _clear),
+    State.OUT_OF_CONTACT: (Event.CONTACT, _in_contact),
 }
 """What ends each phase by itself."""

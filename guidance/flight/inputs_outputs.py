@@ -1,6 +1,7 @@
 """What one cycle of a flight takes in and gives out."""
 
 from collections.abc import Sequence
+from enum import StrEnum
 from typing import NamedTuple
 
 from guidance.certificate import Certificate
@@ -11,11 +12,25 @@ from guidance.monitor import Alarm
 ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
 
 
-class Inputs(NamedTuple):
-    """All that one cycle sees, read once. `now_s` is the injected clock's; orders are of `ORDERS`.
+class Authority(StrEnum):
+    """Who caused a change of state."""
 
-    `refusals` names what preflight refuses: the vehicle is not ready while there is any. `alive` is True where a person
-    gave a sign of life since the last cycle, None otherwise.
+    OPERATOR = "operator"  # an order of a person; it stands until the next one
+    MISSION = "mission"  # an order of the program that flies a scenario
+    FLIGHT = "flight"  # an event that the flight detected itself
+
+
+class Inputs(NamedTuple):
+    """Everything that one cycle reads.
+
+    Attributes:
+        now_s: Time of the injected clock.
+        messages: From the vehicle, since the last cycle.
+        reports: Of the evader, since the last cycle.
+        orders: Orders of people, in the order in which they were given; each one of `ORDERS`.
+        refusals: Names of what preflight refuses. The vehicle is not ready while there is any.
+        alive: True if a person gave a sign of life since the last cycle, else None.
+        mission: Orders of a mission. They have no effect while a person's order stands.
     """
 
     now_s: float
@@ -24,19 +39,47 @@ class Inputs(NamedTuple):
     orders: Sequence[Event] = ()
     refusals: Sequence[str] = ()
     alive: bool | None = None
+    mission: Sequence[Event] = ()
 
 
 class Happening(NamedTuple):
-    """An event and what it did: `before` and `after` are equal where an order had no effect."""
+    """An event and its effect.
+
+    Attributes:
+        now_s: When.
+        event: What happened.
+        before: The state in which it happened.
+        after: The state that it led to; equal to `before` if an order had no effect.
+        by: Who caused it.
+        detail: What was measured, in words: "no telemetry for 1.2 s". Empty if the event says everything.
+    """
 
     now_s: float
     event: Event
     before: State
     after: State
+    by: Authority = Authority.FLIGHT
+    detail: str = ""
+
+    @property
+    def words(self) -> str:
+        """The cause for people: the detail if there is one, else the event."""
+        return self.detail or str(self.event)
 
 
 class Outputs(NamedTuple):
-    """What one cycle decided. No setpoint means silence; a fault is an error of our own, which ends the flight."""
+    """What one cycle decided.
+
+    Attributes:
+        state: The flight's, after this cycle.
+        setpoint: To send now; None sends nothing.
+        requests: To send to the vehicle.
+        happenings: One for each order, then the detected events.
+        certificate: Of the game, if it was played in this cycle.
+        alarm: If the game's promise was broken in this cycle.
+        fault: An error of guidance itself. It ends the flight.
+        cause: What led to the present state; None in the first state.
+    """
 
     state: State
     setpoint: Setpoint | None
@@ -45,3 +88,4 @@ class Outputs(NamedTuple):
     certificate: Certificate | None
     alarm: Alarm | None = None
     fault: str | None = None
+    cause: Happening | None = None

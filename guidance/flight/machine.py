@@ -9,11 +9,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Mode
-from guidance.flight.detection import EventContext, events, fit
+from guidance.flight.detection import EventContext, battery_low, detail_of, events, fit
 from guidance.flight.heard import Heard
-from guidance.flight.inputs_outputs import ORDERS, Happening, Inputs, Outputs
+from guidance.flight.inputs_outputs import ORDERS, Authority, Happening, Inputs, Outputs
 from guidance.flight.playing import Playing
-from guidance.flight.readiness import Check, checks
+from guidance.flight.readiness import Check, checks, evader_refusal
 from guidance.flight.requests import Asking, HoldHandover
 from guidance.flight.settings import EngageOn, FlightSettings
 from guidance.flight.table import (
@@ -24,10 +24,11 @@ from guidance.flight.table import (
     SETPOINT_STATES,
     Event,
     State,
+    is_done,
     next_state,
 )
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.messages import Setpoint
+from guidance.messages import Setpoint, SystemStatus
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
@@ -63,6 +64,13 @@ class Flight:
         self._resets_seen = 0
         self._reboots_seen = 0
         self._fault_handover: HoldHandover | None = None
+        self._battery_was_low = False
+        self.cause: Happening | None = None
+
+    @property
+    def ordered_by_operator(self) -> bool:
+        """Whether a person's order led to the present state. Until the next order no mission changes it."""
+        return self.cause is not None and self.cause.by is Authority.OPERATOR
 
     @property
     def vehicle(self) -> VehicleState:
@@ -118,6 +126,10 @@ class Flight:
         """Show the readiness rows as they stand."""
         return checks(self.vehicle, self.settings.autopilot, now_s, battery_minimum=self.battery_needed)
 
+    def evader_refusal(self, now_s: float) -> str:
+        """Say why nobody may engage this evader now; empty if nothing is wrong with its reports."""
+        return evader_refusal(self.tracking, self.settings, now_s)
+
     def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
         """Whether an order would change the state now. Nothing is changed by asking."""
         if self._fault_handover is not None:
@@ -131,7 +143,7 @@ class Flight:
         Raises:
             ValueError: If an order is none.
         """
-        for order in inputs.orders:
+        for order in (*inputs.orders, *inputs.mission):
             if order not in ORDERS:
                 raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(ORDERS))}")
         try:
@@ -159,12 +171,16 @@ class Flight:
         outputs = self._hand_over(inputs, self._fault_handover)
         if not begun:
             return outputs
-        failed = Happening(inputs.now_s, Event.FAULT, before, self.state)
-        return outputs._replace(happenings=(*outputs.happenings, failed), fault=self._fault_handover.fault)
+        failed = Happening(inputs.now_s, Event.FAULT, before, self.state, detail=self._fault_handover.fault or "")
+        self.cause = failed
+        return outputs._replace(
+            happenings=(*outputs.happenings, failed), fault=self._fault_handover.fault, cause=self.cause
+        )
 
     def _hand_over(self, inputs: Inputs, handover: HoldHandover) -> Outputs:
-        unheeded = tuple(Happening(inputs.now_s, order, self.state, self.state) for order in inputs.orders)
-        return Outputs(self.state, None, handover.requests(inputs.now_s, inputs.messages), unheeded, None)
+        unheeded = tuple(Happening(inputs.now_s, order, self.state, self.state, by) for by, order in _orders(inputs))
+        requests = handover.requests(inputs.now_s, inputs.messages)
+        return Outputs(self.state, None, requests, unheeded, None, cause=self.cause)
 
     def _step(self, inputs: Inputs) -> Outputs:
         now_s, heard, playing = inputs.now_s, self._heard, self._playing
@@ -184,7 +200,7 @@ class Flight:
         pilots = self._mode_left is Mode.OTHER
         requests = self._asking.requests(self.state, heard, now_s, asked_once=pilots)
         setpoint = self._setpoint(now_s, dt_s)
-        return Outputs(self.state, setpoint, requests, happenings, playing.certificate, playing.alarm)
+        return Outputs(self.state, setpoint, requests, happenings, playing.certificate, playing.alarm, cause=self.cause)
 
     def _note_modes(self) -> None:
         """Note which modes HEARTBEAT has shown since the state was entered."""
@@ -196,16 +212,18 @@ class Flight:
                     self._mode_left = None
 
     def _follow(self, inputs: Inputs, dt_s: float) -> Iterator[Happening]:
-        for order in inputs.orders:
-            event = self._meant(order, self._context(inputs.now_s, dt_s, inputs.refusals))
-            refused = Happening(inputs.now_s, order, self.state, self.state)
-            yield refused if event is None else self._change(inputs.now_s, event)
+        for by, order in _orders(inputs):
+            event = None
+            if by is Authority.OPERATOR or not self.ordered_by_operator:
+                event = self._meant(order, self._context(inputs.now_s, dt_s, inputs.refusals))
+            refused = Happening(inputs.now_s, order, self.state, self.state, by)
+            yield refused if event is None else self._change(inputs.now_s, event, by)
         context = self._context(inputs.now_s, dt_s, inputs.refusals)
         before, self._rival = self._rival, context.rival
         if context.rival and not before and not self.settings.hold_on_rival:
             yield Happening(inputs.now_s, Event.RIVAL, self.state, self.state)
         for event in events(context):
-            yield self._change(inputs.now_s, event)
+            yield self._change(inputs.now_s, event, detail=detail_of(event, context))
             return  # the most severe only: the state it leads to is judged by the next cycle
 
     def _meant(self, order: Event, context: EventContext) -> Event | None:
@@ -215,14 +233,26 @@ class Flight:
             # A vehicle that is up already is taken over in its hold, without arming or climbing.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
             return Event.ALOFT if piloted or context.mode in OUR_MODES[State.STANDING_BY] else None
-        if order is Event.ENGAGE and (self.leaving_mode or context.refusals or not (self._checked or fit(context))):
+        if order is Event.ENGAGE and not self._may_engage(context):
             return None
         if self.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order, order)
         return order
 
-    def _change(self, now_s: float, event: Event) -> Happening:
+    def _may_engage(self, context: EventContext) -> bool:
+        if self.leaving_mode or context.refusals or self.evader_refusal(context.now_s):
+            return False
+        return self._checked or fit(context)
+
+    def _change(self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = "") -> Happening:
         before, after = self.state, next_state(self.state, event)
+        happening = Happening(now_s, event, before, after, by, detail)
+        ordered = by is Authority.OPERATOR and is_done(event, after)
+        if after is not before or ordered:
+            self.cause = happening
+            # A hold that a person orders while the battery is low stands: it was ordered knowing that.
+            low = battery_low(self.vehicle.last(SystemStatus), self.battery_needed)
+            self._battery_was_low = low and ordered and after is State.HOLDING
         if after is not before:
             self.state, self._since_s = after, now_s
             self._resets_seen, self._reboots_seen = self.vehicle.resets, self.vehicle.reboots
@@ -235,7 +265,7 @@ class Flight:
                 self._asking.await_hold()
             if after is State.ENGAGED and before is not State.PAUSED:
                 self._chase_began_s = now_s
-        return Happening(now_s, event, before, after)
+        return happening
 
     def _note_handover(self, before: State, after: State) -> None:
         self._checked |= before is State.READY and after is not State.CHECKING
@@ -272,6 +302,7 @@ class Flight:
             rival=heard.tracking.rival(now_s),
             battery_needed=self.battery_needed,
             operator_silence_s=self.operator_silence_s(now_s),
+            battery_was_low=self._battery_was_low,
         )
 
     def _setpoint(self, now_s: float, dt_s: float) -> Setpoint | None:
@@ -291,3 +322,11 @@ class Flight:
         else:
             echo.sent(now_s, setpoint)
         return setpoint
+
+
+def _orders(inputs: Inputs) -> Iterator[tuple[Authority, Event]]:
+    """Yield all orders of a cycle, people's first."""
+    for order in inputs.orders:
+        yield Authority.OPERATOR, order
+    for order in inputs.mission:
+        yield Authority.MISSION, order

@@ -4,6 +4,8 @@ import math
 from typing import NamedTuple
 
 from guidance.autopilots import AutopilotProfile, Mode
+from guidance.flight.settings import FlightSettings
+from guidance.flight.tracking import Tracking
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
@@ -47,6 +49,33 @@ def checks(
         _fresh(vehicle, Home, now_s, math.inf),
         *_status(vehicle, profile, battery_minimum),
     )
+
+
+def evader_refusal(tracking: Tracking, settings: FlightSettings, now_s: float) -> str:
+    """Say why nobody may engage this evader now; empty if nothing is wrong with its reports."""
+    silence_s, limit_s = tracking.silence_s(now_s), settings.cycle.evader_timeout_s
+    if silence_s > limit_s:
+        heard = "was never heard" if math.isinf(silence_s) else f"was last heard {silence_s:.1f} s ago"
+        return f"the evader {heard}; at most {limit_s:g} s is allowed"
+    rival = tracking.rival(now_s)
+    if rival and settings.hold_on_rival:
+        return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
+    return ""
+
+
+def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
+    """Say what has not been heard of the vehicle, and for how long."""
+    ages_s = {
+        "HEARTBEAT": vehicle.age_s(Heartbeat, now_s),
+        "LOCAL_POSITION_NED": vehicle.age_s(LocalPosition, now_s),
+        "ATTITUDE": vehicle.age_s(Attitude, now_s),
+    }
+    limits_s = {"HEARTBEAT": HEARTBEAT_LIMIT_S, "LOCAL_POSITION_NED": TELEMETRY_LIMIT_S}
+    everything_s = min(ages_s.values())
+    if everything_s > 0.5 * TELEMETRY_LIMIT_S:  # a message that still came would be younger than that
+        return f"no telemetry for {everything_s:.1f} s"
+    missing = [name for name, limit_s in limits_s.items() if ages_s[name] > limit_s]
+    return "; ".join(f"no {name} for {ages_s[name]:.1f} s" for name in missing) or "telemetry is back"
 
 
 def _fresh(

@@ -22,6 +22,7 @@ class State(StrEnum):
     CLIMBING = "climbing"  # the autopilot's own take-off
     POSITIONING = "positioning"  # the autopilot flies to the start
     STANDING_BY = "standing by"  # hovering in the autopilot's hold, silent
+    OUT_OF_CONTACT = "out of contact"  # telemetry was lost while standing by; silent, nothing is commanded
     ENTERING = "entering"  # streaming a hover, waiting for HEARTBEAT to show the guided mode
     ENGAGED = "engaged"  # the game is played
     PAUSED = "paused"  # hovering in the guided mode until what is missing is back
@@ -30,7 +31,7 @@ class State(StrEnum):
     RETURNING = "returning"
     LANDING = "landing"
     LANDED = "landed"  # on the ground, disarmed: the end
-    YIELDED = "yielded"  # a pilot or the autopilot took over: silent for good
+    YIELDED = "yielded"  # somebody else flies the vehicle, or nobody can tell: silent for good
     FAILED = "failed"  # could not be flown: silent for good
 
 
@@ -69,6 +70,7 @@ class Event(StrEnum):
     LOOP_LATE = "loop late"
     CLEAR = "all inputs back"
     TELEMETRY_LOST = "vehicle telemetry lost"
+    CONTACT = "telemetry and checks are good again"
     BATTERY_LOW = "battery low"
     FENCE = "outside the fence"
     FLOOR = "below the floor"
@@ -88,6 +90,7 @@ _FOUND = (State.CHECKING, State.READY, State.ARMING)
 _AIRBORNE = (State.CLIMBING, State.POSITIONING, State.STANDING_BY)
 _COMMANDING = (State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION)
 _LEAVING = (State.HOLDING, State.RETURNING, State.LANDING)
+_FLOWN = (*_AIRBORNE, State.OUT_OF_CONTACT, *_COMMANDING, *_LEAVING)
 
 TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.CONNECTING, Event.HEARD): State.CHECKING,
@@ -126,18 +129,22 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.POSITIONING, Event.TIMED_OUT): State.LANDING,
     (State.RETURNING, Event.DISARMED): State.LANDED,
     (State.LANDING, Event.DISARMED): State.LANDED,
-    **{(state, Event.DISARMED): State.LANDED for state in (*_AIRBORNE, State.HOLDING)},
+    **{(state, Event.DISARMED): State.LANDED for state in (*_AIRBORNE, State.OUT_OF_CONTACT, State.HOLDING)},
     **{(state, Event.DISARMED): State.YIELDED for state in _COMMANDING},
-    **{(state, Event.HOLD): State.HOLDING for state in (*_AIRBORNE, *_COMMANDING, State.RETURNING)},
-    **{(state, Event.RETURN): State.RETURNING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING)},
-    **{(state, Event.LAND): State.LANDING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING, State.RETURNING)},
-    **{(state, Event.ABORT): State.LANDING for state in (*_AIRBORNE, *_COMMANDING, State.HOLDING, State.RETURNING)},
+    # From every state in the air, and from each of these three to the other two: a person may be standing below.
+    **{(state, Event.HOLD): State.HOLDING for state in _FLOWN if state is not State.HOLDING},
+    **{(state, Event.RETURN): State.RETURNING for state in _FLOWN if state is not State.RETURNING},
+    **{(state, Event.LAND): State.LANDING for state in _FLOWN if state is not State.LANDING},
+    **{(state, Event.ABORT): State.LANDING for state in _FLOWN if state is not State.LANDING},
     **{(state, Event.ABORT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY, State.ARMING)},
     # A vehicle that was found armed (guidance was started, or started again, in mid-air) is handed over like our own.
     **{(state, Event.HOLD_ARMED): State.HOLDING for state in _FOUND},
     **{(state, Event.RETURN_ARMED): State.RETURNING for state in _FOUND},
     **{(state, Event.LAND_ARMED): State.LANDING for state in _FOUND},
-    **{(state, Event.BATTERY_LOW): State.RETURNING for state in (*_COMMANDING, State.STANDING_BY, State.POSITIONING)},
+    **{
+        (state, Event.BATTERY_LOW): State.RETURNING
+        for state in (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING)
+    },
     # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
     **{(state, Event.LOOP_STOPPED): State.YIELDED for state in _COMMANDING},
     **{(state, Event.FENCE): State.HOLDING for state in _COMMANDING},
@@ -148,10 +155,16 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     **{(state, Event.RIVAL): State.HOLDING for state in _COMMANDING},
     **{(state, Event.OPERATOR_LOST): State.HOLDING for state in _COMMANDING},
     **{(state, Event.OPERATOR_GONE): State.RETURNING for state in (State.STANDING_BY, State.HOLDING)},
-    **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
-    **{(state, Event.TELEMETRY_LOST): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
-    **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
-    **{(state, Event.FAULT): State.YIELDED for state in (State.ARMING, *_AIRBORNE, *_COMMANDING, *_LEAVING)},
+    **{(state, Event.PILOT): State.YIELDED for state in (State.ARMING, *_FLOWN)},
+    **{(state, Event.REBOOTED): State.YIELDED for state in (State.ARMING, *_FLOWN)},
+    **{(state, Event.FAULT): State.YIELDED for state in (State.ARMING, *_FLOWN)},
+    **{
+        (state, Event.TELEMETRY_LOST): State.YIELDED
+        for state in (State.ARMING, State.CLIMBING, State.POSITIONING, *_COMMANDING, *_LEAVING)
+    },
+    # Nothing was being commanded: the flight may go on, but only a person's order begins the game.
+    (State.STANDING_BY, Event.TELEMETRY_LOST): State.OUT_OF_CONTACT,
+    (State.OUT_OF_CONTACT, Event.CONTACT): State.STANDING_BY,
     **{(state, Event.FAULT): State.FAILED for state in (State.CONNECTING, State.CHECKING, State.READY)},
     **{(state, Event.TELEMETRY_LOST): State.CONNECTING for state in (State.CHECKING, State.READY)},
 }
@@ -171,6 +184,7 @@ OUR_MODES: Mapping[State, frozenset[Mode]] = {
     State.CLIMBING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
     State.POSITIONING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
     State.STANDING_BY: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
+    State.OUT_OF_CONTACT: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
     State.ENTERING: frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}),
     State.ENGAGED: frozenset({Mode.GUIDED}),
     State.PAUSED: frozenset({Mode.GUIDED}),
@@ -185,3 +199,8 @@ OUR_MODES: Mapping[State, frozenset[Mode]] = {
 def next_state(state: State, event: Event) -> State:
     """Look the pair up; a pair that is not in the table leaves the state as it is."""
     return TRANSITIONS.get((state, event), state)
+
+
+def is_done(order: Event, state: State) -> bool:
+    """True if an order led to this state, or would have: ordering twice does no harm."""
+    return any(event is order and after is state for (_, event), after in TRANSITIONS.items())

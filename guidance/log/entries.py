@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
 from guidance.clock import Timing
-from guidance.flight import Event, Inputs, Outputs, State
+from guidance.flight import Authority, Event, Inputs, Outputs, State
 from guidance.log.codec import Codec
 from guidance.messages import EvaderReport, Message, Request, Setpoint
 from guidance.monitor import Alarm
@@ -36,10 +36,11 @@ class InputsEntry(NamedTuple):
     orders: Sequence[Event]
     refusals: Sequence[str] = ()
     alive: bool | None = None
+    mission: Sequence[Event] = ()
 
 
 class CycleEntry(NamedTuple):
-    """One cycle: what it read, what it decided from that, and how the loop kept time."""
+    """One cycle: what it read, what it decided, who caused its state (`by`), and how the loop kept time."""
 
     now_s: float
     state: State
@@ -49,6 +50,7 @@ class CycleEntry(NamedTuple):
     certificate: Certificate | None = None
     alarm: Alarm | None = None
     timing: Timing | None = None
+    by: Authority | None = None
 
     @property
     def flight_inputs(self) -> Inputs:
@@ -74,10 +76,11 @@ def cycle_entry(inputs: Inputs, outputs: Outputs, timing: Timing | None = None) 
     return CycleEntry(
         inputs.now_s,
         outputs.state,
-        InputsEntry(inputs.messages, inputs.reports, inputs.orders, inputs.refusals, inputs.alive),
+        InputsEntry(*inputs[1:]),
         outputs.requests,
         outputs.setpoint,
         outputs.certificate,
         outputs.alarm,
         timing,
+        Authority.FLIGHT if outputs.cause is None else outputs.cause.by,
     )

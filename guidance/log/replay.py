@@ -31,7 +31,8 @@ from guidance.log.entries import (
 from guidance.log.reader import CONFIG, SettingsOf, Survey, entry_of, metadata_of, scan
 from guidance.messages import PositionTarget, Setpoint
 
-COMPARED: Final = ("setpoint", "state", "requests")
+COMPARED: Final = ("setpoint", "state", "requests", "by")
+"""What a replay compares of each cycle; `by` only if it was recorded."""
 
 
 class ReplayedCycle(NamedTuple):
@@ -154,6 +155,8 @@ def _differing(row: CycleEntry, outputs: Outputs) -> Iterator[str]:
     """Name what differs. The shortest digits of two numbers are equal only where every bit is, -0.0 included."""
     recorded, present = decided(row), decided(cycle_entry(row.flight_inputs, outputs))
     for name in COMPARED:
+        if name == "by" and row.by is None:
+            continue
         if json.dumps(recorded.get(name)) != json.dumps(present.get(name)):
             yield name
 

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from guidance.clock import Clock
-from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, TRANSITIONS, Event, Flight, Outputs, State
+from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, Event, Flight, Outputs, State, is_done
+from guidance.flight.readiness import telemetry_gap
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.preflight import Finding, Verdict, advice, refusals
-from guidance.session.orders import ON_GROUND, STATUS, WORDS, Answer
+from guidance.session.orders import STATUS, WORDS, Answer
 from guidance.session.vehicle_file import Config
 from guidance.vehicle import VehicleState
 
@@ -23,9 +24,10 @@ _WHY: Final[Mapping[State, str]] = {
     State.ENGAGED: "the game is on",
     State.PAUSED: "the game is paused",
     State.ON_STATION: "it is on station",
+    State.OUT_OF_CONTACT: "it stands by out of contact: order hold, land or return, or wait for telemetry",
     State.HOLDING: "it holds: order engage, land or return",
-    State.RETURNING: "it is returning",
-    State.LANDING: "it is landing",
+    State.RETURNING: "it is returning: order hold or land",
+    State.LANDING: "it is landing: order hold or return",
 }
 
 _TO_DO: Final[Mapping[str, str]] = {
@@ -40,12 +42,14 @@ _TO_DO: Final[Mapping[str, str]] = {
 }
 """What a person does where a readiness check fails, by its name."""
 
+_GOES_ON: Final[Mapping[State, tuple[str, str]]] = {
+    State.HOLDING: ("held", "engage, return or land"),
+    State.RETURNING: ("returning", "hold or land"),
+    State.LANDING: ("landing", "hold or return"),
+}
+"""What an operator ordered, and the orders that change it."""
+
 _ENDING: Final = frozenset({Event.HOLD, Event.RETURN, Event.LAND})
-
-
-def is_done(order: Event, state: State) -> bool:
-    """True where the flight is already in the state that an order leads to: ordering twice does no harm."""
-    return any(event is order and after is state for (_, event), after in TRANSITIONS.items())
 
 
 def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
@@ -61,19 +65,44 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
     if flight.fault is not None:
         return f"guidance failed ({flight.fault}), and is silent since: order reset to begin another"
     if state in FINAL:
-        ended = {
-            State.YIELDED: "a pilot or the autopilot took over, and guidance is silent since",
-            State.FAILED: "the flight could not be flown",
-            State.LANDED: "the flight is over",
-        }[state]
-        return f"{ended}: order reset to begin another"
+        return f"{_ended(flight)}: order reset to begin another"
     if state in BEFORE_FLIGHT:
         return _not_begun(order, flight, missing(flight, now_s, rows))
     if order is Event.ENGAGE and state in {State.HOLDING, State.STANDING_BY}:
-        if flight.leaving_mode:
-            return f"its autopilot is still in {flight.mode_title}: order again once it holds"
-        return f"not ready: {missing(flight, now_s, rows)}"
+        return _not_engaged(flight, now_s, rows)
     return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
+
+
+def _not_engaged(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
+    if flight.leaving_mode:
+        return f"its autopilot is still in {flight.mode_title}: order again once it holds"
+    return flight.evader_refusal(now_s) or f"not ready: {missing(flight, now_s, rows)}"
+
+
+def _ended(flight: Flight) -> str:
+    if flight.state is State.LANDED:
+        return "the flight is over"
+    why = "unknown cause" if flight.cause is None else flight.cause.words
+    if flight.state is State.YIELDED:
+        return f"guidance has yielded and is silent ({why})"
+    return f"the flight could not be flown ({why})"
+
+
+def next_words(flight: Flight, now_s: float) -> str:
+    """Say what a person can do where the flight waits for one; empty elsewhere.
+
+    Args:
+        flight: As it stands.
+        now_s: The present.
+    """
+    if flight.ordered_by_operator and flight.state in _GOES_ON:
+        what, orders = _GOES_ON[flight.state]
+        return f"{what} by operator: continue with guidance ctl {orders}"
+    if flight.state is State.OUT_OF_CONTACT:
+        return f"{telemetry_gap(flight.vehicle, now_s)}: it stands by again when telemetry and checks are good"
+    if flight.cause is not None and flight.cause.event is Event.CONTACT:
+        return "telemetry was lost and is back: continue with guidance ctl engage, return or land"
+    return ""
 
 
 def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
@@ -138,21 +167,7 @@ def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequ
     for order in ORDERS:
         if not (is_done(order, flight.state) or flight.follows(order, now_s, barred)):
             reasons[str(order)] = refusal(order, flight, now_s, rows)
-    against = not_engageable(flight, now_s) if flight.state not in FINAL | ON_GROUND else None
-    return reasons if against is None else {**reasons, str(Event.ENGAGE): against}
-
-
-def not_engageable(flight: Flight, now_s: float) -> str | None:
-    """Say what stands against engaging where the state would allow it; None if nothing does."""
-    silence_s = flight.tracking.silence_s(now_s)
-    limit_s = flight.settings.cycle.evader_timeout_s
-    if silence_s > limit_s:
-        heard = "was never heard" if silence_s == float("inf") else f"was last heard {silence_s:.1f} s ago"
-        return f"the evader {heard}; at most {limit_s:g} s is allowed"
-    rival = flight.tracking.rival(now_s)
-    if rival and flight.settings.hold_on_rival:
-        return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
-    return None
+    return reasons
 
 
 def status(
@@ -199,6 +214,9 @@ def status(
             "checks_failed": [check.name for check in flight.checks(now_s) if not check.passed],
             "preflight_refused": list(refusals(rows)),
             "to_do": to_do(flight, now_s, rows),
+            "by": None if flight.cause is None else str(flight.cause.by),
+            "cause": None if flight.cause is None else flight.cause.words,
+            "next": next_words(flight, now_s),
             "refused_orders": foreseen(flight, now_s, rows, barred),
             "recording": recording,
             "certificate": certificate,

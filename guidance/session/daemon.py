@@ -1,19 +1,19 @@
-"""The daemon's core: one call a cycle, time given. Orders and answers, preflight, log, metrics, signs of life."""
+"""The daemon of one vehicle. Each cycle: orders in, the flight, then answers, status, log and metrics out."""
 
 import logging
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
-from guidance.flight import FINAL, Event, Flight, Inputs, Outputs
+from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ORDERED, RELOADED
 from guidance.log.writer import Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
-from guidance.session.answers import flight_line, is_done, missing, not_engageable, refusal, status
+from guidance.session.answers import flight_line, missing, refusal, status
 from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger, say_outputs
 from guidance.session.metrics import Metrics
@@ -21,7 +21,6 @@ from guidance.session.orders import (
     ALIVE,
     ON_GROUND,
     RESET,
-    STATUS,
     WORDS,
     Engaging,
     Mailbox,
@@ -35,6 +34,7 @@ from guidance.session.recording import Recording
 PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
+_ORDERING: Final = (Authority.OPERATOR, Authority.MISSION)
 
 
 class Daemon:
@@ -64,7 +64,6 @@ class Daemon:
         self.metrics = Metrics(name) if metrics is None else metrics
         self._notifier = Notifier(None, None) if notifier is None else notifier
         self._recording = Recording(record, broadcast, required=record_required)
-        self._alive = False
         self._live = live
         self._leaving: ShutdownHandover | None = None
         self._rows: tuple[Finding, ...] = ()
@@ -128,18 +127,25 @@ class Daemon:
         """Since when nothing is recorded any more, and why."""
         return self._linked.record_stopped
 
+    @property
+    def leaving(self) -> Authority | None:
+        """Who asked the daemon to end; None while it goes on."""
+        return None if self._leaving is None else self._leaving.authority
+
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
         """Run one cycle; `timing` is how the loop kept time."""
-        questions = self.mailbox.take()
-        orders = {question: self._order(question, now_s) for question in questions}
-        engaging = self._engage(now_s)
-        orders |= dict.fromkeys(engaging, Event.ENGAGE)
-        leaving = () if self._leaving is None else self._leaving.orders(self.flight)
-        given = [order for order in (*orders.values(), *leaving) if order is not None]
-        barred = self._barred() + (refusals(self._engaging.rows) if engaging else self._engaging.bars_the_pilot)
-        alive, self._alive = self._alive, False
-        outputs = self.outputs = self._linked.run(now_s, given, barred, timing, alive=alive)
-        self._answer(orders, outputs, now_s)
+        queries, orders = self.mailbox.queries(), self._orders(now_s)
+        people, mission = ([one for one in orders if one.authority is by] for by in _ORDERING)
+        outputs = self.outputs = self._linked.run(
+            now_s,
+            [Event(one.order) for one in people],
+            self._refusals(orders),
+            timing,
+            alive=any(query.order == ALIVE for query in queries),
+            mission=[Event(one.order) for one in mission],
+        )
+        self._answer((*people, *mission), outputs, now_s)
+        self._tell(queries, now_s)
         say_outputs(self._log, outputs)
         self._recording.look(now_s, self.metrics, self._log)
         self._preflight(now_s)
@@ -150,20 +156,53 @@ class Daemon:
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
 
-    def _engage(self, now_s: float) -> tuple[Question, ...]:
-        """Return the engage orders that are due: the parameters were read again, or did not answer."""
+    def _orders(self, now_s: float) -> list[Question]:
+        """Return the orders for this cycle's flight; all others are answered here."""
+        orders = [question for question in self.mailbox.orders() if self._is_for_the_flight(question, now_s)]
+        orders += self._due(now_s)
+        return orders if self._leaving is None else [*orders, *self._leaving.orders(self.flight)]
+
+    def _is_for_the_flight(self, question: Question, now_s: float) -> bool:
+        word = question.order
+        if word in WORDS and word != Event.ENGAGE:
+            self._give_up_engaging(f"{word} was ordered meanwhile", now_s)
+        if word == RESET:
+            self._reply(question, now_s, self._reset())
+        elif word not in WORDS:
+            self._reply(question, now_s, f"order = {word!r}: allowed are {', '.join(WORDS)}")
+        elif self._is_leaving(question):
+            self._reply(question, now_s, "the daemon is ending")
+        elif word == Event.ENGAGE and self._must_read_first(now_s):
+            self._engaging.wait(question, now_s)
+        else:
+            return True
+        return False
+
+    def _is_leaving(self, question: Question) -> bool:
+        """Whether the daemon ends. If only a mission wanted that, an operator's order keeps it going."""
+        if self.leaving is Authority.MISSION and question.authority is Authority.OPERATOR:
+            self._leaving = None
+        return self._leaving is not None
+
+    def _must_read_first(self, now_s: float) -> bool:
+        if self._plan.wants is None or not self.in_flight:
+            return False
+        return self.flight.follows(Event.ENGAGE, now_s, self._barred())
+
+    def _due(self, now_s: float) -> tuple[Question, ...]:
+        """Return the engage orders that waited for parameters, once these were read again or did not answer."""
         read, due = self._engaging.reading, self._engaging.due(now_s)
         if read and not self._engaging.reading:
             fresh = {row.name: row for row in self._engaging.rows}
             self._rows = tuple(fresh.get(row.name, row) for row in self._rows)
             if refusals(self._engaging.rows) and not due:
                 self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
-        against = not_engageable(self.flight, now_s) if due else None
-        if against is None:
-            return due
-        for question in due:
-            self._reply(question, now_s, against)
-        return ()
+        return due
+
+    def _refusals(self, orders: Sequence[Question]) -> tuple[str, ...]:
+        """Name what bars the vehicle from flying, or from being engaged by one of these orders or by a pilot."""
+        engaging = any(one.order == Event.ENGAGE for one in orders)
+        return self._barred() + (refusals(self._engaging.rows) if engaging else self._engaging.bars_the_pilot)
 
     def _barred(self) -> tuple[str, ...]:
         """Name what bars the vehicle from flying; what was not judged yet is refused."""
@@ -192,15 +231,21 @@ class Daemon:
             self._recording.note(now_s, str(Event.FAULT), outputs.fault)
         self._notifier.alive(now_s)
 
-    def leave(self, order: Event, now_s: float) -> None:
-        """Hand the vehicle to the autopilot and finish; asked a second time, finish at once."""
-        if self._leaving is not None:
+    def leave(self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR) -> None:
+        """Hand the vehicle to the autopilot and finish. An operator who asks a second time finishes at once.
+
+        Args:
+            order: How the vehicle is handed over.
+            now_s: The present.
+            authority: Who asks. A mission asks once, and an operator's order keeps the daemon going.
+        """
+        if self.leaving is Authority.OPERATOR:
             self._log.say(logging.WARNING, "ending at once: asked twice", state=self.flight.state)
             self.finished = True
             return
         self._log.say(logging.INFO, "ending", by=order, state=self.flight.state)
         self._notifier.stopping()
-        self._leaving = ShutdownHandover(order, now_s)
+        self._leaving = ShutdownHandover(order, now_s, authority)
         self._give_up_engaging("the daemon is ending", now_s)
 
     def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
@@ -217,38 +262,6 @@ class Daemon:
             self.metrics.happened(RELOADED)
             self._recording.note(now_s, RELOADED, self._plan.document)
 
-    def _order(self, question: Question, now_s: float) -> Event | None:
-        """Answer what needs no cycle; return the order that does."""
-        word = question.order
-        if word in WORDS and word not in {STATUS, ALIVE, Event.ENGAGE}:
-            self._give_up_engaging(f"{word} was ordered meanwhile", now_s)
-        if word == STATUS:
-            question.answer({"accepted": True, "order": word, **self._status(now_s)})
-        elif word == ALIVE:
-            self._alive = True
-            question.answer({"accepted": True, "order": word, **self._status(now_s)})
-        elif word == RESET:
-            self._reply(question, now_s, self._reset())
-        elif word not in WORDS:
-            self._reply(question, now_s, f"order = {word!r}: allowed are {', '.join(WORDS)}")
-        elif self._leaving is not None:
-            self._reply(question, now_s, "the daemon is ending")
-        else:
-            return self._checked(question, Event(word), now_s)
-        return None
-
-    def _checked(self, question: Question, order: Event, now_s: float) -> Event | None:
-        if order is not Event.ENGAGE or not self.in_flight:
-            return order
-        against = not_engageable(self.flight, now_s)
-        if against is not None:
-            self._reply(question, now_s, against)
-        elif self._plan.wants is None or not self.flight.follows(order, now_s, self._barred()):
-            return order
-        else:
-            self._engaging.wait(question, now_s)
-        return None
-
     def _give_up_engaging(self, reason: str, now_s: float) -> None:
         for question in self._engaging.give_up():
             self._reply(question, now_s, reason)
@@ -259,24 +272,29 @@ class Daemon:
         self._begin(self._plan)
         return ""
 
-    def _answer(self, orders: Mapping[Question, Event | None], outputs: Outputs, now_s: float) -> None:
-        happened = iter(outputs.happenings)
-        for question, order in orders.items():
-            if order is None:
-                continue
-            happening = next(happened)  # the orders come first, one happening each, in their order
-            done = happening.after is not happening.before or is_done(order, self.flight.state)
+    def _answer(self, orders: Sequence[Question], outputs: Outputs, now_s: float) -> None:
+        """Answer what the flight was ordered: its first happenings are one for each order, in their order."""
+        for question, happening in zip(orders, outputs.happenings, strict=False):
+            order = Event(question.order)
+            done = happening.after is not happening.before or is_done(order, happening.after)
             self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self._rows))
 
-    def _reply(self, question: Question, now_s: float, reason: str) -> None:
-        """Answer an order, accepted where there is no reason against it, and keep who gave it.
+    def _tell(self, queries: Sequence[Question], now_s: float) -> None:
+        """Answer all queries of this cycle with one status."""
+        if queries:
+            status = self._status(now_s)
+            for query in queries:
+                query.answer({"accepted": True, "order": query.order, **status})
 
-        A mission asks every second: what it is refused for is said once, and again when that changes.
+    def _reply(self, question: Question, now_s: float, reason: str) -> None:
+        """Answer an order, accepted if there is no reason against it; log it and record who gave it.
+
+        A mission asks every second: a refusal for the same reason is logged once.
         """
         order, accepted = question.order, not reason
         known, words = order if order in WORDS else "unknown", _NUMBER.sub("", reason)
         self.metrics.order(known, accepted=accepted)
-        repeated = not accepted and not question.by and words == self._refused_for.get(known)
+        repeated = not accepted and question.authority is Authority.MISSION and words == self._refused_for.get(known)
         self._refused_for[known] = words
         level = logging.INFO if accepted else logging.WARNING
         why = {} if accepted else {"reason": reason}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from guidance.clock import Timing
-from guidance.flight import Event, Flight, Inputs, Outputs
+from guidance.flight import Authority, Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import BEGUN, cycle_entry
 from guidance.log.writer import Record
@@ -41,6 +41,7 @@ class LinkedFlight:
         timing: Timing | None = None,
         *,
         alive: bool = False,
+        mission: Sequence[Event] = (),
     ) -> Outputs:
         """Run one cycle at `now_s`; `inputs` is then what it has seen.
 
@@ -50,9 +51,10 @@ class LinkedFlight:
             refusals: What preflight refuses, by name.
             timing: How late the cycle is, for the record.
             alive: Whether a person gave a sign of life since the last cycle.
+            mission: Orders of a mission.
         """
         inputs = self.inputs = Inputs(
-            now_s, self._link.receive(), self._evader.receive(), orders, refusals, alive or None
+            now_s, self._link.receive(), self._evader.receive(), orders, refusals, alive or None, mission
         )
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s
@@ -77,8 +79,10 @@ class LinkedFlight:
         recorder.cycle(cycle_entry(inputs, outputs, timing))
         for happening in outputs.happenings:
             detail = f"{happening.before} -> {happening.after}"
-            if happening.event is Event.FAULT:
-                detail += f": {outputs.fault}"
+            if happening.by is not Authority.FLIGHT:
+                detail += f": by {happening.by}"
+            elif happening.detail:
+                detail += f": {happening.detail}"
             recorder.event(happening.now_s, str(happening.event), detail)
         if outputs.alarm is not None:
             recorder.event(inputs.now_s, str(outputs.alarm.violation), outputs.alarm.by)

@@ -11,11 +11,11 @@ from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
 from guidance.errors import FlightError
-from guidance.flight import Event, Flight, State
+from guidance.flight import Authority, Event, Flight, State
 from guidance.frames import Vector
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
-from guidance.session.answers import missing
+from guidance.session.answers import missing, next_words
 from guidance.session.daemon import Daemon
 from guidance.session.linked_flight import Stopped
 from guidance.session.loop import PERIOD_S, World
@@ -51,7 +51,8 @@ class Progress(NamedTuple):
         unit: Of the game's value.
         record_stopped: Where the record could not go on.
         waiting: What a vehicle on the ground is not ready for want of.
-        why: The event that led to this state.
+        why: What led to this state.
+        next: What a person can do now, where the flight waits for one.
     """
 
     now_s: float
@@ -62,6 +63,7 @@ class Progress(NamedTuple):
     record_stopped: Stopped | None = None
     waiting: str = ""
     why: str = ""
+    next: str = ""
 
 
 class Conduct(NamedTuple):
@@ -97,7 +99,6 @@ class Mission:
 
     Attributes:
         result: What the flight came to so far.
-        left: Whether the mission has ended the run itself; a person may have ended it sooner.
     """
 
     def __init__(
@@ -112,7 +113,9 @@ class Mission:
         ready_within_s: float = READY_WITHIN_S,
     ) -> None:
         self.result = FlightResult(scenario, State.CONNECTING)
-        self.left = False
+        self._over = False
+        self._engaged_once = False
+        self._limit_from_s = 0.0
         self._daemon = daemon
         self._world = world
         self._heard = heard
@@ -133,9 +136,14 @@ class Mission:
         self._asked_s = -math.inf
 
     @property
+    def left(self) -> bool:
+        """Whether the mission has ended the run itself; a person may have ended it sooner."""
+        return self._over or self._daemon.leaving is Authority.MISSION
+
+    @property
     def finished(self) -> bool:
         """Whether nothing more is to be flown: a mock's flight is over. A vehicle is handed over by its daemon."""
-        return self.left and self._conduct.hand_over is None
+        return self._over
 
     def before(self, now_s: float) -> None:
         """Move the evader to the present, and order what is due."""
@@ -166,7 +174,10 @@ class Mission:
         if outputs is None or self._begun_s is None:
             return
         self._sequencer.follow(now_s, outputs)
-        if self._sequencer.engaged_s == now_s:
+        if self._sequencer.by_operator or result.cycles == 0:
+            self._limit_from_s = now_s
+        if self._sequencer.engaged_s == now_s and not self._engaged_once:
+            self._engaged_once = True
             self._heard.engage(now_s)
             self._world.engage()
         result.late_cycles += late_s > PERIOD_S
@@ -179,7 +190,8 @@ class Mission:
             if flight.state in ON_GROUND:
                 self._judge(now_s, now_s - self._begun_s)
                 waiting = self._waiting(now_s)
-        if self._sequencer.finished or (self._conduct.hand_over is None and now_s - self._begun_s >= MISSION_LIMIT_S):
+        given_up = self._conduct.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
+        if self._sequencer.finished or given_up:
             self._leave(now_s)
         self._show(
             Progress(
@@ -190,7 +202,8 @@ class Mission:
                 self._unit,
                 result.record_stopped,
                 waiting,
-                next((str(one.event) for one in reversed(result.happenings) if one.after != one.before), ""),
+                "" if outputs.cause is None else outputs.cause.words,
+                next_words(flight, now_s),
             )
         )
 
@@ -226,13 +239,13 @@ class Mission:
     def _ask(self, order: Event, now_s: float) -> None:
         if now_s - self._asked_s >= ASK_EVERY_S:
             self._asked_s = now_s
-            self._daemon.mailbox.ask(str(order))
+            self._daemon.mailbox.ask(str(order), authority=Authority.MISSION)
 
     def _leave(self, now_s: float) -> None:
-        if not self.left:
-            self.left = True
-            if self._conduct.hand_over is not None:
-                self._daemon.leave(self._conduct.hand_over, now_s)
+        if self._conduct.hand_over is None:
+            self._over = True
+        elif self._daemon.leaving is None:
+            self._daemon.leave(self._conduct.hand_over, now_s, Authority.MISSION)
 
     def _judge(self, now_s: float, waited_s: float) -> None:
         daemon = self._daemon

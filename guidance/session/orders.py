@@ -1,10 +1,9 @@
-"""Orders on their way to the loop, and answers on their way back. Bounded: who asks too much is told so.
+"""Orders and questions on their way to the loop, and answers on their way back.
 
-Two are not given at once. Before the game begins the autopilot is looked at once more: its fence, and what it does when
-setpoints stop. Preflight read these parameters on the ground, and whoever has a ground station may have changed them
-since. So an engage order waits until all of them were read again, and a pilot's switch to the guided mode engages no
-sooner. That takes as long as the autopilot takes to answer; a parameter that does not answer is a refusal. And the last
-order is that of a process that ends: hand the vehicle to the autopilot, see it taken, then go.
+Two orders are not given at once. An engage order waits until the parameters that act when setpoints stop were read
+again: preflight read them on the ground, and any ground station may have changed them since. A pilot's switch to the
+guided mode waits for the same. A parameter that is not answered in time is a refusal. The last order is that of a
+process that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
 """
 
 import threading
@@ -13,41 +12,60 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Mode, Wants
-from guidance.flight import FINAL, ORDERS, EngageOn, Event, Flight, State
+from guidance.flight import FINAL, ORDERS, Authority, EngageOn, Event, Flight, State
 from guidance.preflight import PreflightMemory, engage_names, engage_rows, refusals
 
-MOST_WAITING: Final = 16
+MOST_ORDERS: Final = 64
+MOST_QUERIES: Final = 256
+"""Longest queues. The loop empties both every cycle, so only a loop that hangs fills them."""
 
 STATUS, RESET, ALIVE = "status", "reset", "alive"
+QUERIES: Final = frozenset({STATUS, ALIVE})
+"""Words that are answered with the status and change nothing."""
+
 WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS, ALIVE)
-"""What may be ordered."""
+"""What may be asked of a daemon."""
 
 Answer = Mapping[str, Any]
 
 ON_GROUND: Final = frozenset({State.CONNECTING, State.CHECKING, State.READY})
 HANDOVER_LIMIT_S: Final = 12.0
-"""After this the daemon goes anyway: its stream ends, and the autopilot's own failsafe acts."""
+"""After this the daemon ends anyway: its stream ends, and the autopilot's own failsafe acts."""
 
 ORDER_OF: Final = {"hold": Event.HOLD, "land": Event.LAND, "return": Event.RETURN}
 _TAKEN: Final = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}
 READ_WITHIN_S: Final = 1.5
-"""In this time a link asks three times, and whoever ordered still waits for the answer."""
+"""Time for reading parameters again: a link asks three times, and the person still waits for the answer."""
 
 _BEING_READ: Final = ("parameters read again",)
 
 
 class Question:
-    """One order, until it is answered. `by` says who gave it, empty where nobody said; `told` is called then."""
+    """One order or query, until it is answered.
 
-    def __init__(self, order: str, by: str = "", told: Callable[[], None] = lambda: None) -> None:
+    Args:
+        order: One of `WORDS`.
+        by: The name of who asks; empty if unknown.
+        told: Called when it is answered.
+        authority: Whether a person asks or a mission.
+    """
+
+    def __init__(
+        self,
+        order: str,
+        by: str = "",
+        told: Callable[[], None] = lambda: None,
+        authority: Authority = Authority.OPERATOR,
+    ) -> None:
         self.order = order
         self.by = by
+        self.authority = authority
         self._told = told
         self._answer: Answer | None = None
         self._answered = threading.Event()
 
     def answer(self, answer: Answer) -> None:
-        """Answer it; the loop does, or who stands in for it."""
+        """Answer it."""
         self._answer = answer
         self._answered.set()
         self._told()
@@ -59,54 +77,79 @@ class Question:
 
 
 class Mailbox:
-    """Filled by any thread, emptied by the loop once a cycle."""
+    """Filled by any thread, emptied by the loop once a cycle. Queries never take an order's place."""
 
     def __init__(self) -> None:
-        self._waiting: deque[Question] = deque()
+        self._orders: deque[Question] = deque()
+        self._queries: deque[Question] = deque()
         self._lock = threading.Lock()
         self._meanwhile: Callable[[str], Answer] | None = None
 
     def meanwhile(self, answer: Callable[[str], Answer] | None) -> None:
-        """Let every order be answered by `answer`, on the asker's thread, while no loop runs; None: the loop does."""
+        """Answer everything by `answer`, on the asking thread, while no loop runs; None: the loop answers."""
         self._meanwhile = answer
 
-    def ask(self, order: str, by: str = "", told: Callable[[], None] = lambda: None) -> Question:
-        """Put an order to the loop. It is answered at once where there is no room for it, or no loop yet."""
-        question = Question(order, by, told)
+    def ask(
+        self,
+        order: str,
+        by: str = "",
+        told: Callable[[], None] = lambda: None,
+        authority: Authority = Authority.OPERATOR,
+    ) -> Question:
+        """Put an order or a query to the loop. It is answered at once if the queue is full or no loop runs yet."""
+        question = Question(order, by, told, authority)
         meanwhile = self._meanwhile
         if meanwhile is not None:
             question.answer(meanwhile(order))
             return question
+        queue, most = (self._queries, MOST_QUERIES) if order in QUERIES else (self._orders, MOST_ORDERS)
         with self._lock:
-            if len(self._waiting) < MOST_WAITING:
-                self._waiting.append(question)
+            if len(queue) < most:
+                queue.append(question)
                 return question
-        question.answer({"accepted": False, "order": order, "reason": "too many orders wait; is the loop running?"})
+        question.answer({"accepted": False, "order": order, "reason": "too many wait already; does the loop run?"})
         return question
 
-    def take(self) -> Sequence[Question]:
-        """All that wait, oldest first."""
+    def orders(self) -> Sequence[Question]:
+        """Take all orders that wait, oldest first."""
+        return self._taken(self._orders)
+
+    def queries(self) -> Sequence[Question]:
+        """Take all queries that wait, oldest first."""
+        return self._taken(self._queries)
+
+    def _taken(self, queue: deque[Question]) -> Sequence[Question]:
+        if not queue:
+            return ()
         with self._lock:
-            taken = list(self._waiting)
-            self._waiting.clear()
+            taken = list(queue)
+            queue.clear()
         return taken
 
 
 class ShutdownHandover:
-    """The memory of an ending: which order was meant, whether it was given, and since when."""
+    """A daemon that ends: the order that it gives then, and whether the vehicle has followed.
 
-    def __init__(self, order: Event, now_s: float) -> None:
+    Args:
+        order: What hands the vehicle over.
+        now_s: When the end was asked for.
+        authority: By whom. An operator's order cancels the end that a mission asked for.
+    """
+
+    def __init__(self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR) -> None:
+        self.authority = authority
         self._order = order
         self._since_s = now_s
         self._given = False
 
-    def orders(self, flight: Flight) -> tuple[Event, ...]:
+    def orders(self, flight: Flight) -> tuple[Question, ...]:
         """The order that hands the vehicle over, once."""
         if self._given or flight.state in FINAL | ON_GROUND:
             return ()
         self._given = True
-        # What is just arming has not left the ground: nothing is to be handed over, only called off.
-        return (Event.ABORT if flight.state is State.ARMING else self._order,)
+        # While arming the vehicle is still on the ground: nothing to hand over, the start is called off.
+        order = Event.ABORT if flight.state is State.ARMING else self._order
+        return (Question(str(order), authority=self.authority),)
 
     def finished(self, flight: Flight, now_s: float) -> bool:
         """True once there is nothing more to hand over, or no more time."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.certificate import Certificate
-from guidance.flight import Event, Happening, Outputs, State
+from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.game import solve
 from guidance.monitor import Alarm
@@ -24,6 +24,7 @@ from guidance.sim.outcome import Outcome, final_distance_m, outcome_of, winner_n
 from guidance.sim.scenario import Scenario, Wind
 
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
+_PLAYED = PLAYING | {State.ON_STATION}
 
 _ENDS: Mapping[Event, str] = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived", Event.PILOT: "yielded"}
 
@@ -95,6 +96,9 @@ def note(
     result.setpoints_sent += outputs.setpoint is not None
     result.ended = outputs.state
     result.happenings.extend(outputs.happenings)
+    if any(map(_begins_game, outputs.happenings)):
+        result.predicted = result.time_needed_s = result.achieved = result.capture_time_s = math.nan
+        result.engaged, result.captured = None, False
     if outputs.alarm is not None:
         result.alarms.append((now_s, outputs.alarm))
     if pursuer_m is not None and evader_m is not None:
@@ -129,7 +133,7 @@ def conclude(result: FlightResult, director: MissionSequencer, duration_s: float
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     """Return the row of a flight; `way` is "fast", "live" or "vehicle"."""
     scenario = result.scenario
-    began = next((each for each in result.happenings if each.after is State.ENGAGED), None)
+    began = next((each for each in reversed(result.happenings) if _begins_game(each)), None)
     if began is None:
         return _never_engaged(result, way)
     since_engagement = [each for each in result.happenings if each.now_s > began.now_s]
@@ -161,13 +165,20 @@ def ending_words(outcome: Outcome) -> str:
     return f"failed: {outcome.reason}" if outcome.end == "failed" else words.get(outcome.end, outcome.end)
 
 
+def _begins_game(happening: Happening) -> bool:
+    """Whether a game began: the first one, or another that an operator engaged after a hold."""
+    return happening.after is State.ENGAGED and happening.before not in _PLAYED
+
+
 def _ending(result: FlightResult, happenings: list[Happening]) -> Ending:
     """Find the first thing that ended the game, and what it means."""
     last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
     if last is None:
         return Ending("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
-    timed_out = result.timed_out and last.event in {Event.LAND, Event.HOLD, Event.RETURN}
+    timed_out = result.timed_out and last.by is Authority.MISSION
     end = "time_up" if timed_out else _ENDS.get(last.event, "failed")
+    if last.by is Authority.OPERATOR:
+        return Ending(end, last.now_s, f"{last.event} ordered by operator")
     if end != "failed":
         return Ending(end, last.now_s, str(last.event) if end == "yielded" else "")
     # A pause that lasted too long: what it waited for is the reason.

@@ -1,29 +1,43 @@
-"""Who gives the orders in a mocked flight, in place of the person at the ground station."""
+"""Orders of a mission: they replace the person at the ground station while no person gives orders."""
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Final
 
-from guidance.flight import FINAL, Event, Outputs, State
+from guidance.flight import FINAL, Authority, Event, Outputs, State
 
-_LINGER_S = 2.0
-"""How long a flight is watched that has been taken over, or holds without an end in sight."""
+LINGER_S: Final = 2.0
+"""How long a mission waits after the flight held or yielded by itself."""
+
+CONTACT_PATIENCE_S: Final = 60.0
+"""How long a mission waits for a person's engage order after telemetry was lost and came back."""
 
 PATIENCE_S: Mapping[State, float] = {
     State.READY: 60.0,
     State.RETURNING: 300.0,
     State.LANDING: 300.0,
+    State.OUT_OF_CONTACT: 60.0,
 }
-"""From when on a state leads nowhere in which the flight itself has no limit; the run is given up then."""
+"""Time after which a state without its own limit ends the run."""
+
+_PLAYED: Final = frozenset({State.ENGAGED, State.PAUSED, State.ON_STATION})
 
 
 class MissionSequencer:
-    """Start when all is ready, engage when both stand by, end when the game is over or has lasted too long.
+    """Start when everything is ready, engage when both stand by, end when the game is over or has lasted too long.
+
+    While an operator's order stands the mission orders nothing and does not end.
 
     Args:
         hold_s: How long to stay on station.
         time_limit_s: Of the game.
-        patience_s: How long a state is watched that leads nowhere.
+        patience_s: Longest stay in a state, by state.
         end_with: The order that ends the game: land where it is, or return.
+
+    Attributes:
+        engaged_s: When the game began; anew if an operator engages again after a hold. None before.
+        captured_s: When it was captured; None before.
+        timed_out: Whether the game lasted too long.
     """
 
     def __init__(
@@ -40,49 +54,63 @@ class MissionSequencer:
         self._end_with = end_with
         self._state = State.CONNECTING
         self._since_s = self._now_s = 0.0
+        self._lost_contact = False
+        self.by_operator = False
         self.engaged_s: float | None = None
         self.captured_s: float | None = None
         self.timed_out = False
 
     @property
     def playing(self) -> bool:
-        """From engagement until capture; the evader plays in this time, also while the pursuer pauses."""
+        """From engagement until capture. The evader plays in this time, also while the pursuer pauses."""
         return self.engaged_s is not None and self._state in {State.ENGAGED, State.PAUSED}
 
     @property
     def finished(self) -> bool:
-        """The flight has come to its end, or to where it has none."""
+        """Whether the flight is over, or stays too long in a state."""
         waited_s = self._now_s - self._since_s
         if self._state is State.YIELDED:
-            return waited_s >= _LINGER_S  # the record is to show that nothing is sent any more
-        return self._state in FINAL or waited_s > self._patience_s.get(self._state, math.inf)
+            return waited_s >= LINGER_S  # the record shows that nothing is sent any more
+        if self._state in FINAL:
+            return True
+        return not self.by_operator and waited_s > self._patience_s.get(self._state, math.inf)
 
     def follow(self, now_s: float, outputs: Outputs) -> None:
         """Take note of what a cycle did."""
         self._now_s = now_s
-        if outputs.state is not self._state:
-            self._state, self._since_s = outputs.state, now_s
-        if self._state is State.ENGAGED and self.engaged_s is None:
-            self.engaged_s = now_s
+        cause = outputs.cause
+        self.by_operator = cause is not None and cause.by is Authority.OPERATOR
+        self._lost_contact = cause is not None and cause.event is Event.CONTACT
+        before = self._state
+        if outputs.state is before:
+            return
+        self._state, self._since_s = outputs.state, now_s
+        if self._state is State.ENGAGED and before not in _PLAYED:
+            self.engaged_s, self.captured_s = now_s, None
         if self._state is State.ON_STATION and self.captured_s is None:
             self.captured_s = now_s
 
     def orders(self, now_s: float, *, evader_ready: bool, evader_fresh: bool) -> Sequence[Event]:
         """Give the orders for this cycle."""
-        waited_s = now_s - self._since_s
-        match self._state:
-            case State.READY if evader_ready:
-                return (Event.START,)
-            case State.STANDING_BY if evader_ready and evader_fresh and self.engaged_s is None:
-                return (Event.ENGAGE,)
-            case State.ON_STATION if waited_s >= self._hold_s:
-                return (self._end_with,)
-            case State.HOLDING | State.STANDING_BY if waited_s >= _LINGER_S:
-                return (self._end_with,)
-            case State.ENGAGED | State.PAUSED if self._overtime(now_s):
-                self.timed_out = True
-                return (self._end_with,)
-        return ()
+        if self.by_operator:
+            return ()
+        first = self.engaged_s is None and not self._lost_contact
+        if self._state is State.READY and evader_ready:
+            return (Event.START,)
+        if self._state is State.STANDING_BY and first and evader_ready and evader_fresh:
+            return (Event.ENGAGE,)
+        if self._state in {State.ENGAGED, State.PAUSED} and self._overtime(now_s):
+            self.timed_out = True
+            return (self._end_with,)
+        return (self._end_with,) if now_s - self._since_s >= self._lingers_s() else ()
+
+    def _lingers_s(self) -> float:
+        """How long the mission stays in the present state before it ends the flight."""
+        if self._state is State.ON_STATION:
+            return self._hold_s
+        if self._state is State.STANDING_BY and self._lost_contact:
+            return CONTACT_PATIENCE_S
+        return LINGER_S if self._state in {State.HOLDING, State.STANDING_BY} else math.inf
 
     def _overtime(self, now_s: float) -> bool:
         return self.engaged_s is not None and now_s - self.engaged_s > self._time_limit_s

@@ -29,9 +29,10 @@ class Flown:
         self.position = [0.0, 0.0, HOME_DOWN_M]
         self.velocity = [0.0, 0.0, 0.0]
         self.yaw_rad = 0.7
-        self.evader = None
+        self.evader = (60.0, 0.0)
         self.outputs = None
         self.beat_s = -math.inf
+        self.without_position = False
 
     @property
     def state(self):
@@ -39,7 +40,9 @@ class Flown:
 
     def cycle(self, *orders, beat=False, dt_s=CYCLE_S, more=(), reports=(), refusals=(), silent=False):
         self.now_s += dt_s
-        said = [] if silent else [local(self.now_s, tuple(self.position), tuple(self.velocity))]
+        said = (
+            [] if silent or self.without_position else [local(self.now_s, tuple(self.position), tuple(self.velocity))]
+        )
         if beat or (not silent and self.now_s - self.beat_s >= 1.0 - 1e-9):
             self.beat_s = self.now_s
             said += [
@@ -50,8 +53,11 @@ class Flown:
                 home(self.now_s),
             ]
         heard = [*([] if self.evader is None else [self.report()]), *reports]
-        self.outputs = self.flight.step(Inputs(self.now_s, [*said, *more], heard, orders, refusals))
+        self.outputs = self.flight.step(self.inputs(self.now_s, [*said, *more], heard, orders, refusals))
         return self.outputs
+
+    def inputs(self, *read):
+        return Inputs(*read)
 
     def report(self):
         north_m, east_m = self.evader

@@ -9,6 +9,8 @@ from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES
 COMMANDING = {State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION}
 AIRBORNE = {State.CLIMBING, State.POSITIONING, State.STANDING_BY}
 LEAVING = {State.HOLDING, State.RETURNING, State.LANDING}
+LOST = State.OUT_OF_CONTACT
+FLOWN = AIRBORNE | {LOST} | COMMANDING | LEAVING
 
 
 @pytest.mark.parametrize(("state", "event"), list(itertools.product(State, Event)))
@@ -34,19 +36,31 @@ def test_only_a_persons_word_leads_to_entering_and_only_that_or_a_pilots_hand_be
     } == {Event.INVITED}
 
 
-@pytest.mark.parametrize("state", sorted({State.ARMING} | AIRBORNE | COMMANDING | LEAVING))
-@pytest.mark.parametrize("event", [Event.PILOT, Event.TELEMETRY_LOST, Event.REBOOTED])
-def test_another_hand_a_lost_vehicle_or_a_reboot_ends_it_for_us_from_everywhere(state, event):
+@pytest.mark.parametrize("state", sorted({State.ARMING} | FLOWN))
+@pytest.mark.parametrize("event", [Event.PILOT, Event.REBOOTED, Event.FAULT])
+def test_a_pilot_a_reboot_or_a_fault_ends_the_flight_from_every_state(state, event):
     assert next_state(state, event) is State.YIELDED
 
 
-@pytest.mark.parametrize("state", sorted(AIRBORNE | COMMANDING | LEAVING - {State.LANDING}))
+@pytest.mark.parametrize("state", sorted({State.ARMING} | FLOWN - {State.STANDING_BY, LOST}))
+def test_lost_telemetry_ends_the_flight_where_something_is_commanded(state):
+    assert next_state(state, Event.TELEMETRY_LOST) is State.YIELDED
+
+
+def test_after_a_telemetry_gap_the_only_way_into_the_game_is_an_engage_order():
+    assert next_state(State.STANDING_BY, Event.TELEMETRY_LOST) is LOST
+    out = {event: after for (state, event), after in TRANSITIONS.items() if state is LOST}
+    assert {event for event, after in out.items() if after in COMMANDING} == set()
+    assert out[Event.CONTACT] is State.STANDING_BY
+
+
+@pytest.mark.parametrize("state", sorted(FLOWN - {State.LANDING}))
 def test_an_abort_in_the_air_lands(state):
     assert next_state(state, Event.ABORT) is State.LANDING
 
 
-@pytest.mark.parametrize("state", sorted(AIRBORNE | COMMANDING))
-def test_every_order_to_leave_is_followed_from_every_state_in_the_air(state):
+@pytest.mark.parametrize("state", sorted(FLOWN))
+def test_hold_return_and_land_are_followed_from_every_state_in_the_air(state):
     assert next_state(state, Event.HOLD) is State.HOLDING
     assert next_state(state, Event.RETURN) is State.RETURNING
     assert next_state(state, Event.LAND) is State.LANDING
@@ -58,7 +72,7 @@ def test_setpoints_go_out_in_the_states_of_the_guided_mode_only():
 
 
 def test_every_state_in_the_air_knows_which_modes_are_our_own():
-    assert set(OUR_MODES) == AIRBORNE | COMMANDING | LEAVING
+    assert set(OUR_MODES) == FLOWN
 
 
 def test_no_line_leads_to_where_it_began():
@@ -80,10 +94,10 @@ BY_EVENT = {
     # A person's orders.
     Event.START: {S.ARMING: {S.READY}},
     Event.ENGAGE: {S.ENTERING: {S.STANDING_BY, S.HOLDING}},
-    Event.HOLD: {S.HOLDING: AIRBORNE | COMMANDING | {S.RETURNING}},
-    Event.RETURN: {S.RETURNING: AIRBORNE | COMMANDING | {S.HOLDING}},
-    Event.LAND: {S.LANDING: AIRBORNE | COMMANDING | {S.HOLDING, S.RETURNING}},
-    Event.ABORT: {S.LANDING: AIRBORNE | COMMANDING | {S.HOLDING, S.RETURNING}, S.FAILED: GROUND},
+    Event.HOLD: {S.HOLDING: FLOWN - {S.HOLDING}},
+    Event.RETURN: {S.RETURNING: FLOWN - {S.RETURNING}},
+    Event.LAND: {S.LANDING: FLOWN - {S.LANDING}},
+    Event.ABORT: {S.LANDING: FLOWN - {S.LANDING}, S.FAILED: GROUND},
     # Of a vehicle that was found armed.
     Event.HOLD_ARMED: {S.HOLDING: GROUND - {S.CONNECTING}},
     Event.RETURN_ARMED: {S.RETURNING: GROUND - {S.CONNECTING}},
@@ -119,15 +133,17 @@ BY_EVENT = {
     Event.OPERATOR_LOST: {S.HOLDING: COMMANDING},
     Event.OPERATOR_GONE: {S.RETURNING: {S.STANDING_BY, S.HOLDING}},
     Event.LOOP_STOPPED: {S.YIELDED: COMMANDING},
-    Event.BATTERY_LOW: {S.RETURNING: COMMANDING | {S.STANDING_BY, S.POSITIONING}},
-    Event.PILOT: {S.YIELDED: AIRBORNE | COMMANDING | LEAVING | {S.ARMING}},
-    Event.REBOOTED: {S.YIELDED: AIRBORNE | COMMANDING | LEAVING | {S.ARMING}},
+    Event.BATTERY_LOW: {S.RETURNING: COMMANDING | {S.STANDING_BY, S.POSITIONING, S.HOLDING}},
+    Event.PILOT: {S.YIELDED: FLOWN | {S.ARMING}},
+    Event.REBOOTED: {S.YIELDED: FLOWN | {S.ARMING}},
     Event.TELEMETRY_LOST: {
-        S.YIELDED: AIRBORNE | COMMANDING | LEAVING | {S.ARMING},
+        S.YIELDED: (FLOWN - {S.STANDING_BY, LOST}) | {S.ARMING},
+        LOST: {S.STANDING_BY},
         S.CONNECTING: {S.CHECKING, S.READY},
     },
-    Event.FAULT: {S.YIELDED: AIRBORNE | COMMANDING | LEAVING | {S.ARMING}, S.FAILED: GROUND - {S.ARMING}},
-    Event.DISARMED: {S.LANDED: AIRBORNE | LEAVING, S.YIELDED: COMMANDING},
+    Event.CONTACT: {S.STANDING_BY: {LOST}},
+    Event.FAULT: {S.YIELDED: FLOWN | {S.ARMING}, S.FAILED: GROUND - {S.ARMING}},
+    Event.DISARMED: {S.LANDED: AIRBORNE | LEAVING | {LOST}, S.YIELDED: COMMANDING},
     Event.TIMED_OUT: {
         S.FAILED: {S.CONNECTING, S.CHECKING, S.ARMING},
         S.LANDING: {S.CLIMBING, S.POSITIONING},
@@ -148,7 +164,7 @@ AUTOPILOTS_OWN = frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED})
 
 def test_the_modes_of_our_own_doing_by_state():
     assert {
-        **dict.fromkeys(AIRBORNE | {State.ENTERING}, AUTOPILOTS_OWN),
+        **dict.fromkeys(AIRBORNE | {State.ENTERING, LOST}, AUTOPILOTS_OWN),
         **dict.fromkeys(COMMANDING - {State.ENTERING}, frozenset({Mode.GUIDED})),
         State.HOLDING: {Mode.HOLD, Mode.GUIDED},
         State.RETURNING: {Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED},

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.clock import VirtualClock
 from guidance.config import parse
-from guidance.flight import State
+from guidance.flight import Authority, State
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -127,9 +127,9 @@ class Ordered(Sortie):
     def passed(self):
         return self.wire.drain()
 
-    def order(self, word):
+    def order(self, word, authority=Authority.OPERATOR):
         """Give an order, run the cycles until it is answered, return the answer."""
-        question = self.mailbox.ask(word)
+        question = self.mailbox.ask(word, authority=authority)
         deadline_s = self.now_s + 2.0
         while (answer := question.wait(0.0)) is None:
             assert self.now_s < deadline_s, f"{word} was not answered"

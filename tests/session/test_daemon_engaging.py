@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import AUTOPILOTS
-from guidance.flight import State
+from guidance.flight import Authority, State
 from guidance.preflight import engage_names
 from guidance.session.orders import READ_WITHIN_S
 
@@ -68,7 +68,7 @@ def test_who_asks_again_and_again_is_refused_in_a_line_for_each_reason(base):
     refused()
     for value in (5.0, 5.0, 6.0):  # another number is no other reason
         change(one, "COM_OF_LOSS_T", value)
-        assert not one.order("engage")["accepted"]
+        assert not one.order("engage", Authority.MISSION)["accepted"]
     assert refused() == ["COM_OF_LOSS_T"]
     one.mailbox.ask("engage", "a person")
     one.run(2.0)
@@ -76,7 +76,7 @@ def test_who_asks_again_and_again_is_refused_in_a_line_for_each_reason(base):
     change(one, "COM_OF_LOSS_T", 0.5)
     change(one, "GF_ACTION", 0.0)
     for _ in range(3):
-        one.order("engage")
+        one.order("engage", Authority.MISSION)
     assert refused() == ["GF_ACTION"]
 
 
@@ -114,7 +114,7 @@ def test_a_parameter_that_does_not_answer_is_a_refusal_in_time_and_other_orders_
     one.run(0.2)
     by_pilot(one, "POSCTL")
     one.run(2.0)
-    assert "guidance is silent since" in engage.wait(0.0)["reason"]
+    assert "a pilot or the autopilot chose that mode" in engage.wait(0.0)["reason"]
     assert one.state is State.YIELDED
     assert one.setpoints_since(asked_s) == []
 

@@ -3,15 +3,15 @@
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.session.answers import StartupResponder
-from guidance.session.orders import MOST_WAITING, Mailbox
+from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, Mailbox
 from guidance.session.vehicle_file import Config
 
 
 def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
     mailbox = Mailbox()
     question = mailbox.ask("hold")
-    (taken,) = mailbox.take()
-    assert mailbox.take() == []
+    (taken,) = mailbox.orders()
+    assert list(mailbox.orders()) == []
     assert question.wait(0.0) is None
     taken.answer({"accepted": True})
     assert question.wait(0.0) == {"accepted": True}
@@ -28,16 +28,25 @@ def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for(vehic
     assert not engage["accepted"]
     assert engage["reason"].endswith("at udpin://127.0.0.1:14540, 2.5 s so far")
     assert mailbox.ask("jump").wait(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
-    assert mailbox.take() == []
+    assert list(mailbox.orders()) == list(mailbox.queries()) == []
     mailbox.meanwhile(None)
     mailbox.ask("status")
-    assert [question.order for question in mailbox.take()] == ["status"]
+    assert [question.order for question in mailbox.queries()] == ["status"]
 
 
 def test_a_loop_that_hangs_is_not_buried_in_orders():
     mailbox = Mailbox()
-    kept = [mailbox.ask("hold") for _ in range(MOST_WAITING)]
+    kept = [mailbox.ask("hold") for _ in range(MOST_ORDERS)]
     answer = mailbox.ask("hold").wait(0.0)
     assert not answer["accepted"]
-    assert "is the loop running?" in answer["reason"]
-    assert list(mailbox.take()) == kept
+    assert "does the loop run?" in answer["reason"]
+    assert list(mailbox.orders()) == kept
+
+
+def test_queries_that_fill_their_queue_keep_no_order_out():
+    mailbox = Mailbox()
+    queries = [mailbox.ask(word) for word in ("status", "alive") * MOST_QUERIES]
+    assert sum(query.wait(0.0) is None for query in queries) == MOST_QUERIES
+    hold = mailbox.ask("hold")
+    assert list(mailbox.orders()) == [hold]
+    assert len(mailbox.queries()) == MOST_QUERIES

@@ -1,0 +1,195 @@
+"""An operator's order stands until another order, a pilot's action or a safety event."""
+
+import pytest
+
+from guidance.autopilots import Mode
+from guidance.flight import BEFORE_FLIGHT, FINAL, TRANSITIONS, Authority, Event, State, is_done
+from guidance.flight.table import OUR_MODES
+from tests.flight.flown import Flown, commands
+from tests.flight.scenes import BOTH, settings_of, status
+
+ENDING = (Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT)
+LEADS_TO = {
+    Event.HOLD: State.HOLDING,
+    Event.RETURN: State.RETURNING,
+    Event.LAND: State.LANDING,
+    Event.ABORT: State.LANDING,
+}
+IN_THE_AIR = sorted(OUR_MODES)
+STANDS_S = 20.0
+SLOW_S = 0.2
+
+
+class Obeying(Flown):
+    """A vehicle in the air that takes every mode it is asked for."""
+
+    def __init__(self, autopilot, state=State.STANDING_BY, **changes):
+        super().__init__(settings_of(autopilot, **changes))
+        self.standing_by()
+        self.flight.state = state
+        self.mode = min(OUR_MODES[state])
+        self.cycle(beat=True)
+        self.flight.state, self.flight.cause = state, None  # where the vehicle is leads on from some states
+
+    def cycle(self, *orders, mission=(), **given):
+        self.mission = mission
+        outputs = super().cycle(*orders, **given)
+        for request in outputs.requests:
+            self.mode = next((one for one in Mode if one in self.autopilot.mode_parameters
+                              and request == self.autopilot.set_mode(one)), self.mode)  # fmt: skip
+        return outputs
+
+    def inputs(self, *args):
+        return super().inputs(*args)._replace(mission=self.mission)
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize("order", ENDING)
+@pytest.mark.parametrize("state", IN_THE_AIR)
+def test_what_an_operator_orders_in_the_air_stands_whatever_a_mission_orders(state, order, autopilot):
+    flown = Obeying(autopilot, state)
+    flown.cycle(order)
+    assert flown.state is LEADS_TO[order]
+    assert flown.flight.cause[1:] == (order, state, LEADS_TO[order], Authority.OPERATOR, "")
+    for number in range(round(STANDS_S / SLOW_S)):
+        flown.cycle(mission=[list(LEADS_TO)[number % 4], Event.ENGAGE], dt_s=SLOW_S)
+        assert flown.state is LEADS_TO[order]
+        assert flown.flight.ordered_by_operator
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize("order", ENDING)
+@pytest.mark.parametrize("state", IN_THE_AIR)
+def test_the_next_order_of_an_operator_is_followed(state, order, autopilot):
+    for then in (Event.HOLD, Event.RETURN, Event.LAND):
+        flown = Obeying(autopilot, state)
+        flown.cycle(order)
+        flown.cycles(2.0)
+        flown.cycle(then)
+        assert flown.state is LEADS_TO[then]
+        assert flown.flight.ordered_by_operator
+
+
+@pytest.mark.parametrize("state", sorted(set(State) - set(IN_THE_AIR)))
+@pytest.mark.parametrize("order", ENDING)
+def test_on_the_ground_an_order_ends_the_flight_or_changes_nothing(state, order):
+    flown = Flown()
+    flown.cycle()
+    flown.flight.state = state
+    (happening,) = [one for one in flown.cycle(order).happenings if one.event is order]
+    assert state in BEFORE_FLIGHT | FINAL
+    expected = State.FAILED if order is Event.ABORT and state in BEFORE_FLIGHT else state
+    assert (happening.before, happening.after, happening.by) == (state, expected, Authority.OPERATOR)
+
+
+def test_a_mission_may_end_what_the_flight_or_the_mission_itself_began():
+    flown = Obeying(settings_of().autopilot)
+    (held,) = flown.cycle(mission=[Event.HOLD]).happenings
+    assert (held.after, held.by) == (State.HOLDING, Authority.MISSION)
+    flown.cycle(mission=[Event.LAND])
+    assert (flown.state, flown.flight.ordered_by_operator) == (State.LANDING, False)
+
+
+@pytest.mark.parametrize("order", ENDING)
+def test_an_order_for_what_is_done_already_takes_it_from_the_mission(order):
+    flown = Obeying(settings_of().autopilot)
+    flown.cycle(mission=[order])
+    assert not flown.flight.ordered_by_operator
+    flown.cycle(order)
+    assert flown.flight.ordered_by_operator
+    (refused,) = flown.cycle(mission=[Event.LAND if order is Event.HOLD else Event.HOLD]).happenings
+    assert refused.after is refused.before is LEADS_TO[order]
+
+
+def test_an_operators_order_of_the_same_cycle_goes_before_the_missions():
+    flown = Obeying(settings_of().autopilot)
+    first, second = flown.cycle(Event.HOLD, mission=[Event.LAND]).happenings
+    assert (first.by, first.after) == (Authority.OPERATOR, State.HOLDING)
+    assert (second.by, second.after) == (Authority.MISSION, State.HOLDING)
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize(
+    ("mode", "given", "ends_in"),
+    [
+        (Mode.HOLD, {"silent": True}, State.YIELDED),
+        (Mode.OTHER, {}, State.YIELDED),
+        (Mode.HOLD, {"more": [status(1e9, 0.2)]}, State.RETURNING),
+    ],
+)
+def test_a_hold_ends_by_a_pilot_or_a_safety_event(mode, given, ends_in, autopilot):
+    flown = Obeying(autopilot)
+    flown.cycle(Event.HOLD)
+    flown.cycles(2.0)
+    flown.mode = mode
+    flown.cycles(3.0, **given)
+    assert flown.state is ends_in
+    assert flown.flight.cause.by is Authority.FLIGHT
+
+
+def test_a_hold_ordered_while_the_battery_is_low_stands():
+    flown = Obeying(settings_of().autopilot, State.RETURNING)
+    low = {"more": [status(1e9, 0.2)]}
+    flown.cycle(**low)
+    flown.cycle(Event.HOLD, **low)
+    flown.cycles(3.0, **low)
+    assert flown.state is State.HOLDING
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_telemetry_gap_while_standing_by_is_named_and_heals_but_does_not_engage(autopilot):
+    flown = Obeying(autopilot)
+    flown.cycles(2.3, silent=True)
+    assert flown.state is State.OUT_OF_CONTACT
+    assert flown.flight.cause.words == "no telemetry for 1.0 s"
+    assert flown.cycle(Event.ENGAGE, silent=True).happenings[0].after is State.OUT_OF_CONTACT
+    outputs = flown.cycles(20.0)
+    assert [one.after for each in outputs for one in each.happenings] == [State.STANDING_BY]
+    assert commands(outputs) == []
+    assert flown.cycle(Event.ENGAGE).state is State.ENTERING
+
+
+def test_standing_by_does_not_return_while_a_check_fails():
+    flown = Obeying(settings_of().autopilot)
+    flown.cycles(2.0, silent=True)
+    flown.cycles(10.0, more=[status(1e9, healthy=0)])
+    assert flown.state is State.OUT_OF_CONTACT
+    flown.cycles(3.0)
+    assert flown.state is State.STANDING_BY
+
+
+@pytest.mark.parametrize(("order", "state"), list(LEADS_TO.items()))
+def test_out_of_contact_the_vehicle_can_be_sent_somewhere(order, state):
+    flown = Obeying(settings_of().autopilot)
+    flown.cycles(2.0, silent=True)
+    outputs = flown.cycle(order, silent=True)
+    assert outputs.happenings[0].after is state
+    assert commands([outputs]) != []
+
+
+YIELDS = [
+    ("no telemetry for 1.0 s", {"silent": True}),
+    ("no LOCAL_POSITION_NED for 1.0 s", {"without_position": True}),
+    ("guidance stood still for 5.0 s, and the autopilot stopped waiting for setpoints", {"dt_s": 5.0}),
+    ("the vehicle disarmed while guidance flew it", {"armed": False}),
+    ("a pilot or the autopilot chose that mode", {"mode": Mode.OTHER}),
+]
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize(("words", "happens"), YIELDS)
+def test_a_yield_names_its_cause(words, happens, autopilot):
+    flown = Flown(settings_of(autopilot)).engaged()
+    for name in happens.keys() & {"armed", "mode", "without_position"}:
+        setattr(flown, name, happens[name])
+    flown.cycle(dt_s=happens.get("dt_s", 0.02), silent="silent" in happens)
+    for _ in range(60):
+        flown.cycle(beat="silent" not in happens, silent="silent" in happens)
+    assert flown.state is State.YIELDED
+    assert flown.flight.cause.words.endswith(words)
+
+
+def test_every_order_that_led_to_a_state_is_done_there():
+    for (_, order), after in TRANSITIONS.items():
+        assert is_done(order, after)
+    assert not is_done(Event.HOLD, State.LANDING)

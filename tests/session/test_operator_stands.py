@@ -1,0 +1,137 @@
+"""What an operator orders stands, on every runner: against the mission, its limits and its end."""
+
+import pytest
+
+from guidance.clock import VirtualClock
+from guidance.flight import Authority, Event, State
+from guidance.session.fly import fly
+from guidance.session.mission import MISSION_LIMIT_S, MOCKED, Conduct
+from guidance.session.orders import Mailbox
+from guidance.sim.stepped import SteppedWorld
+from tests.harness.flights import NEAR
+
+RUNNERS = {
+    "fly": MOCKED,
+    "fly --vehicle": Conduct(engage=True, end_with=Event.LAND, hand_over=Event.LAND),
+    "scenario run --as vehicle": Conduct(engage=True, hand_over=Event.LAND),
+}
+LEADS_TO = {"hold": State.HOLDING, "return": State.RETURNING, "land": State.LANDING, "abort": State.LANDING}
+STANDS_S = 30.0
+
+
+class Operator:
+    """Gives each order once, when the flight has been in a state for a while; `said` is what was shown then."""
+
+    def __init__(self, *orders):
+        self.mailbox = Mailbox()
+        self.orders = list(orders)  # (state, seconds in it, order)
+        self.shown = []
+        self.state, self.since_s = None, 0.0
+
+    def watch(self, progress):
+        if progress.state is not self.state:
+            self.state, self.since_s = progress.state, progress.now_s
+        self.shown.append(progress)
+        if self.orders:
+            state, wait_s, order = self.orders[0]
+            if progress.state is state and progress.now_s - self.since_s >= wait_s:
+                self.orders.pop(0)
+                self.mailbox.ask(order, "a person")
+
+    def fly(self, conduct=MOCKED, scenario=NEAR, **changes):
+        clock = VirtualClock()
+        pursuer = scenario.pursuer.model_copy(update=changes)
+        scenario = scenario.model_copy(update={"pursuer": pursuer})
+        world = SteppedWorld(scenario, clock)
+        try:
+            self.result = fly(scenario, world, clock, None, self.watch, conduct=conduct, mailbox=self.mailbox)
+        finally:
+            world.close()
+        assert self.orders == []
+        return self.result
+
+
+def by_operator(result):
+    """Every change that a person ordered, and when; and what came next."""
+    changes = [one for one in result.happenings if one.after is not one.before]
+    return [
+        (one, changes[number + 1 : number + 2]) for number, one in enumerate(changes) if one.by is Authority.OPERATOR
+    ]
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize("runner", RUNNERS)
+def test_a_hold_in_the_game_is_kept_for_30_s_until_land_is_ordered(runner, autopilot):
+    operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, STANDS_S, "land"))
+    result = operator.fly(RUNNERS[runner], autopilot=autopilot)
+    (held, (landing,)), _ = by_operator(result)
+    assert (held.event, held.before, held.after) == (Event.HOLD, State.ENGAGED, State.HOLDING)
+    assert (landing.event, landing.by, landing.after) == (Event.LAND, Authority.OPERATOR, State.LANDING)
+    assert landing.now_s - held.now_s >= STANDS_S
+    if RUNNERS[runner].end_with is not None:
+        assert result.ended is State.LANDED
+    told = {one.next for one in operator.shown if one.state is State.HOLDING}
+    assert "held by operator: continue with guidance ctl engage, return or land" in told
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("order", ["return", "land", "abort"])
+@pytest.mark.parametrize("before", [State.CLIMBING, State.STANDING_BY, State.ON_STATION])
+def test_return_land_and_abort_stand_from_any_phase_of_a_mission(order, before):
+    result = Operator((before, 0.0, order)).fly()
+    (ordered, (after,)), *_ = by_operator(result)
+    assert (ordered.before, ordered.after) == (before, LEADS_TO[order])
+    assert (after.event, after.after) == (Event.DISARMED, State.LANDED)
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+def test_a_landing_can_be_held_and_returned_and_a_return_held(autopilot):
+    operator = Operator(
+        (State.ENGAGED, 0.5, "land"),
+        (State.LANDING, 0.5, "hold"),
+        (State.HOLDING, 5.0, "return"),
+        (State.RETURNING, 1.0, "hold"),
+        (State.HOLDING, 5.0, "land"),
+        (State.LANDING, 0.5, "return"),
+    )
+    result = operator.fly(autopilot=autopilot)
+    kept = [(one.before, one.after) for one, _ in by_operator(result)]
+    assert kept == [
+        (State.ENGAGED, State.LANDING),
+        (State.LANDING, State.HOLDING),
+        (State.HOLDING, State.RETURNING),
+        (State.RETURNING, State.HOLDING),
+        (State.HOLDING, State.LANDING),
+        (State.LANDING, State.RETURNING),
+    ]
+    assert result.ended is State.LANDED
+
+
+@pytest.mark.flight
+def test_a_game_engaged_again_after_a_hold_is_judged_by_itself():
+    operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, 90.0, "engage"))
+    result = operator.fly()
+    assert (result.captured, result.timed_out, result.ended) == (True, False, State.LANDED)
+    assert result.capture_time_s < 60.0
+    engaged = [one for one in result.happenings if one.after is State.ENGAGED]
+    assert len(engaged) == 2
+
+
+@pytest.mark.flight
+def test_a_mission_that_ends_its_vehicle_is_kept_going_by_an_operators_order():
+    operator = Operator((State.LANDING, 0.1, "hold"), (State.HOLDING, 20.0, "land"))
+    result = operator.fly(RUNNERS["scenario run --as vehicle"])
+    (held, (landing,)), _ = by_operator(result)
+    assert held.before is State.LANDING
+    assert landing.now_s - held.now_s >= 20.0
+
+
+@pytest.mark.slow
+@pytest.mark.flight
+def test_a_hold_outlasts_the_longest_mission():
+    operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, MISSION_LIMIT_S + 10.0, "land"))
+    result = operator.fly()
+    (held, (landing,)), _ = by_operator(result)
+    assert landing.now_s - held.now_s >= MISSION_LIMIT_S
