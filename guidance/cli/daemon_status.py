@@ -35,6 +35,8 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
         limit = status["connect_timeout_s"]
         yield "waiting", f"for {status['waiting_for']}, {status['waited_s']:.0f} s so far, {limit:.0f} s at most"
         return
+    if status.get("next"):
+        yield "next", Text(str(status["next"]), "yellow")
     armed = "armed" if status.get("armed") else "disarmed"
     streaming = "setpoints are sent" if status.get("streaming") else "no setpoints are sent"
     yield "autopilot", f"{status.get('autopilot_mode', status.get('mode'))}, {armed}, {streaming}"

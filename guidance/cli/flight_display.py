@@ -32,8 +32,10 @@ STALLED_S: Final = 1.0
 _PLAIN_S: Final = 3.0
 """How often at most a plain line says what is waited for."""
 
-_UNFORESEEN: Final = frozenset({State.PAUSED, State.HOLDING, State.RETURNING, State.YIELDED, State.FAILED})
-"""States that a flight is led to by something, which is said with them."""
+_WITH_CAUSE: Final = frozenset(
+    {State.PAUSED, State.HOLDING, State.RETURNING, State.OUT_OF_CONTACT, State.YIELDED, State.FAILED}
+)
+"""States that are shown with what led to them."""
 
 Show = Callable[[Progress], None]
 
@@ -95,8 +97,8 @@ def words(progress: Progress) -> str:
     if progress.waiting:
         return f"{progress.now_s:6.1f} s  waiting: {progress.waiting}"
     words = f"{progress.now_s:6.1f} s  {progress.state:<11} in {progress.mode:<8}"
-    if progress.state in _UNFORESEEN and progress.why:
-        return f"{words} since: {progress.why}"
+    if reason := _reason(progress):
+        return f"{words} {reason}"
     certificate, unit = progress.certificate, progress.unit
     if certificate is None:
         return words
@@ -109,12 +111,14 @@ def words(progress: Progress) -> str:
 def plain(progress: Progress) -> str:
     """Say what is worth a line of its own where nothing can be redrawn: figures in it are no news."""
     if not progress.waiting:
-        return (
-            f"{progress.state}: {progress.why}"
-            if progress.state in _UNFORESEEN and progress.why
-            else str(progress.state)
-        )
+        return ": ".join(filter(None, (str(progress.state), _reason(progress))))
     return f"waiting: {re.sub(r'-?[0-9.]+ s old', 'old', progress.waiting)}"
+
+
+def _reason(progress: Progress) -> str:
+    """Say what led to a state, if that is worth it, and what a person can do now."""
+    why = progress.why if progress.state in _WITH_CAUSE and "by operator" not in progress.next else ""
+    return "; ".join(filter(None, (why, progress.next)))
 
 
 def report(console: Console, result: FlightResult, outcome: Outcome, folder: Path) -> None:

@@ -6,7 +6,6 @@ from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, Event, Flight, Outputs, State, is_done
-from guidance.flight.readiness import telemetry_gap
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
@@ -88,18 +87,13 @@ def _ended(flight: Flight) -> str:
     return f"the flight could not be flown ({why})"
 
 
-def next_words(flight: Flight, now_s: float) -> str:
-    """Say what a person can do where the flight waits for one; empty elsewhere.
-
-    Args:
-        flight: As it stands.
-        now_s: The present.
-    """
+def next_words(flight: Flight) -> str:
+    """Say what a person can do where the flight waits for one; empty elsewhere."""
     if flight.ordered_by_operator and flight.state in _GOES_ON:
         what, orders = _GOES_ON[flight.state]
         return f"{what} by operator: continue with guidance ctl {orders}"
     if flight.state is State.OUT_OF_CONTACT:
-        return f"{telemetry_gap(flight.vehicle, now_s)}: it stands by again when telemetry and checks are good"
+        return "it stands by again when telemetry and checks are good; guidance ctl hold, return or land work too"
     if flight.cause is not None and flight.cause.event is Event.CONTACT:
         return "telemetry was lost and is back: continue with guidance ctl engage, return or land"
     return ""
@@ -216,7 +210,7 @@ def status(
             "to_do": to_do(flight, now_s, rows),
             "by": None if flight.cause is None else str(flight.cause.by),
             "cause": None if flight.cause is None else flight.cause.words,
-            "next": next_words(flight, now_s),
+            "next": next_words(flight),
             "refused_orders": foreseen(flight, now_s, rows, barred),
             "recording": recording,
             "certificate": certificate,

@@ -203,7 +203,7 @@ class Mission:
                 result.record_stopped,
                 waiting,
                 "" if outputs.cause is None else outputs.cause.words,
-                next_words(flight, now_s),
+                next_words(flight),
             )
         )
 

@@ -39,6 +39,7 @@ inputs = st.builds(
     reports=st.lists(of_kind(EvaderReport), max_size=3).map(tuple),
     orders=st.lists(st.sampled_from(Event), max_size=3).map(tuple),
     refusals=st.lists(st.text(max_size=10), max_size=3).map(tuple),
+    mission=st.lists(st.sampled_from(Event), max_size=2).map(tuple),
 )
 
 
