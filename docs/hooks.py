@@ -1,6 +1,6 @@
-"""Pages of the site that are made of the code when it is built: nothing in them can be out of date.
+"""Generates reference pages of the site from the code.
 
-MkDocs calls `on_files` with the pages that are files, and gets those besides that are made here.
+MkDocs calls `on_files` with the pages in `docs/`; this hook adds the generated ones.
 """
 
 import inspect
@@ -49,20 +49,20 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Lead links to the README's pictures to where the site has them, and those to other files out of it."""
+    """Point links to the README's pictures into the site, and turn links to other files into plain text."""
     markdown = markdown.replace("<!-- the flight's table -->", failures())
     markdown = re.sub(r"\]\(((?:\.\./)*)\.\./\.readme/", r"](\1pictures/", markdown)
     return re.sub(r"\[([^\]]*)\]\((?:\.\./)+(?!pictures/)[^)#]*\)", _plain, markdown)
 
 
 def _plain(link: re.Match[str]) -> str:
-    """A link that leads out of the site becomes its words."""
+    """Replace a link out of the site by its text."""
     inside = (ROOT / "docs" / re.sub(r"^(\.\./)+", "", link[0].rpartition("](")[2].rstrip(")"))).exists()
     return link[0] if inside else link[1]
 
 
 def commands() -> str:
-    """Every command of both programs: what it does, its arguments and its options."""
+    """List every command of both programs with its arguments and options."""
     parts = ["# Commands\n"]
     for program, app in (("guidance", guidance_app), ("sitl-mock", mock_app)):
         command = typer.main.get_command(app)
@@ -105,7 +105,7 @@ def _said(value: object) -> str:
 
 
 def file_page(kind: str, words: str) -> Callable[[], str]:
-    """Make the page of one kind of file from its JSON Schema."""
+    """Make the page of a kind of file from its JSON Schema."""
 
     def page() -> str:
         schema = KINDS[kind]()
@@ -124,7 +124,7 @@ def file_page(kind: str, words: str) -> Callable[[], str]:
 
 
 def _section(path: str, section: Mapping[str, Any], schema: Mapping[str, Any], told: set[str]) -> Iterator[str]:
-    """Yield a table of the keys of a section, and then its sections."""
+    """Yield a table of a section's keys, then its subsections."""
     if path:
         yield f"### `{path}`\n"
     yield inspect.cleandoc(section.get("description", "")) + "\n"
@@ -150,7 +150,7 @@ def _is_table(spec: Mapping[str, Any]) -> bool:
 
 
 def _met(spec: Mapping[str, Any], schema: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Follow a reference, an optional one, or that of a list's items."""
+    """Follow a reference, also if it is optional or in a list."""
     if spec.get("type") == "array" and "items" in spec:
         return _met(spec["items"], schema)
     for one in (spec, *spec.get("anyOf", ()), *spec.get("allOf", ())):
@@ -202,7 +202,7 @@ def _toml(value: object) -> str:
 
 
 def states_events() -> str:
-    """The flight's table, drawn from the table that flies."""
+    """Draw the flight's transition table."""
     meant = comments(State) | comments(Event)
     rows = [
         (
@@ -215,17 +215,17 @@ def states_events() -> str:
     ]
     parts = [
         "# States and events\n",
-        "The service flies by this table (`guidance/flight/table.py`). A pair that is not in it changes nothing.\n",
+        "This is the transition table in `guidance/flight/table.py`. A pair that is not in it changes nothing.\n",
         "## States\n",
         table(("state", "meaning", "setpoints go out", "final"), rows),
-        "## What leads where\n",
+        "## Transitions\n",
     ]
     parts.append(table(("event", "from", "to"), ways(Event)))
     return "\n".join(parts)
 
 
 def failures() -> str:
-    """Those lines of the flight's table that no person ordered and that end the game or the flight."""
+    """List the transitions that end the game or the flight without an order."""
     ended = {State.PAUSED, State.HOLDING, State.RETURNING, State.LANDING, State.YIELDED, State.FAILED}
     return table(
         ("what happens", "where the flight stands", "where it leads"),
@@ -238,7 +238,7 @@ def _ordered(event: Event) -> bool:
 
 
 def ways(events: Iterable[Event]) -> Iterator[tuple[str, str, str]]:
-    """Yield each event, the states it leads from, and the one it leads to."""
+    """Yield each event with its source states and its target state."""
     for event in events:
         leads: dict[State, list[str]] = {}
         for (state, happened), then in TRANSITIONS.items():
@@ -249,23 +249,23 @@ def ways(events: Iterable[Event]) -> Iterator[tuple[str, str, str]]:
 
 
 def comments(kind: type) -> dict[str, str]:
-    """The comments behind the members of an enumeration, by name."""
+    """Return the comments behind the members of an enumeration, by name."""
     return dict(re.findall(r"^\s+(\w+) = [^#\n]*# (.*)$", inspect.getsource(kind), re.MULTILINE))
 
 
 def alarms() -> str:
-    """What the monitor reports, and which limits may change a command."""
+    """List the monitor's alarms and the limits that may change a command."""
     monitored = inspect.getmodule(Violation)
     return "\n".join((
         "# Alarms and limits\n", "## Alarms\n", f"{inspect.getdoc(monitored)}\n",
         table(("name", "alarm"), [(f"`{one.name}`", str(one)) for one in Violation]),
-        "## Limits\n", "What changed a command, in the order in which they act:\n",
+        "## Limits\n", "Limits that may change a command, in order:\n",
         table(("limit",), [(str(one),) for one in Limiter]),
     ))  # fmt: skip
 
 
 def metrics() -> str:
-    """The registry of one vehicle, as Prometheus sees it."""
+    """List the metrics of a vehicle."""
     rows = [
         (f"`{family.name}`", family.type, family.documentation)
         for family in sorted(Metrics("uav1").registry.collect(), key=lambda family: family.name)
@@ -275,7 +275,7 @@ def metrics() -> str:
 
 
 def zenoh_keys() -> str:
-    """Every key that is published, asked or listened to."""
+    """List every Zenoh key that is published, queried or subscribed to."""
     orders = [(f"`{control_key('NAME', word)}`", "asked", "an order; its answer is JSON") for word in WORDS]
     live = [(f"`{broadcast_key('NAME', what)}`", "published", "JSON, as in a record") for what in ("cycle", "event")]
     mavlink = [
@@ -283,16 +283,16 @@ def zenoh_keys() -> str:
         ("`NAMESPACE/mavlink_raw/out`", "listened to", "MAVLink frames from it"),
         ("the key of `evader.url`", "listened to", f"reports: JSON (config/zenoh), `{POSE_TYPE}` or `{ODOMETRY_TYPE}`"),
     ]
-    words = "The orders' session is on loopback and lets in who knows the token (`control.token_file`).\n"
+    words = "The session for orders is on loopback and requires the token (`control.token_file`).\n"
     return "\n".join(("# Zenoh keys\n", words, table(("key", "how", "what"), [*orders, *live, *mavlink])))
 
 
 def record() -> str:
-    """The channels of an MCAP record, with the fields of those that are JSON."""
+    """List the channels of an MCAP record, and the fields of the JSON channels."""
     parts = [
         "# Record\n",
-        "One MCAP file a flight. Every link has a channel of raw MAVLink frames beside these; both vehicles, fence and "
-        "stand-off are there once more as Foxglove's own message types.\n",
+        "One MCAP file per flight. Every link has an additional channel of raw MAVLink frames. Vehicles, fence and stand-off "
+        "are also recorded as Foxglove's message types.\n",
     ]
     for topic, codec in ((CYCLE_TOPIC, CYCLE), (EVENT_TOPIC, EVENT), (EVADER_TOPIC, REPORT)):
         rows = [(f"`{name}`", str(spec.get("type", ""))) for name, spec in _fields(codec.schema)]
@@ -308,16 +308,16 @@ def _fields(schema: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Ma
 
 
 def api() -> str:
-    """The packages that a program may import."""
+    """Document the public packages."""
     parts = [
         "# Python API\n",
-        "What a package offers is what its `__init__` lists; other names may change at any time.\n",
+        "A package offers the names in its `__init__`; other names may change at any time.\n",
     ]
     return "\n".join((*parts, *(f"::: {name}\n" for name in API)))
 
 
 def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table in Markdown."""
+    """Return a Markdown table."""
     headings = tuple(headings)
     cells = ([cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in rows)
     lines = [f"| {' | '.join(row)} |" for row in (headings, ["---"] * len(headings), *cells)]
@@ -326,10 +326,8 @@ def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 PAGES: Mapping[str, Callable[[], str]] = {
     "reference/commands.md": commands,
-    "reference/vehicle-file.md": file_page("vehicle", "Whom the daemon flies, against whom, and within which limits."),
-    "reference/scenario-file.md": file_page(
-        "scenario", "Two players or two teams, a game, and what is expected of it."
-    ),
+    "reference/vehicle-file.md": file_page("vehicle", "Links, evader, game and limits of a vehicle."),
+    "reference/scenario-file.md": file_page("scenario", "Two players or two teams, a game, and the expected result."),
     "reference/sweep-file.md": file_page("sweep", "A scenario, and what is varied in it."),
     "reference/states-events.md": states_events,
     "reference/alarms.md": alarms,

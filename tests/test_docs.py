@@ -38,7 +38,7 @@ RUN_ELSEWHERE = {"mock.md": "tests/sitl_mock/test_mock_page.py", "zenoh.md": "te
 PROGRAMS = {"guidance": typer.main.get_command(guidance_app), "sitl-mock": typer.main.get_command(mock_app)}
 
 
-def test_the_walks_through_the_house_name_functions_that_are_there():
+def test_the_walks_name_functions_that_exist():
     walks = named_walks((DOCS / "architecture.md").read_text(encoding="utf-8"))
     assert len(walks) == 3
     assert [hop for walk in walks for hop in walk.hops if not lines_of(*hop)] == []
