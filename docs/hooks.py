@@ -291,7 +291,7 @@ def record() -> str:
     """List the channels of an MCAP record, and the fields of the JSON channels."""
     parts = [
         "# Record\n",
-        "One MCAP file per flight. Every link has an additional channel of raw MAVLink frames. Vehicles, fence and stand-off "
+        "One MCAP file per flight. Each link also has a channel of raw MAVLink frames. Vehicles, fence and stand-off "
         "are also recorded as Foxglove's message types.\n",
     ]
     for topic, codec in ((CYCLE_TOPIC, CYCLE), (EVENT_TOPIC, EVENT), (EVADER_TOPIC, REPORT)):
