@@ -1,74 +1,23 @@
-"""The `guidance` command: its sub-commands, registered here by name."""
+"""The `guidance` command. An order goes the short way; everything else is a command of `guidance.cli.program`."""
 
 import sys
-import traceback
-from typing import Annotated
+from typing import Any
 
-import typer
-
-from guidance.cli.arguments import Program
-from guidance.cli.check import check, doctor
-from guidance.cli.configuration import init, schema
-from guidance.cli.daemon import ctl, run
-from guidance.cli.fly import fly
-from guidance.cli.paper import paper
-from guidance.cli.records import log, replay, report
-from guidance.cli.scenario import scenario
-from guidance.cli.solve import solve
+from guidance.cli.short_order import short_order
 from guidance.cli.streams import open_outlets
-from guidance.cli.sweep import compare, sweep
-from guidance.cli.viewers import panel, view
-from guidance.cli.zenoh import zenoh
 from guidance.errors import GuidanceError, OutputError
 
 FAULT = 70
 """Exit code where guidance itself is at fault (EX_SOFTWARE of sysexits.h)."""
 
-app = typer.Typer(
-    cls=Program,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    help="Closed-form pursuit guidance: fly it, solve it, check it against the paper.",
-)
-app.command()(fly)
-app.command()(paper)
-app.command()(replay)
-app.command()(report)
-app.command()(view)
-app.add_typer(log, name="log")
-app.add_typer(scenario, name="scenario")
-app.add_typer(sweep, name="sweep")
-app.command()(compare)
-app.command()(solve)
-app.command()(init)
-app.command()(doctor)
-app.command()(schema)
-app.command()(run)
-app.command()(check)
-app.command()(ctl)
-app.command()(panel)
-app.add_typer(zenoh, name="zenoh")
 
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, which is not imported for an order
+    """Return `app`, the whole program, imported when it is asked for."""
+    if name == "app":
+        from guidance.cli.program import app  # noqa: PLC0415
 
-def _version(asked: bool) -> None:
-    if not asked:
-        return
-    from importlib.metadata import version  # noqa: PLC0415 - for this only
-
-    from guidance.log.provenance import PACKAGE, commit  # noqa: PLC0415 - for this only
-
-    known = commit()
-    typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {known[:12]}" if known else ""))
-    raise typer.Exit
-
-
-@app.callback()
-def _root(
-    _: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and its commit.")
-    ] = False,
-) -> None:
-    """Closed-form pursuit guidance: fly it, solve it, check it against the paper."""
+        return app
+    raise AttributeError(f"module 'guidance.cli' has no attribute {name!r}")
 
 
 def main() -> None:
@@ -85,13 +34,20 @@ def main() -> None:
         place = f"{error.filename}: " if error.filename is not None else ""
         _end(f"{place}{error.strerror or error}", OutputError.exit_code)
     except Exception:
+        import traceback  # noqa: PLC0415 - takes a twentieth of a second
+
         traceback.print_exc()
         _end("this is a fault of guidance itself: please report it, with the lines above", FAULT)
 
 
 def _run() -> None:
     try:
-        app()
+        code = short_order(sys.argv[1:])
+        if code is None:
+            from guidance.cli.program import app  # noqa: PLC0415 - typer takes a third of a second
+
+            app()
+        sys.exit(code)
     finally:
         sys.stdout.flush()
 

@@ -3,11 +3,13 @@
 import contextlib
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
+from guidance.cli.short_order import ENDPOINT, show
 from guidance.errors import FlightError
 
 if TYPE_CHECKING:
@@ -54,7 +56,7 @@ def run(
 def ctl(
     order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
     name: Annotated[str | None, typer.Option(help="The vehicle's name; not needed where there is only one.")] = None,
-    endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = "tcp/127.0.0.1:7448",
+    endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = ENDPOINT,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
@@ -80,31 +82,45 @@ def ctl(
     - `guidance ctl status --json`: for programs
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
-    from guidance.cli.daemon_status import answer_words, status_table  # noqa: PLC0415
-    from guidance.cli.daemon_status import watch as show_again  # noqa: PLC0415
-    from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
-    from guidance.screen import console  # noqa: PLC0415
-    from guidance.session.control_client import ask, own_name  # noqa: PLC0415
-    from guidance.session.orders import ALIVE, STATUS  # noqa: PLC0415
-
-    if order not in {ALIVE, STATUS} or as_json:
+    if order not in {"alive", "status"} or as_json:
         said = "with status and alive, for people"
         refuse_others(f"{order} --json" if as_json else order, {"--watch": watch}, {"--watch": said})
 
-    credentials, by = read_credentials(zenoh), own_name("ctl")
-
     def asked() -> Mapping[str, Any]:
-        return ask(order, endpoint=endpoint, name=name, token_file=token_file, credentials=credentials, by=by)
+        return _ask(order, endpoint, name, token_file, zenoh)
 
     if watch:
+        from guidance.cli.daemon_status import watch as show_again  # noqa: PLC0415 - rich takes a fifth of a second
+        from guidance.screen import console  # noqa: PLC0415
+
         show_again(console(), asked)
         return
     answer = asked()
     if as_json:
         typer.echo(json.dumps(answer, indent=2))
-    elif order == STATUS:
+    elif order == "status":
+        from guidance.cli.daemon_status import status_table  # noqa: PLC0415 - likewise
+        from guidance.screen import console  # noqa: PLC0415
+
         console().print(status_table(answer))
     else:
-        console().print(answer_words(answer))
+        show(answer)
     if not answer["accepted"]:
         raise typer.Exit(FlightError.exit_code)
+
+
+def _ask(order: str, endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> Mapping[str, Any]:
+    """Ask by the socket on this computer if there is one, else over Zenoh, which takes a second to import and open."""
+    from guidance.session.control_socket import ask_here, own_name  # noqa: PLC0415
+
+    by = own_name("ctl")
+    answer = None
+    if zenoh is None:
+        answer = ask_here(order, endpoint=endpoint, name=name, token_file=token_file, by=by)
+    if answer is not None:
+        return answer
+    from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
+    from guidance.session.control_client import ask  # noqa: PLC0415
+
+    credentials = read_credentials(zenoh)
+    return ask(order, endpoint=endpoint, name=name, token_file=token_file, credentials=credentials, by=by)

@@ -1,4 +1,4 @@
-"""What a daemon answered, for people: an order in one line, its status as a table, once or as it changes."""
+"""A daemon's status as a table, once or as it changes."""
 
 import math
 import time
@@ -13,14 +13,6 @@ from guidance.screen import Cell, pairs, redraws
 
 WATCH_S: Final = 1.0
 Status = Mapping[str, Any]
-
-
-def answer_words(answer: Status) -> Text:
-    """Say in a line what became of an order."""
-    name, state = answer.get("name", "the daemon"), answer.get("state", "")
-    if answer["accepted"]:
-        return Text(f"{name}: {answer['order']} accepted, {state}")
-    return Text(f"{name}: {answer['order']} refused, {state}: {answer.get('reason', '')}", "bold red")
 
 
 def status_table(status: Status) -> RenderableType:

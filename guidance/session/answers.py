@@ -10,7 +10,8 @@ from guidance.game import Reason, Winner
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.preflight import Finding, Verdict, advice, refusals
-from guidance.session.orders import STATUS, WORDS, Answer
+from guidance.session.control_socket import STATUS, WORDS
+from guidance.session.orders import Answer
 from guidance.session.vehicle_file import Config
 from guidance.vehicle import VehicleState
 

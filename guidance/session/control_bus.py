@@ -1,8 +1,6 @@
-"""The end of the control bus that is ordered: it takes orders to the loop, over Zenoh on loopback, and answers back.
+"""Control of a daemon: orders over Zenoh on loopback, and by a socket on this computer, to the loop and back.
 
-A liveliness token says that the vehicle has an owner. It vanishes with the owner's process, however that ends. People
-may look on and order in the same way while a flight lasts that is not a daemon's: it has a bus of its own, and its
-broadcast on it.
+A liveliness token says that the vehicle has an owner. It vanishes with the owner's process, however that ends.
 """
 
 import contextlib
@@ -23,14 +21,10 @@ from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.log.broadcast import Broadcast
 from guidance.session import control_token
 from guidance.session.control_client import control_key, join_session
+from guidance.session.control_socket import ANSWER_LIMIT_S, ControlSocket, late_answer, name_in
 from guidance.session.control_token import ControlToken
-from guidance.session.orders import Answer, Mailbox, Question
+from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Answer, Mailbox, Question
 
-ANSWER_LIMIT_S: Final = 2.0
-LONGEST_NAME: Final = 64
-"""Characters of who gave an order: it is said by whoever asks, and kept in the record."""
-
-MOST_WAITING: Final = 16
 _LOOK_EVERY_S: Final = 0.5
 
 
@@ -134,15 +128,19 @@ class ControlBus:
     ) -> None:
         self._name = name
         self._mailbox = mailbox
-        self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
+        self._orders: deque[Any] = deque(maxlen=MOST_ORDERS)
+        self._queries: deque[Any] = deque(maxlen=MOST_QUERIES)
         self._asked = threading.Event()
         self._stop = threading.Event()
         self._issued: ControlToken | None = None
+        self._socket: ControlSocket | None = None
         self._session = self._host(endpoint, token_file) if host else join_session(endpoint, token_file, credentials)
         self._closed = False
         try:
             self._token = OwnerToken(self._session, f"guidance/{name}")
             self._queryable = self._session.declare_queryable(control_key(name, "*"), self._hear)
+            if self._issued is not None:
+                self._socket = ControlSocket(name, mailbox, self._issued)
         except BaseException:
             self._session.close()  # type: ignore[no-untyped-call]
             raise
@@ -167,17 +165,18 @@ class ControlBus:
 
     def _hear(self, query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait: only queue it."""
-        self._waiting.append(query)
+        word = str(query.key_expr).rpartition("/")[2]
+        (self._queries if word in QUERIES else self._orders).append(query)
         self._asked.set()
 
     def _serve(self) -> None:
-        """Nobody waits for another's answer: an abort is not held up by an engage order that is being looked into."""
+        """Orders first, and nobody waits for another's answer: an abort does not wait for an engage order's checks."""
         given: list[_Given] = []
         while not is_over(self._stop):
             self._asked.wait(_LOOK_EVERY_S)
             self._asked.clear()
-            while self._waiting:
-                given.append(self._give(self._waiting.popleft()))
+            while self._orders or self._queries:
+                given.append(self._give((self._orders or self._queries).popleft()))
             given = [one for one in given if not self._is_answered(one)]
 
     def _give(self, query: "zenoh.Query") -> _Given:
@@ -189,10 +188,7 @@ class ControlBus:
         order, answer = given.question.order, given.question.wait(0.0)
         if answer is None and time.monotonic() - given.since_s < ANSWER_LIMIT_S:
             return False
-        if answer is None:
-            reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
-            answer = {"accepted": False, "order": order, "name": self._name, "reason": reason}
-        self._reply(given.query, order, answer)
+        self._reply(given.query, order, late_answer(order, self._name) if answer is None else answer)
         return True
 
     def _reply(self, query: "zenoh.Query", order: str, answer: Answer) -> None:
@@ -209,18 +205,14 @@ class ControlBus:
         self._stop.set()
         self._asked.set()
         self._thread.join()
+        if self._socket is not None:
+            self._socket.close()
         self._token.close()
         with contextlib.suppress(zenoh.ZError):
             self._queryable.undeclare()  # type: ignore[no-untyped-call]
             self._session.close()  # type: ignore[no-untyped-call]
         if self._issued is not None:
             control_token.discard(self._issued)
-
-
-def name_in(data: bytes) -> str:
-    """Read who gives an order, as printable text of bounded length, whatever was sent."""
-    text = data[: 4 * LONGEST_NAME].decode("utf-8", errors="replace")
-    return "".join(one for one in text if one.isprintable())[:LONGEST_NAME].strip()
 
 
 class Onlookers(NamedTuple):

@@ -3,7 +3,6 @@
 `guidance/<name>/ctl/<order>` is asked, JSON is the answer.
 """
 
-import getpass
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,10 +14,9 @@ from guidance.errors import ConfigError, LinkError
 from guidance.links.wires.zenoh import open_session
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.session import control_token
-from guidance.session.orders import STATUS, WORDS
+from guidance.session.control_socket import STATUS, TIMEOUT_S, WORDS
 
 JOIN_LIMIT_S: Final = 3.0
-TIMEOUT_S: Final = 4.0
 
 
 def control_key(name: str, order: str) -> str:
@@ -53,14 +51,6 @@ def join_session(
             f"({used}); is `guidance run` running, by the same user? "
             "--token-file says where another daemon's token lies"
         ) from error
-
-
-def own_name(program: str) -> str:
-    """Return how a program of this user names itself in an order."""
-    try:
-        return f"{program}, {getpass.getuser()}"
-    except (KeyError, OSError):  # a user without a name
-        return program
 
 
 def ask(

@@ -14,14 +14,12 @@ from guidance.log.writer import Record
 from guidance.messages import LocalPosition, Message
 from guidance.preflight import Facts, Finding, PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, status
+from guidance.session.control_socket import ALIVE, RESET, WORDS
 from guidance.session.linked_flight import LinkedFlight, Stopped
 from guidance.session.log import SILENT, Logger, say_outputs
 from guidance.session.metrics import Metrics
 from guidance.session.orders import (
-    ALIVE,
     ON_GROUND,
-    RESET,
-    WORDS,
     Engaging,
     Mailbox,
     Question,

@@ -12,19 +12,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Mode, Wants
-from guidance.flight import FINAL, ORDERS, Authority, EngageOn, Event, Flight, State
+from guidance.flight import FINAL, Authority, EngageOn, Event, Flight, State
 from guidance.preflight import PreflightMemory, engage_names, engage_rows, refusals
+from guidance.session.control_socket import ALIVE, STATUS
 
 MOST_ORDERS: Final = 64
 MOST_QUERIES: Final = 256
 """Longest queues. The loop empties both every cycle, so only a loop that hangs fills them."""
 
-STATUS, RESET, ALIVE = "status", "reset", "alive"
 QUERIES: Final = frozenset({STATUS, ALIVE})
 """Words that are answered with the status and change nothing."""
-
-WORDS: Final = (*sorted(str(order) for order in ORDERS), RESET, STATUS, ALIVE)
-"""What may be asked of a daemon."""
 
 Answer = Mapping[str, Any]
 

@@ -6,7 +6,8 @@ import logging
 import pytest
 from rich.console import Console
 
-from guidance.cli.daemon_status import answer_words, status_table, watch
+from guidance.cli.daemon_status import status_table, watch
+from guidance.cli.short_order import answer_words
 from guidance.session import log as logs
 from guidance.session.log import Log
 
@@ -56,9 +57,9 @@ def test_what_is_not_known_is_said_to_be_so():
 
 
 def test_an_order_is_answered_in_a_line():
-    assert "engage accepted" in answer_words({"accepted": True, "order": "engage", "name": "px4"}).plain
+    assert "engage accepted" in answer_words({"accepted": True, "order": "engage", "name": "px4"})
     refused = {"accepted": False, "order": "engage", "name": "px4", "state": "ready", "reason": "on the ground"}
-    assert answer_words(refused).plain == "px4: engage refused, ready: on the ground"
+    assert answer_words(refused) == "px4: engage refused, ready: on the ground"
 
 
 def test_a_status_is_watched_below_each_other_where_nothing_can_be_redrawn():

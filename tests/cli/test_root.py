@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance import cli, errors
+from guidance.cli import program
 from guidance.cli.streams import PIPE_CLOSED, plain
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -115,7 +116,7 @@ def test_what_nobody_foresaw_is_said_to_be_our_fault(main, monkeypatch, capfd):
     def broken():
         raise RuntimeError("unforeseen")
 
-    monkeypatch.setattr(cli, "app", broken)
+    monkeypatch.setattr(program, "app", broken)
     assert main() == cli.FAULT
     assert "a fault of guidance itself: please report it" in capfd.readouterr().err
 

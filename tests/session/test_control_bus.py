@@ -10,10 +10,11 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.session import control_bus as buses
-from guidance.session import control_client as asking
+from guidance.session import control_socket
 from guidance.session.control_bus import ControlBus, OwnerToken
 from guidance.session.control_client import ask, control_key
 from guidance.session.control_client import join_session as open_session
+from guidance.session.control_socket import ANSWER_LIMIT_S, TIMEOUT_S
 from guidance.session.orders import Mailbox
 
 
@@ -34,7 +35,7 @@ class AnsweringLoop:
 
     def _run(self, mailbox, name):
         while not self._stop.wait(0.005):
-            for question in mailbox.take():
+            for question in (*mailbox.orders(), *mailbox.queries()):
                 answer = {"accepted": question.order != "engage", "order": question.order, "name": name}
                 question.answer(answer)
 
@@ -114,6 +115,7 @@ def test_a_vehicle_is_free_again_when_its_owner_is_gone(daemon, endpoint):
 
 def test_a_loop_that_hangs_is_said_to_hang(daemon, endpoint, monkeypatch):
     monkeypatch.setattr(buses, "ANSWER_LIMIT_S", 0.2)
+    monkeypatch.setattr(control_socket, "ANSWER_LIMIT_S", 0.2)
     daemon(answering=False)
     answer = ask("hold", endpoint=endpoint, name="uav1")
     assert "the loop did not answer within 0.2 s" in answer["reason"]
@@ -130,5 +132,5 @@ def test_nobody_there_is_one_clear_error(daemon, endpoint, monkeypatch):
 def test_what_is_no_order_is_not_even_sent():
     with pytest.raises(ConfigError, match="order = 'explode': allowed are"):
         ask("explode", endpoint="tcp/127.0.0.1:1", name="uav1")
-    assert asking.TIMEOUT_S > buses.ANSWER_LIMIT_S
+    assert TIMEOUT_S > ANSWER_LIMIT_S
     assert control_key("*", "status") == "guidance/*/ctl/status"

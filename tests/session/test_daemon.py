@@ -8,7 +8,7 @@ from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.monitor import Alarm, Violation
-from guidance.session.orders import WORDS
+from guidance.session.control_socket import WORDS
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 

@@ -6,7 +6,7 @@ import pytest
 
 from guidance.flight import ORDERS, State
 from guidance.log.entries import ORDERED
-from guidance.session.control_bus import LONGEST_NAME, name_in
+from guidance.session.control_socket import LONGEST_NAME, WORDS, name_in
 
 
 class KeptRecord:
@@ -68,7 +68,7 @@ def test_the_status_foresees_every_answer_in_every_state_of_a_flight(base):
     assert met[State.STANDING_BY] == ["abort", "engage", "hold", "land", "return"]
     assert met[State.ENGAGED] == ["abort", "hold", "land", "return"]
     assert met[State.LANDED] == []
-    assert set(met[State.STANDING_BY]) < set(map(str, ORDERS))
+    assert set(met[State.STANDING_BY]) < set(map(str, ORDERS)) < set(WORDS)
 
 
 def test_an_evader_that_falls_silent_stands_against_engaging(base):

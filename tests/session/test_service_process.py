@@ -18,7 +18,7 @@ from guidance.errors import LinkError
 from guidance.links.opening import open_vehicle_link
 from guidance.messages import Parameter, ParameterRequest, ParameterSet
 from guidance.session.control_client import ask
-from guidance.session.orders import STATUS
+from guidance.session.control_socket import STATUS
 from sitl_mock.child import running
 from tests.harness.command import guidance
 from tests.harness.vehicle import FENCED, mocked, write_file

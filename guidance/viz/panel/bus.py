@@ -22,7 +22,7 @@ from guidance.log.broadcast import FLIGHT, TOPICS, broadcast_key
 from guidance.log.entries import CYCLE_TOPIC
 from guidance.log.reader import Item
 from guidance.session.control_client import JOIN_LIMIT_S, answers, control_key, join_session
-from guidance.session.orders import ALIVE, STATUS
+from guidance.session.control_socket import ALIVE, STATUS
 
 MOST_WAITING: Final = 1024
 """Cycles and events that are kept for the page: twenty seconds of one daemon's."""

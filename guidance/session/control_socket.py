@@ -1,0 +1,218 @@
+"""Orders on this computer: a Unix-domain socket beside the daemon's token, one JSON line each way.
+
+`guidance ctl` uses it first. It needs no Zenoh session, which takes most of a second to import and open, and other
+users cannot reach it: the socket has the token file's rights, and each order shows the token. This module imports
+nothing heavy on purpose.
+"""
+
+import contextlib
+import getpass
+import hmac
+import json
+import os
+import socket
+import stat
+import threading
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from guidance.errors import ConfigError, LinkError, OutputError
+from guidance.session import control_token
+from guidance.session.control_token import ControlToken
+
+STATUS, RESET, ALIVE = "status", "reset", "alive"
+WORDS: Final = ("abort", "engage", "hold", "land", "return", "start", RESET, STATUS, ALIVE)
+"""What may be asked of a daemon."""
+
+TIMEOUT_S: Final = 4.0
+ANSWER_LIMIT_S: Final = 2.0
+LONGEST_NAME: Final = 64
+"""Characters of the name of who gave an order; it is kept in the record."""
+
+_ASKED_WITHIN_S: Final = 1.0
+_MOST_BYTES: Final = 4096
+_MOST_AT_ONCE: Final = 64
+_LONGEST_PATH: Final = 100
+"""Bytes of a socket's path that the kernel takes, with some to spare."""
+
+
+class Asked(Protocol):
+    """A question that was put to the loop."""
+
+    def wait(self, timeout_s: float) -> Mapping[str, Any] | None:
+        """Wait for the answer; None if there is none in time."""
+        ...
+
+
+class Asking(Protocol):
+    """Where orders go: `guidance.session.orders.Mailbox`."""
+
+    def ask(self, order: str, by: str = "") -> Asked:
+        """Put an order to the loop."""
+        ...
+
+
+def socket_path(token: Path) -> Path:
+    """Return the path of the socket that belongs to a token file."""
+    return token.with_suffix(".sock")
+
+
+def own_name(program: str) -> str:
+    """Return how a program of this user names itself in an order."""
+    try:
+        return f"{program}, {getpass.getuser()}"
+    except (KeyError, OSError):  # a user without a name
+        return program
+
+
+def name_in(data: bytes) -> str:
+    """Read the name of who gives an order: printable text of bounded length, whatever was sent."""
+    text = data[: 4 * LONGEST_NAME].decode("utf-8", errors="replace")
+    return "".join(one for one in text if one.isprintable())[:LONGEST_NAME].strip()
+
+
+def late_answer(order: str, name: str) -> Mapping[str, Any]:
+    """Return the answer to an order that the loop does not answer in time."""
+    reason = f"the loop did not answer within {ANSWER_LIMIT_S:g} s"
+    return {"accepted": False, "order": order, "name": name, "reason": reason}
+
+
+def ask_here(
+    order: str, *, endpoint: str, name: str | None, token_file: Path | None = None, by: str = ""
+) -> Mapping[str, Any] | None:
+    """Give an order to the daemon of an endpoint by its socket on this computer.
+
+    Args:
+        order: One of `WORDS`.
+        endpoint: The daemon's control endpoint.
+        name: The daemon's; None takes whichever is there.
+        token_file: Where its token lies, if not in the usual place.
+        by: Who gives the order, for the log and the record.
+
+    Returns:
+        The answer; None if no daemon listens at such a socket.
+
+    Raises:
+        ConfigError: If there is no such order, or we may not read the token.
+        LinkError: If the daemon has another name, does not know the token or does not answer.
+    """
+    if order not in WORDS:
+        raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
+    path = control_token.default_path(endpoint) if token_file is None else token_file
+    token = control_token.read(path)
+    if token is None:
+        return None
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as there, _reachable(socket_path(path)) as address:
+            there.settimeout(TIMEOUT_S)
+            there.connect(address)
+            asked = {"token": token.secret, "order": order, "name": name, "by": by}
+            there.sendall(json.dumps(asked).encode() + b"\n")
+            answer = json.loads(_line_of(there, 1 << 20))
+    except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):
+        return None
+    except (OSError, ValueError) as error:
+        raise LinkError(f"control {socket_path(path)}: no answer ({error}); is the daemon running?") from error
+    if "error" in answer:
+        raise LinkError(f"control {endpoint}: {answer['error']}")
+    return dict(answer)
+
+
+class ControlSocket:
+    """Takes orders at a socket to the mailbox, and answers. Every connection has a thread for one order.
+
+    Args:
+        name: The daemon's.
+        mailbox: Where orders go.
+        token: What who orders must know; the socket gets the rights of its file.
+
+    Raises:
+        OutputError: If the socket cannot be made.
+    """
+
+    def __init__(self, name: str, mailbox: Asking, token: ControlToken) -> None:
+        self._name = name
+        self._mailbox = mailbox
+        self._token = token
+        self._path = socket_path(token.path)
+        self._slots = threading.BoundedSemaphore(_MOST_AT_ONCE)
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._path.unlink(missing_ok=True)  # of a daemon that was killed: the endpoint is ours by now
+            with _reachable(self._path) as address:
+                self._listener.bind(address)
+            rights = token.path.stat()
+            with contextlib.suppress(PermissionError):
+                os.chown(self._path, -1, rights.st_gid)
+            readable = stat.S_IMODE(rights.st_mode) & 0o444
+            self._path.chmod(readable | readable >> 1)  # who may read the token may write to the socket
+            self._listener.listen(_MOST_AT_ONCE)
+        except OSError as error:
+            self._listener.close()
+            raise OutputError(f"control socket {self._path}: cannot be made ({error.strerror})") from error
+        self._thread = threading.Thread(target=self._serve, name="control socket")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Take no more orders. May be called twice."""
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)  # ends the accept that waits
+        self._thread.join()
+        self._listener.close()
+        self._path.unlink(missing_ok=True)
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                there, _ = self._listener.accept()
+            except OSError:
+                return
+            if self._slots.acquire(blocking=False):
+                threading.Thread(target=self._answer, args=(there,), name="order", daemon=True).start()
+            else:
+                there.close()
+
+    def _answer(self, there: socket.socket) -> None:
+        try:
+            with there:
+                there.settimeout(_ASKED_WITHIN_S)
+                with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # whatever was sent
+                    asked = json.loads(_line_of(there, _MOST_BYTES))
+                    there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")
+        finally:
+            self._slots.release()
+
+    def _answer_to(self, asked: Mapping[str, Any]) -> Mapping[str, Any]:
+        if not hmac.compare_digest(str(asked.get("token")).encode(), self._token.secret.encode()):
+            return {"error": "the token is not this daemon's"}
+        if asked.get("name") not in {None, self._name}:
+            return {"error": f"--name {asked['name']}: the daemon there is {self._name}"}
+        order = str(asked.get("order"))
+        question = self._mailbox.ask(order, name_in(str(asked.get("by", "")).encode()))
+        answer = question.wait(ANSWER_LIMIT_S)
+        return late_answer(order, self._name) if answer is None else answer
+
+
+def _line_of(there: socket.socket, most_bytes: int) -> bytes:
+    """Read one line, of bounded length."""
+    data = b""
+    while not data.endswith(b"\n") and len(data) < most_bytes:
+        part = there.recv(65536)
+        if not part:
+            break
+        data += part
+    return data
+
+
+@contextlib.contextmanager
+def _reachable(path: Path) -> Iterator[str]:
+    """Yield an address for a path; one that is too long for the kernel goes by its folder's descriptor."""
+    if len(os.fsencode(path)) <= _LONGEST_PATH:
+        yield str(path)
+        return
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        yield f"/proc/self/fd/{folder}/{path.name}"
+    finally:
+        os.close(folder)

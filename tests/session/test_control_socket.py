@@ -1,0 +1,175 @@
+"""Orders by the socket on this computer, which needs no Zenoh and which nobody else can block."""
+
+import socket
+import stat
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from guidance.errors import ConfigError, LinkError
+from guidance.session import control_token
+from guidance.session.control_socket import ControlSocket, ask_here, socket_path
+from guidance.session.orders import Mailbox
+
+ENDPOINT = "tcp/127.0.0.1:7448"
+
+
+class Loop:
+    """Takes the mailbox every 20 ms, as the flight's loop does: orders are accepted, queries get a status."""
+
+    def __init__(self):
+        self.mailbox, self.taken = Mailbox(), []
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        while not self._stop.wait(0.02):
+            for question in (*self.mailbox.orders(), *self.mailbox.queries()):
+                self.taken.append((question.order, question.by))
+                question.answer({"accepted": True, "order": question.order, "name": "uav1"})
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def loop():
+    made = Loop()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def token(tmp_path):
+    return control_token.publish(control_token.draw(tmp_path / "ctl.token"), tmp_path / "ctl.token")
+
+
+@pytest.fixture
+def control(loop, token):
+    made = ControlSocket("uav1", loop.mailbox, token)
+    yield made
+    made.close()
+
+
+def asked(order, token, name=None):
+    return ask_here(order, endpoint=ENDPOINT, name=name, token_file=token.path, by="ctl, ana")
+
+
+def test_an_order_arrives_with_its_giver_and_is_answered(control, token, loop):
+    assert asked("hold", token) == {"accepted": True, "order": "hold", "name": "uav1"}
+    assert loop.taken == [("hold", "ctl, ana")]
+
+
+def test_without_a_token_or_a_daemon_there_is_no_answer(token, tmp_path):
+    assert ask_here("hold", endpoint=ENDPOINT, name=None, token_file=tmp_path / "other.token") is None
+    assert asked("hold", token) is None
+
+
+def test_a_socket_left_by_a_killed_daemon_counts_as_none_and_is_replaced(loop, token):
+    with socket.socket(socket.AF_UNIX) as left:
+        left.bind(str(socket_path(token.path)))
+    assert asked("hold", token) is None
+    again = ControlSocket("uav1", loop.mailbox, token)
+    assert asked("hold", token)["accepted"]
+    again.close()
+    assert not socket_path(token.path).exists()
+
+
+def test_another_token_another_name_and_an_unknown_order_are_errors(control, token):
+    control_token.publish(control_token.draw(token.path), token.path)
+    with pytest.raises(LinkError, match="token is not this daemon's"):
+        asked("hold", token)
+    token.path.write_text(f"guidance:{token.secret}\n")
+    with pytest.raises(LinkError, match="the daemon there is uav1"):
+        asked("hold", token, name="uav2")
+    with pytest.raises(ConfigError, match="allowed are abort, "):
+        asked("jump", token)
+
+
+@pytest.mark.parametrize(("token_mode", "socket_mode"), [(0o600, 0o600), (0o640, 0o660), (0o644, 0o666)])
+def test_the_socket_has_the_rights_of_the_token_file(loop, token, token_mode, socket_mode):
+    token.path.chmod(token_mode)
+    made = ControlSocket("uav1", loop.mailbox, token)
+    assert stat.S_IMODE(socket_path(token.path).stat().st_mode) == socket_mode
+    made.close()
+
+
+def test_a_path_too_long_for_the_kernel_works(loop, tmp_path):
+    folder = tmp_path / ("f" * 120)
+    path = folder / "ctl.token"
+    token = control_token.publish(control_token.draw(path), path)
+    made = ControlSocket("uav1", loop.mailbox, token)
+    assert asked("hold", token)["accepted"]
+    made.close()
+
+
+@pytest.mark.parametrize("sent", [b"", b"\n", b"[]\n", b"{}\n", b"\xff\n", b'{"token": 1}\n', b"x" * 10_000])
+def test_whatever_is_sent_orders_nothing_and_the_next_order_is_taken(control, token, loop, sent):
+    with socket.socket(socket.AF_UNIX) as there:
+        there.connect(str(socket_path(token.path)))
+        there.sendall(sent)
+        there.shutdown(socket.SHUT_WR)
+        there.recv(1000)
+    assert loop.taken == []
+    assert asked("hold", token)["accepted"]
+
+
+def test_100_of_100_holds_are_accepted_while_32_clients_poll(control, token):
+    polling = threading.Event()
+    polling.set()
+
+    def poll():
+        count = 0
+        while polling.is_set():
+            assert asked("status", token)["accepted"]
+            count += 1
+        return count
+
+    with ThreadPoolExecutor(32) as pool:
+        polls = [pool.submit(poll) for _ in range(32)]
+        answers = [asked("hold", token) for _ in range(100)]
+        polling.clear()
+        assert sum(answer["accepted"] for answer in answers) == 100
+        assert all(one.result() > 0 for one in polls)
+
+
+def ctl(*words, token):
+    """Run the command; return its exit code, its words, the modules it imported and its processor time."""
+    code = (
+        "import sys, time, atexit; sys.argv[0] = 'guidance'\n"
+        "from guidance.cli import main\n"
+        "atexit.register(lambda: print(time.process_time(), *sorted(sys.modules), file=sys.stderr))\n"
+        "main()"
+    )
+    command = [sys.executable, "-c", code, "ctl", *words, "--token-file", str(token.path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    took_s, *modules = done.stderr.split()[-3000:]
+    return done.returncode, done.stdout, set(modules), float(took_s)
+
+
+def test_an_order_takes_less_than_400_ms_of_processor_time_and_imports_nothing_heavy(control, token):
+    runs = [ctl("hold", token=token) for _ in range(3)]
+    code, words, modules, _ = runs[0]
+    assert (code, words) == (0, "uav1: hold accepted, \n")
+    assert modules & {"numpy", "zenoh", "mavsdk", "pymavlink", "pydantic", "rich", "typer"} == set()
+    assert min(took_s for *_, took_s in runs) < 0.3  # and the loop answers within two cycles
+
+
+@pytest.mark.parametrize("words", [("hold", "--name", "uav1"), ("hold", "--json"), ("status", "--json")])
+def test_every_form_of_the_command_is_answered_by_the_socket(control, token, words):
+    code, said, modules, _ = ctl(*words, token=token)
+    assert code == 0
+    assert "accepted" in said
+    assert "zenoh" not in modules
+
+
+def test_an_order_for_another_daemon_is_an_error_with_its_exit_code(control, token):
+    command = [sys.executable, "-m", "guidance", "ctl", "hold", "--name", "b", "--token-file", str(token.path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (LinkError.exit_code, "")
+    assert "the daemon there is uav1" in done.stderr
