@@ -23,8 +23,8 @@ from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT
 from guidance.monitor import Violation
 from guidance.session.control_client import control_key
+from guidance.session.control_socket import WORDS
 from guidance.session.metrics import Metrics
-from guidance.session.orders import WORDS
 from sitl_mock.cli import app as mock_app
 
 ROOT = Path(__file__).parents[1]

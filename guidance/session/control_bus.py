@@ -134,7 +134,10 @@ class ControlBus:
         self._stop = threading.Event()
         self._issued: ControlToken | None = None
         self._socket: ControlSocket | None = None
-        self._session = self._host(endpoint, token_file) if host else join_session(endpoint, token_file, credentials)
+        if host:
+            self._session, self._issued = _hosted(endpoint, token_file)
+        else:
+            self._session = join_session(endpoint, token_file, credentials)
         self._closed = False
         try:
             self._token = OwnerToken(self._session, f"guidance/{name}")
@@ -146,17 +149,6 @@ class ControlBus:
             raise
         self._thread = threading.Thread(target=self._serve, name="control")
         self._thread.start()
-
-    def _host(self, endpoint: str, token_file: Path | None) -> "zenoh.Session":
-        path = control_token.default_path(endpoint) if token_file is None else token_file
-        drawn = control_token.draw(path)
-        try:
-            session = host_session(endpoint, drawn)
-        except LinkError:
-            control_token.discard(drawn)
-            raise
-        self._issued = control_token.publish(drawn, path)
-        return session
 
     @property
     def session(self) -> "zenoh.Session":
@@ -213,6 +205,18 @@ class ControlBus:
             self._session.close()  # type: ignore[no-untyped-call]
         if self._issued is not None:
             control_token.discard(self._issued)
+
+
+def _hosted(endpoint: str, token_file: Path | None) -> tuple["zenoh.Session", ControlToken]:
+    """Listen at an endpoint with a new token, which is published only if the endpoint could be had."""
+    path = control_token.default_path(endpoint) if token_file is None else token_file
+    drawn = control_token.draw(path)
+    try:
+        session = host_session(endpoint, drawn)
+    except LinkError:
+        control_token.discard(drawn)
+        raise
+    return session, control_token.publish(drawn, path)
 
 
 class Onlookers(NamedTuple):

@@ -14,7 +14,7 @@ from guidance.session import control_socket
 from guidance.session.control_bus import ControlBus, OwnerToken
 from guidance.session.control_client import ask, control_key
 from guidance.session.control_client import join_session as open_session
-from guidance.session.control_socket import ANSWER_LIMIT_S, TIMEOUT_S
+from guidance.session.control_socket import ANSWER_LIMIT_S, TIMEOUT_S, ask_here
 from guidance.session.orders import Mailbox
 
 
@@ -134,3 +134,14 @@ def test_what_is_no_order_is_not_even_sent():
         ask("explode", endpoint="tcp/127.0.0.1:1", name="uav1")
     assert TIMEOUT_S > ANSWER_LIMIT_S
     assert control_key("*", "status") == "guidance/*/ctl/status"
+
+
+def test_idle_connections_of_others_do_not_block_an_order(daemon, endpoint):
+    daemon()
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    idle = [socket.create_connection((host, int(port))) for _ in range(150)]
+    try:
+        assert ask_here("hold", endpoint=endpoint, name=None)["accepted"]
+    finally:
+        for one in idle:
+            one.close()
