@@ -34,6 +34,11 @@ def console(*, stderr: bool = False) -> Console:
     return Console(stderr=stderr, highlight=False, width=PIPED_COLUMNS)
 
 
+def printable(text: str) -> str:
+    """Return text from a file or a radio with control characters escaped: they could command the terminal."""
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
 def redraws(there: Console) -> bool:
     """Whether a line on it can be drawn again."""
     return there.is_terminal and not there.is_dumb_terminal

@@ -6,6 +6,7 @@ from typing import Any
 from guidance.cli.short_order import short_order
 from guidance.cli.streams import open_outlets
 from guidance.errors import GuidanceError, OutputError
+from guidance.screen import printable
 
 FAULT = 70
 """Exit code where guidance itself is at fault (EX_SOFTWARE of sysexits.h)."""
@@ -53,5 +54,6 @@ def _run() -> None:
 
 
 def _end(words: str, code: int) -> None:
-    print(f"error: {words}", file=sys.stderr)  # noqa: T201 - the last word of a command
+    lines = "\n".join(map(printable, words.splitlines()))  # a message may quote a stranger's file
+    print(f"error: {lines}", file=sys.stderr)  # noqa: T201 - the last word of a command
     sys.exit(code)

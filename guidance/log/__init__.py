@@ -5,7 +5,7 @@ Reading:
         `CycleEntry`, `EventEntry` and reports of the evader.
     metadata_of: what was written at the start. title_of: what the flight is called.
     survey_of: a whole record in a `Survey`: how long, how much, whole or torn.
-    making_sense_of: turns whatever a damaged record leads to into one error that names it.
+    record_errors: turns whatever a damaged record leads to into one error that names it.
     Aggregator: folds cycles as the flight did, each into the numbers of a `Cycle`.
 
 Replay:
@@ -21,8 +21,8 @@ from guidance.log.reader import (
     Survey,
     cycles_of,
     events_of,
-    making_sense_of,
     metadata_of,
+    record_errors,
     reports_of,
     scan,
     survey_of,
@@ -43,8 +43,8 @@ __all__ = [
     "compare",
     "cycles_of",
     "events_of",
-    "making_sense_of",
     "metadata_of",
+    "record_errors",
     "replay",
     "reports_of",
     "scan",

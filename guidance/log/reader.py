@@ -1,7 +1,7 @@
-"""Read a flight record, whole, torn or still growing: what a killed process left is read up to its last whole chunk.
+"""Reads a flight record that is whole, cut off, or still being written.
 
-A record may be a stranger's. No length in it is believed before it is bounded, and whatever in it cannot be made sense
-of ends in one clear error.
+The file may come from a stranger. The `mcap` package parses it, but only after the limits below are checked: on the
+length of every read, on the size of an uncompressed chunk, and on expansion and message count relative to the file.
 """
 
 import contextlib
@@ -9,17 +9,14 @@ import json
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from io import BytesIO
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple, TypeVar
 
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import InvalidMagic, McapError
-from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings
@@ -30,32 +27,36 @@ from guidance.messages import EvaderReport
 
 T = TypeVar("T")
 
-_LONGEST_RECORD_BYTES: Final = 64 * 1024 * 1024
-_LARGEST_CHUNK_BYTES: Final = 16 * 1024 * 1024
-"""A length that is torn or a lie must not make us ask for gigabytes. Ours are 8 KiB, other writers' 1 to 4 MiB."""
+MAX_RECORD_BYTES: Final = 16 * 2**20
+"""Largest MCAP record, and largest uncompressed chunk. Our chunks are 32 KiB, those of other writers 1 to 4 MiB."""
 
-_RECORD: Final = struct.Struct("<BQ")
-"""How each of MCAP's records begins: opcode and length."""
-_MESSAGE: Final = struct.Struct("<HIQQ")
-"""How its messages begin: channel, sequence, log time and publish time in ns."""
+MAX_EXPANSION: Final = 100
+FREE_BYTES: Final = 2**20
+"""A file may expand to 1 MiB plus 100 times the bytes read. Flights compress to a third, at most to a tenth."""
 
-_TORN: Final = (McapError, ValueError, struct.error, zstandard.ZstdError, EOFError, MemoryError, OverflowError)
+BYTES_PER_MESSAGE: Final = 8
+FREE_MESSAGES: Final = 10_000
+"""A file may hold 10,000 messages plus one per 8 bytes read. Ours take 16 bytes in the index alone."""
 
-_SENSELESS: Final = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError, MemoryError)
+_DAMAGE: Final = (McapError, ValueError, struct.error, zstandard.ZstdError, EOFError, MemoryError, OverflowError)
+_CONTENT: Final = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError, MemoryError)
 
 RUN: Final = "run"
-"""Name of the metadata record: what flew, with which settings and versions."""
+"""Name of the metadata record: vehicle file or scenario, versions, start time."""
 
 SCENARIO: Final = "scenario"
 CONFIG: Final = "config"
 """Keys of the metadata: a mocked flight's scenario and a daemon's vehicle file, as JSON."""
 
 SettingsOf = Callable[[Mapping[str, str]], FlightSettings]
-"""What makes a flight's settings of a record's metadata (`guidance.session.flight_files.recorded_settings`)."""
+"""Makes a flight's settings from a record's metadata (`guidance.session.flight_files.recorded_settings`)."""
+
+Idle = Callable[[], bool]
+"""Called at the end of a file that is still being written: it waits a little, and returns True to stop reading."""
 
 
 class Item(NamedTuple):
-    """One message of the record: log time, channel and bytes."""
+    """One message of a record: log time, topic, encoding and bytes."""
 
     now_s: float
     topic: str
@@ -65,17 +66,17 @@ class Item(NamedTuple):
 
 @dataclass(slots=True)
 class Survey:
-    """What a record holds.
+    """Summary of a record.
 
     Attributes:
-        metadata: What was written at the start.
-        messages: How many, by topic.
-        data_bytes: How long they are, by topic.
-        first_s: The earliest log time.
-        last_s: The latest log time.
+        metadata: Written at the start.
+        messages: Number of messages by topic.
+        data_bytes: Size of their data by topic.
+        first_s: Earliest log time.
+        last_s: Latest log time.
         sequence: Number of the last message.
-        missing: Messages whose number is jumped over: the chunk that held them is damaged.
-        torn: Why reading ended early; None where the file was finished properly.
+        missing: Number of messages lost to damage or a missing file.
+        torn: Why reading ended early; None if the file was finished properly.
     """
 
     metadata: dict[str, str] = field(default_factory=dict)
@@ -92,25 +93,32 @@ class Survey:
         """Time between the first and the last message."""
         return 0.0 if self.first_s is None or self.last_s is None else self.last_s - self.first_s
 
-
-Idle = Callable[[], bool]
-"""Called where a growing record has nothing more to read for now: waits a little; True ends the reading."""
+    def add(self, channel: Channel, message: Message) -> Item:
+        """Count one message and return it."""
+        now_s = message.log_time * 1e-9
+        self.missing += max(0, message.sequence - self.sequence - 1)
+        self.sequence = message.sequence
+        self.messages[channel.topic] += 1
+        self.data_bytes[channel.topic] += len(message.data)
+        self.first_s = now_s if self.first_s is None else min(self.first_s, now_s)
+        self.last_s = now_s if self.last_s is None else max(self.last_s, now_s)
+        return Item(now_s, channel.topic, channel.message_encoding, message.data)
 
 
 @contextlib.contextmanager
-def making_sense_of(path: Path) -> Iterator[None]:
-    """Turn whatever a damaged or foreign record leads to into one error that names it.
+def record_errors(path: Path) -> Iterator[None]:
+    """Turn every error that the content of a damaged or foreign record can cause into one that names the file.
 
     Raises:
-        ConfigError: In place of what the content led to; that is its cause.
+        ConfigError: In place of the error, which is its cause.
     """
     try:
         yield
-    except _SENSELESS as error:
-        said = str(error).splitlines()
-        reason = f"{type(error).__name__}: {said[0][:200]}" if said else type(error).__name__
+    except _CONTENT as error:
+        lines = str(error).splitlines()
+        reason = f"{type(error).__name__}: {lines[0][:200]}" if lines else type(error).__name__
         raise ConfigError(
-            f"{path}: cannot be made sense of ({reason}); it is damaged, or another program or version wrote it"
+            f"{path}: cannot be read as a record ({reason}); it is damaged, or written by another program or version"
         ) from error
 
 
@@ -118,12 +126,13 @@ def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> 
     """Yield the messages of a record in the order they were written.
 
     Args:
-        path: The MCAP file. A long flight's first file stands for all of them, a later one for itself.
-        survey: Filled along the way, complete after the last item.
-        idle: The file is still being written: its end is waited for. The writer knows nothing of it.
+        path: The MCAP file. The first file of a long flight stands for all of them, a later one for itself.
+        survey: Filled while reading; complete after the last item.
+        idle: Wait for more at the end of the file, which is still being written.
 
     Raises:
-        ConfigError: If the file cannot be read or is no MCAP file. A torn one is no error: `survey.torn` says so.
+        ConfigError: If the file cannot be read, is not MCAP, or exceeds a limit. A cut-off file is not an error:
+            `survey.torn` gives the reason.
     """
     seen = Survey() if survey is None else survey
     yield from _scan_file(path, seen, seen.metadata, idle)
@@ -135,17 +144,23 @@ def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> 
 
 def _scan_file(path: Path, seen: Survey, metadata: dict[str, str], idle: Idle | None) -> Iterator[Item]:
     channels: dict[int, Channel] = {}
-    for record in _records(path, seen, idle):
-        if isinstance(record, Channel):
-            channels[record.id] = record
-        elif isinstance(record, Metadata) and record.name == RUN:
-            metadata.update(record.metadata)
-        elif isinstance(record, Message) and record.channel_id in channels:
-            yield _noted(seen, channels[record.channel_id], record)
+    try:
+        with path.open("rb") as file:
+            for record in _records(_LimitedFile(path, file, idle), seen):
+                if isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Metadata) and record.name == RUN:
+                    metadata.update(record.metadata)
+                elif isinstance(record, Message) and record.channel_id in channels:
+                    yield seen.add(channels[record.channel_id], record)
+    except InvalidMagic as error:
+        raise ConfigError(f"{path}: not an MCAP file; give a record.mcap of a flight") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def survey_of(path: Path) -> Survey:
-    """Read a whole record for what it holds.
+    """Read a whole record and return its summary.
 
     Raises:
         ConfigError: As `scan`.
@@ -157,15 +172,15 @@ def survey_of(path: Path) -> Survey:
 
 
 def metadata_of(path: Path, idle: Idle | None = None) -> Mapping[str, str]:
-    """Read what was written at the start: configuration, versions, seed; `idle` as for `scan`.
+    """Read the metadata: configuration, versions, seed; `idle` as for `scan`.
 
     Raises:
-        ConfigError: As `scan`, or if the record is torn before its metadata.
+        ConfigError: As `scan`, or if the record ends before its metadata.
     """
     survey = Survey()
     next(scan(path, survey, idle), None)
     if not survey.metadata:
-        raise ConfigError(f"{path}: is torn before its first message: nothing in it can be read")
+        raise ConfigError(f"{path}: ends before its first message: nothing can be read")
     return survey.metadata
 
 
@@ -173,7 +188,7 @@ def cycles_of(path: Path, survey: Survey | None = None) -> Iterator[CycleEntry]:
     """Yield the cycles of a record.
 
     Raises:
-        ConfigError: As `scan`, or if a cycle is not what this version writes.
+        ConfigError: As `scan`, or if a cycle does not match this version.
     """
     return _entries(CYCLE, CYCLE_TOPIC, path, survey)
 
@@ -188,7 +203,7 @@ def events_of(path: Path) -> Iterator[EventEntry]:
 
 
 def reports_of(path: Path) -> Iterator[EvaderReport]:
-    """Yield the reports of the evader as their source had them, in order of arrival.
+    """Yield the evader's reports as received, in order of arrival.
 
     Raises:
         ConfigError: As `cycles_of`.
@@ -197,10 +212,10 @@ def reports_of(path: Path) -> Iterator[EvaderReport]:
 
 
 def entry_of(codec: Codec[T], item: Item, source: Path) -> T:
-    """Read one message of a channel that is JSON.
+    """Decode one message of a JSON channel.
 
     Raises:
-        ConfigError: If it is none, or not what this version writes.
+        ConfigError: If it is not JSON or does not match this version; the message gives file, topic and time.
     """
     try:
         return codec.decode(item.data)
@@ -213,114 +228,87 @@ def _entries(codec: Codec[T], topic: str, path: Path, survey: Survey | None = No
 
 
 def title_of(metadata: Mapping[str, str]) -> str:
-    """What the flight is called."""
+    """Return the title of a flight."""
     for kind, key in ((SCENARIO, "title"), (CONFIG, "name")):
         if kind in metadata:
             return str(json.loads(metadata[kind]).get(key, ""))
     return "flight"
 
 
-def _records(path: Path, seen: Survey, idle: Idle | None) -> Iterator[McapRecord]:
-    """Yield the file's records, one after the other, up to its end or to where it is torn."""
-    try:
-        with path.open("rb") as file:
-            stream: Any = _BoundedFile(file if idle is None else _Growing(file, idle))
-            reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LONGEST_RECORD_BYTES)
-            yield from _untorn(reader, seen)
-    except InvalidMagic as error:
-        raise ConfigError(f"{path}: is no MCAP file; give a record.mcap that a flight wrote") from error
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+class _LimitedFile:
+    """A file that is read in bounded pieces, and counts what it expands to; with `idle`, waits at its end for more."""
 
-
-class _BoundedFile:
-    """A file of which nothing longer than a record is read at once, whatever a length inside a record says."""
-
-    def __init__(self, file: Any) -> None:  # noqa: ANN401 - a file, or what waits for one
-        self._file = file
-
-    def read(self, length: int) -> bytes:
-        """Read so many bytes.
-
-        Raises:
-            ValueError: If no record is as long as that.
-        """
-        if length > _LONGEST_RECORD_BYTES:
-            raise ValueError(f"a length of {length} bytes in it cannot be")
-        data: bytes = self._file.read(length)
-        return data
-
-
-class _Growing:
-    """A file that is waited for where it is too short."""
-
-    def __init__(self, file: IO[bytes], idle: Idle) -> None:
+    def __init__(self, path: Path, file: IO[bytes], idle: Idle | None) -> None:
+        self._path = path
         self._file = file
         self._idle = idle
+        self._read_bytes = 0
+        self._expanded_bytes = 0
+        self._messages = 0
 
     def read(self, length: int) -> bytes:
-        """Read so many bytes; fewer only where the reading is ended."""
+        """Read `length` bytes, fewer only at the end.
+
+        Raises:
+            ValueError: If no record is that long.
+        """
+        if not 0 <= length <= MAX_RECORD_BYTES:
+            raise ValueError(f"it gives a length of {length} bytes")
         data = self._file.read(length)
-        while len(data) < length and not self._idle():
+        while self._idle is not None and len(data) < length and not self._idle():
             data += self._file.read(length - len(data))
+        self._read_bytes += len(data)
         return data
 
+    def inside(self, chunk: Chunk) -> list[McapRecord]:
+        """Return the records of a chunk.
 
-def _untorn(reader: StreamReader, seen: Survey) -> Iterator[McapRecord]:
+        Raises:
+            ConfigError: If the file expands too much.
+            ValueError: If the chunk does not have the size that it states.
+        """
+        size = chunk.uncompressed_size
+        if chunk.compression not in {"", "zstd"}:
+            raise ValueError(f"a chunk is compressed with {chunk.compression!r}; only zstd is read")
+        stated = zstandard.frame_content_size(chunk.data) if chunk.compression else len(chunk.data)
+        if size > MAX_RECORD_BYTES or stated != size:
+            raise ValueError(f"a chunk of {stated} bytes states {size}")
+        self._expanded_bytes += size
+        if self._expanded_bytes > FREE_BYTES + MAX_EXPANSION * self._read_bytes:
+            raise ConfigError(
+                f"{self._path}: expands to more than {MAX_EXPANSION} times its size; no flight wrote it, not read"
+            )
+        return breakup_chunk(chunk, validate_crc=True)
+
+    def count(self) -> None:
+        """Count one message.
+
+        Raises:
+            ConfigError: If the file holds too many.
+        """
+        self._messages += 1
+        if self._messages > FREE_MESSAGES + self._read_bytes // BYTES_PER_MESSAGE:
+            raise ConfigError(
+                f"{self._path}: has more than {self._messages - 1} messages in {self._read_bytes} bytes; "
+                "no flight wrote it, not read"
+            )
+
+
+def _records(file: _LimitedFile, seen: Survey) -> Iterator[McapRecord]:
+    """Yield the records of a file up to its end, or to where it is damaged."""
     finished = False
+    stream: Any = file
+    reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_BYTES)
     try:
         for record in reader.records:
-            if isinstance(record, Chunk):
-                yield from _inside(record)
-            else:
-                yield record
+            for one in file.inside(record) if isinstance(record, Chunk) else (record,):
+                if isinstance(one, Message):
+                    file.count()
+                yield one
             finished = finished or isinstance(record, Footer)
     except InvalidMagic:
         if not finished:
             raise
         seen.torn = "its end mark is wrong"
-    except _TORN as error:
+    except _DAMAGE as error:
         seen.torn = str(error) or "it ends in the middle"
-
-
-def _inside(chunk: Chunk) -> list[McapRecord]:
-    """Take a chunk apart; one that says it is larger than it may be, or is, is torn."""
-    if chunk.uncompressed_size > _LARGEST_CHUNK_BYTES:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes cannot be")
-    if chunk.compression == "zstd":
-        # One more than it says: the frame's own word for its size is not believed.
-        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:
-            data = stream.read(chunk.uncompressed_size + 1)
-        chunk = replace(chunk, compression="", data=data)
-    if len(chunk.data) != chunk.uncompressed_size and not chunk.compression:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes has others")
-    checked, length = get_chunk_data_stream(chunk, validate_crc=True)
-    return list(_parted(checked.read(length)))
-
-
-def _parted(data: bytes) -> Iterator[McapRecord]:
-    """Yield the channels and messages of a chunk; messages, nearly all of it, without a stream of the library's."""
-    at = 0
-    while at < len(data):
-        opcode, length = _RECORD.unpack_from(data, at)
-        begin = at + _RECORD.size
-        at = begin + length
-        if at > len(data):
-            raise ValueError(f"a record of {length} bytes goes beyond its chunk")
-        record = data[begin:at]
-        if opcode == Opcode.MESSAGE:
-            channel, sequence, logged, published = _MESSAGE.unpack_from(record)
-            yield Message(channel, logged, record[_MESSAGE.size :], published, sequence)
-        elif opcode == Opcode.CHANNEL:
-            yield Channel.read(ReadDataStream(BytesIO(record)))
-
-
-def _noted(survey: Survey, channel: Channel, message: Message) -> Item:
-    now_s = message.log_time * 1e-9
-    survey.missing += max(0, message.sequence - survey.sequence - 1)
-    survey.sequence = message.sequence
-    survey.messages[channel.topic] += 1
-    survey.data_bytes[channel.topic] += len(message.data)
-    survey.first_s = now_s if survey.first_s is None else min(survey.first_s, now_s)
-    survey.last_s = now_s if survey.last_s is None else max(survey.last_s, now_s)
-    return Item(now_s, channel.topic, channel.message_encoding, message.data)

@@ -1,8 +1,8 @@
-"""Feed recorded inputs through the present code: does it still command the same, and what would another have commanded?
+"""Runs the present code on recorded inputs: does it send the same commands, and which would other settings send?
 
-Replay is open loop: the vehicle's and the evader's motion stay as recorded, whatever is commanded. With the settings of
-the flight the setpoints must come back bit for bit; with others the answer is what would have been commanded at each
-recorded moment, not how that flight would have gone on.
+Replay is open loop: the motion of the vehicle and the evader stays as recorded. With the settings of the flight, the
+setpoints must be equal bit for bit. With other settings, the result is what would have been commanded at each recorded
+moment, not how the flight would have continued.
 """
 
 import csv
@@ -34,9 +34,18 @@ from guidance.messages import PositionTarget, Setpoint
 COMPARED: Final = ("setpoint", "state", "requests", "by")
 """What a replay compares of each cycle; `by` only if it was recorded."""
 
+_NO_INPUTS: Final = InputsEntry((), (), ())
+_NO_VELOCITY: Final = ("", "", "")
+_COLUMNS: Final = [
+    f"{which}_{what}_{axis}_m_s"
+    for which in ("recorded", "replayed")
+    for what in ("wanted", "commanded")
+    for axis in ("north", "east", "down")
+]
+
 
 class ReplayedCycle(NamedTuple):
-    """One cycle: as recorded and as the present code has it."""
+    """One recorded cycle, the outputs of the present code, and the names of the outputs that differ."""
 
     row: CycleEntry
     outputs: Outputs
@@ -44,50 +53,59 @@ class ReplayedCycle(NamedTuple):
 
 
 @dataclass(slots=True)
-class Apart:
-    """How far two velocities lay apart, over the cycles that had both."""
+class Difference:
+    """Difference between recorded and replayed velocities, over the cycles that have both."""
 
     cycles: int = 0
     angle_sum_rad: float = 0.0
-    angle_most_rad: float = 0.0
+    angle_max_rad: float = 0.0
     speed_sum_m_s: float = 0.0
-    speed_most_m_s: float = 0.0
+    speed_max_m_s: float = 0.0
 
     def add(self, a: Vector, b: Vector) -> None:
-        """Count one pair, m/s."""
+        """Add one pair of velocities, m/s; NaN (no game in that cycle) is not counted."""
         speed_m_s, angle_rad = math.dist(a, b), angle_between_rad(a, b)
-        if math.isnan(speed_m_s):  # there was no game, and so nothing was wanted
+        if math.isnan(speed_m_s):
             return
         self.cycles += 1
         self.angle_sum_rad += angle_rad
-        self.angle_most_rad = max(self.angle_most_rad, angle_rad)
+        self.angle_max_rad = max(self.angle_max_rad, angle_rad)
         self.speed_sum_m_s += speed_m_s
-        self.speed_most_m_s = max(self.speed_most_m_s, speed_m_s)
+        self.speed_max_m_s = max(self.speed_max_m_s, speed_m_s)
 
 
 @dataclass(slots=True)
 class Comparison:
-    """What a replay came to: `wanted` is what the policy asked for, `commanded` what left the servo and the limits."""
+    """Result of a replay.
+
+    Attributes:
+        cycles: Number of cycles.
+        setpoints: Number of cycles with a recorded setpoint.
+        differing: Number of cycles that differ.
+        first: The first of them.
+        wanted: Velocities of the policy, before servo and limits.
+        commanded: Velocities of the setpoints.
+    """
 
     cycles: int = 0
     setpoints: int = 0
     differing: int = 0
     first: ReplayedCycle | None = None
-    wanted: Apart = field(default_factory=Apart)
-    commanded: Apart = field(default_factory=Apart)
+    wanted: Difference = field(default_factory=Difference)
+    commanded: Difference = field(default_factory=Difference)
 
     def add(self, step: ReplayedCycle) -> None:
-        """Count one cycle."""
+        """Add one cycle."""
+        row, outputs = step.row, step.outputs
         self.cycles += 1
-        self.setpoints += step.row.setpoint is not None
+        self.setpoints += row.setpoint is not None
         if step.differing:
             self.differing += 1
             self.first = self.first or step
-        setpoint, certificate = step.row.setpoint, step.row.certificate
-        if setpoint is not None and step.outputs.setpoint is not None:
-            self.commanded.add(setpoint.velocity_ned_m_s, step.outputs.setpoint.velocity_ned_m_s)
-        if certificate is not None and step.outputs.certificate is not None:
-            self.wanted.add(certificate.desired_ned_m_s, step.outputs.certificate.desired_ned_m_s)
+        if row.setpoint is not None and outputs.setpoint is not None:
+            self.commanded.add(row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s)
+        if row.certificate is not None and outputs.certificate is not None:
+            self.wanted.add(row.certificate.desired_ned_m_s, outputs.certificate.desired_ned_m_s)
 
 
 def replay(
@@ -97,14 +115,14 @@ def replay(
 
     Args:
         path: The record.
-        settings_of: Makes the flight's settings, or others, of its metadata. A daemon that read its configuration
-            again goes on with that one.
-        survey: Filled along the way.
-        what_if: The settings are not the flight's: what the autopilot echoed of the recorded setpoints is left out,
-            since the flight would take that for another hand on the vehicle.
+        settings_of: Makes the flight's settings, or others, from its metadata. After a reload of the configuration,
+            the reloaded one is used.
+        survey: Filled while reading.
+        what_if: The settings are not the flight's. The setpoints that the autopilot echoed are then left out: they
+            would look like those of a second controller.
 
     Raises:
-        ConfigError: If the record cannot be read, or was written by a version that knew other messages.
+        ConfigError: If the record cannot be read, or was written by a version with other messages.
     """
     settings = settings_of(metadata_of(path))
     flight = Flight(settings)
@@ -121,38 +139,70 @@ def replay(
         try:
             outputs = flight.step(_without_echo(row.flight_inputs) if what_if else row.flight_inputs)
         except ConfigError as error:
-            raise ConfigError(
-                f"{path}: the cycle at {row.now_s:.3f} s was written by another version: {error}"
-            ) from error
+            raise ConfigError(f"{path}: another version wrote the cycle at {row.now_s:.3f} s: {error}") from error
         yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
 
 
 def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tuple[Comparison, Survey]:
-    """Replay a whole record and count.
+    """Replay a whole record and count the differences.
 
     Raises:
         ConfigError: As `replay`.
     """
+    return compare_into(path, settings_of, None, what_if=what_if)
+
+
+def compare_into(path: Path, settings_of: SettingsOf, out: Path | None, *, what_if: bool) -> tuple[Comparison, Survey]:
+    """Replay a record, and write the recorded and replayed velocities to a CSV file if one is given.
+
+    Args:
+        path: The record.
+        settings_of: Makes a flight's settings from a record's metadata.
+        out: The CSV file, or None.
+        what_if: See `replay`.
+
+    Raises:
+        ConfigError: As `replay`.
+        OutputError: If `out` cannot be written.
+    """
     comparison, survey = Comparison(), Survey()
-    for step in replay(path, settings_of, survey, what_if=what_if):
-        comparison.add(step)
+    steps = replay(path, settings_of, survey, what_if=what_if)
+    if out is None:
+        for step in steps:
+            comparison.add(step)
+        return comparison, survey
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with out.open("w", newline="", encoding="utf-8") as stream:
+            table = csv.writer(stream)
+            table.writerow(["now_s", "state", *_COLUMNS])
+            for step in steps:
+                comparison.add(step)
+                row, outputs = step.row, step.outputs
+                velocities = (
+                    *_velocities(row.certificate, row.setpoint),
+                    *_velocities(outputs.certificate, outputs.setpoint),
+                )
+                table.writerow([row.now_s, row.state, *velocities])
+    except OSError as error:
+        raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another file") from error
     return comparison, survey
 
 
 def angle_between_rad(a: Vector, b: Vector) -> float:
-    """Angle between two vectors, radians; zero where one of them has no direction."""
+    """Return the angle between two vectors, radians; zero if one of them is zero."""
     (ax, ay, az), (bx, by, bz) = a, b
     across = math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     return math.atan2(across, ax * bx + ay * by + az * bz)
 
 
 def _without_echo(inputs: Inputs) -> Inputs:
-    heard = tuple(message for message in inputs.messages if not isinstance(message, PositionTarget))
-    return inputs._replace(messages=heard)
+    messages = tuple(message for message in inputs.messages if not isinstance(message, PositionTarget))
+    return inputs._replace(messages=messages)
 
 
 def _differing(row: CycleEntry, outputs: Outputs) -> Iterator[str]:
-    """Name what differs. The shortest digits of two numbers are equal only where every bit is, -0.0 included."""
+    """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
     recorded, present = decided(row), decided(cycle_entry(row.flight_inputs, outputs))
     for name in COMPARED:
         if name == "by" and row.by is None:
@@ -162,61 +212,11 @@ def _differing(row: CycleEntry, outputs: Outputs) -> Iterator[str]:
 
 
 def decided(row: CycleEntry) -> Mapping[str, Any]:
-    """Return what is compared of a cycle, as its record has it."""
-    nothing = InputsEntry((), (), ())
-    written: Mapping[str, Any] = CYCLE.plain(row._replace(inputs=nothing, certificate=None, alarm=None, timing=None))
+    """Return the compared part of a cycle as its record has it."""
+    written: Mapping[str, Any] = CYCLE.plain(row._replace(inputs=_NO_INPUTS, certificate=None, alarm=None, timing=None))
     return written
 
 
-_AXES: Final = ("north", "east", "down")
-
-REPLAY_COLUMNS: Final = (
-    "now_s",
-    "state",
-    *(
-        f"{whose}_{what}_{axis}_m_s"
-        for whose in ("recorded", "replayed")
-        for what in ("wanted", "commanded")
-        for axis in _AXES
-    ),
-)
-
-
-def compare_into(path: Path, settings_of: SettingsOf, out: Path | None, *, what_if: bool) -> tuple[Comparison, Survey]:
-    """Replay a record, and write both velocities where a file is given.
-
-    Args:
-        path: The record.
-        settings_of: Makes a flight's settings of a record's metadata.
-        out: A CSV file for both velocities; None compares only.
-        what_if: The settings are not the flight's: see `replay`.
-
-    Raises:
-        ConfigError: As `replay`.
-        OutputError: If `out` cannot be written.
-    """
-    if out is None:
-        return compare(path, settings_of, what_if=what_if)
-    comparison, survey = Comparison(), Survey()
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with out.open("w", newline="", encoding="utf-8") as stream:
-            table = csv.writer(stream)
-            table.writerow(REPLAY_COLUMNS)
-            for step in replay(path, settings_of, survey, what_if=what_if):
-                comparison.add(step)
-                table.writerow(_cells(step))
-    except OSError as error:
-        raise OutputError(f"--out {out}: cannot be written ({error.strerror}); choose another file") from error
-    return comparison, survey
-
-
-def _cells(step: ReplayedCycle) -> list[object]:
-    row, outputs = step.row, step.outputs
-    recorded, replayed = (row.certificate, row.setpoint), (outputs.certificate, outputs.setpoint)
-    return [row.now_s, row.state, *_velocities(*recorded), *_velocities(*replayed)]
-
-
 def _velocities(certificate: Certificate | None, setpoint: Setpoint | None) -> tuple[object, ...]:
-    wanted = ("", "", "") if certificate is None else certificate.desired_ned_m_s
-    return (*wanted, *(("", "", "") if setpoint is None else setpoint.velocity_ned_m_s))
+    wanted = _NO_VELOCITY if certificate is None else certificate.desired_ned_m_s
+    return (*wanted, *(_NO_VELOCITY if setpoint is None else setpoint.velocity_ned_m_s))

@@ -7,13 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from pydantic import TypeAdapter
 
 from guidance.config import find, parse, read_text, read_toml
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE_TOPIC
+from guidance.log.reader import record_errors, scan
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamScenario
 
@@ -95,19 +94,16 @@ def read_track(path: Path, player: str, *, key: str) -> Rows:
     Raises:
         ConfigError: If the file cannot be read, is neither, or has no such rows.
     """
+    if path.suffix not in {".csv", ".mcap"}:
+        raise ConfigError(f"{key} = {path.name!r}: allowed are a .csv with the columns {_named()} or a record, .mcap")
     try:
-        if path.suffix == ".csv":
-            rows = _from_csv(path)
-        elif path.suffix == ".mcap":
-            rows = _from_record(path, f"{player}_game_m")
-        else:
-            raise ConfigError(
-                f"{key} = {path.name!r}: allowed are a .csv with the columns {_named()} or a record, .mcap"
-            )
+        rows = _from_csv(path) if path.suffix == ".csv" else _from_record(path, f"{player}_game_m")
     except OSError as error:
         raise ConfigError(f"{key}: {path} cannot be read ({error.strerror})") from error
-    except (ValueError, KeyError, McapError, UnicodeDecodeError) as error:
+    except (ValueError, KeyError, UnicodeDecodeError, ConfigError) as error:
         raise ConfigError(f"{key}: {path.name} is no track: {error}; needed are the columns {_named()}") from error
+    if not all(math.isfinite(number) for row in rows for number in row):
+        raise ConfigError(f"{key}: {path.name} is no track: a number is not finite")
     if len(rows) < 2:
         raise ConfigError(f"{key}: {path.name} has {len(rows)} rows of the {player}; a track needs 2 at least")
     return rows
@@ -119,19 +115,16 @@ def _from_csv(path: Path) -> Rows:
         missing = [name for name in _COLUMNS[:3] if name not in (reader.fieldnames or [])]
         if missing:
             raise ValueError(f"column {missing[0]} is missing")
-        rows = [
+        return [
             (float(row["t_s"]), float(row["x_m"]), float(row["y_m"]), float(row.get("z_m") or 0.0)) for row in reader
         ]
-    if not all(math.isfinite(number) for row in rows for number in row):
-        raise ValueError("a number is not finite")
-    return rows
 
 
 def _from_record(path: Path, part: str) -> Rows:
     rows: Rows = []
-    with path.open("rb") as file:
-        for _, _, message in make_reader(file).iter_messages(topics=[CYCLE_TOPIC]):
-            row = json.loads(message.data)
+    with record_errors(path):
+        for item in scan(path):
+            row = json.loads(item.data) if item.topic == CYCLE_TOPIC else {}
             certificate = row.get("certificate")
             if certificate is None or (rows and row["now_s"] - rows[-1][0] < _LEAST_STEP_S - 1e-6):
                 continue

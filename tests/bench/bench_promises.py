@@ -40,7 +40,7 @@ from guidance.links.evaders.carrier import Refused  # noqa: E402
 from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader  # noqa: E402
 from guidance.links.evaders.zenoh import read_json  # noqa: E402
 from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
-from guidance.log import making_sense_of, survey_of  # noqa: E402
+from guidance.log import record_errors, survey_of  # noqa: E402
 from guidance.session.metrics import Metrics, MetricsServer  # noqa: E402
 from guidance.session.vehicle_file import Config  # noqa: E402
 from sitl_mock import MockVehicle  # noqa: E402
@@ -225,7 +225,7 @@ def inputs(count: int) -> Iterator[Row]:
 
         def look(data: bytes) -> None:
             path.write_bytes(data)
-            with making_sense_of(path):
+            with record_errors(path):
                 survey_of(path)
 
         kinds = {

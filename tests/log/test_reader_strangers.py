@@ -6,6 +6,7 @@ import resource
 import struct
 import subprocess
 import sys
+import time
 from itertools import islice
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.errors import ConfigError, GuidanceError
-from guidance.log import Survey, making_sense_of, scan
+from guidance.log import Survey, record_errors, scan
 from guidance.log.entries import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.mcap"
@@ -49,18 +50,55 @@ def bomb(claimed: int, true: int) -> bytes:
 
 
 @pytest.mark.parametrize(("claimed", "true"), [(2**32, 2**27), (2**20, 2**27), (2**62, 100), (10, 2**20)])
-def test_a_chunk_that_unpacks_to_more_than_may_be_is_torn_and_takes_no_memory(tmp_path, claimed, true):
+def test_a_chunk_that_misstates_its_size_takes_no_memory(tmp_path, claimed, true):
     path = tmp_path / "bomb.mcap"
     path.write_bytes(bomb(claimed, true))
     before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     survey = Survey()
     assert list(scan(path, survey)) == []
-    assert "cannot be" in survey.torn or "has others" in survey.torn
+    assert f"states {claimed}" in survey.torn
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib < 2**27 / 1024
 
 
+def many_chunks(path: Path, chunk: bytes, count: int) -> Path:
+    """A file of equal chunks, each of them true to its size."""
+    packed = zstandard.ZstdCompressor(level=19).compress(chunk)
+    head = struct.pack("<QQQI", 0, 0, len(chunk), 0) + prefixed(b"zstd") + struct.pack("<Q", len(packed))
+    seed = prefixed(b"seed") + prefixed(b"1")
+    run = record(12, prefixed(b"run") + prefixed(seed))
+    path.write_bytes(MAGIC + record(1, prefixed(b"") + prefixed(b"")) + run + count * record(6, head + packed))
+    return path
+
+
+def attack(folder: Path, kind: str) -> Path:
+    """4 GB of zeros in one message a chunk, or 1.6 million empty messages: each in a small file."""
+    channel = record(4, struct.pack("<HH", 1, 0) + prefixed(b"a") + prefixed(b"json") + bytes(4))
+    if kind == "large":
+        chunk = channel + record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + bytes(16_000_000))
+        return many_chunks(folder / "large.mcap", chunk, 260)
+    return many_chunks(folder / "many.mcap", channel + 30_000 * record(5, struct.pack("<HIQQ", 1, 0, 0, 0)), 53)
+
+
+@pytest.mark.parametrize("kind", ["large", "many"])
+@pytest.mark.parametrize("command", ["info", "events", "tlog", "scenario"])
+def test_a_small_file_that_expands_without_end_is_refused_at_once(tmp_path, kind, command):
+    path = attack(tmp_path, kind)
+    assert path.stat().st_size < 200_000
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(f'[evader]\npolicy = "recorded"\ntrack = "{path.name}"\n')
+    commands = {**COMMANDS, "scenario": ["scenario", "show", str(scenario)]}
+    given = [word.format(file=path, folder=tmp_path) for word in commands[command]]
+    before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    began_s = time.process_time()
+    result = CliRunner().invoke(app, given)
+    assert time.process_time() - began_s < 5.0
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib < 100 * 1024
+    assert isinstance(result.exception, ConfigError)
+    assert "no flight wrote it" in str(result.exception)
+
+
 @pytest.mark.parametrize("length", [21, 23, 2**63])
-def test_a_message_longer_than_its_chunk_or_shorter_than_its_head_is_torn_with_what_its_chunk_holds(tmp_path, length):
+def test_a_message_that_misstates_its_length_is_damage(tmp_path, length):
     path = tmp_path / "lying.mcap"
     channel = record(4, struct.pack("<HH", 1, 0) + prefixed(b"a") + prefixed(b"json") + struct.pack("<I", 0))
     message = struct.pack("<HIQQ", 1, 0, 10**9, 10**9)
@@ -70,7 +108,7 @@ def test_a_message_longer_than_its_chunk_or_shorter_than_its_head_is_torn_with_w
         path.write_bytes(MAGIC + record(1, prefixed(b"") + prefixed(b"")) + record(6, chunk))
         survey = Survey()
         assert [item.now_s for item in scan(path, survey)] == 2 * heard
-        assert ("beyond" in survey.torn or "unpack" in survey.torn) != bool(heard)
+        assert survey.torn is not None
 
 
 def test_a_length_that_no_record_has_is_not_asked_for(tmp_path):
@@ -79,12 +117,12 @@ def test_a_length_that_no_record_has_is_not_asked_for(tmp_path):
     path.write_bytes(MAGIC + record(1, text))
     survey = Survey()
     assert list(scan(path, survey)) == []
-    assert survey.torn == f"a length of {2**32 - 1} bytes in it cannot be"
+    assert survey.torn == f"it gives a length of {2**32 - 1} bytes"
 
 
 def test_the_cause_of_nonsense_stays_known():
-    said = r"a\.mcap: cannot be made sense of \(KeyError: 'x'\)"
-    with pytest.raises(ConfigError, match=said) as raised, making_sense_of(Path("a.mcap")):
+    said = r"a\.mcap: cannot be read as a record \(KeyError: 'x'\)"
+    with pytest.raises(ConfigError, match=said) as raised, record_errors(Path("a.mcap")):
         {}["x"]
     assert isinstance(raised.value.__cause__, KeyError)
 
@@ -163,4 +201,4 @@ def test_a_stranger_s_record_is_one_line_on_a_terminal(tmp_path):
     program = [sys.executable, "-c", "from guidance.cli import main; main()", "replay", str(path)]
     done = subprocess.run(program, capture_output=True, text=True, timeout=60.0, check=False)
     assert done.returncode == 2
-    assert done.stderr.splitlines() == [f"error: {path}: is torn before its first message: nothing in it can be read"]
+    assert done.stderr.splitlines() == [f"error: {path}: ends before its first message: nothing can be read"]

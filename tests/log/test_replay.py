@@ -34,7 +34,7 @@ def test_a_flight_is_replayed_bit_for_bit(flight):
     assert comparison.differing == 0
     assert comparison.first is None
     assert comparison.commanded.cycles == result.setpoints_sent
-    assert comparison.commanded.speed_most_m_s == 0.0
+    assert comparison.commanded.speed_max_m_s == 0.0
     assert survey.torn is None
 
 
@@ -84,7 +84,7 @@ def test_another_policy_wants_another_way_while_the_motion_stays_as_recorded(fli
     assert pursuit(metadata_of(flight[1])).cycle.strategy.name == "pure_pursuit"
     comparison, _ = compare(flight[1], pursuit, what_if=True)
     assert comparison.differing > 100
-    assert comparison.wanted.speed_most_m_s > 0.1
+    assert comparison.wanted.speed_max_m_s > 0.1
     for step in replay(flight[1], pursuit, what_if=True):
         assert str(step.outputs.state) == step.row.state
         certificate = step.outputs.certificate
@@ -95,8 +95,8 @@ def test_another_policy_wants_another_way_while_the_motion_stays_as_recorded(fli
 def test_the_same_policy_as_a_what_if_commands_the_same(flight):
     same = partial(recorded_settings, changes={"policy": "optimal"})
     comparison, _ = compare(flight[1], same, what_if=True)
-    assert comparison.commanded.speed_most_m_s == 0.0
-    assert comparison.wanted.angle_most_rad == 0.0
+    assert comparison.commanded.speed_max_m_s == 0.0
+    assert comparison.wanted.angle_max_rad == 0.0
 
 
 def test_a_daemons_second_flight_is_replayed_without_the_memory_of_the_first(flight, tmp_path):

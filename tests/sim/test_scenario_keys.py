@@ -135,7 +135,7 @@ def test_a_track_is_read_from_a_flights_record(tmp_path):
         ("walk.csv", "t_s,x_m,y_m\n0,0,nan\n1,1,1\n", "not finite"),
         ("walk.csv", "t_s,x_m,y_m\n0,0,east\n1,1,1\n", "is no track"),
         ("walk.txt", "", "allowed are a .csv"),
-        ("walk.mcap", "no record", "is no track"),
+        ("walk.mcap", "no record", "not an MCAP file"),
     ],
 )
 def test_a_file_that_is_no_track_is_named_with_what_is_needed(tmp_path, name, text, message):

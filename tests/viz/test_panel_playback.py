@@ -46,7 +46,7 @@ async def test_the_records_of_a_folder_are_listed_with_how_they_ended_and_read_o
     assert whole["duration_s"] > 20.0
     assert torn["torn"]
     assert not torn["captured"]
-    assert "is no MCAP file" in rows["strange.mcap"]["error"]
+    assert "not an MCAP file" in rows["strange.mcap"]["error"]
 
     async def never(*_):
         pytest.fail("what has not changed was read again")
@@ -64,7 +64,7 @@ async def test_what_is_made_of_a_record_is_of_that_folder_only(folder):
         ("uav1.mcap", "sh"),
     ):
         assert await folder.made(name, what) is None
-    with pytest.raises(OutputError, match="is no MCAP file"):
+    with pytest.raises(OutputError, match="not an MCAP file"):
         await folder.made("strange.mcap", "events")
     made = await folder.made("pe-001/record.mcap", "events")
     assert made.name == "pe-001.txt"

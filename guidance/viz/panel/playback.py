@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from guidance.errors import GuidanceError
 from guidance.flight import Event, State
-from guidance.log import EventEntry, making_sense_of, metadata_of, scan, survey_of, title_of
+from guidance.log import EventEntry, metadata_of, record_errors, scan, survey_of, title_of
 from guidance.log.codec import plain
 from guidance.log.entries import BEGUN, EVENT, EVENT_TOPIC
 from guidance.log.reader import Survey, entry_of
@@ -34,7 +34,7 @@ def outcome_of(path: Path) -> dict[str, Any]:
     """
     survey = Survey()
     state, captured, alarms = "", False, 0
-    with making_sense_of(path):
+    with record_errors(path):
         for item in scan(path, survey):
             if item.topic != EVENT_TOPIC:
                 continue
@@ -78,7 +78,7 @@ def frames_of(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: If it cannot be read.
     """
-    with making_sense_of(path):
+    with record_errors(path):
         metadata, survey = metadata_of(path), survey_of(path)
         fold = SnapshotFold(recorded_settings, metadata, str(path))
         step_s = max(LEAST_STEP_S, survey.duration_s / MOST_FRAMES)
