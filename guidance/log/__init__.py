@@ -1,16 +1,16 @@
-"""Flight records afterwards: reading them, whole or torn, replaying them through the present code, exporting them.
+"""Flight records: reading, replay and export.
 
 Reading:
-    scan: every message of a record, an `Item` each. cycles_of, events_of, reports_of: those of one kind, as
-        `CycleEntry`, `EventEntry` and reports of the evader.
-    metadata_of: what was written at the start. title_of: what the flight is called.
-    survey_of: a whole record in a `Survey`: how long, how much, whole or torn.
-    record_errors: turns whatever a damaged record leads to into one error that names it.
-    Aggregator: folds cycles as the flight did, each into the numbers of a `Cycle`.
+    scan: all messages of a record, as `Item`. cycles_of, events_of, reports_of: one kind of them, as `CycleEntry`,
+        `EventEntry` and `EvaderReport`.
+    metadata_of: configuration, versions and seed. title_of: title of the flight.
+    survey_of: summary of a whole record, as `Survey`: duration, counts, damage.
+    record_errors: turns any error caused by a damaged record into one that names the file.
+    Aggregator: computes the numbers of each cycle, as `Cycle`.
 
 Replay:
-    replay: the present code over a record, a `ReplayedCycle` each. compare: counts what differs, in a `Comparison`.
-    SettingsOf: makes a flight's settings of a record's metadata (`guidance.session.flight_files.recorded_settings`).
+    replay: runs the present code on a record, `ReplayedCycle` by cycle. compare: counts differences in a `Comparison`.
+    SettingsOf: type of the function that makes settings from metadata.
 """
 
 from guidance.log.aggregation import Aggregator, Cycle

@@ -1,4 +1,4 @@
-"""A record's cycles as numbers: where both were, how fast, how old what was known, NaN where nothing was."""
+"""Numbers of each recorded cycle: positions, velocities, ages and times; NaN if unknown."""
 
 import math
 from dataclasses import replace
@@ -13,18 +13,18 @@ from guidance.log.entries import CycleEntry
 from guidance.messages import EvaderReport, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
-_NOWHERE = (math.nan, math.nan, math.nan)
+_UNKNOWN = (math.nan, math.nan, math.nan)
 
 
 class Cycle(NamedTuple):
-    """One cycle's numbers: positions in the game frame (m), velocities NED (m/s), ages and times (s)."""
+    """Numbers of one cycle: positions in the game frame (m), velocities NED (m/s), ages and times (s)."""
 
     now_s: float
-    pursuer_m: Vector = _NOWHERE
-    evader_m: Vector = _NOWHERE
-    flown_ned_m_s: Vector = _NOWHERE
-    commanded_ned_m_s: Vector = _NOWHERE
-    desired_ned_m_s: Vector = _NOWHERE
+    pursuer_m: Vector = _UNKNOWN
+    evader_m: Vector = _UNKNOWN
+    flown_ned_m_s: Vector = _UNKNOWN
+    commanded_ned_m_s: Vector = _UNKNOWN
+    desired_ned_m_s: Vector = _UNKNOWN
     gap_m: float = math.nan
     height_gap_m: float = math.nan
     value: float = math.nan
@@ -39,34 +39,36 @@ class Cycle(NamedTuple):
 
 
 class Aggregator:
-    """What was heard so far, folded as the flight folds it.
+    """Tracks both players over the cycles of a record, as the flight did.
 
-    `home_m` is home in the game frame once it is known, and `envelope` the limits as they are then.
+    Attributes:
+        home_m: Home in the game frame; None until known.
+        envelope: The limits of the flight. A fence given in degrees is included once home is known.
     """
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
         self._tracking = Tracking(settings.cycle, settings.autopilot)
         self._vehicle = VehicleState()
-        self._evader_m: Vector = _NOWHERE
+        self._evader_m: Vector = _UNKNOWN
         self._report_s = math.nan
         self._home_ned_m: Vector | None = None
         self.home_m: Vector | None = None
         self.envelope: Envelope = settings.cycle.envelope
 
     def cycle(self, row: CycleEntry) -> Cycle:
-        """Fold one row."""
+        """Take the next cycle and return its numbers."""
         inputs = row.inputs
         self._vehicle = observe(self._vehicle, inputs.messages)
         self._tracking.observe(self._vehicle, ())
         for report in inputs.reports:
-            self._hear(report)
+            self._add(report)
         frame = self._tracking.game_frame
         home_ned_m, local_frame = self._tracking.home_ned_m, self._tracking.local_frame
         if home_ned_m is not None and frame is not None and local_frame is not None and home_ned_m != self._home_ned_m:
             self._home_ned_m = home_ned_m
             self.home_m = frame.position_from_ned(home_ned_m)
-            self.envelope = self._about(home_ned_m, local_frame)
+            self.envelope = self._limits(home_ned_m, local_frame)
         local, setpoint, certificate = self._vehicle.last(LocalPosition), row.setpoint, row.certificate
         trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
         cycle = Cycle(
@@ -78,21 +80,21 @@ class Aggregator:
             worked_s=math.nan if row.timing is None else row.timing.worked_s,
         )
         if local is not None:
-            placed = _NOWHERE if frame is None else frame.position_from_ned(local.position_ned_m)
+            position_m = _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
             age_s = row.now_s - local.received_s
-            cycle = cycle._replace(pursuer_m=placed, flown_ned_m_s=local.velocity_ned_m_s, telemetry_age_s=age_s)
+            cycle = cycle._replace(pursuer_m=position_m, flown_ned_m_s=local.velocity_ned_m_s, telemetry_age_s=age_s)
         if setpoint is not None:
             cycle = cycle._replace(commanded_ned_m_s=setpoint.velocity_ned_m_s)
-        return cycle if certificate is None else _played(cycle, certificate)
+        return cycle if certificate is None else _with_game(cycle, certificate)
 
-    def _about(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
-        """The limits as the flight has them: a fence given on the map is put about home."""
+    def _limits(self, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
+        """Convert a fence in degrees to metres about home."""
         envelope, corners_deg = self._settings.cycle.envelope, self._settings.limits.fence_polygon_deg
         if corners_deg is None:
             return envelope
         return replace(envelope, fence_polygon=polygon_about_home(corners_deg, home_ned_m, frame))
 
-    def _hear(self, report: EvaderReport) -> None:
+    def _add(self, report: EvaderReport) -> None:
         self._report_s = report.received_s
         local, game = self._tracking.local_frame, self._tracking.game_frame
         if local is None or game is None:
@@ -101,7 +103,7 @@ class Aggregator:
         self._evader_m = game.position_from_ned(local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl))
 
 
-def _played(cycle: Cycle, certificate: Certificate) -> Cycle:
+def _with_game(cycle: Cycle, certificate: Certificate) -> Cycle:
     return cycle._replace(
         evader_m=certificate.evader_game_m,
         desired_ned_m_s=certificate.desired_ned_m_s,

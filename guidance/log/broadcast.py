@@ -1,8 +1,8 @@
-"""What the loop does, published for whoever looks on: `guidance/<name>/live/cycle` and `/event`, as a record has them.
+"""Publishes cycles and events on `guidance/<name>/live/cycle` and `/event`, in the format of the record.
 
-The loop only appends to a bounded queue. A thread of our own lays out JSON and publishes, and only while somebody has
-subscribed. It drops rather than waits: an onlooker that hangs or dies is no concern of the loop. Who looks on takes
-what arrives as items of a record, and drops the oldest first.
+The loop only appends to a bounded queue. A separate thread encodes and publishes, and only while there are
+subscribers. It drops entries instead of waiting, so a viewer that hangs does not affect the loop. `LiveFlight` is the
+viewer's side: it yields what arrives as items of a record and drops the oldest if it is too slow.
 """
 
 import contextlib
@@ -19,23 +19,23 @@ from guidance.links.wires.zenoh import is_over
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVENT, EVENT_TOPIC, RELOADED, CycleEntry, EventEntry, InputsEntry
 from guidance.log.reader import Idle, Item
 
-MOST_WAITING: Final = 256
-"""Five seconds of cycles: what finds no room is dropped and counted."""
+MAX_WAITING: Final = 256
+"""Five seconds of cycles; further entries are dropped and counted."""
 
 FLIGHT: Final = "flight"
-"""Asked for by who joins late: the record's metadata, and what was last heard of each kind."""
+"""Query of viewers that join late: the metadata, and the last message of each kind."""
 
 _LOOK_EVERY_S: Final = 0.05
-_MOST_ASKED: Final = 16
+_MAX_QUERIES: Final = 16
 
-MOST_ARRIVED: Final = 4096
+MAX_ARRIVED: Final = 4096
 TIMEOUT_S: Final = 4.0
 TOPICS: Final[Mapping[str, str]] = {"cycle": CYCLE_TOPIC, "event": EVENT_TOPIC}
-"""What a daemon broadcasts, by the end of its key, and the topic that a record has it under."""
+"""Last part of a broadcast key -> topic in a record."""
 
 
 def broadcast_key(name: str, what: str) -> str:
-    """Return the key that something is published, or asked for, on."""
+    """Return the Zenoh key of a broadcast or query."""
     return f"guidance/{name}/live/{what}"
 
 
@@ -43,9 +43,9 @@ class Broadcast:
     """`Record` for onlookers.
 
     Args:
-        name: The vehicle's.
-        session: The bus. It stays open longer than this.
-        metadata: As a record's.
+        name: Name of the vehicle.
+        session: The bus; not closed here.
+        metadata: As in a record.
     """
 
     failed = None
@@ -53,19 +53,19 @@ class Broadcast:
     def __init__(self, name: str, session: "zenoh.Session", metadata: Mapping[str, str]) -> None:
         self._name = name
         self._metadata = dict(metadata)
-        self._heard: dict[type, Any] = {}
+        self._latest: dict[type, Any] = {}
         self._last: CycleEntry | None = None
         self._waiting: deque[tuple[str, CycleEntry | EventEntry]] = deque()
-        self._asked: deque[Any] = deque(maxlen=_MOST_ASKED)
+        self._queries: deque[Any] = deque(maxlen=_MAX_QUERIES)
         self.dropped = 0
         self._publishers = {what: self._declare(session, what) for what in ("cycle", "event")}
-        self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._asked.append)
+        self._queryable = session.declare_queryable(broadcast_key(name, FLIGHT), self._queries.append)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
 
     def frame(self, now_s: float, topic: str, frame: bytes) -> None:
-        """Nothing: raw frames have a bus of their own."""
+        """Do nothing: raw frames are published elsewhere."""
 
     def cycle(self, entry: CycleEntry) -> None:
         """Publish one guidance cycle."""
@@ -76,7 +76,7 @@ class Broadcast:
         self._put("event", EventEntry(now_s, event, detail))
 
     def close(self) -> None:
-        """Publish no more. May be called twice."""
+        """Stop publishing; may be called twice."""
         self._stop.set()
         self._thread.join()
         with contextlib.suppress(zenoh.ZError):
@@ -91,43 +91,43 @@ class Broadcast:
         )
 
     def _put(self, what: str, entry: CycleEntry | EventEntry) -> None:
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MAX_WAITING:
             self.dropped += 1
         else:
             self._waiting.append((what, entry))
 
     def _run(self) -> None:
         while not is_over(self._stop, _LOOK_EVERY_S):
-            with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # what cannot be encoded is not sent
+            with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # an entry that cannot be encoded is dropped
                 self._publish()
                 self._answer()
 
         with contextlib.suppress(zenoh.ZError, ValueError, TypeError):
-            self._publish()  # how it ended
+            self._publish()  # the last entries
 
     def _publish(self) -> None:
         watched = {what: is_watched(one) for what, one in self._publishers.items()}
         while self._waiting:
             what, entry = self._waiting.popleft()
-            self._note(entry)
+            self._remember(entry)
             if watched[what]:
                 data = CYCLE.encode(entry) if isinstance(entry, CycleEntry) else EVENT.encode(entry)
                 self._publishers[what].put(data)
 
-    def _note(self, entry: CycleEntry | EventEntry) -> None:
-        """Keep what who joins later has to know."""
+    def _remember(self, entry: CycleEntry | EventEntry) -> None:
+        """Keep what viewers that join later need."""
         if isinstance(entry, CycleEntry):
             self._last = entry
-            self._heard.update((type(message), message) for message in entry.inputs.messages)
+            self._latest.update((type(message), message) for message in entry.inputs.messages)
         elif entry.event == RELOADED:
             self._metadata["config"] = entry.detail
 
     def _answer(self) -> None:
-        while self._asked:
-            query = self._asked.popleft()
+        while self._queries:
+            query = self._queries.popleft()
             answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
             if self._last is not None:
-                inputs = InputsEntry(tuple(self._heard.values()), (), ())
+                inputs = InputsEntry(tuple(self._latest.values()), (), ())
                 answer["heard"] = CYCLE.plain(CycleEntry(self._last.now_s, self._last.state, inputs, ()))
             data = json.dumps(answer, allow_nan=False).encode()
             query.reply(broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON)
@@ -135,28 +135,28 @@ class Broadcast:
 
 
 def is_watched(publisher: "zenoh.Publisher") -> bool:
-    """Whether anybody has subscribed."""
+    """Whether there is a subscriber."""
     status: Any = publisher.matching_status  # an object; its stub says bool
     return bool(status.matching)
 
 
 class LiveFlight:
-    """A daemon's flight, from now on.
+    """The running flight of a daemon, seen by a viewer.
 
     Args:
-        session: The daemon's bus, joined; closed with this.
-        name: The vehicle's; None for the only one there is.
+        session: The daemon's bus; closed with this object.
+        name: Name of the vehicle; None if there is only one.
 
     Raises:
         ConfigError: If there are several daemons and no name.
-        LinkError: If nobody answers.
+        LinkError: If no daemon answers.
     """
 
     live = True
     trusted = False
 
     def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
-        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=MOST_ARRIVED)
+        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=MAX_ARRIVED)
         self._session = session
         try:
             self._flight = self._find(name)
@@ -167,11 +167,11 @@ class LiveFlight:
             raise
 
     def metadata(self, _idle: Idle) -> Mapping[str, str]:
-        """As a record of this flight has it."""
+        """Return the metadata of the flight, as in its record."""
         return dict(self._flight["metadata"])
 
     def items(self, idle: Idle) -> Iterator[Item]:
-        """Yield what arrives, until `idle` ends it; first what the vehicle said before we came."""
+        """Yield what arrives until `idle` returns True, beginning with the vehicle's latest messages."""
         if "heard" in self._flight:
             yield _item(CYCLE_TOPIC, self._flight["heard"])
         while True:
@@ -179,30 +179,30 @@ class LiveFlight:
                 topic, data = self._arrived.popleft()
                 try:
                     yield _item(topic, json.loads(data))
-                except (ValueError, KeyError, TypeError):  # whoever is on the bus may say anything
+                except (ValueError, KeyError, TypeError):  # others on the bus may publish anything
                     continue
             if idle():
                 return
 
     def close(self) -> None:
-        """Leave the bus. May be called twice."""
+        """Leave the bus; may be called twice."""
         self._session.close()  # type: ignore[no-untyped-call]
 
     def _find(self, name: str | None) -> dict[str, Any]:
-        there = {str(one["name"]): one for one in self._ask(name or "*")}
-        if len(there) > 1:
-            raise ConfigError(f"--name: which vehicle? daemons on this bus: {', '.join(sorted(there))}")
-        if not there:
+        found = {str(one["name"]): one for one in self._ask(name or "*")}
+        if len(found) > 1:
+            raise ConfigError(f"--name: which vehicle? daemons on this bus: {', '.join(sorted(found))}")
+        if not found:
             who = name or "any daemon"
             raise LinkError(f"{who}: no answer within {TIMEOUT_S:g} s; is it running?")
-        return there.popitem()[1]
+        return found.popitem()[1]
 
     def _ask(self, name: str) -> list[dict[str, Any]]:
         replies = self._session.get(broadcast_key(name, FLIGHT), timeout=TIMEOUT_S, target=zenoh.QueryTarget.ALL)
         return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
 
     def _hear(self, sample: "zenoh.Sample") -> None:
-        """On Zenoh's thread, which must not wait: only queue it."""
+        """Queue a sample; Zenoh's thread must not wait."""
         topic = TOPICS.get(str(sample.key_expr).rpartition("/")[2])
         if topic is not None:
             self._arrived.append((topic, sample.payload.to_bytes()))

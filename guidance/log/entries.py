@@ -1,4 +1,4 @@
-"""What a record holds besides raw frames: cycles, events and reports of the evader, the same written as read."""
+"""Entries of a record besides raw frames: cycles, events and reports of the evader."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -13,23 +13,23 @@ from guidance.monitor import Alarm
 CYCLE_TOPIC: Final = "guidance/cycle"
 EVENT_TOPIC: Final = "guidance/event"
 EVADER_TOPIC: Final = "guidance/evader_report"
-"""Every report of the evader as its source had it, at the time it arrived."""
+"""Every report of the evader as received, at its arrival time."""
 
 BEGUN: Final = "flight begins"
-"""Event of a flight's first cycle. A daemon may fly again: what the flight before it remembered is then forgotten."""
+"""Event at the first cycle of a flight. A daemon may fly several; each starts without the state of the last."""
 
 RELOADED: Final = "configuration read again"
-"""Event of a configuration that took the place of the one in the metadata; it is the detail, as JSON."""
+"""Event of a configuration reload; the detail is the new configuration as JSON."""
 
 ORDERED: Final = "ordered"
-"""Event of an order that a person gave: which, by whom, and what was answered."""
+"""Event of an operator order: order, operator and reply."""
 
 STOPPED: Final = "recording has stopped; the flight goes on"
-"""Event of a record that can be written no longer: it is the log's, the metrics' and the bus's, not the record's."""
+"""Event of a failed record; it goes to the log, the metrics and the bus."""
 
 
 class InputsEntry(NamedTuple):
-    """What a cycle read; its time is the cycle's."""
+    """Inputs of a cycle, without its time."""
 
     messages: Sequence[Message]
     reports: Sequence[EvaderReport]
@@ -40,7 +40,7 @@ class InputsEntry(NamedTuple):
 
 
 class CycleEntry(NamedTuple):
-    """One cycle: what it read, what it decided, who caused its state (`by`), and how the loop kept time."""
+    """One cycle: inputs, outputs, who caused the state (`by`), and timing."""
 
     now_s: float
     state: State
@@ -54,7 +54,7 @@ class CycleEntry(NamedTuple):
 
     @property
     def flight_inputs(self) -> Inputs:
-        """What it read, as the flight takes it."""
+        """Its inputs as the flight takes them."""
         return Inputs(self.now_s, *self.inputs)
 
 

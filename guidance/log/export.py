@@ -1,8 +1,7 @@
-"""Export by the name of the file that is wanted: frames as .tlog here, tables and maps in rooms of their own.
+"""Exports a record in the format that the ending of the output file selects; .tlog is written here.
 
-A .tlog is the telemetry log of QGroundControl, Mission Planner and mavlogdump of pymavlink. Every frame is preceded by
-8 bytes: its time in microseconds since 1970, big-endian. A record without a start in UTC (virtual time has none) begins
-in 1970.
+A .tlog is the telemetry log of QGroundControl, Mission Planner and pymavlink's mavlogdump. Each frame follows 8 bytes
+with its time in microseconds since 1970, big-endian. Records in virtual time have no UTC start and begin in 1970.
 """
 
 import heapq
@@ -22,10 +21,10 @@ from guidance.log.reader import Item, SettingsOf, Survey, metadata_of, scan, tit
 
 ENCODING: Final = "mavlink"
 _CRC_EXTRA: Final = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
-"""Every dialect's: what a vehicle said beyond the common messages belongs into its log too."""
+"""Of all dialects: frames outside common.xml belong in the log too."""
 
 _REORDER_S: Final = 1.0
-"""Frames are written vehicle by vehicle once a cycle; within this time they are put in order."""
+"""Frames are recorded vehicle by vehicle each cycle, so times within this window may be out of order."""
 
 
 def _map(path: Path, out: Path, settings_of: SettingsOf) -> int:
@@ -51,7 +50,7 @@ EXPORTS: Final[Mapping[str, tuple[str, Callable[[Path, Path, SettingsOf], int]]]
 
 
 def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
-    """Write `out` in the format that its name ends in; return how many of what.
+    """Write `out` in the format of its ending; return the count and unit written, for example "12 frames".
 
     Raises:
         ConfigError: If the ending is unknown, or the record cannot be read.
@@ -68,7 +67,7 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
 
 
 def write_tlog(path: Path, out: Path) -> int:
-    """Write the raw frames of both directions and all vehicles, oldest first; return how many.
+    """Write the raw frames of both directions and all vehicles, oldest first; return their number.
 
     Raises:
         ConfigError: If the record cannot be read.
@@ -83,7 +82,7 @@ def write_tlog(path: Path, out: Path) -> int:
 
 
 def started_unix_s(survey: Survey) -> float:
-    """Return where the record's clock has its zero, seconds since 1970; zero where that is not known."""
+    """Return the Unix time at which the record's clock was zero; 0 if unknown."""
     started = survey.metadata.get("started_utc")
     if started is None:
         return 0.0
@@ -107,11 +106,9 @@ def _frames(path: Path, survey: Survey) -> Iterator[tuple[float, bytes]]:
 
 def _is_one_frame(item: Item) -> bool:
     data = item.data
-    if len(data) < 8:
+    if len(data) < 8 or data[0] not in {MAGIC_V1, MAGIC_V2}:
         return False
-    if data[0] == MAGIC_V1:
-        return len(data) == 8 + data[1]
-    return data[0] == MAGIC_V2 and len(data) == 12 + data[1] + 13 * (data[2] & 1)
+    return len(data) == (8 + data[1] if data[0] == MAGIC_V1 else 12 + data[1] + 13 * (data[2] & 1))
 
 
 def _ordered(frames: Iterator[tuple[float, bytes]]) -> Iterator[tuple[float, bytes]]:

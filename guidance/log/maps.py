@@ -1,7 +1,7 @@
-"""The map of a record: tracks, places where the state changed, fence and goal, as GeoJSON (RFC 7946) and as KML 2.2.
+"""Exports a record as a map: tracks, state changes, fence and goal, as GeoJSON (RFC 7946) or KML 2.2.
 
-Altitudes are above mean sea level in both. RFC 7946 would have heights above the ellipsoid; autopilots report mean sea
-level, and most viewers take it for that.
+Altitudes are above mean sea level in both. RFC 7946 asks for heights above the ellipsoid, but autopilots report mean
+sea level and most viewers expect it.
 """
 
 import json
@@ -10,26 +10,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple
-from xml.etree import ElementTree
+from xml.sax.saxutils import escape
 
 from guidance.flight import FlightSettings
 from guidance.frames import Amsl, LocalFrame
 from guidance.log.reader import cycles_of
-from guidance.messages import GlobalPosition, Home
+from guidance.messages import EvaderReport, GlobalPosition, Home
 from guidance.vehicle import VehicleState, observe
 
 Coordinates = tuple[float, float, float]
 """Longitude and latitude in degrees, altitude above mean sea level in metres."""
 
-_CIRCLE_CORNERS = 72
-
-_KML: Final = "http://www.opengis.net/kml/2.2"
+_CIRCLE_CORNERS: Final = 72
 _GEOMETRY: Final = {"track": "LineString", "place": "Point", "area": "Polygon"}
 _COLOURS: Final = {"pursuer": "ff2d27c1", "evader": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
 
 
 class Feature(NamedTuple):
-    """One thing on the map: a track of many places, a single place, or an area by its closed edge."""
+    """One shape on the map: a track, a single place, or an area given by its closed edge."""
 
     name: str
     shape: str
@@ -38,7 +36,7 @@ class Feature(NamedTuple):
 
 
 def features_of(path: Path, settings: FlightSettings | None) -> list[Feature]:
-    """Gather what a map shows.
+    """Return the features of a record.
 
     Args:
         path: The record.
@@ -57,7 +55,7 @@ def features_of(path: Path, settings: FlightSettings | None) -> list[Feature]:
             if isinstance(message, GlobalPosition):
                 tracks["pursuer"].append((message.received_s, _place(message)))
         vehicle = observe(vehicle, inputs.messages)
-        if vehicle.armed or home is None:  # where it was in flight; on the ground it wanders
+        if vehicle.armed or home is None:  # home in flight; on the ground it drifts
             home = vehicle.last(Home)
         for report in inputs.reports:
             tracks.setdefault(f"evader ({report.source})", []).append((report.received_s, _place(report)))
@@ -65,7 +63,7 @@ def features_of(path: Path, settings: FlightSettings | None) -> list[Feature]:
             state = row.state
             changes.append(Feature(state, "place", (tracks["pursuer"][-1][1],), {"time_s": row.now_s}))
     drawn = [_track(name, track) for name, track in tracks.items() if len(track) > 1]
-    return [*drawn, *changes, *(_around(settings, home) if settings is not None else ())]
+    return [*drawn, *changes, *(() if settings is None else _fence_and_goal(settings, home))]
 
 
 def _track(name: str, track: list[tuple[float, Coordinates]]) -> Feature:
@@ -73,43 +71,34 @@ def _track(name: str, track: list[tuple[float, Coordinates]]) -> Feature:
     return Feature(name, "track", tuple(place for _, place in track), {"times_s": times_s})
 
 
-def _around(settings: FlightSettings, home: Home | None) -> list[Feature]:
-    features = [] if home is None else list(_fence(settings, home))
+def _fence_and_goal(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
+    """The fence is drawn at the altitude of home."""
+    envelope, projection = settings.cycle.envelope, settings.autopilot.projection
+    if home is not None:
+        frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m), projection=projection)
+        radius_m = envelope.fence_radius_m
+        if radius_m is not None:
+            turns = (2.0 * math.pi * corner / _CIRCLE_CORNERS for corner in range(_CIRCLE_CORNERS))
+            corners = [_placed(frame, radius_m * math.sin(turn), radius_m * math.cos(turn)) for turn in turns]
+            yield _area("fence", corners, {"radius_m": radius_m})
+        corners_deg = settings.limits.fence_polygon_deg
+        if corners_deg is not None:
+            corners = [(longitude, latitude, home.altitude_amsl_m) for latitude, longitude in corners_deg]
+            yield _area("fence, polygon", corners, {})
+        elif envelope.fence_polygon is not None:
+            corners = [_placed(frame, north_m, east_m) for north_m, east_m in envelope.fence_polygon.corners_ne_m]
+            yield _area("fence, polygon", corners, {})
     site = settings.cycle.site
     if settings.cycle.target_game_m is not None and site is not None:
-        frame = LocalFrame(*site, projection=settings.autopilot.projection)
         x, y, _ = settings.cycle.target_game_m
-        latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned((y, x, 0.0))
-        features.append(Feature("target T", "place", ((longitude_deg, latitude_deg, amsl.metres),), {}))
-    return features
+        yield Feature("target T", "place", (_placed(LocalFrame(*site, projection=projection), y, x),), {})
 
 
-def _fence(settings: FlightSettings, home: Home) -> Iterator[Feature]:
-    """Every edge of the fence, at home's height."""
-    envelope, altitude_m = settings.cycle.envelope, home.altitude_amsl_m
-    frame = LocalFrame(
-        home.latitude_deg, home.longitude_deg, Amsl(altitude_m), projection=settings.autopilot.projection
-    )
-    if envelope.fence_radius_m is not None:
-        edge = tuple(_on_circle(frame, envelope.fence_radius_m, corner) for corner in range(_CIRCLE_CORNERS))
-        yield Feature("fence", "area", (*edge, edge[0]), {"radius_m": envelope.fence_radius_m})
-    if settings.limits.fence_polygon_deg is not None:
-        yield _polygon([(longitude, latitude, altitude_m) for latitude, longitude in settings.limits.fence_polygon_deg])
-    elif envelope.fence_polygon is not None:
-        yield _polygon([_placed(frame, north_m, east_m) for north_m, east_m in envelope.fence_polygon.corners_ne_m])
-
-
-def _polygon(corners: list[Coordinates]) -> Feature:
-    """A closed edge, anticlockwise as RFC 7946 wants an outer one."""
+def _area(name: str, corners: list[Coordinates], properties: Mapping[str, Any]) -> Feature:
+    """A closed edge, anticlockwise as RFC 7946 requires."""
     closed = [*corners, corners[0]]
     turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(closed))
-    return Feature("fence, polygon", "area", tuple(closed if turning > 0.0 else reversed(closed)), {})
-
-
-def _on_circle(frame: LocalFrame, radius_m: float, corner: int) -> Coordinates:
-    """A corner of the circle, counted anticlockwise as RFC 7946 wants an outer edge."""
-    angle = 2.0 * math.pi * corner / _CIRCLE_CORNERS
-    return _placed(frame, radius_m * math.sin(angle), radius_m * math.cos(angle))
+    return Feature(name, "area", tuple(closed if turning > 0.0 else reversed(closed)), properties)
 
 
 def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
@@ -117,12 +106,12 @@ def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
     return (longitude_deg, latitude_deg, amsl.metres)
 
 
-def _place(said: Any) -> Coordinates:  # noqa: ANN401 - a GlobalPosition or an EvaderReport
-    return (said.longitude_deg, said.latitude_deg, said.altitude_amsl_m)
+def _place(report: GlobalPosition | EvaderReport) -> Coordinates:
+    return (report.longitude_deg, report.latitude_deg, report.altitude_amsl_m)
 
 
 def write_geojson(features: Sequence[Feature], title: str, out: Path) -> int:
-    """Write a FeatureCollection; return how many features.
+    """Write a FeatureCollection; return the number of features.
 
     Raises:
         OSError: If `out` cannot be written.
@@ -133,24 +122,21 @@ def write_geojson(features: Sequence[Feature], title: str, out: Path) -> int:
 
 
 def write_kml(features: Sequence[Feature], title: str, out: Path) -> int:
-    """Write a KML document; return how many placemarks.
+    """Write a KML document; return the number of placemarks.
 
     Raises:
         OSError: If `out` cannot be written.
     """
-    ElementTree.register_namespace("", _KML)
-    root = ElementTree.Element(f"{{{_KML}}}kml")
-    document = _add(root, "Document")
-    _add(document, "name", title)
-    for name, colour in _COLOURS.items():
-        style = _add(document, "Style")
-        style.set("id", name)
-        line = _add(style, "LineStyle")
-        _add(line, "color", colour)
-        _add(line, "width", "2")
-    for feature in features:
-        _placemark(document, feature)
-    ElementTree.ElementTree(root).write(out, encoding="utf-8", xml_declaration=True)
+    styles = "\n".join(
+        f'<Style id="{name}"><LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>'
+        for name, colour in _COLOURS.items()
+    )
+    marks = "\n".join(_placemark(feature) for feature in features)
+    out.write_text(
+        '<?xml version="1.0" encoding="utf-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>\n'
+        f"<name>{_xml(title)}</name>\n{styles}\n{marks}\n</Document></kml>\n",
+        encoding="utf-8",
+    )
     return len(features)
 
 
@@ -164,30 +150,27 @@ def _geojson(feature: Feature) -> dict[str, Any]:
     }
 
 
-def _placemark(document: ElementTree.Element, feature: Feature) -> None:
-    mark = _add(document, "Placemark")
-    _add(mark, "name", feature.name)
-    if "time_s" in feature.properties:
-        _add(mark, "description", f"{feature.properties['time_s']:.2f} s")
-    style = next((name for name in _COLOURS if feature.name.startswith(name)), None)
-    if style is not None:
-        _add(mark, "styleUrl", f"#{style}")
-    shape = _add(mark, _GEOMETRY[feature.shape])
+def _placemark(feature: Feature) -> str:
+    places = " ".join(",".join(map(str, _rounded(place))) for place in feature.places)
+    shape = f"<coordinates>{places}</coordinates>"
     if feature.shape == "area":
-        shape = _add(_add(shape, "outerBoundaryIs"), "LinearRing")
+        shape = f"<outerBoundaryIs><LinearRing>{shape}</LinearRing></outerBoundaryIs>"
     else:
-        _add(shape, "altitudeMode", "absolute")
-    _add(shape, "coordinates", " ".join(",".join(map(str, _rounded(place))) for place in feature.places))
+        shape = f"<altitudeMode>absolute</altitudeMode>{shape}"
+    time_s = feature.properties.get("time_s")
+    note = "" if time_s is None else f"<description>{time_s:.2f} s</description>"
+    style = "".join(f"<styleUrl>#{name}</styleUrl>" for name in _COLOURS if feature.name.startswith(name))
+    kind = _GEOMETRY[feature.shape]
+    return f"<Placemark><name>{_xml(feature.name)}</name>{note}{style}<{kind}>{shape}</{kind}></Placemark>"
 
 
-def _add(parent: ElementTree.Element, name: str, text: str | None = None) -> ElementTree.Element:
-    child = ElementTree.SubElement(parent, f"{{{_KML}}}{name}")
-    child.text = text
-    return child
+def _xml(text: str) -> str:
+    """Escape text from a record; XML allows no control characters."""
+    return escape("".join(one for one in text if one.isprintable()))
 
 
 def _rounded(place: Coordinates) -> list[float]:
-    """A centimetre is 1e-7 degrees; an altitude that is not known is left out."""
+    """Round to 1e-8 degrees and to millimetres; an unknown altitude is left out."""
     longitude_deg, latitude_deg, altitude_m = place
     flat = [round(longitude_deg, 8), round(latitude_deg, 8)]
     return [*flat, round(altitude_m, 3)] if math.isfinite(altitude_m) else flat

@@ -30,6 +30,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from guidance.files import private_file
 from guidance.log.codec import Codec
+from guidance.log.scene import Shape
 
 _MESSAGE: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time and publish time in ns
 _MESSAGE_OPCODE: Final = int(Opcode.MESSAGE)
@@ -51,7 +52,7 @@ class McapFile:
         self._path = path
         self._stream = private_file(path).open("wb", buffering=0)
         self.size = 0
-        self._compressor = zstandard.ZstdCompressor()
+        self._compressor = zstandard.ZstdCompressor(level=1)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._described: list[Schema | Channel] = []
@@ -66,9 +67,9 @@ class McapFile:
         self._metadata_index = MetadataIndex(len(head), len(run), "run")
         self._put(head + run)
 
-    def add(self, topic: str, codec: Codec[Any] | None, time_ns: int, sequence: int, data: bytes) -> int:
-        """Add a message, JSON of a codec or else a MAVLink frame; return the size of the chunk in progress."""
-        channel = self._channels.get(topic) or self._channel(topic, codec)
+    def add(self, topic: str, shape: Shape | Codec[Any] | None, time_ns: int, sequence: int, data: bytes) -> int:
+        """Add a message, JSON if it has a shape, else a MAVLink frame; return the size of the chunk in progress."""
+        channel = self._channels.get(topic) or self._channel(topic, shape)
         chunk = self._chunk
         entries = self._entries.get(channel)
         if entries is None:
@@ -143,15 +144,15 @@ class McapFile:
         checked = zlib.crc32(summary + _packed(footer)[:-4])
         self._put(summary + _packed(replace(footer, summary_crc=checked)) + MCAP0_MAGIC)
 
-    def _channel(self, topic: str, codec: Codec[Any] | None) -> int:
+    def _channel(self, topic: str, shape: Shape | Codec[Any] | None) -> int:
         """Describe a new channel, and its schema if that is new; return its number."""
         channel_id = self._channels[topic] = len(self._channels) + 1
-        if codec is not None and codec.title not in self._schemas:
-            schema_id = self._schemas[codec.title] = len(self._schemas) + 1
-            described = json.dumps(codec.schema, separators=(",", ":")).encode()
-            self._described.append(Schema(schema_id, described, "jsonschema", codec.title))
+        if shape is not None and shape.title not in self._schemas:
+            schema_id = self._schemas[shape.title] = len(self._schemas) + 1
+            described = json.dumps(shape.schema, separators=(",", ":")).encode()
+            self._described.append(Schema(schema_id, described, "jsonschema", shape.title))
             self._chunk += _packed(self._described[-1])
-        encoding, schema_id = ("mavlink", 0) if codec is None else ("json", self._schemas[codec.title])
+        encoding, schema_id = ("mavlink", 0) if shape is None else ("json", self._schemas[shape.title])
         self._described.append(Channel(channel_id, topic, encoding, {}, schema_id))
         self._chunk += _packed(self._described[-1])
         return channel_id

@@ -1,7 +1,4 @@
-"""What a record was made by: versions, and the commit where it can be known from files alone.
-
-Nothing is run, nothing is asked.
-"""
+"""Software versions for a record, and the commit, read from files without running git."""
 
 import json
 import platform
@@ -17,7 +14,7 @@ _LONGEST_BYTES: Final = 4 * 1024 * 1024
 
 
 def versions() -> dict[str, str]:
-    """Name what a record was made by: Python, the packages whose numbers or bytes are in it, the commit if known."""
+    """Return the versions of Python, of the packages that determine the recorded data, and the commit if known."""
     made_at = commit()
     return {
         "python": platform.python_version(),
@@ -27,19 +24,19 @@ def versions() -> dict[str, str]:
 
 
 def commit() -> str | None:
-    """Return the commit of the installed project; None where it is not known.
+    """Return the commit of the installed project, or None if unknown.
 
-    In a checkout that is what HEAD points to: what was changed since and not committed is not seen. Elsewhere it is
-    what pip noted when it installed from a repository (PEP 610, `direct_url.json`).
+    In a checkout it is HEAD; uncommitted changes are not considered. Otherwise it is the commit that pip recorded when
+    installing from a repository (PEP 610, `direct_url.json`).
     """
     return commit_of_checkout(Path(__file__).parents[2]) or commit_of_install()
 
 
 def commit_of_checkout(root: Path) -> str | None:
-    """Return what HEAD of the repository at `root` points to; None if it is none, or cannot be read."""
+    """Return the commit of HEAD of the repository at `root`, or None if there is none or it cannot be read."""
     try:
         if not (root / "pyproject.toml").is_file():
-            return None  # installed into somebody's repository, which is not ours
+            return None  # installed inside another repository
         folder = _folder(root / ".git")
         head = _text(folder / "HEAD")
         if not head.startswith("ref: "):
@@ -52,7 +49,7 @@ def commit_of_checkout(root: Path) -> str | None:
 
 
 def commit_of_install() -> str | None:
-    """Return the commit that pip installed from; None if it was no repository."""
+    """Return the commit that pip installed from, or None if it was not a repository."""
     try:
         noted = distribution(PACKAGE).read_text("direct_url.json")
         return _checked(str(json.loads(noted or "{}")["vcs_info"]["commit_id"]))
@@ -61,7 +58,7 @@ def commit_of_install() -> str | None:
 
 
 def _folder(git: Path) -> Path:
-    """The repository's own folder; a worktree has a file that names it."""
+    """Return the folder of the repository; in a worktree, `.git` is a file with its path."""
     return git if git.is_dir() else git.parent / _text(git).removeprefix("gitdir: ")
 
 

@@ -14,11 +14,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from pydantic_core import to_json
+
 from guidance.files import private_folder
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, EVENT_TOPIC, REPORT, CycleEntry, EventEntry
 from guidance.log.mcap_file import McapFile
-from guidance.log.scene import Scene
+from guidance.log.scene import Scene, Shape
 
 CHUNK_BYTES = 32 * 1024
 CHUNK_S = 0.1
@@ -97,7 +99,7 @@ class Recorder:
             self._write(report.received_s, EVADER_TOPIC, REPORT.encode(report), REPORT)
         self._write(entry.now_s, CYCLE_TOPIC, CYCLE.encode(entry), CYCLE)
         for drawn in self._scene.of(entry):
-            self._write(entry.now_s, drawn.topic, drawn.codec.encode(drawn.message), drawn.codec)
+            self._write(entry.now_s, drawn.topic, to_json(drawn.message, inf_nan_mode="null"), drawn.shape)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep one event."""
@@ -111,13 +113,13 @@ class Recorder:
         except OSError as error:
             self.failed = str(error)
 
-    def _write(self, now_s: float, topic: str, data: bytes, codec: Codec[Any] | None) -> None:
+    def _write(self, now_s: float, topic: str, data: bytes, shape: Shape | Codec[Any] | None) -> None:
         if self._closed or self.failed is not None:
             return
         try:
             if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
                 self._rotate()
-            waiting_bytes = self._file.add(topic, codec, round(now_s * 1e9), self._sequence, data)
+            waiting_bytes = self._file.add(topic, shape, round(now_s * 1e9), self._sequence, data)
             self._sequence += 1
             if self._chunk_ends_s == math.inf:
                 self._chunk_ends_s = now_s + CHUNK_S

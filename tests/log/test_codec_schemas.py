@@ -16,11 +16,11 @@ from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
 from guidance.log.entries import CYCLE, CYCLE_TOPIC, EVADER_TOPIC, EVENT, REPORT
 from guidance.log.reader import Item
-from guidance.log.scene import DRAWN, EVERY_S, disc, time_of
+from guidance.log.scene import EVERY_S, SHAPES, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
 
-SCHEMAS = {codec.title: codec.schema for codec in (CYCLE, EVENT, REPORT, *DRAWN)}
+SCHEMAS = {codec.title: codec.schema for codec in (CYCLE, EVENT, REPORT, *SHAPES)}
 SETPOINT = Codec("setpoint", Setpoint)
 RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
 
@@ -157,7 +157,7 @@ def test_the_map_shows_both_where_they_said_they_were_ten_times_a_second(flight)
             assert item.topic.endswith(said["frame_id"])
             fixes[said["frame_id"]].append((said["timestamp"], said["latitude"], said["longitude"], said["altitude"]))
     heard = {
-        (time_of(one.received_s).sec, time_of(one.received_s).nsec): one
+        tuple(time_of(one.received_s).values()): one
         for row in cycles_of(flight[1])
         for one in row.inputs.messages
         if isinstance(one, GlobalPosition)

@@ -19,6 +19,7 @@ from guidance.cli import app
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log import Survey, record_errors, scan
 from guidance.log.entries import CYCLE_TOPIC, EVADER_TOPIC, EVENT_TOPIC
+from guidance.log.writer import Recorder
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 MAGIC = b"\x89MCAP0\r\n"
@@ -125,6 +126,19 @@ def test_the_cause_of_nonsense_stays_known():
     with pytest.raises(ConfigError, match=said) as raised, record_errors(Path("a.mcap")):
         {}["x"]
     assert isinstance(raised.value.__cause__, KeyError)
+
+
+def test_text_from_a_record_cannot_command_the_terminal(tmp_path):
+    path, hostile = tmp_path / "record.mcap", "\x1b]0;owned\x07\x1b[2J\r\u202e"
+    recorder = Recorder(path, {"scenario": json.dumps({"title": hostile}), hostile: hostile})
+    recorder.event(1.0, hostile, hostile)
+    recorder.frame(1.0, hostile, b"")
+    recorder.close()
+    for command in ("info", "events"):
+        shown = CliRunner().invoke(app, ["log", command, str(path)])
+        assert shown.exit_code == 0
+        assert all(one.isprintable() or one == "\n" for one in shown.output)
+        assert "\\x1b]0;owned\\x07\\x1b[2J\\r\\u202e" in shown.output
 
 
 def nodes(value, path=()):

@@ -13,7 +13,7 @@ import zenoh
 
 from guidance.flight import State
 from guidance.links.wires.zenoh import open_session
-from guidance.log.broadcast import FLIGHT, MOST_WAITING, Broadcast, broadcast_key, is_watched
+from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key, is_watched
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
 from guidance.session.control_bus import host_session
 from guidance.viz.view.serving import free_port
@@ -95,7 +95,7 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
     sent, wanted = ([(m.vx, m.vy, m.vz, m.yaw) for m in one.setpoints_since(0.0)] for one in (watched, alone))
     assert len(wanted) > 100
     assert sent == wanted
-    assert len(broadcast._waiting) <= MOST_WAITING
+    assert len(broadcast._waiting) <= MAX_WAITING
 
 
 def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base, bus):
@@ -112,7 +112,7 @@ def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(b
     base = base(broadcast=broadcast)
     base.engaged().run(3.0)  # a loop that waited would never come here
     assert base.state is State.ENGAGED
-    assert len(broadcast._waiting) == MOST_WAITING
+    assert len(broadcast._waiting) == MAX_WAITING
     assert broadcast.dropped > 0
     never.set()
 
