@@ -14,7 +14,7 @@ from enum import StrEnum
 from functools import cache
 from typing import Any, Final, Generic, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic_core import CoreSchema, SchemaSerializer, SchemaValidator, ValidationError
+from pydantic_core import CoreSchema, PydanticSerializationError, SchemaSerializer, SchemaValidator, ValidationError
 from pydantic_core import core_schema as cs
 
 from guidance.errors import ConfigError
@@ -70,8 +70,12 @@ class Codec(Generic[T]):
         self._serializer = SchemaSerializer(core, {"ser_json_inf_nan": "null"})
 
     def encode(self, value: T) -> bytes:
-        """Return a value as JSON."""
-        return self._serializer.to_json(value, exclude_none=True, warnings=False)
+        """Return a value as JSON; text that is not valid Unicode is written with question marks."""
+        try:
+            return self._serializer.to_json(value, exclude_none=True, warnings=False)
+        except PydanticSerializationError:  # a lone surrogate, which a sender of JSON can produce
+            rows = plain(self._serializer.to_python(value, exclude_none=True, warnings=False))
+            return json.dumps(rows, ensure_ascii=False).encode("utf-8", "replace")
 
     def plain(self, value: T) -> Any:  # noqa: ANN401 - any JSON
         """Return a value as the dictionaries, lists and numbers of its JSON."""

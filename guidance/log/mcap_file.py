@@ -11,21 +11,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import zstandard
+from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
 from mcap.writer import MCAP0_MAGIC
 
 from guidance.files import private_file
@@ -55,16 +43,14 @@ class McapFile:
         self._compressor = zstandard.ZstdCompressor(level=1)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._described: list[Schema | Channel] = []
-        self._counts: Counter[int] = Counter()
+        self._described: list[records.Schema | records.Channel] = []
+        self._statistics = records.Statistics(0, 0, Counter(), 0, 0, 0, 2**64 - 1, metadata_count=1, schema_count=0)
         self._chunk = bytearray()
         self._entries: dict[int, list[int]] = {}  # channel -> time, offset, time, offset ...
         self._chunk_indexes = bytearray()
-        self._chunks = 0
-        self._begin_ns, self._end_ns = 2**64, 0
-        head = MCAP0_MAGIC + _packed(Header("", "guidance"))
-        run = _packed(Metadata("run", dict(metadata)))
-        self._metadata_index = MetadataIndex(len(head), len(run), "run")
+        head = MCAP0_MAGIC + _packed(records.Header("", "guidance"))
+        run = _packed(records.Metadata("run", dict(metadata)))
+        self._metadata_index = records.MetadataIndex(len(head), len(run), "run")
         self._put(head + run)
 
     def add(self, topic: str, shape: Shape | Codec[Any] | None, time_ns: int, sequence: int, data: bytes) -> int:
@@ -89,16 +75,16 @@ class McapFile:
         begin_ns, end_ns = min(times), max(times)
         data = bytes(self._chunk)
         packed = self._compressor.compress(data)
-        chunk = _packed(Chunk("zstd", packed, end_ns, begin_ns, zlib.crc32(data), len(data)))
-        offsets, indexes = {}, bytearray()
+        chunk = _packed(records.Chunk("zstd", packed, end_ns, begin_ns, zlib.crc32(data), len(data)))
+        statistics, offsets, indexes = self._statistics, {}, bytearray()
         for channel_id, entries in self._entries.items():
-            self._counts[channel_id] += len(entries) // 2
+            statistics.channel_message_counts[channel_id] += len(entries) // 2
             offsets[channel_id] = self.size + len(chunk) + len(indexes)
             length = 8 * len(entries)
             indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, _INDEX.size - 9 + length, channel_id, length)
             indexes += struct.pack(f"<{len(entries)}Q", *entries)
         self._chunk_indexes += _packed(
-            ChunkIndex(
+            records.ChunkIndex(
                 chunk_length=len(chunk),
                 chunk_start_offset=self.size,
                 compression="zstd",
@@ -110,8 +96,10 @@ class McapFile:
                 uncompressed_size=len(data),
             )
         )
-        self._chunks += 1
-        self._begin_ns, self._end_ns = min(self._begin_ns, begin_ns), max(self._end_ns, end_ns)
+        statistics.chunk_count += 1
+        statistics.message_count += len(times)
+        statistics.message_start_time = min(statistics.message_start_time, begin_ns)
+        statistics.message_end_time = max(statistics.message_end_time, end_ns)
         self._put(chunk + indexes)
         self._chunk, self._entries = bytearray(), {}
 
@@ -126,21 +114,13 @@ class McapFile:
 
     def _finish(self) -> None:
         """Write the index of the file, which readers need to find a moment."""
-        statistics = Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=dict(self._counts),
-            chunk_count=self._chunks,
-            message_count=self._counts.total(),
-            metadata_count=1,
-            message_start_time=self._begin_ns if self._chunks else 0,
-            message_end_time=self._end_ns,
-            schema_count=len(self._schemas),
-        )
-        self._put(_packed(DataEnd(0)))
+        statistics = self._statistics
+        statistics.channel_count, statistics.schema_count = len(self._channels), len(self._schemas)
+        statistics.message_start_time = min(statistics.message_start_time, statistics.message_end_time)
+        self._put(_packed(records.DataEnd(0)))
         summary = _packed(*self._described, statistics, self._metadata_index)
         summary += self._chunk_indexes
-        footer = Footer(summary_start=self.size, summary_offset_start=0, summary_crc=0)
+        footer = records.Footer(summary_start=self.size, summary_offset_start=0, summary_crc=0)
         checked = zlib.crc32(summary + _packed(footer)[:-4])
         self._put(summary + _packed(replace(footer, summary_crc=checked)) + MCAP0_MAGIC)
 
@@ -150,10 +130,10 @@ class McapFile:
         if shape is not None and shape.title not in self._schemas:
             schema_id = self._schemas[shape.title] = len(self._schemas) + 1
             described = json.dumps(shape.schema, separators=(",", ":")).encode()
-            self._described.append(Schema(schema_id, described, "jsonschema", shape.title))
+            self._described.append(records.Schema(schema_id, described, "jsonschema", shape.title))
             self._chunk += _packed(self._described[-1])
         encoding, schema_id = ("mavlink", 0) if shape is None else ("json", self._schemas[shape.title])
-        self._described.append(Channel(channel_id, topic, encoding, {}, schema_id))
+        self._described.append(records.Channel(channel_id, topic, encoding, {}, schema_id))
         self._chunk += _packed(self._described[-1])
         return channel_id
 
@@ -165,8 +145,8 @@ class McapFile:
         self.size += len(data)
 
 
-def _packed(*records: McapRecord) -> bytes:
+def _packed(*contents: records.McapRecord) -> bytes:
     builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
+    for content in contents:
+        content.write(builder)
     return bytes(builder.end())

@@ -1,7 +1,7 @@
 """Time the codec and the streams beside pymavlink: `python tests/bench/bench_codec.py`.
 
-Printed are microseconds for each frame here and in pymavlink 2 on the same messages, and the ratio; then what a
-vehicle's streams cost in a simulated second at PX4's onboard rates.
+Printed are microseconds per frame here and in pymavlink 2 for the same messages, and the ratio; then the cost of a
+vehicle's streams for one simulated second at PX4's onboard rates.
 """
 
 from __future__ import annotations

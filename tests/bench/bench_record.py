@@ -1,9 +1,8 @@
 """Time the record and the replay: `python tests/bench/bench_record.py [SCENARIO]`.
 
-A mocked flight is flown once in virtual time, its rows and frames are kept, and written again with a clock around every
-call: what a cycle pays for being recorded (the row, its frames), beside a plain `json.dumps` of the same row into
-nothing. Then the bytes of a flight minute, raw and as written, and the replay's speed beside the flight core alone, fed
-with the same inputs without reading a file.
+A mocked flight is flown once in virtual time. Its rows and frames are kept and written again with a clock around every
+call. Printed are the cost per cycle (row and frames), next to `json.dumps` of the same row; the size of one flight
+minute, raw and written; and the speed of the replay next to the flight core alone on the same inputs.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Kept:
 
 
 def flown(scenario: Scenario) -> Kept:
-    """Fly once and keep everything that would be recorded."""
+    """Fly once and keep all calls to the record."""
     clock = VirtualClock()
     world, kept = SteppedWorld(scenario, clock), Kept()
     try:
@@ -64,7 +63,7 @@ def flown(scenario: Scenario) -> Kept:
 
 
 def written(kept: Kept, path: Path, metadata: Mapping[str, str]) -> list[float]:
-    """Write it all; return what each cycle cost, s."""
+    """Write everything; return the time of each cycle, s."""
     recorder = Recorder(path, metadata)
     costs = []
     for cycle in kept.cycles:
@@ -77,7 +76,7 @@ def written(kept: Kept, path: Path, metadata: Mapping[str, str]) -> list[float]:
 
 
 def dumped(rows: list[dict[str, Any]]) -> list[float]:
-    """Return what `json.dumps` alone costs for each row, s."""
+    """Return the time of `json.dumps` for each row, s."""
     costs = []
     for row in rows:
         begin = time.perf_counter()

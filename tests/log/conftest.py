@@ -1,9 +1,9 @@
-"""The record that the log's tests read."""
+"""The record of a short flight, read by the tests of the log."""
 
 import pytest
 
 
 @pytest.fixture(scope="session")
 def flight(short_flight):
-    """One mocked flight in virtual time: its result and its record."""
+    """Result and record of one mocked flight in virtual time."""
     return short_flight

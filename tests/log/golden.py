@@ -1,4 +1,4 @@
-"""Write the golden record again, when a change of behaviour is meant: `python tests/log/golden.py`.
+"""Write the golden record again after an intended change of behaviour: `python tests/log/golden.py`.
 
 A flight until it lands, without raw frames and certificates, in one large chunk: small enough to be kept.
 """
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def keep(path: Path, out: Path, metadata: dict[str, str]) -> None:
-    """Copy what is JSON into one chunk."""
+    """Copy the JSON messages into one chunk."""
     with out.open("wb") as stream:
         writer = Writer(stream, chunk_size=2**24, compression=CompressionType.ZSTD)
         writer.start(profile="", library="guidance")
@@ -57,7 +57,7 @@ def keep(path: Path, out: Path, metadata: dict[str, str]) -> None:
 
 
 def slim(data: bytes) -> bytes:
-    """Leave out of a row what replay does not compare; the certificate is its longest part."""
+    """Remove the parts of a row that replay does not compare; the certificate is the longest."""
     row = json.loads(data)
     row |= {name: None for name in ("certificate", "timing") if name in row}
     return json.dumps(row, separators=(",", ":")).encode()

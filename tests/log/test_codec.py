@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs, Outputs, State
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, InputsEntry, cycle_entry
-from guidance.messages import AltitudeSaid, Datum, EvaderReport, Message, Setpoint, Timesync
+from guidance.messages import AltitudeSaid, Attitude, Datum, EvaderReport, Message, Setpoint, StatusText, Timesync
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 VALUES = {
@@ -55,7 +55,17 @@ def test_any_inputs_come_back_bit_for_bit_with_their_types(given_inputs):
     assert [type(message) for message in back.messages] == [type(message) for message in given_inputs.messages]
 
 
-def test_an_absent_part_of_a_setpoint_stays_none_and_is_no_nan():
+def test_text_with_a_lone_surrogate_does_not_end_the_record():
+    entry = cycle_entry(
+        Inputs(1.0, (StatusText(1.0, 2, "low \ud800 battery"), Attitude(1.0, math.nan, 0.5)), (), ()),
+        Outputs(State.READY, None, (), (), None),
+    )
+    text, attitude = CYCLE.decode(CYCLE.encode(entry)).inputs.messages
+    assert text == StatusText(1.0, 2, "low ? battery")
+    assert repr(attitude) == repr(entry.inputs.messages[1])
+
+
+def test_an_absent_part_of_a_setpoint_is_read_as_none_not_nan():
     setpoint = Setpoint((1.0, -0.0, 2.0), yaw_rad=0.5)
     codec = Codec("setpoint", Setpoint)
     assert repr(codec.decode(codec.encode(setpoint))) == repr(setpoint)
@@ -67,14 +77,14 @@ class Later(NamedTuple):
     c: float | None = None
 
 
-def test_what_came_later_with_a_default_may_be_missing_in_an_older_record():
+def test_a_field_with_a_default_may_be_missing_in_an_older_record():
     assert read(Later, {"a": 1}) == Later(1, 2.0)
     assert read(Later, {"a": 1, "c": None}) == Later(1, 2.0)
     with pytest.raises(ConfigError, match=r"Later\.a: is missing"):
         read(Later, {"b": 1.0})
 
 
-def test_a_number_that_is_absent_or_null_is_unknown_and_never_zero():
+def test_an_absent_or_null_number_is_read_as_nan_never_zero():
     for said in ({}, {"amount": None}):
         assert math.isnan(read(Amount, said).amount)
 
@@ -99,7 +109,7 @@ class Old(NamedTuple):
         (3, "Old = 3: "),
     ],
 )
-def test_a_row_of_another_version_is_refused_by_what_does_not_fit(value, what):
+def test_a_row_of_another_version_is_refused_with_the_field_that_differs(value, what):
     with pytest.raises(ConfigError, match=what):
         read(Old, value)
 

@@ -1,4 +1,4 @@
-"""Every message keeps its channel's schema, and the schemas are such that the viewers of records can read them."""
+"""Every message matches the schema of its channel, and viewers can read the schemas."""
 
 import json
 import math
@@ -26,7 +26,7 @@ RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timi
 
 
 def as_a_viewer_reads(schema):
-    """What Foxglove's and Lichtblick's own reader of schemas asks for: one plain type, at every depth."""
+    """Check what the schema readers of Foxglove and Lichtblick require: one plain type at every depth."""
     assert schema["type"] == "object"
     for name, field in schema["properties"].items():
         kind = field["type"]
@@ -49,7 +49,7 @@ def channels(flight):
     return found
 
 
-def test_every_message_of_a_flight_keeps_the_schema_of_its_channel(channels):
+def test_every_message_of_a_flight_matches_the_schema_of_its_channel(channels):
     names = {name for name, _, _ in channels.values()}
     assert names == SCHEMAS.keys()
     for topic, (_, schema, messages) in channels.items():
@@ -75,7 +75,7 @@ def test_every_field_of_inputs_and_certificate_is_described():
 
 
 @pytest.mark.parametrize("damage", ["text", "unknown", "missing", "long", "null"])
-def test_what_does_not_keep_the_schema_is_noticed(channels, damage):
+def test_a_damaged_message_does_not_match_the_schema(channels, damage):
     _, schema, messages = channels[CYCLE_TOPIC]
     cycle = json.loads(json.dumps(next(message for message in messages if "certificate" in message)))
     certificate = cycle["certificate"]
@@ -98,7 +98,7 @@ numbers = st.floats() | st.just(math.nan)
 
 
 @given(st.tuples(numbers, numbers, numbers), numbers)
-def test_nan_and_infinity_are_left_out_and_keep_the_schema(velocity, yaw_rad):
+def test_nan_and_infinity_are_left_out_as_the_schema_allows(velocity, yaw_rad):
     setpoint = json.loads(SETPOINT.encode(Setpoint(velocity, yaw_rad=yaw_rad)))
     assert Draft202012Validator(SETPOINT.schema).is_valid(setpoint)
     assert ("yaw_rad" in setpoint) == math.isfinite(yaw_rad)
@@ -106,7 +106,7 @@ def test_nan_and_infinity_are_left_out_and_keep_the_schema(velocity, yaw_rad):
 
 
 @pytest.mark.parametrize("kind", RECORDED)
-def test_what_is_absent_can_only_mean_one_thing(kind):
+def test_defaults_of_recorded_types_are_none_or_nan(kind):
     assert all(value is None or value != value for value in kind._field_defaults.values())
 
 
@@ -119,12 +119,12 @@ class Mixed(NamedTuple):
 
 
 @pytest.mark.parametrize("kind", [Nested, Mixed, dict, float | str])
-def test_a_type_that_no_viewer_could_read_is_refused_when_it_is_described(kind):
+def test_a_type_that_viewers_cannot_read_is_refused(kind):
     with pytest.raises(TypeError, match="viewers cannot read"):
         form_of(kind)
 
 
-def test_two_kinds_may_not_mean_different_things_by_one_name():
+def test_one_field_name_has_one_type_in_all_objects_of_an_array():
     with pytest.raises(TypeError, match=r"Mixed\.pair|Other\.amount"):
         form_of(Alarm | Other)
 
@@ -137,7 +137,7 @@ def json_of(item: Item):
     return json.loads(item.data)
 
 
-def test_evader_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datum_as_received(flight):
+def test_evader_reports_have_a_channel_with_both_clocks_and_the_datum(flight):
     items = [item for item in scan(flight[1]) if item.topic == EVADER_TOPIC]
     read = [report for row in cycles_of(flight[1]) for report in row.inputs.reports]
     assert len(items) == len(read) > 100
@@ -149,7 +149,7 @@ def test_evader_reports_are_a_channel_of_their_own_with_both_clocks_and_the_datu
         assert said["said"] == {"altitude_m": report.altitude_amsl_m, "datum": Datum.AMSL}
 
 
-def test_the_map_shows_both_where_they_said_they_were_ten_times_a_second(flight):
+def test_the_map_shows_both_reported_positions_ten_times_a_second(flight):
     fixes = {name: [] for name in ("pursuer", "evader")}
     for item in scan(flight[1]):
         if item.topic.startswith("guidance/map/"):
@@ -171,7 +171,7 @@ def test_the_map_shows_both_where_they_said_they_were_ten_times_a_second(flight)
         assert 0.9 * EVERY_S <= apart_s <= 0.25
 
 
-def test_the_scene_shows_the_game_as_its_certificate_has_it(flight):
+def test_the_scene_shows_the_positions_of_the_certificate(flight):
     rows = {round(row.now_s * 1e9): row for row in cycles_of(flight[1])}
     seen = 0
     for item in scan(flight[1]):
@@ -187,7 +187,7 @@ def test_the_scene_shows_the_game_as_its_certificate_has_it(flight):
     assert seen > 20
 
 
-def test_the_discs_rim_is_the_stand_off_about_the_evader(flight):
+def test_the_rim_of_the_disc_is_at_stand_off_distance_from_the_evader(flight):
     row = next(row for row in cycles_of(flight[1]) if row.certificate is not None)
     x, y, _ = row.certificate.evader_game_m
     standoff = flight[0].scenario.standoff

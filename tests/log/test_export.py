@@ -1,4 +1,4 @@
-"""Every export is read back with a tool of its own ecosystem, and compared with the record itself."""
+"""Every export is read with an independent tool and compared with the record."""
 
 import itertools
 import json
@@ -51,7 +51,7 @@ def rows(flight):
 
 @pytest.fixture(scope="module")
 def frames(flight):
-    """Frames of the record from a number on; a function, since hypothesis would print a list."""
+    """Return `count` frames of the record from `begin`; a function, because hypothesis would print a list."""
     all_of_them = [frame for _, frame in frames_of(flight[1])]
     return lambda begin, count: all_of_them[begin : begin + count]
 
@@ -70,7 +70,7 @@ def test_the_mcap_library_reads_the_record_itself(flight):
     assert all(json.loads(schema.data)["type"] == "object" for schema in schemas)
 
 
-def test_pymavlink_reads_the_tlog_frame_by_frame_in_order_of_time(flight, exported):
+def test_pymavlink_reads_every_frame_of_the_tlog_in_time_order(flight, exported):
     link = mavutil.mavlink_connection(str(exported / "flight.tlog"))
     read = []
     while (message := link.recv_msg()) is not None:
@@ -81,7 +81,7 @@ def test_pymavlink_reads_the_tlog_frame_by_frame_in_order_of_time(flight, export
     assert [stamp for stamp, _ in read] == pytest.approx([now_s for now_s, _ in recorded], abs=1e-6)
 
 
-def test_mavlogdump_prints_the_setpoints_that_were_sent(flight, exported):
+def test_mavlogdump_prints_every_setpoint_sent(flight, exported):
     script = Path(sys.executable).with_name("mavlogdump.py")
     command = [sys.executable, "-W", "ignore", str(script), "--types", "SET_POSITION_TARGET_LOCAL_NED"]
     done = subprocess.run(
@@ -106,7 +106,7 @@ def test_pandas_reads_the_parquet_bit_for_bit(exported, rows):
         np.testing.assert_array_equal(frame[name].to_numpy(dtype=float), expected)
 
 
-def test_a_column_keeps_what_was_heard_last(exported, rows):
+def test_a_column_keeps_its_value_until_the_next_message(exported, rows):
     frame = pandas.read_parquet(exported / "flight.parquet")
     north_m = math.nan
     expected = []
@@ -117,7 +117,7 @@ def test_a_column_keeps_what_was_heard_last(exported, rows):
     np.testing.assert_array_equal(frame["vehicle_position_north_m"].to_numpy(dtype=float), expected)
 
 
-def test_the_evader_is_exported_as_it_was_received_with_both_clocks_and_the_datum(exported, flight):
+def test_evader_columns_hold_the_report_with_both_clocks_and_the_datum(exported, flight):
     frame = pandas.read_parquet(exported / "flight.parquet").dropna(subset=["evader_received_s"])
     reports = {report.received_s: report for report in reports_of(flight[1])}
     assert len(frame) > 100
@@ -133,10 +133,10 @@ def test_pandas_reads_the_same_from_csv(exported):
     assert list(from_csv.columns) == list(from_parquet.columns)
     for name in from_csv.select_dtypes("number").columns:
         cells, kept = (table[name].to_numpy(dtype=float, na_value=math.nan) for table in (from_csv, from_parquet))
-        np.testing.assert_allclose(cells, kept, rtol=1e-15, atol=0.0)  # pandas rounds what it reads; the file does not
+        np.testing.assert_allclose(cells, kept, rtol=1e-15, atol=0.0)  # pandas rounds on reading
 
 
-def test_a_geojson_reader_finds_valid_shapes_where_the_flight_was(exported, rows):
+def test_a_geojson_reader_finds_valid_shapes_at_the_flown_positions(exported, rows):
     collection = geojson.loads((exported / "flight.geojson").read_text())
     assert collection.is_valid, collection.errors()
     by_name = {feature.properties["name"]: feature for feature in collection.features}
@@ -154,12 +154,12 @@ def test_a_geojson_reader_finds_valid_shapes_where_the_flight_was(exported, rows
     fence = by_name["fence"].geometry.coordinates[0]
     assert fence[0] == fence[-1]
     area = sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(fence))
-    assert area > 0.0  # anticlockwise, as RFC 7946 wants it
+    assert area > 0.0  # anticlockwise, as RFC 7946 requires
     north = max(corner[1] for corner in fence) - min(corner[1] for corner in fence)
     assert math.radians(north) * 6371000.0 == pytest.approx(2.0 * 300.0, rel=0.01)
 
 
-def test_the_kml_is_well_formed_and_holds_the_same_places(exported):
+def test_the_kml_is_well_formed_and_has_the_same_places(exported):
     root = ElementTree.parse(exported / "flight.kml").getroot()
     space = {"k": "http://www.opengis.net/kml/2.2"}
     marks = root.findall(".//k:Placemark", space)
@@ -176,7 +176,7 @@ def test_the_kml_is_well_formed_and_holds_the_same_places(exported):
         assert said == {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
 
 
-def test_without_settings_there_is_a_map_without_a_fence(flight):
+def test_without_settings_the_map_has_no_fence(flight):
     names = {feature.name for feature in features_of(flight[1], None)}
     assert "fence" not in names
     assert "pursuer" in names
@@ -189,8 +189,8 @@ def test_an_unknown_altitude_is_left_out_of_a_place(tmp_path):
 
 
 @given(cuts=st.lists(st.integers(1, 60), min_size=1, max_size=20), begin=st.integers(0, 1000))
-def test_a_byte_stream_is_written_as_whole_frames_however_it_was_cut(frames, tmp_path_factory, cuts, begin):
-    # A message that pymavlink does not know (EVENT) cannot be checked, nor told from garbage in a stream.
+def test_a_byte_stream_cut_anywhere_is_written_as_whole_frames(frames, tmp_path_factory, cuts, begin):
+    # pymavlink cannot check a message that it does not know (EVENT): in a stream it looks like garbage.
     sent = [one for one in frames(begin, 12) if int.from_bytes(one[7:10], "little") in dialect.mavlink_map]
     stream = b"".join(sent)
     path = tmp_path_factory.mktemp("stream") / "stream.mcap"
@@ -208,7 +208,7 @@ def test_a_byte_stream_is_written_as_whole_frames_however_it_was_cut(frames, tmp
     assert data == b"".join(stamp + frame for frame in sent)
 
 
-def test_a_start_in_utc_is_where_the_log_begins(flight, tmp_path):
+def test_the_log_begins_at_the_utc_start_of_the_record(flight, tmp_path):
     path = tmp_path / "dated.mcap"
     recorder = Recorder(path, {"started_utc": "2026-03-01T12:00:00+00:00"})
     recorder.frame(2.5, "uav/mavlink_raw/out", frames_of(flight[1])[0][1])
@@ -220,7 +220,7 @@ def test_a_start_in_utc_is_where_the_log_begins(flight, tmp_path):
     assert started_unix_s(survey) == 0.0
 
 
-def test_an_unknown_ending_and_an_unwritable_place_are_refused(flight, tmp_path):
+def test_an_unknown_ending_or_an_unwritable_path_is_refused(flight, tmp_path):
     with pytest.raises(ConfigError, match=r"flight\.bin: must end in \.tlog, \.csv"):
         export(flight[1], tmp_path / "flight.bin", recorded_settings)
     (tmp_path / "file").write_text("")
@@ -229,7 +229,7 @@ def test_an_unknown_ending_and_an_unwritable_place_are_refused(flight, tmp_path)
             export(flight[1], tmp_path / "file" / f"flight{suffix}", recorded_settings)
 
 
-def test_the_log_commands_show_what_a_record_holds(flight, tmp_path):
+def test_the_log_commands_show_the_content_of_a_record(flight, tmp_path):
     runner = CliRunner()
     info = runner.invoke(app, ["log", "info", str(flight[1])])
     assert info.exit_code == 0, info.output
@@ -249,7 +249,7 @@ SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
 
 
 @pytest.mark.parametrize("given", ["metres", "degrees", "the other way round"])
-def test_a_polygon_fence_is_on_the_map_however_it_was_given(flight, given):
+def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     settings = recorded_settings(metadata_of(flight[1]))
     heard = [one for row in cycles_of(flight[1]) for one in row.inputs.messages if isinstance(one, Home | Heartbeat)]
     armed = next(place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed)

@@ -28,7 +28,7 @@ def checkout(tmp_path):
     return folder
 
 
-def test_it_is_what_git_itself_says_on_a_branch_packed_detached_and_in_a_worktree(checkout):
+def test_the_commit_equals_git_rev_parse_in_every_kind_of_checkout(checkout):
     assert commit_of_checkout(checkout) == git(checkout, "rev-parse", "HEAD")
     git(checkout, "commit", "-q", "--allow-empty", "-m", "second")
     second = git(checkout, "rev-parse", "HEAD")
@@ -43,7 +43,7 @@ def test_it_is_what_git_itself_says_on_a_branch_packed_detached_and_in_a_worktre
     assert commit_of_checkout(other) == second
 
 
-def test_somebody_elses_repository_around_an_installation_is_not_ours(checkout):
+def test_a_foreign_repository_around_an_installation_is_ignored(checkout):
     (checkout / "pyproject.toml").unlink()
     assert commit_of_checkout(checkout) is None
 
@@ -52,12 +52,12 @@ def test_somebody_elses_repository_around_an_installation_is_not_ours(checkout):
     ("name", "content"),
     [("HEAD", b""), ("HEAD", b"\xff\xfe"), ("HEAD", b"ref: refs/heads/gone"), ("HEAD", b"not a hash")],
 )
-def test_what_cannot_be_read_is_not_known(checkout, name, content):
+def test_an_unreadable_head_gives_no_commit(checkout, name, content):
     (checkout / ".git" / name).write_bytes(content)
     assert commit_of_checkout(checkout) is None
 
 
-def test_no_repository_at_all_is_not_known(tmp_path):
+def test_no_repository_gives_no_commit(tmp_path):
     (tmp_path / "pyproject.toml").write_text("")
     assert commit_of_checkout(tmp_path) is None
     (tmp_path / ".git").write_text("gitdir: nowhere")
@@ -75,7 +75,7 @@ def test_no_repository_at_all_is_not_known(tmp_path):
         (None, None),
     ],
 )
-def test_an_installation_knows_what_pip_noted(monkeypatch, noted, known):
+def test_an_installation_gives_the_commit_that_pip_recorded(monkeypatch, noted, known):
     class Distribution:
         def read_text(self, name):
             assert name == "direct_url.json"
@@ -87,11 +87,11 @@ def test_an_installation_knows_what_pip_noted(monkeypatch, noted, known):
     assert versions().get("commit") == known
 
 
-def test_a_package_that_is_not_installed_is_not_known(monkeypatch):
+def test_a_package_that_is_not_installed_gives_no_commit(monkeypatch):
     monkeypatch.setattr(commits, "PACKAGE", "no-such-package")
     assert commit_of_install() is None
 
 
-def test_this_checkout_is_known_where_it_is_one():
+def test_this_checkout_gives_a_commit():
     root = Path(commits.__file__).parents[2]
     assert (commit() is not None) or not (root / ".git").exists()

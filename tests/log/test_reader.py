@@ -13,7 +13,7 @@ from guidance.log.writer import Recorder
 
 
 def entry(number, *text):
-    """A cycle that tells its number."""
+    """Return a cycle that contains its number."""
     return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
 
 
@@ -30,7 +30,7 @@ def written(path, cycles=60):
 
 
 def chunks_in(data):
-    """Where each chunk begins and ends, read from the format's own description: opcode, length, content."""
+    """Return begin and end of each chunk, from the format: opcode, length, content."""
     position, found = 8, []
     while position < len(data) - 8:
         opcode, length = struct.unpack_from("<BQ", data, position)
@@ -40,7 +40,7 @@ def chunks_in(data):
     return found
 
 
-def test_what_was_flown_is_surveyed_in_full(flight):
+def test_the_survey_of_a_flight_counts_everything(flight):
     result, path = flight
     survey = survey_of(path)
     assert survey.torn is None
@@ -52,7 +52,7 @@ def test_what_was_flown_is_surveyed_in_full(flight):
     assert sum(survey.data_bytes.values()) == sum(len(item.data) for item in scan(path))
 
 
-def test_a_record_cut_at_any_byte_of_its_last_chunk_is_read_up_to_the_chunk_before(tmp_path):
+def test_a_record_cut_in_its_last_chunk_is_read_up_to_the_chunk_before(tmp_path):
     whole = written(tmp_path / "whole.mcap").read_bytes()
     chunks = chunks_in(whole)
     assert len(chunks) >= 3
@@ -62,7 +62,7 @@ def test_a_record_cut_at_any_byte_of_its_last_chunk_is_read_up_to_the_chunk_befo
     before = [number_of(item) for item in scan(cut)]
     assert before == list(range(len(before)))
     assert 0 < len(before) < 60
-    assert 0.02 * (59 - before[-1]) <= 0.2  # what a torn last chunk loses
+    assert 0.02 * (59 - before[-1]) <= 0.2  # lost with the last chunk
     for length in range(begin, end + 1):
         cut.write_bytes(whole[:length])
         survey = Survey()
@@ -72,10 +72,10 @@ def test_a_record_cut_at_any_byte_of_its_last_chunk_is_read_up_to_the_chunk_befo
         assert survey.metadata == {"seed": "3"}
 
 
-def test_a_record_cut_anywhere_at_all_is_no_traceback(tmp_path):
+def test_a_record_cut_at_any_byte_is_read_without_an_error(tmp_path):
     recorder = Recorder(tmp_path / "whole.mcap", {"seed": "3"})
     for number in range(3):
-        recorder.event(0.02 * number, "happened")  # a short schema: every byte of the file is cut at
+        recorder.event(0.02 * number, "happened")  # a short schema, because the file is cut at every byte
     recorder.close()
     whole = (tmp_path / "whole.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -90,7 +90,7 @@ def test_a_record_cut_anywhere_at_all_is_no_traceback(tmp_path):
     assert most == 3
 
 
-def test_a_flipped_bit_is_noticed_and_never_taken_for_data(tmp_path):
+def test_a_flipped_bit_is_detected_and_never_read_as_data(tmp_path):
     whole = bytearray(written(tmp_path / "whole.mcap").read_bytes())
     begin, end = chunks_in(whole)[1]
     path = tmp_path / "flipped.mcap"
@@ -100,21 +100,21 @@ def test_a_flipped_bit_is_noticed_and_never_taken_for_data(tmp_path):
         path.write_bytes(flipped)
         survey = Survey()
         read = [json.loads(item.data)["inputs"]["refusals"] for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
-        # A chunk whose opcode was hit is a record of an unknown kind, which the format says to pass over.
+        # If the flip hit the opcode of a chunk, the format requires readers to skip the unknown record.
         assert [int(number) for number, _ in read] == sorted({int(number) for number, _ in read})
         assert all(text == "x" * 400 for _, text in read)
         assert survey.torn is not None or survey.missing == 60 - len(read)
 
 
 @pytest.mark.parametrize("content", [b"no record, but long enough to look at", b"\x89PNG\r\n\x1a\n" + bytes(100)])
-def test_a_file_that_is_no_record_is_refused_by_name(tmp_path, content):
+def test_a_file_that_is_not_a_record_is_refused_by_name(tmp_path, content):
     path = tmp_path / "other"
     path.write_bytes(content)
     with pytest.raises(ConfigError, match="other: not an MCAP file"):
         survey_of(path)
 
 
-def test_a_missing_file_and_an_empty_one_are_said_to_be_so(tmp_path):
+def test_a_missing_or_empty_file_is_reported(tmp_path):
     with pytest.raises(ConfigError, match=r"none\.mcap: cannot be read"):
         survey_of(tmp_path / "none.mcap")
     (tmp_path / "empty.mcap").write_bytes(b"")

@@ -1,4 +1,4 @@
-"""Records that a stranger made, or a disk damaged: bounded in memory, and one clear line from every command."""
+"""Hostile or damaged records: memory is bounded, and every command ends with one clear line."""
 
 import json
 import random
@@ -44,7 +44,7 @@ def record(opcode: int, content: bytes) -> bytes:
 
 
 def bomb(claimed: int, true: int) -> bytes:
-    """One chunk that says it holds `claimed` bytes and unpacks to `true` zeros."""
+    """Return a file with one chunk that claims `claimed` bytes and unpacks to `true` zeros."""
     packed = zstandard.ZstdCompressor(level=19).compress(bytes(true))
     chunk = struct.pack("<QQQI", 0, 0, claimed, 0) + prefixed(b"zstd") + struct.pack("<Q", len(packed)) + packed
     return MAGIC + record(1, prefixed(b"") + prefixed(b"")) + record(6, chunk)
@@ -62,7 +62,7 @@ def test_a_chunk_that_misstates_its_size_takes_no_memory(tmp_path, claimed, true
 
 
 def many_chunks(path: Path, chunk: bytes, count: int) -> Path:
-    """A file of equal chunks, each of them true to its size."""
+    """Write a file of equal chunks that state their true size."""
     packed = zstandard.ZstdCompressor(level=19).compress(chunk)
     head = struct.pack("<QQQI", 0, 0, len(chunk), 0) + prefixed(b"zstd") + struct.pack("<Q", len(packed))
     seed = prefixed(b"seed") + prefixed(b"1")
@@ -72,7 +72,7 @@ def many_chunks(path: Path, chunk: bytes, count: int) -> Path:
 
 
 def attack(folder: Path, kind: str) -> Path:
-    """4 GB of zeros in one message a chunk, or 1.6 million empty messages: each in a small file."""
+    """Write a small file with 4 GB of zeros, one message per chunk, or with 1.6 million empty messages."""
     channel = record(4, struct.pack("<HH", 1, 0) + prefixed(b"a") + prefixed(b"json") + bytes(4))
     if kind == "large":
         chunk = channel + record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + bytes(16_000_000))
@@ -82,7 +82,7 @@ def attack(folder: Path, kind: str) -> Path:
 
 @pytest.mark.parametrize("kind", ["large", "many"])
 @pytest.mark.parametrize("command", ["info", "events", "tlog", "scenario"])
-def test_a_small_file_that_expands_without_end_is_refused_at_once(tmp_path, kind, command):
+def test_a_small_file_that_expands_to_gigabytes_is_refused_at_once(tmp_path, kind, command):
     path = attack(tmp_path, kind)
     assert path.stat().st_size < 200_000
     scenario = tmp_path / "scenario.toml"
@@ -112,7 +112,7 @@ def test_a_message_that_misstates_its_length_is_damage(tmp_path, length):
         assert survey.torn is not None
 
 
-def test_a_length_that_no_record_has_is_not_asked_for(tmp_path):
+def test_an_impossible_length_is_not_read(tmp_path):
     path = tmp_path / "long.mcap"
     text = struct.pack("<I", 2**32 - 1) + b"abc"
     path.write_bytes(MAGIC + record(1, text))
@@ -121,7 +121,7 @@ def test_a_length_that_no_record_has_is_not_asked_for(tmp_path):
     assert survey.torn == f"it gives a length of {2**32 - 1} bytes"
 
 
-def test_the_cause_of_nonsense_stays_known():
+def test_the_original_error_is_kept_as_the_cause():
     said = r"a\.mcap: cannot be read as a record \(KeyError: 'x'\)"
     with pytest.raises(ConfigError, match=said) as raised, record_errors(Path("a.mcap")):
         {}["x"]
@@ -142,7 +142,7 @@ def test_text_from_a_record_cannot_command_the_terminal(tmp_path):
 
 
 def nodes(value, path=()):
-    """Every place in a JSON document."""
+    """Yield the path of every value in a JSON document."""
     yield path
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inside in items:
@@ -150,7 +150,7 @@ def nodes(value, path=()):
 
 
 def spoilt(document, draw):
-    """The document with one place in it replaced by what does not belong there, or left out."""
+    """Return the document with one value replaced by a wrong one, or removed."""
     *way, last = draw.choice([path for path in nodes(document) if path])
     holder = document
     for key in way:
@@ -163,7 +163,7 @@ def spoilt(document, draw):
 
 
 def mutated(out: Path, seed: int) -> None:
-    """The short chase again, its checksums right, with one nonsense in its metadata, a cycle, an event or a report."""
+    """Copy the short chase with correct checksums and one wrong value in metadata, a cycle, an event or a report."""
     draw, survey = random.Random(seed), Survey()
     items = list(islice(scan(SHORT, survey), 900))
     topics = [CYCLE_TOPIC] * 6 + [EVENT_TOPIC, EVADER_TOPIC, None, None]
@@ -191,7 +191,7 @@ def mutated(out: Path, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_no_command_meets_a_mutated_record_with_a_traceback(tmp_path, seed):
+def test_no_command_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
     path = tmp_path / "mutated.mcap"
     mutated(path, seed)
     names = list(COMMANDS)
@@ -202,14 +202,14 @@ def test_no_command_meets_a_mutated_record_with_a_traceback(tmp_path, seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_report_meets_a_mutated_record_with_a_traceback(tmp_path, seed):
+def test_no_report_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
     path = tmp_path / "mutated.mcap"
     mutated(path, seed)
     result = CliRunner().invoke(app, ["report", str(path)])
     assert result.exception is None or isinstance(result.exception, GuidanceError | SystemExit), result
 
 
-def test_a_stranger_s_record_is_one_line_on_a_terminal(tmp_path):
+def test_a_hostile_record_gives_one_line_of_error(tmp_path):
     path = tmp_path / "bomb.mcap"
     path.write_bytes(bomb(2**32, 1000))
     program = [sys.executable, "-c", "from guidance.cli import main; main()", "replay", str(path)]

@@ -1,4 +1,4 @@
-"""The recorder's thread: whole behind the loop's back, and of no harm to it where a disk is full or stands still."""
+"""The recorder's thread writes everything, and a full or stalled disk does not affect the loop."""
 
 import errno
 import threading
@@ -13,7 +13,7 @@ from guidance.log.writer import MAX_WAITING, BackgroundRecorder, Recorder
 READY = CycleEntry(0.0, State.READY, InputsEntry((), (), ()), ())
 
 
-def test_a_record_is_written_behind_the_loops_back_and_whole(tmp_path):
+def test_the_thread_writes_a_complete_record(tmp_path):
     path = tmp_path / "record.mcap"
     recorder = BackgroundRecorder(Recorder(path, {}))
     for number in range(200):
@@ -28,7 +28,7 @@ def test_a_record_is_written_behind_the_loops_back_and_whole(tmp_path):
 
 
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), ValueError("no such row")])
-def test_a_record_that_fails_is_reported_and_disturbs_nobody(tmp_path, monkeypatch, error):
+def test_a_record_that_fails_is_reported_and_raises_nothing(tmp_path, monkeypatch, error):
     inner = Recorder(tmp_path / "record.mcap", {})
 
     def fail(*_):
@@ -42,7 +42,7 @@ def test_a_record_that_fails_is_reported_and_disturbs_nobody(tmp_path, monkeypat
     assert str(error) in recorder.failed
 
 
-def test_a_disk_that_stands_still_costs_rows_and_never_the_loop(tmp_path, monkeypatch):
+def test_a_stalled_disk_drops_rows_and_never_blocks_the_loop(tmp_path, monkeypatch):
     inner = Recorder(tmp_path / "record.mcap", {})
     go = threading.Event()
     monkeypatch.setattr(inner, "cycle", lambda *_: go.wait(10.0))

@@ -16,7 +16,7 @@ from guidance.session.flight_files import changes_of, recorded_settings
 
 
 def rewritten(path, out, change=lambda number, row: row, repeat=1):
-    """Copy the cycles of a record, each changed as told; a repeated flight begins with the daemon's event."""
+    """Copy the cycles of a record, each passed through `change`; a repeated flight begins with the daemon's event."""
     recorder = Recorder(out, metadata_of(path))
     rows = [json.loads(item.data) for item in scan(path) if item.topic == CYCLE_TOPIC]
     for _ in range(repeat):
@@ -38,11 +38,11 @@ def test_a_flight_is_replayed_bit_for_bit(flight):
     assert survey.torn is None
 
 
-def test_the_replay_says_the_same_of_the_game_too(flight):
+def test_the_replay_reproduces_the_game_and_the_alarms(flight):
     for step in replay(flight[1], recorded_settings):
         recorded = step.row.certificate
         if recorded is not None:
-            # Null stands for infinity too: a record says that no number was there, not which.
+            # Infinity is recorded as null, like NaN.
             assert recorded.pursuer_game_m == step.outputs.certificate.pursuer_game_m
             assert recorded.value == step.outputs.certificate.value
         assert step.row.alarm == step.outputs.alarm
@@ -79,7 +79,7 @@ def test_minus_zero_is_not_zero(flight, tmp_path):
     assert comparison.first.differing == ("requests",)
 
 
-def test_another_policy_wants_another_way_while_the_motion_stays_as_recorded(flight):
+def test_another_policy_gives_other_commands_for_the_recorded_motion(flight):
     pursuit = partial(recorded_settings, changes={"policy": "pure_pursuit"})
     assert pursuit(metadata_of(flight[1])).cycle.strategy.name == "pure_pursuit"
     comparison, _ = compare(flight[1], pursuit, what_if=True)
@@ -92,21 +92,21 @@ def test_another_policy_wants_another_way_while_the_motion_stays_as_recorded(fli
             assert certificate.pursuer_game_m == step.row.certificate.pursuer_game_m
 
 
-def test_the_same_policy_as_a_what_if_commands_the_same(flight):
+def test_the_same_policy_as_a_what_if_gives_the_same_commands(flight):
     same = partial(recorded_settings, changes={"policy": "optimal"})
     comparison, _ = compare(flight[1], same, what_if=True)
     assert comparison.commanded.speed_max_m_s == 0.0
     assert comparison.wanted.angle_max_rad == 0.0
 
 
-def test_a_daemons_second_flight_is_replayed_without_the_memory_of_the_first(flight, tmp_path):
+def test_a_second_flight_is_replayed_without_the_state_of_the_first(flight, tmp_path):
     path = rewritten(flight[1], tmp_path / "twice.mcap", repeat=2)
     comparison, _ = compare(path, recorded_settings)
     assert comparison.cycles == 2 * flight[0].cycles
     assert comparison.differing == 0
 
 
-def test_angles_are_right_and_a_vector_without_direction_has_none():
+def test_angles_are_correct_and_zero_for_a_zero_vector():
     assert angle_between_rad((1.0, 0.0, 0.0), (0.0, 0.0, -2.0)) == pytest.approx(math.pi / 2.0)
     assert angle_between_rad((1.0, 1.0, 0.0), (-1.0, -1.0, 0.0)) == pytest.approx(math.pi)
     assert angle_between_rad((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)) == 0.0
@@ -139,13 +139,13 @@ def test_a_record_without_settings_cannot_be_replayed():
     assert title_of({"seed": "1"}) == "flight"
 
 
-def test_the_command_says_that_everything_came_back(flight):
+def test_the_command_reports_an_exact_replay(flight):
     run = CliRunner().invoke(app, ["replay", str(flight[1])])
     assert run.exit_code == 0, run.output
     assert "bit for bit" in run.output
 
 
-def test_the_command_shows_the_first_difference_with_its_inputs_and_exits_with_1(flight, tmp_path):
+def test_the_command_shows_the_first_difference_and_exits_with_1(flight, tmp_path):
     def shift(number, row):
         if "setpoint" in row:
             row["setpoint"]["velocity_ned_m_s"][1] += 0.25
@@ -173,7 +173,7 @@ def test_the_command_writes_both_velocities(flight, tmp_path):
     assert max(speeds) <= 1.1 * 3.0 + 1e-9  # the limits of this scenario
 
 
-def test_a_torn_record_is_replayed_up_to_where_it_is_torn(flight, tmp_path):
+def test_a_torn_record_is_replayed_up_to_the_damage(flight, tmp_path):
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(flight[1].read_bytes()[:400_000])
     run = CliRunner().invoke(app, ["replay", str(torn)])

@@ -1,8 +1,8 @@
-"""A flight kept from an earlier day: what the present code commands at its moments is what was commanded then.
+"""The present code sends the same commands for the inputs of a flight that was recorded earlier.
 
-A record made in the test at hand must come back bit for bit (test_records_replay). This one may have been made on
-another processor, whose sines differ in the last bit: a nanometre a second is allowed, another state or another request
-is not. When a change of behaviour is meant, `python tests/log/golden.py` writes it again.
+A record made by the same machine is replayed bit for bit (test_replay). This one may come from another processor, whose
+sines differ in the last bit: 1e-9 m/s is allowed, another state or request is not. After an intended change of
+behaviour, `python tests/log/golden.py` writes it again.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ from guidance.session.flight_files import recorded_settings
 GOLDEN = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 
 
-def test_the_golden_flight_is_commanded_as_it_was():
+def test_the_golden_flight_gives_the_recorded_commands():
     commanded = 0
     for step in replay(GOLDEN, recorded_settings):
         at = f"at {step.row.now_s:.2f} s, in {step.row.state}"
@@ -32,7 +32,7 @@ def test_the_golden_flight_is_commanded_as_it_was():
 
 def test_the_golden_flight_is_whole_and_small():
     assert survey_of(GOLDEN).torn is None
-    assert GOLDEN.stat().st_size < 350 * 1024  # a fifth of it is the setpoint that PX4 tells, 50 times a second
+    assert GOLDEN.stat().st_size < 350 * 1024  # a fifth of it are the setpoints that PX4 echoes at 50 Hz
 
 
 def flat(setpoint):

@@ -26,7 +26,7 @@ class Pair(NamedTuple):
 
 
 def entry(number, *text):
-    """A cycle that tells its number."""
+    """Return a cycle that contains its number."""
     return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
 
 
@@ -45,7 +45,7 @@ def rows_of(path):
     return rows
 
 
-def test_what_is_written_is_read_back_with_its_time_topic_and_schema(tmp_path):
+def test_messages_are_read_back_with_time_topic_and_schema(tmp_path):
     path = tmp_path / "deep" / "record.mcap"
     recorder = Recorder(path, {"seed": "3"})
     recorder.frame(1.25, "uav1/mavlink_raw/in", b"\xfd\x00")
@@ -69,20 +69,20 @@ def test_what_is_written_is_read_back_with_its_time_topic_and_schema(tmp_path):
     assert json.loads(found[2][2].data) == {"now_s": 1.75, "event": "armed", "detail": "ready -> arming"}
 
 
-def test_a_killed_process_loses_no_more_than_the_last_chunk(tmp_path):
+def test_a_killed_process_loses_only_the_last_chunk(tmp_path):
     path = tmp_path / "record.mcap"
     recorder = Recorder(path, {})
     written = 2000
     for number in range(written):
         recorder.cycle(entry(number, "x" * 400))
-    # As kill -9 leaves it: nothing is flushed or finished.
+    # As after kill -9: nothing is flushed or finished.
     read = [number_of(message) for _, message in rows_of(path)]
     assert read == list(range(len(read)))
     assert written - len(read) <= round(record.CHUNK_S / 0.02) + 1
     recorder.close()
 
 
-def test_a_full_disk_stops_the_recording_and_not_the_flight(tmp_path, monkeypatch):
+def test_a_full_disk_stops_the_recording_but_not_the_flight(tmp_path, monkeypatch):
     recorder = Recorder(tmp_path / "record.mcap", {})
     recorder.event(0.0, "before")
 
@@ -96,7 +96,7 @@ def test_a_full_disk_stops_the_recording_and_not_the_flight(tmp_path, monkeypatc
     recorder.close()
 
 
-def test_a_folder_that_cannot_be_written_is_refused_before_anything_flies(tmp_path):
+def test_an_unwritable_folder_is_refused_before_takeoff(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
         Recorder(tmp_path / "file" / "record.mcap", {})
@@ -107,7 +107,7 @@ def test_rows_become_plain_json():
     assert plain(value) == {"pair": {"a": 1.0, "b": [None, None]}, "n": 3, "none": None, "yes": True}
 
 
-def test_a_slow_record_too_loses_no_more_than_a_fifth_of_a_second_to_a_kill(tmp_path):
+def test_a_slow_record_is_never_more_than_0_2_s_behind(tmp_path):
     path = tmp_path / "record.mcap"
     recorder = Recorder(path, {})
     for number in range(100):
@@ -136,7 +136,7 @@ while True:
 """
 
 
-def test_a_kill_9_of_a_flying_process_loses_at_most_a_fifth_of_a_second(tmp_path):
+def test_kill_9_loses_at_most_0_2_s(tmp_path):
     path = tmp_path / "record.mcap"
     child = subprocess.Popen([sys.executable, "-c", FLYING, path], stdout=subprocess.PIPE, text=True)
     try:
@@ -147,11 +147,11 @@ def test_a_kill_9_of_a_flying_process_loses_at_most_a_fifth_of_a_second(tmp_path
         flown_s += [float(line) for line in child.stdout.read().splitlines()]
         child.stdout.close()
     kept_s = [message.log_time * 1e-9 for _, message in rows_of(path)]
-    assert kept_s == pytest.approx(flown_s[: len(kept_s)], abs=1e-9)  # whole nanoseconds; nothing is missing in between
+    assert kept_s == pytest.approx(flown_s[: len(kept_s)], abs=1e-9)  # whole nanoseconds
     assert flown_s[-1] - kept_s[-1] <= 0.2
 
 
-def test_versions_and_the_start_are_told():
+def test_versions_and_the_start_are_recorded():
     assert {"python", "pursuit-guidance", "numpy", "pymavlink"} <= versions().keys()
     started = datetime.fromisoformat(started_utc(100.0)).timestamp()
     assert started == pytest.approx(calendar.timegm(time.gmtime()) - 100.0, abs=2.0)

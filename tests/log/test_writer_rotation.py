@@ -1,4 +1,4 @@
-"""A long flight in several files: each readable by itself, all of them as one, nothing growing without end."""
+"""A long flight in several files: each can be read alone, all as one, and memory stays bounded."""
 
 import gc
 import json
@@ -21,7 +21,7 @@ from guidance.sim.stepped import SteppedWorld
 
 
 def entry(number, *text):
-    """A cycle that tells its number."""
+    """Return a cycle that contains its number."""
     return CycleEntry(0.02 * number, State.ENGAGED, InputsEntry((), (), (), (str(number), *text)), ())
 
 
@@ -42,7 +42,7 @@ def numbers(path, survey=None):
     return [number_of(item) for item in scan(path, survey) if item.topic == CYCLE_TOPIC]
 
 
-def test_the_first_file_stands_for_all_and_each_other_for_itself(tmp_path):
+def test_the_first_file_is_read_with_all_others_and_each_other_alone(tmp_path):
     path = tmp_path / "flight.mcap"
     write(path, 25.0, rotate_s=10.0)
     names = ["flight.002.mcap", "flight.003.mcap", "flight.mcap"]
@@ -54,11 +54,11 @@ def test_the_first_file_stands_for_all_and_each_other_for_itself(tmp_path):
     assert metadata_of(tmp_path / "flight.003.mcap") == {"seed": "3", "part": "3"}
 
 
-def test_a_file_that_grows_too_large_is_followed_by_the_next(tmp_path):
+def test_a_file_that_reaches_its_size_limit_is_followed_by_the_next(tmp_path):
     path = tmp_path / "flight.mcap"
     write(path, 60.0, rotate_bytes=20_000)
     assert len(list(tmp_path.iterdir())) > 2
-    assert max(one.stat().st_size for one in tmp_path.iterdir()) < 60_000  # its index comes on top
+    assert max(one.stat().st_size for one in tmp_path.iterdir()) < 60_000  # the index is added
     assert numbers(path) == list(range(3000))
 
 
@@ -71,7 +71,7 @@ def test_a_lost_file_in_between_is_counted(tmp_path):
     assert survey.missing == 500
 
 
-def test_a_disk_that_fills_up_at_the_seam_ends_the_record_and_keeps_what_there_was(tmp_path):
+def test_a_failure_to_open_the_next_file_keeps_the_previous_one(tmp_path):
     path = tmp_path / "flight.mcap"
     (tmp_path / "flight.002.mcap").mkdir()
     recorder = Recorder(path, {"seed": "3"}, rotate_s=1.0)
@@ -85,7 +85,7 @@ def test_a_disk_that_fills_up_at_the_seam_ends_the_record_and_keeps_what_there_w
     assert survey.torn is None
 
 
-def test_a_flight_is_replayed_bit_for_bit_across_its_seams(tmp_path, flight):
+def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
     result, whole = flight
     path, clock = tmp_path / "record.mcap", VirtualClock()
     world = SteppedWorld(result.scenario, clock)
@@ -122,12 +122,12 @@ def test_the_writers_memory_does_not_grow_from_file_to_file(tmp_path):
 
 
 @pytest.mark.parametrize(("key", "value"), [("rotate_s", 1.0), ("rotate_mb", 0.1)])
-def test_files_of_no_length_are_refused(key, value):
+def test_file_limits_that_are_too_small_are_refused(key, value):
     with pytest.raises(ValueError, match=key):
         RecordSection(**{key: value})
 
 
-def test_a_later_file_without_the_first_is_no_record_of_the_whole(tmp_path):
+def test_a_later_file_can_be_read_without_the_first(tmp_path):
     path = tmp_path / "flight.mcap"
     write(path, 25.0, rotate_s=10.0)
     path.unlink()
