@@ -1,7 +1,7 @@
 """A mock autopilot that real MAVLink clients can fly: PX4, ArduCopter and a rover, nothing to build.
 
-What is exported is imported when it is first used: `sitl-mock --help`, and a pytest that only has the plugin
-installed, shall not pay for MAVLink's dialect.
+Exports are imported on first use, so that `sitl-mock --help` and a pytest run that does not use the plugin need not
+load MAVLink's dialect.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""The autopilot of one vehicle: body, beliefs and commander, moved on a fixed grid; no I/O, time is an argument."""
+"""The autopilot of one vehicle: body, estimator and commander on a fixed time grid; no I/O, time is an argument."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 TICK_S: Final = 0.01
 MOVE_TICKS: Final = 2
-"""The body moves every 20 ms; in between, what is reported is carried on by its rates."""
+"""The body moves every 20 ms; between two moves, telemetry is extrapolated by the rates."""
 _SLOW_TICKS: Final = round(ESTIMATOR_S / TICK_S)
 _MOVE_S: Final = TICK_S * MOVE_TICKS
 _OWN_NUMBER: Final = frozenset({"MAV_SYS_ID", "SYSID_THISMAV"})
@@ -48,7 +48,7 @@ _EPOCH_US: Final = 1_750_000_000_000_000
 
 @dataclass(frozen=True)
 class Settings:
-    """What a vehicle is made with; see `MockVehicle`."""
+    """Settings of a vehicle; see `MockVehicle`."""
 
     flavour: Flavour
     system_id: int = 1
@@ -65,7 +65,7 @@ class Settings:
 
 
 class Announcements(NamedTuple):
-    """What a vehicle says by itself: on every link, and as texts on those that take texts."""
+    """Unsolicited messages: those for every link, and texts for the links that send texts."""
 
     everywhere: Sequence[Reply]
     texts: Sequence[Reply]
@@ -80,8 +80,8 @@ class Autopilot:
     Attributes:
         state: State that every flavour shares; new after each boot.
         commander: The flavour's decisions; new after each boot.
-        report: What telemetry is made from; new after each boot.
-        boots: How often it has been switched on.
+        report: Source of the telemetry; new after each boot.
+        boots: Number of boots.
     """
 
     def __init__(self, settings: Settings, signing: Signing) -> None:
@@ -116,7 +116,7 @@ class Autopilot:
         self.boot(0.0)
 
     def boot(self, now_s: float) -> None:
-        """Begin from nothing; the body stays where it is and moves as it does."""
+        """Restart the autopilot; the body keeps its motion."""
         settings = self.settings
         if self.parameters.reset_at_boot:
             self.parameters.reset()
@@ -163,7 +163,7 @@ class Autopilot:
         self._renew_times(now_s)
 
     def tick(self, now_s: float, count: int) -> None:
-        """Go on to tick number `count` of the grid."""
+        """Advance to tick number `count` of the grid."""
         conditions = self.conditions
         if conditions.events:
             for name, value in conditions.take():
@@ -183,11 +183,11 @@ class Autopilot:
         self._renew_times(now_s)
 
     def take(self, now_s: float, message: Message) -> None:
-        """Take a message that belongs to no protocol."""
+        """Take a message outside the protocols."""
         take(self.state, self.commander, now_s, message)
 
     def announcements(self) -> Announcements | None:
-        """Return what is to be said without having been asked for."""
+        """Return the unsolicited messages since the last call."""
         state, reached = self.state, self.commander.mission.reached
         texts, news, changed = state.texts, state.news, state.parameter_news
         if not (texts or reached or news or changed):
@@ -204,26 +204,26 @@ class Autopilot:
             fields = BUILDERS[name](self.report)
             if fields is not None:
                 everywhere.append((name, *fields))
-        for told in (news, changed, texts, reached):
-            told.clear()
+        for queue in (news, changed, texts, reached):
+            queue.clear()
         return Announcements(everywhere, said)
 
     def set_mission_item(self, _now_s: float, seq: int) -> list[Reply]:
-        """MISSION_SET_CURRENT: go on there; MISSION_CURRENT follows at its own rate."""
+        """MISSION_SET_CURRENT: continue at this item; MISSION_CURRENT follows at its own rate."""
         self.commander.mission.set_current(seq)
         return []
 
     def home_place(self) -> Place:
-        """Where home is; zeros while there is none."""
+        """Return home, or zeros if there is none."""
         home_m = self.state.home_m
         return Place(0.0, 0.0, 0.0) if home_m is None else Place(*self.state.frame.to_geodetic(*home_m))
 
     def guide(self, now_s: float, item: PlanItem) -> bool:
-        """A mission item that is an order."""
+        """Fly to a single mission item, if the flavour does."""
         return self.commander.guide(now_s, item)
 
     def set_origin(self, _now_s: float, place: Place) -> bool:
-        """SET_GPS_GLOBAL_ORIGIN: disarmed, the local frame moves there; armed it stays."""
+        """SET_GPS_GLOBAL_ORIGIN: moves the local frame while disarmed; refused while armed."""
         if self.state.armed:
             return False
         body, state, old = self.motion.body, self.state, self.frame
@@ -244,7 +244,7 @@ class Autopilot:
         return True
 
     def _slowly(self, now_s: float) -> None:
-        """What changes slowly: the estimator, gusts, the battery, the parameters of the dynamics."""
+        """Update the slow parts: estimator, gusts, battery, parameters of the dynamics."""
         state, conditions = self.state, self.conditions
         state.estimator.advance(now_s, conditions, flying=not state.body.on_ground)
         state.battery.advance(ESTIMATOR_S, state.body.thrust_m_s2 / 9.80665)
@@ -256,7 +256,7 @@ class Autopilot:
             self.plant = self.flavour.plant(self.parameters)
 
     def _move(self) -> None:
-        """One step of the body under the last decision, and what the estimator makes of it."""
+        """Advance the body under the last setpoint, and update the estimate."""
         state, conditions = self.state, self.conditions
         estimator, (n, e, d), gust = state.estimator, conditions.wind_m_s, self._gust
         if gust is not ZERO:
@@ -277,11 +277,11 @@ class Autopilot:
         state.track_landing()
 
     def _reference(self) -> Reference | None:
-        """The motion that the control follows, where it makes one."""
+        """Return the controller's reference motion, or None."""
         return self.plant.reference(self.motion)
 
     def _carry_on(self) -> None:
-        """Half way between two moves: position and attitude by their rates."""
+        """Half way between two moves, extrapolate position and attitude by their rates."""
         state = self.state
         if state.body.on_ground and not self.flavour.ground_vehicle:
             return
@@ -300,7 +300,7 @@ class Autopilot:
         )
 
     def since_boot_s(self, now_s: float) -> float:
-        """The vehicle's own clock, by which telemetry and TIMESYNC count."""
+        """Return the vehicle's own clock, which telemetry and TIMESYNC use."""
         return now_s - self.state.booted_s + self.time_jump_s
 
     def _renew_times(self, now_s: float) -> None:

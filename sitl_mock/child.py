@@ -1,4 +1,4 @@
-"""A fleet as a child process: started, waited for, and ended for sure; what test suites and examples build on.
+"""A fleet in a child process that is reliably ended, for test suites and examples.
 
 with running([{"name": "uav1", "flavour": "px4", "ready_after_s": 1.0}]) as fleet:
     fleet["uav1"].udp           # udpin://127.0.0.1:25000, as MAVSDK wants it
@@ -36,14 +36,14 @@ _ERRORS: Final = "errors.txt"
 
 @dataclass(frozen=True)
 class RunningVehicle:
-    """Where one vehicle can be reached.
+    """Addresses of one vehicle.
 
     Attributes:
         name: Its name.
         flavour: px4, arducopter or rover.
         system_id: MAVLink system id.
-        udp_port: The port on 127.0.0.1 that it sends to, where a client listens; None without UDP.
-        udp_listens: The port it listens on.
+        udp_port: The port on 127.0.0.1 where its client listens; None without UDP.
+        udp_listens: The vehicle's own port.
         zenoh: Endpoint for a Zenoh client, None without Zenoh.
     """
 
@@ -61,7 +61,7 @@ class RunningVehicle:
 
     @property
     def namespace(self) -> str:
-        """The Zenoh namespace under which are mavlink_raw/in, mavlink_raw/out and faults."""
+        """The Zenoh namespace of mavlink_raw/in, mavlink_raw/out and faults."""
         return self.name
 
 
@@ -70,9 +70,9 @@ class RunningFleet(Mapping[str, RunningVehicle]):
     """The vehicles of one child process, by name.
 
     Attributes:
-        vehicles: Where each can be reached.
+        vehicles: Their addresses.
         process: The child; `running` ends it.
-        log: The file that takes what it says on its standard error.
+        log: File with its standard error.
     """
 
     vehicles: Mapping[str, RunningVehicle]
@@ -89,14 +89,14 @@ class RunningFleet(Mapping[str, RunningVehicle]):
         return len(self.vehicles)
 
     def check(self) -> None:
-        """See that it still runs.
+        """Check that the child still runs.
 
         Raises:
-            TransportError: It has ended, with its exit code and its last words.
+            TransportError: It has ended; the message has its exit code and last output.
         """
         code = self.process.poll()
         if code is not None:
-            words = _last_words(self.log) or "it said nothing"
+            words = _last_words(self.log) or "without a message"
             raise TransportError(f"the mock autopilot ended in flight (exit code {code}): {words}")
 
 
@@ -114,15 +114,15 @@ def running(
 
     Args:
         vehicles: The `[[vehicle]]` tables of a fleet file: name, flavour, ready_after_s, parameters, ...
-        over: What it is reached over.
+        over: Transports to open.
         faults: The tables of a faults file.
-        port: First UDP port of the onboard links, or without UDP the port of the Zenoh session; 0 picks what is free.
-        seed: Of all randomness.
+        port: First UDP port of the onboard links, or without UDP the port of the Zenoh session; 0 picks free ones.
+        seed: Seed of all randomness.
         fleet: Other keys of a fleet file, such as home.
 
     Raises:
         ConfigError: A key is unknown or wrong.
-        TransportError: It did not come up.
+        TransportError: It did not start.
     """
     unknown = sorted(set(over) - {"udp", "zenoh"})
     if unknown or not over:
@@ -140,17 +140,17 @@ def running(
             stack.callback(end, process)
             line = _first_line(process)
             if line:
-                yield RunningFleet(_told(json.loads(line), _targets(udp, flavours)), process, folder / _ERRORS)
+                yield RunningFleet(_addresses(json.loads(line), _targets(udp, flavours)), process, folder / _ERRORS)
                 return
             end(process)
             if process.returncode != _PORT_TAKEN:
                 break
         error = ConfigError if process.returncode == ConfigError.exit_code else TransportError
-        raise error(_last_words(folder / _ERRORS) or "the mock did not come up")
+        raise error(_last_words(folder / _ERRORS) or "the mock did not start")
 
 
 def end(process: subprocess.Popen[str]) -> None:
-    """End a child: by closing its standard input, and by force if that does not help."""
+    """End a child by closing its standard input, or by force after 5 s."""
     if process.stdin is not None:
         with contextlib.suppress(OSError):
             process.stdin.close()
@@ -168,7 +168,7 @@ def _start(folder: Path, udp: int | None, zenoh: int | None) -> subprocess.Popen
     command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
     command += ["--udp", str(udp)] if udp is not None else []
     command += ["--zenoh", f"tcp/127.0.0.1:{zenoh}"] if zenoh is not None else []
-    with (folder / _ERRORS).open("w", encoding="utf-8") as errors:  # a pipe that nobody reads would fill up
+    with (folder / _ERRORS).open("w", encoding="utf-8") as errors:  # an unread pipe would fill up
         return subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -181,24 +181,24 @@ def _start(folder: Path, udp: int | None, zenoh: int | None) -> subprocess.Popen
 
 
 def _last_words(log: Path) -> str:
-    """The end of what a child has said."""
+    """Return the last error or line in a child's log."""
     said = log.read_text(encoding="utf-8", errors="replace").strip()
     return said.rpartition("error: ")[2] if "error: " in said else said.rpartition("\n")[2]
 
 
 def _first_line(process: subprocess.Popen[str]) -> str:
-    """Return the line that says ready, empty if the child ended or took too long."""
+    """Return the "ready" line; empty if the child ended or took too long."""
     if process.stdout is None or not select.select([process.stdout], [], [], _START_S)[0]:
         return ""
     return process.stdout.readline()
 
 
 def _targets(port: int | None, flavours: Mapping[str, str]) -> dict[str, int]:
-    """Return the port that each vehicle sends to."""
+    """Return each vehicle's target port."""
     return {} if port is None else {name: target for name, (_, target) in udp_ports(port, flavours).items()}
 
 
-def _told(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, RunningVehicle]:
+def _addresses(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, RunningVehicle]:
     vehicles = {}
     for each in ready["vehicles"]:
         name, places = each["name"], each["endpoints"]
@@ -209,7 +209,7 @@ def _told(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, Run
 
 
 def free_udp_port(flavours: Mapping[str, str]) -> int:
-    """Return a first port with which every vehicle's ports, its own and its client's, are free now.
+    """Return a first port such that all ports of the vehicles and their clients are free now.
 
     Raises:
         TransportError: None is found.
@@ -219,10 +219,10 @@ def free_udp_port(flavours: Mapping[str, str]) -> int:
 
 
 def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int:
-    """Return a first port such that all the vehicles' ports, and those of their clients, are free now.
+    """Return a first port such that all ports of the vehicles and their clients are free now.
 
-    Nobody listens on a client's UDP port before the client does. Until the stack is closed, the TCP port of the same
-    number is held instead, so that fleets started at the same time keep apart.
+    The client's UDP port must stay unbound for the client. To keep fleets that start at the same time apart, the TCP
+    ports with the same numbers are bound until the stack is closed.
     """
     spread = max(max(pair) for pair in udp_ports(0, flavours).values()) + 1
     first = _FIRST_PORT + _any_free_port() % (_LAST_PORT - _FIRST_PORT)
@@ -264,5 +264,5 @@ def _is_free(port: int) -> bool:
 
 
 def _given(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys that have a value."""
+    """Drop keys without a value."""
     return {key: value for key, value in table.items() if value is not None}

@@ -1,7 +1,7 @@
-"""Conditions that can be put upon a vehicle from outside: the hooks of faults, and of tests.
+"""Conditions that faults and tests impose on a vehicle.
 
-A condition is a name and a value; it holds until it is changed. Those that happen once (a mode switch, a jump) are
-events and are gone when the vehicle has taken them.
+A condition has a name and a value and holds until it is changed. Conditions that happen once (mode switches, jumps) are
+events; the vehicle handles each one once.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ from sitl_mock.errors import ConfigError
 
 @dataclass(frozen=True)
 class ConditionKind:
-    """One condition: what it does, its value at rest, and how a value is checked."""
+    """One condition: its meaning, its neutral value, and a function that checks values."""
 
     meaning: str
     rest: Any
@@ -107,7 +107,7 @@ def parse(name: str, value: Any) -> Any:  # noqa: ANN401 - anything may come fro
 
 @dataclass(slots=True)
 class Conditions:
-    """The conditions that hold on one vehicle now, and the events not yet taken."""
+    """The present conditions of one vehicle, and the events not yet handled."""
 
     rc: bool | None = None
     sticks: tuple[float, float, float, float] | None = None

@@ -1,7 +1,7 @@
-"""What a person sees of a fleet that is served: how to connect to each vehicle, and what each one does.
+"""Console output of a running fleet: how to connect to each vehicle, and its state.
 
-On a terminal that is a table, drawn anew twice a second; elsewhere one line whenever something changes. Neither ever
-waits for who reads it: the vehicles fly on.
+On a terminal the state is a table, redrawn twice a second; otherwise a line per change. Output never blocks the
+vehicles.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 TABLE_S: Final = 0.5
 LINES_S: Final = 0.1
 SHORT_FLEET: Final = 4
-"""Up to so many vehicles have a line of each client's own; of larger ones each vehicle has one line."""
+"""Up to this size each vehicle has one line per client; in larger fleets each vehicle has one line."""
 
 
 class Status(NamedTuple):
-    """What one vehicle does.
+    """State of one vehicle.
 
     Attributes:
         name: Its name in the fleet.
         flavour: px4, arducopter or rover.
         system_id: MAVLink system id.
         mode: Name of the mode that is flown.
-        armed: Whether the motors are.
+        armed: Whether it is armed.
         height_m: Estimated height above home.
-        clients: Who was heard in the last seconds, as `system/component`.
+        clients: Senders of the last seconds, as `system/component`.
         faults: Kinds of the faults that act now.
     """
 
@@ -48,19 +48,19 @@ class Status(NamedTuple):
 
 
 class Shown(Protocol):
-    """Where the status of a fleet is shown."""
+    """Display of a fleet's status."""
 
     def update(self, now_s: float) -> None:
-        """Show what is new, when it is time."""
+        """Show changes when an update is due."""
         ...
 
     def close(self) -> None:
-        """Show no more."""
+        """Stop the display."""
         ...
 
 
 def client_lines(udp_port: int) -> dict[str, str]:
-    """What users of each client type to reach a vehicle that sends to a UDP port of this machine."""
+    """Return what to type in each client to connect to a vehicle that sends to this UDP port."""
     return {
         "MAVSDK": f"udpin://127.0.0.1:{udp_port}",
         "pymavlink": f'mavutil.mavlink_connection("udpin:127.0.0.1:{udp_port}")',
@@ -69,13 +69,13 @@ def client_lines(udp_port: int) -> dict[str, str]:
 
 
 def welcome(vehicles: Mapping[str, Faulted], udp: Mapping[str, int], gcs: int | None, zenoh: str | None) -> list[str]:
-    """How to connect to each vehicle.
+    """Return lines that tell how to connect to each vehicle.
 
     Args:
         vehicles: The fleet, by name.
-        udp: The port on this machine that each vehicle sends to; empty without UDP.
+        udp: Target port of each vehicle on this machine; empty without UDP.
         gcs: The ground station's port.
-        zenoh: Where Zenoh clients connect.
+        zenoh: Endpoint for Zenoh clients.
     """
     lines = list(_each_client(vehicles, udp) if len(vehicles) <= SHORT_FLEET else _each_vehicle(vehicles, udp))
     if gcs is not None:
@@ -108,18 +108,18 @@ def _each_vehicle(vehicles: Mapping[str, Faulted], udp: Mapping[str, int]) -> It
 
 
 def write(out: TextIO, text: str) -> bool:
-    """Write a line; False when nobody reads any more."""
+    """Write a line; False if the reader has gone."""
     try:
         out.write(text + "\n")
         out.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())  # what Python still flushes at its end goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())  # so that Python's flush at exit does not fail
         return False
     return True
 
 
 def status_of(vehicle: Faulted) -> Status:
-    """What a vehicle does now."""
+    """Return a vehicle's state."""
     mock = vehicle.vehicle
     now_s = mock.autopilot.state.now_s
     heard = dict.fromkeys(client for link in mock.links.values() for client in link.clients(now_s))
@@ -137,7 +137,7 @@ def status_of(vehicle: Faulted) -> Status:
 
 
 def shown(vehicles: Sequence[Faulted], out: TextIO) -> Shown:
-    """A table on a terminal that can redraw it, else lines."""
+    """Return a table for a terminal that can redraw it, otherwise lines."""
     if out.isatty() and os.environ.get("TERM", "dumb") != "dumb":
         return LiveTable(vehicles, out)
     return ChangeLines(vehicles, out)
@@ -147,7 +147,7 @@ class LiveTable:
     """A table of all vehicles, drawn in place."""
 
     def __init__(self, vehicles: Sequence[Faulted], out: TextIO) -> None:
-        from rich.console import Console  # noqa: PLC0415 - only where somebody looks: it takes a tenth of a second
+        from rich.console import Console  # noqa: PLC0415 - only for terminals: it takes 0.1 s
         from rich.live import Live  # noqa: PLC0415 - as above
 
         self._vehicles = vehicles
@@ -168,7 +168,7 @@ class LiveTable:
 
 
 def table_of(fleet: Sequence[Status]) -> Table:
-    """One row a vehicle."""
+    """Return a table with one row per vehicle."""
     from rich import box  # noqa: PLC0415 - as above
     from rich.table import Table  # noqa: PLC0415 - as above
 
@@ -204,7 +204,7 @@ class ChangeLines:
         self._first_s = -1.0
 
     def update(self, now_s: float) -> None:
-        """Write what has changed; a line that would have to wait for its reader is written later."""
+        """Write changes; a line that would block is written later."""
         if self._out is None or now_s < self._next_s:
             return
         self._next_s = now_s + LINES_S
@@ -220,11 +220,11 @@ class ChangeLines:
                     self._out = None
 
     def close(self) -> None:
-        """Nothing is left to do."""
+        """Do nothing: lines need no cleanup."""
 
 
 def line_of(status: Status, since_s: float) -> str:
-    """One vehicle in a line."""
+    """Return one vehicle's state as a line."""
     parts = [
         f"{since_s:8.1f} s",
         status.name,

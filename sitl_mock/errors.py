@@ -1,14 +1,14 @@
-"""The errors a user of the mock can meet. Every message names what is wrong, its value, and what is allowed."""
+"""Errors for users of the mock. Each message has the key, its value and the allowed values."""
 
 
 class MockError(Exception):
-    """Base of every error that this package raises on purpose. `exit_code` is what a command ends with."""
+    """Base class of this package's errors; `exit_code` is the exit code of commands."""
 
     exit_code = 1
 
 
 class ConfigError(MockError):
-    """A setting is wrong: the message names the key, the value and what is allowed."""
+    """A setting is wrong."""
 
     exit_code = 2
 

@@ -1,7 +1,7 @@
-"""What the autopilot believes about its motion, and how sure it is: estimate = truth + error.
+"""The autopilot's position and velocity estimate and its validity: estimate = truth + error.
 
-The error wanders as measured on the real autopilot; jumps and drifts are added to it. The control loop follows the
-estimate, so it is the truth that moves when the estimate is wrong.
+The error varies as measured on the real autopilot; jumps and drifts are added to it. The control loop uses the
+estimate, so a wrong estimate moves the true vehicle.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""A kind of vehicle: what does not change in it, and the port to its commander, which decides over the shared body."""
+"""A flavour (kind of vehicle) as constant data, and the interface of its commander."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ from sitl_mock.vehicle_state import VehicleState
 
 
 class Commander(Protocol):
-    """One flavour's decisions.
+    """Decisions of one flavour for one vehicle.
 
-    It has no clock: every call names the time, and all that it knows is in itself and in the vehicle's state.
+    It has no clock: every call gives the time. Its state is in itself and in the vehicle's state.
 
-    * `tick` is called every 10 ms and returns what the motors shall do.
-    * `execute` answers commands that are the flavour's own (not streams, parameters or transfers).
-    * `offer` takes setpoints; whatever is none is dropped.
-    * `switch` is the pilot's mode switch: obeyed where the autopilot would.
+    * `tick` is called every 20 ms and returns the setpoint.
+    * `execute` handles the flavour's commands (not those of streams, parameters or transfers).
+    * `offer` takes setpoint messages; invalid ones are dropped.
+    * `switch` is the pilot's mode switch.
     """
 
     mission: MissionFlight
@@ -74,15 +74,15 @@ class Commander(Protocol):
         ...
 
     def tick(self, now_s: float) -> Setpoint:
-        """Decide."""
+        """Return the present setpoint."""
         ...
 
     def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
-        """Obey or refuse."""
+        """Execute or refuse a command."""
         ...
 
     def set_mode(self, now_s: float, /, base_mode: int, custom_mode: int) -> None:
-        """Take a SET_MODE message, which has no answer of its own."""
+        """Take a SET_MODE message, which has no answer."""
         ...
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
@@ -90,16 +90,16 @@ class Commander(Protocol):
         ...
 
     def guide(self, now_s: float, /, item: PlanItem) -> bool:
-        """Take a mission item that is an order (current 2 or 3); whether it is obeyed. PX4 knows none."""
+        """Fly to a single mission item (current 2 or 3); returns whether it does. PX4 never does."""
         ...
 
     def switch(self, now_s: float, /, mode: str) -> None:
-        """Take the pilot's choice."""
+        """Take the pilot's mode."""
         ...
 
 
 def no_files(_parameters: ParameterStore, _plans: PlanStore) -> Files:
-    """No files: an empty folder."""
+    """Return an empty file tree."""
     return FileTree({})
 
 
@@ -114,10 +114,10 @@ class Flavour:
         vehicle_type: MAV_TYPE.
         modes: The table of modes.
         parameters: Their definitions.
-        parameter_rules: How parameters are asked for and set.
-        stream_rules: How rates are asked for.
-        mission_rules: How plans are uploaded.
-        rates_hz: Streams without being asked, by kind of link (onboard, gcs, quiet).
+        parameter_rules: Rules of the parameter protocol.
+        stream_rules: Rules for changing stream rates.
+        mission_rules: Rules of the mission protocol.
+        rates_hz: Default streams by kind of link (onboard, gcs, quiet).
         identity: AUTOPILOT_VERSION of a vehicle with a number.
         plant: The dynamics under present parameters.
         commander: Makes a vehicle's commander.
@@ -125,13 +125,13 @@ class Flavour:
         sensors: Noise of its sensors.
         ground_wander: Size of the estimator's error on the ground; None where it rests.
         ready_s: From boot until it can be armed.
-        texts: STATUSTEXT goes out on the links; None: on those that a ground station's heartbeats come by.
-        event_of: The event that a text of a severity is sent as, where the flavour has events.
+        texts: Whether links send STATUSTEXT; None: only links with a ground station's heartbeats.
+        event_of: The event for a severity and a text, in a flavour with events.
         own_id_only: Protocols that ignore messages to system 0.
-        broadcast: Commands that are obeyed when sent to system 0; None for all.
+        broadcast: Commands accepted when sent to system 0; None for all.
         ground_vehicle: It cannot start in the air.
         fix_type: GPS_FIX_TYPE of a receiver that works.
-        files: What a vehicle with these parameters and plans offers over FTP.
+        files: The FTP files of a vehicle with these parameters and plans.
     """
 
     name: str

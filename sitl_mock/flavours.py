@@ -1,4 +1,4 @@
-"""The kinds of vehicles by name."""
+"""The flavours (kinds of vehicles) by name."""
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavour import Flavour
@@ -7,13 +7,13 @@ NAMES = ("px4", "arducopter", "rover")
 
 
 def flavour_named(name: str) -> Flavour:
-    """Return a flavour by name; only what it needs is imported.
+    """Return a flavour by name, importing only its own modules.
 
     Raises:
         ConfigError: There is no such flavour.
     """
     if name == "px4":
-        from sitl_mock.px4 import PX4  # noqa: PLC0415 - half of the time to the first HEARTBEAT is imports
+        from sitl_mock.px4 import PX4  # noqa: PLC0415 - imports are half of the start-up time
 
         return PX4
     if name == "arducopter":

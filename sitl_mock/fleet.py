@@ -1,4 +1,4 @@
-"""A fleet: its file and its arguments, checked, and the vehicles made of them."""
+"""Fleets: checked files and command-line arguments, and the vehicles built from them."""
 
 import math
 import tomllib
@@ -29,7 +29,7 @@ class SigningConfig:
 
 @dataclass(frozen=True)
 class VehicleConfig:
-    """One vehicle; see `MockVehicle` for what the keys mean."""
+    """One vehicle; `MockVehicle` describes the keys."""
 
     name: str
     flavour: str = "px4"
@@ -54,7 +54,7 @@ class FleetConfig:
 
 
 def _given(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Accept None too: not given."""
+    """Also accept None (not given)."""
     return lambda value: None if value is None else check(value)
 
 
@@ -77,9 +77,9 @@ _VEHICLE: Final = {
     "system_id": Option("MAVLink system id", None, _given(integer(1, _MOST))),
     "start_ned_m": Option("metres north, east, down of home", (0.0, 0.0, 0.0), place),
     "yaw_deg": Option("degrees", 0.0, number(-360.0, 360.0)),
-    "noise": Option("whether it estimates as the real one", True, flag),
+    "noise": Option("whether it has the real estimator's errors", True, flag),
     "ready_after_s": Option("seconds", None, _given(number(0.0, _FOREVER_S))),
-    "texts": Option("whether STATUSTEXT goes out", None, _given(flag)),
+    "texts": Option("whether it sends STATUSTEXT", None, _given(flag)),
     "origin": Option("of the local frame", None, _any),
     "parameters": Option("values by name", {}, numbers),
     "signing": Option("of all links", None, _any),
@@ -109,7 +109,7 @@ def checked(values: object, source: str) -> FleetConfig:
     """Turn plain values into a fleet.
 
     Raises:
-        ConfigError: A key is unknown or wrong; the message names it, its value and what is allowed.
+        ConfigError: A key is unknown or wrong; the message has the key, its value and the allowed ones.
     """
     given = table(values, _FLEET, source)
     entries = given["vehicle"]
@@ -136,7 +136,7 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
     """Read `--vehicles`: a number, or `flavour:name` and `flavour:name@north,east,down` for each vehicle.
 
     Raises:
-        ConfigError: A value is neither.
+        ConfigError: A value has neither form.
     """
     if len(specs) == 1 and specs[0].isdigit():
         return [{"name": f"uav{number}", "flavour": flavour} for number in range(1, int(specs[0]) + 1)]
@@ -156,7 +156,7 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
 
 
 def _numeral(text: str) -> float | str:
-    """The number in a text, or the text: what is none is refused by its key."""
+    """Return the number in a text, or the text, which the key's check refuses."""
     try:
         return float(text)
     except ValueError:
@@ -164,7 +164,7 @@ def _numeral(text: str) -> float | str:
 
 
 def with_settings(config: FleetConfig, settings: Mapping[str, object], seed: int | None = None) -> FleetConfig:
-    """The same fleet with some keys of every vehicle, and the seed, as the command line has them."""
+    """Return the fleet with keys of every vehicle and the seed replaced by command-line options."""
     values = {
         name: checked_value(f"--{name.replace('_', '-')}", value, _VEHICLE[name]) for name, value in settings.items()
     }
@@ -173,10 +173,10 @@ def with_settings(config: FleetConfig, settings: Mapping[str, object], seed: int
 
 
 def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetConfig:
-    """The same fleet with parameters of `--param`: `NAME=VALUE` for every vehicle, `vehicle:NAME=VALUE` for one.
+    """Return the fleet with the parameters of `--param`: `NAME=VALUE` for all vehicles, `vehicle:NAME=VALUE` for one.
 
     Raises:
-        ConfigError: It is neither, the vehicle is not in the fleet, or the value is no number.
+        ConfigError: The form is wrong, the vehicle is not in the fleet, or the value is not a number.
     """
     vehicles = {each.name: each for each in config.vehicle}
     for text in assignments:
@@ -190,7 +190,7 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
 
 
 def _assignment(text: str) -> tuple[str, str, float]:
-    """Vehicle ("" for all), name and value of a `--param`."""
+    """Split a `--param` into vehicle ("" for all), name and value."""
     target, sign, value = text.partition("=")
     vehicle, _, name = target.rpartition(":")
     try:
@@ -207,16 +207,16 @@ def build(
 ) -> dict[str, MockVehicle]:
     """Make every vehicle of a fleet, each with its own seed.
 
-    Vehicles without a system id get the free ones in order; ids that are given may be equal, as those of ArduPilot's
-    instances are, for vehicles are told apart by their links.
+    Vehicles without a system id get free ids in order. Given ids may be equal, as for ArduPilot's instances, because
+    each vehicle has its own links.
 
     Args:
         config: The fleet.
-        unix_us: Microseconds since 1970 at time 0 of the clock, None for a fixed date.
+        unix_us: Microseconds since 1970 at time 0 of the clock; None for a fixed date.
         links: Name of each link to its kind (see `MockVehicle`).
 
     Raises:
-        ConfigError: A vehicle's parameters are not those of its flavour.
+        ConfigError: A vehicle has a parameter that its flavour lacks.
     """
     ids = _system_ids(config)
     return {

@@ -42,7 +42,7 @@ _GROUND_HEARD_S: Final = 2.5
 _CLIENT_HEARD_S: Final = 3.0
 _CLIENTS_MOST: Final = 16
 PROTOCOL_TICKS: Final = 2
-"""Late answers are looked for every 20 ms."""
+"""Delayed answers are checked every 20 ms."""
 _ONCE: Final = frozenset({"PING", "TIMESYNC"})
 _SET_INTERVAL, _GET_INTERVAL, _REQUEST_MESSAGE, _CAPABILITIES = 511, 510, 512, 520
 _AVAILABLE_MODES, _AUTOPILOT_VERSION = 435, 148
@@ -52,8 +52,8 @@ class Link:
     """One link.
 
     Args:
-        autopilot: Whose link it is.
-        kind: Which default rates it has (onboard, gcs).
+        autopilot: The vehicle.
+        kind: Kind of link, which gives the default rates (onboard, gcs, quiet).
         link_id: Its number in signatures.
     """
 
@@ -92,7 +92,7 @@ class Link:
         )
 
     def takes_texts(self, now_s: float) -> bool:
-        """Whether STATUSTEXT goes out here."""
+        """True if this link sends STATUSTEXT."""
         always = self.autopilot.texts
         return now_s - self._ground_s <= _GROUND_HEARD_S if always is None else always
 
@@ -115,7 +115,7 @@ class Link:
         return frames
 
     def clients(self, now_s: float) -> list[tuple[int, int]]:
-        """(system id, component id) of those who were heard in the last seconds."""
+        """Return (system id, component id) of the senders of the last seconds."""
         return [who for who, heard_s in self._heard.items() if now_s - heard_s <= _CLIENT_HEARD_S]
 
     def _hear(self, now_s: float, message: Message) -> None:
@@ -138,7 +138,7 @@ class Link:
             if fields is not None:
                 try:
                     frames.append(frame_of(spec, fields))
-                except EncodeError:  # a setpoint at the end of the range, turned beyond it
+                except EncodeError:  # a huge setpoint that overflows when rotated
                     self.unsendable += 1
         if tick % PROTOCOL_TICKS == 0:
             replies = self.session.advance(now_s)
@@ -204,12 +204,12 @@ class Link:
 
 @lru_cache
 def prepared(flavour: str) -> dict[str, tuple[Callable[[Report], tuple[Any, ...] | None], MessageSpec]]:
-    """What a flavour can send: how each message is filled, and how it is packed."""
+    """Return builder and packing of each message that a flavour can send."""
     return {name: (build, SPEC_BY_NAME[name]) for name, build in builders_of(flavour).items()}
 
 
 def mode_entries(flavour: Flavour) -> list[ModeEntry]:
-    """The flavour's modes, as AVAILABLE_MODES lists them."""
+    """Return the flavour's modes for AVAILABLE_MODES."""
     return [ModeEntry(mode.name.capitalize(), mode.number) for mode in flavour.modes.modes]
 
 

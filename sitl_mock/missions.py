@@ -1,4 +1,4 @@
-"""What plans mean in flight: the legs of a mission, and whether a place is outside of a fence."""
+"""Plans in flight: the legs of a mission, and fence violations."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -22,13 +22,13 @@ _RELATIVE_FRAMES: Final = frozenset({3, 6, 10, 11})
 _HEIGHT_REACHED_M: Final = 0.8
 _REACHED_M: Final = 2.0
 _LANDED_S: Final = 2.8
-"""PX4 has reached a landing when it counts as one (measured)."""
+"""PX4 completes a landing item when the landing is detected (measured)."""
 _TAKEN_OFF_M: Final = 0.25
-"""ArduPilot ends a mission's take-off this near to its height (measured), wherever it has drifted."""
+"""ArduPilot ends a mission's take-off this close to its height, independent of horizontal drift (measured)."""
 
 
 class Leg(NamedTuple):
-    """Where the present item leads to."""
+    """The motion of the present item."""
 
     position_m: Vector
     yaw_rad: float = math.nan
@@ -38,7 +38,7 @@ class Leg(NamedTuple):
 
 
 def flyable(items: Sequence[PlanItem]) -> bool:
-    """Whether there is anything in a mission that moves the vehicle."""
+    """True if a mission has an item that moves the vehicle."""
     return any(item.command in _PLACES or item.command == RETURN for item in items)
 
 
@@ -49,12 +49,12 @@ class MissionFlight:
     Attributes:
         plans: Where the mission is.
         skip_home: The first item is home and is not flown to (ArduPilot).
-        climbs_first: A mission that begins below its first place climbs to that height where it is (PX4).
-        clocked: Places are reached at `due_s`, when the motion that was planned comes to them (ArduCopter).
-        due_s: When the present place is reached by that.
+        climbs_first: If the first position is higher, the vehicle climbs to its height first (PX4).
+        clocked: Positions count as reached at `due_s`, according to the planned motion (ArduCopter).
+        due_s: Planned arrival at the present position.
         speed_m_s: Set by DO_CHANGE_SPEED, NaN for the default.
-        reached: Sequence numbers reached and not yet reported.
-        over: "" while flying, else why the mission ended: finished, return, landed.
+        reached: Sequence numbers reached but not yet reported.
+        over: Reason for the end of the mission: finished, return or landed; "" while flying.
     """
 
     plans: PlanStore
@@ -87,13 +87,13 @@ class MissionFlight:
 
     @property
     def takes_off(self) -> bool:
-        """Whether the first item that moves the vehicle is a take-off."""
+        """True if the first moving item is a take-off."""
         items = self.plans.mission.items[1:] if self.skip_home else self.plans.mission.items
         first = next((item.command for item in items if item.command in _PLACES or item.command == RETURN), None)
         return first == TAKEOFF
 
     def set_current(self, seq: int) -> bool:
-        """Go on at an item; False if there is none with that number."""
+        """Continue at an item; False if it does not exist."""
         if not 0 <= seq < self.count:
             return False
         self.current = max(seq, 1) if self.skip_home and self.count > 1 else seq
@@ -103,7 +103,7 @@ class MissionFlight:
         return True
 
     def start(self) -> None:
-        """Begin or resume: a finished or a new mission starts at its first item."""
+        """Start or resume; a finished or new mission starts at its first item."""
         if self.over or self._revision != self.plans.mission.revision or self.current >= self.count:
             self.current = 1 if self.skip_home and self.count > 1 else 0
             self.speed_m_s = math.nan
@@ -117,18 +117,18 @@ class MissionFlight:
 
     @property
     def landing(self) -> bool:
-        """Whether the present item is a landing."""
+        """True if the present item is a landing."""
         item = self._item()
         return item is not None and item.command == LAND
 
     @property
     def climbing(self) -> bool:
-        """Whether it is still on its way to the height of its first place."""
+        """True if the vehicle is climbing to the first position's height."""
         item = self._item()
         return self._climb is not None or (item is not None and item.command == TAKEOFF)
 
     def following(self, state: VehicleState) -> Leg | None:
-        """The leg that is flown on to without a stop at the present place."""
+        """Return the next leg if the vehicle does not stop at the present position."""
         items, item = self.plans.mission.items, self._item()
         if item is None or item.command != WAYPOINT or item.param1 > 0.0 or self.current + 1 >= len(items):
             return None
@@ -136,7 +136,7 @@ class MissionFlight:
         return self._leg_to(state, ahead) if ahead.command == WAYPOINT else None
 
     def leg(self, state: VehicleState, entered_m: Vector) -> Leg:
-        """Return the leg to fly now, going on to the next item when one is reached."""
+        """Return the leg to fly now; advances to the next item when one is reached."""
         stay = Leg(state.position_m if state.on_ground else entered_m)
         if self._revision != self.plans.mission.revision:
             self.start()
@@ -160,7 +160,7 @@ class MissionFlight:
         return stay
 
     def _climbing(self, state: VehicleState) -> bool:
-        """Whether the height of the first place has yet to be reached."""
+        """True if the first position's height has not been reached yet."""
         if not self._climb_judged:
             self._climb_judged = True
             first = next((item for item in self.plans.mission.items[self.current :] if item.command in _PLACES), None)
@@ -178,7 +178,7 @@ class MissionFlight:
         return items[self.current] if self.current < len(items) else None
 
     def _do(self, item: PlanItem) -> None:
-        """Take an item that is no place: change speed, jump, return; others are passed over."""
+        """Execute an item without a position: change speed, jump, return; others are skipped."""
         if item.command == RETURN:
             self.over = "return"
             self._tell_done(item)
@@ -195,7 +195,7 @@ class MissionFlight:
         self.current += 1
 
     def _tell_done(self, item: PlanItem) -> None:
-        """PX4 tells an item that is no place, too, and in place of the one before it that it has just told."""
+        """Report an item without a position as reached (PX4), instead of the one just before it."""
         if self.climbs_first:
             if self.reached and self.reached[-1] == item.seq - 1:
                 self.reached.pop()
@@ -249,7 +249,7 @@ _INSIDE_POLYGON, _OUTSIDE_POLYGON, _INSIDE_CIRCLE, _OUTSIDE_CIRCLE = 5001, 5002,
 
 
 def violated(items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector) -> bool:
-    """Say whether a place is outside of an inclusion area or inside of an exclusion area."""
+    """True if a position is outside an inclusion area or inside an exclusion area."""
     north, east, _ = position_m
     for command, points, radius_m in _areas(items, frame):
         if command in {_INSIDE_CIRCLE, _OUTSIDE_CIRCLE}:
@@ -265,7 +265,7 @@ def violated(items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector) -
 def inclusion_polygons(
     items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector
 ) -> Iterator[Sequence[tuple[float, float]]]:
-    """Yield the corners, north and east, of each inclusion polygon that a place is in."""
+    """Yield the corners (north, east) of each inclusion polygon that contains a position."""
     for command, points, _ in _areas(items, frame):
         if command == _INSIDE_POLYGON and _within(points, position_m[0], position_m[1]):
             yield points

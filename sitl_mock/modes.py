@@ -1,4 +1,4 @@
-"""How a flavour's modes are written down: one literal table, obeyed by the code and drawn into the documentation."""
+"""Types for a flavour's table of modes, which both the code and the documentation use."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Need(StrEnum):
-    """What a mode needs before it can run."""
+    """Requirement of a mode."""
 
     PILOT = "pilot's sticks"
     ALTITUDE = "altitude"
@@ -19,11 +19,11 @@ class Need(StrEnum):
     DISARMED = "to be disarmed"
     REGISTRATION = "registration by a companion"
 
-    __hash__ = str.__hash__  # an Enum's own hashes its name, in Python: ten times slower
+    __hash__ = str.__hash__  # Enum's own hash is ten times slower
 
 
 class Mode(NamedTuple):
-    """One mode: its name, its number in HEARTBEAT.custom_mode, what it needs, and whether one may arm in it."""
+    """One mode: name, HEARTBEAT.custom_mode, needs, whether it allows arming, base_mode and meaning."""
 
     name: str
     number: int
@@ -34,7 +34,7 @@ class Mode(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """What moves a vehicle between modes by itself: in `mode`, when `event` comes, it goes on in `after`."""
+    """An automatic mode change: on `event` in `mode`, the vehicle changes to `after`."""
 
     mode: str
     event: str
@@ -47,9 +47,9 @@ class ModeTable:
 
     Attributes:
         title: Name of the flavour.
-        modes: Every mode that a client may ask for.
-        transitions: What the vehicle does by itself.
-        rules: How a request is answered, in words; one line a rule.
+        modes: Every mode that a client may request.
+        transitions: Automatic mode changes.
+        rules: Answers to mode requests, in words; one line per rule.
     """
 
     title: str
@@ -62,7 +62,7 @@ class ModeTable:
         return {mode.name: mode for mode in self.modes}
 
     def by_number(self) -> Mapping[int, Mode]:
-        """Return the modes by HEARTBEAT.custom_mode; where two share a number the first is meant."""
+        """Return the modes by HEARTBEAT.custom_mode; the first one if two share a number."""
         return {mode.number: mode for mode in reversed(self.modes)}
 
     def after(self) -> Mapping[tuple[str, str], str]:
@@ -70,7 +70,7 @@ class ModeTable:
         return {(row.mode, row.event): row.after for row in self.transitions}
 
     def markdown(self) -> Iterator[str]:
-        """Draw the table, line by line."""
+        """Yield the table as lines of Markdown."""
         yield f"### {self.title}"
         yield ""
         yield "| mode | custom_mode | needs | may arm | meaning |"

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class MockVehicles:
-    """Makes vehicles; what it has started ends with the test."""
+    """Makes vehicles and ends them with the test."""
 
     def __init__(self, stack: contextlib.ExitStack) -> None:
         self._stack = stack
@@ -60,12 +60,12 @@ class MockVehicles:
             settings: Other keys of a vehicle in a fleet file: ready_after_s, parameters, start_ned_m, noise, ...
 
         Returns:
-            Where it can be reached.
+            Addresses of the vehicle.
 
         Raises:
             ConfigError: A key is unknown or wrong.
         """
-        from sitl_mock.child import running  # noqa: PLC0415 - suites that do not use it shall not pay for it
+        from sitl_mock.child import running  # noqa: PLC0415 - only on use
 
         table = {"name": name, "flavour": flavour, **settings}
         return self._stack.enter_context(running([table], over=over, faults=faults, seed=seed))[name]
@@ -122,7 +122,7 @@ def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
             seed: int = 0,
             **common: Any,  # noqa: ANN401 - keys of a fleet file
         ) -> RunningFleet:
-            from sitl_mock.child import running  # noqa: PLC0415 - suites that do not use it shall not pay for it
+            from sitl_mock.child import running  # noqa: PLC0415 - only on use
 
             tables = [{**common, **table} for table in _tables(vehicles)]
             return stack.enter_context(running(tables, over=over, faults=faults, seed=seed))

@@ -1,4 +1,4 @@
-"""Messages that belong to no protocol: heartbeats, setpoints, SET_MODE, sticks. What is not understood is ignored."""
+"""Messages outside the protocols: heartbeats, setpoints, SET_MODE, sticks. Unknown ones are ignored."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ RADIO_ONLY, BOTH, NO_STICKS = 0, 3, 4
 _PWM_LEAST, _PWM_MOST = 800, 2200
 _RELEASED, _UNCHANGED = 0, 0xFFFF
 _STICKS_AT_REST: Final = {1: 1500, 2: 1500, 3: 1000, 4: 1500}
-"""What ArduPilot's simulator has on the channels that nobody overrides; PX4 needs all four from the client."""
+"""Pulse widths of channels that are not overridden in ArduPilot's simulator; PX4 needs all four from the client."""
 _FASTEST_M_S: Final = 1000.0
 
 
 def take(state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
-    """Take one message; those of the vehicle itself and those for others are ignored.
+    """Take one message; the vehicle's own and those for other systems are ignored.
 
     Args:
-        state: The vehicle's.
-        commander: Judges commands.
-        now_s: The present.
-        message: As decoded.
+        state: The vehicle.
+        commander: Its commander.
+        now_s: Present time.
+        message: The decoded message.
     """
     handler = _HANDLERS.get(message.get_type())
     if handler is None or not addressed(message, state.system_id, COMPONENT):
@@ -45,7 +45,7 @@ def take(state: VehicleState, commander: Commander, now_s: float, message: Messa
 
 
 def _from_ground(state: VehicleState, message: Message) -> bool:
-    """Whether the sender is ArduPilot's ground station, which it knows by its system id; on PX4 any sender is."""
+    """True if the sender has the system id SYSID_MYGCS (ArduPilot); always true on PX4."""
     return bool(message.get_srcSystem() == state.parameters.get(GROUND_ID, message.get_srcSystem()))
 
 
@@ -79,7 +79,7 @@ def _manual_control(state: VehicleState, _commander: Commander, now_s: float, me
 
 
 def _override(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
-    """RC_CHANNELS_OVERRIDE: pulse widths of channels 1 to 8; 0 releases a channel, 65535 leaves it as it is."""
+    """RC_CHANNELS_OVERRIDE: pulse widths of channels 1 to 8; 0 releases a channel, 65535 leaves it unchanged."""
     source = state.parameters.get(STICK_SOURCE)
     if source == NO_STICKS or state.conditions.rc is False or not _from_ground(state, message):
         return
@@ -98,7 +98,7 @@ def _override(state: VehicleState, _commander: Commander, now_s: float, message:
 
 
 def _follow_target(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
-    """FOLLOW_TARGET: a place on Earth and a velocity, whatever est_capabilities says; nonsense is dropped."""
+    """FOLLOW_TARGET: position and velocity, regardless of est_capabilities; implausible values are dropped."""
     place = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
     velocity = tuple(message.vel)
     if on_earth(place) and all(abs(value) < _FASTEST_M_S for value in velocity):

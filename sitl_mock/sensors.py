@@ -1,6 +1,6 @@
-"""What the receiver and the barometer say: the truth, sampled at their own rate, and white noise.
+"""GPS receiver and barometer: the truth, sampled at their own rate, with white noise.
 
-The estimator's error (`estimator.py`) wanders slowly; a sensor's does not, and both reach a client.
+The estimator's error (`estimator.py`) varies slowly, that of a sensor does not; clients see both.
 """
 
 import math
@@ -15,12 +15,12 @@ _CALM_SD: Final = (0.0, 0.0, 0.0)
 
 
 class Fix(NamedTuple):
-    """One reading of the receiver.
+    """One GPS reading.
 
     Attributes:
-        at_s: When it was taken; minus infinity before the first.
-        position_m: North, east, down of the local frame.
-        velocity_m_s: Likewise.
+        at_s: Its time; minus infinity before the first.
+        position_m: North, east, down in the local frame.
+        velocity_m_s: North, east, down.
     """
 
     at_s: float = -math.inf
@@ -30,12 +30,12 @@ class Fix(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """How far readings scatter about the truth (standard deviations) and how often they come.
+    """Standard deviations of the readings, and the interval of GPS readings.
 
     Attributes:
         position_sd_m: Receiver's position, north, east, down.
         velocity_sd_m_s: Receiver's velocity, north, east, down.
-        fix_s: Between two readings of the receiver.
+        fix_s: Interval of the receiver's readings.
         barometer_sd_m: Barometer's height.
         attitude_sd_rad: Estimated roll and pitch on the ground; the heading's is three times as much.
         gyro_sd_rad_s: Body rates.
@@ -58,10 +58,10 @@ class Sensors:
     """A receiver and a barometer.
 
     Attributes:
-        noise: Their noise, None for exact readings.
-        random: Its source, seeded.
+        noise: Their noise.
+        random: Its seeded source.
         fix: The receiver's last reading.
-        barometer_down_m: The barometer's, taken with it, in the local frame.
+        barometer_down_m: The barometer's reading at that time, in the local frame.
     """
 
     noise: SensorNoise
@@ -73,7 +73,7 @@ class Sensors:
     _spare: float | None = None
 
     def normals(self, count: int) -> list[float]:
-        """So many normal deviates; they come in pairs, and the odd one is kept for the next time."""
+        """Return `count` normal deviates; they are drawn in pairs, and an odd one is kept for the next call."""
         uniform = self.random.random
         drawn = [] if self._spare is None else [self._spare]
         while len(drawn) < count:
@@ -84,7 +84,7 @@ class Sensors:
         return drawn
 
     def scatter(self) -> tuple[float, ...]:
-        """Nine normal deviates, out of some hundreds that were drawn at first: noise that costs next to nothing."""
+        """Return nine normal deviates from a table drawn once, which makes noise cheap."""
         if not self._scatters:
             self._scatters = tuple(tuple(self.normals(9)) for _ in range(_SCATTERS))
         return self._scatters[int(self.random.random() * _SCATTERS)]

@@ -1,4 +1,4 @@
-"""A fleet served in real time: opens its endpoints, says that it is ready, runs until told to stop, closes all."""
+"""Run a fleet in real time: open its endpoints, report "ready", run until stopped, close everything."""
 
 import contextlib
 import gc
@@ -25,7 +25,7 @@ from sitl_mock.transports.udp import UdpEndpoint
 from sitl_mock.vehicle import DEFAULT_LINKS
 
 PX4_LOCAL_OFFSET = 40
-"""PX4's simulation listens 40 ports above the one it sends to: 14580 beside 14540."""
+"""PX4's simulation listens 40 ports above its target port: 14580 and 14540."""
 ARDUPILOT_STEP = 10
 """ArduPilot's instances are ten ports apart: 14550, 14560."""
 GCS_LOCAL_PORT = 18570
@@ -33,14 +33,14 @@ GCS_LOCAL_PORT = 18570
 
 @dataclass(frozen=True)
 class Wires:
-    """Over what a fleet is served.
+    """Transports of a fleet.
 
     Attributes:
         zenoh: Endpoint to listen on; port 0 takes a free one.
         zenoh_connect: Endpoint to connect to instead.
-        zenoh_keys: Who we are to the router there (`transports.zenoh_session.read_keys`).
-        udp: First port of the onboard links. As in the simulations of each, PX4 number i sends to udp + i and listens
-            on udp + 40 + i, ArduPilot number i sends to udp + 10 i and listens on any port; who sends is answered.
+        zenoh_keys: Credentials for the router (`transports.zenoh_session.read_keys`).
+        udp: First port of the onboard links. As in their simulations, PX4 number i sends to udp + i and listens on
+            udp + 40 + i, ArduPilot number i sends to udp + 10 i and listens on any port. Both answer every sender.
         gcs: Port of a ground station. Vehicle i sends to it from port 18570 + i, or from a free port if that is taken.
     """
 
@@ -53,13 +53,13 @@ class Wires:
 
 @dataclass(slots=True)
 class Stop:
-    """Whether a signal asked to stop, and what wakes the loop when one does."""
+    """Stop flag set by signals, and the file descriptor that wakes the loop."""
 
     wake_fileno: int
     asked: bool = False
 
     def ask(self, _number: int, _frame: FrameType | None) -> None:
-        """Take a signal."""
+        """Handle a signal."""
         self.asked = True
 
 
@@ -71,23 +71,23 @@ def serve(
     as_json: bool = False,
     parent_pipe: bool = False,
 ) -> None:
-    """Serve a fleet until SIGTERM, SIGINT or, with parent_pipe, the end of standard input.
+    """Run a fleet until SIGTERM, SIGINT or, with parent_pipe, the end of standard input.
 
     Args:
         config: The fleet.
-        wires: What it is served over.
-        faults: What goes wrong when.
-        as_json: Whether lines for programs are printed.
-        parent_pipe: Whether the end of standard input ends it, too.
+        wires: Its transports.
+        faults: Its faults.
+        as_json: Print JSON for programs.
+        parent_pipe: Also stop at the end of standard input.
 
     Raises:
-        ConfigError: There is nothing to serve over, or the fleet or the faults are wrong.
+        ConfigError: No transport is given, or the fleet or the faults are wrong.
         TransportError: An endpoint cannot be opened.
     """
     if wires.zenoh_keys is not None and wires.zenoh_connect is None:
-        raise ConfigError(f"--zenoh-keys {wires.zenoh_keys}: for the router of --zenoh-connect, which is not given")
+        raise ConfigError(f"--zenoh-keys {wires.zenoh_keys}: needs --zenoh-connect")
     if wires == Wires():
-        raise ConfigError("nothing to fly over: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
+        raise ConfigError("no transport: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(_stop_signals())
         unix_us = time.time_ns() // 1000 - time.monotonic_ns() // 1000
@@ -110,7 +110,7 @@ def serve(
         if parent_pipe:
             watched.append(sys.stdin.fileno())
         gc.collect()
-        gc.freeze()  # a full collection would delay a cycle by milliseconds
+        gc.freeze()  # a full collection would delay the loop by milliseconds
 
         def ended(ready: Collection[int]) -> bool:
             now_s = time.monotonic()
@@ -138,8 +138,8 @@ def _opened(
         ground = UdpEndpoint("gcs", ports, time.monotonic, any_if_taken=True)
         endpoints.append(stack.enter_context(contextlib.closing(ground)))
     if wires.zenoh is not None or wires.zenoh_connect is not None:
-        from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP alone shall not load Zenoh
-        from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP alone shall not load Zenoh
+        from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP does not need Zenoh
+        from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP does not need Zenoh
             ZenohEndpoint,
             read_keys,
             with_port,
@@ -156,7 +156,7 @@ def _opened(
 
 
 def udp_ports(first: int, flavours: Mapping[str, str]) -> dict[str, tuple[int, int]]:
-    """Own port (0 for any) and target port of each vehicle, from its place in the fleet and its flavour.
+    """Return own port (0 for any) and target port of each vehicle, from its index and flavour.
 
     Raises:
         ConfigError: A port would be beyond 65535.
@@ -183,9 +183,9 @@ def _say_ready(
     *,
     as_json: bool,
 ) -> Shown | None:
-    """Tell a parent in JSON, or a person in words, where each vehicle can be reached; a person goes on being shown."""
+    """Print each vehicle's addresses, as JSON or as text; with text, return the display of the status."""
     if as_json:
-        told = [
+        addresses = [
             {
                 "name": name,
                 "flavour": each.vehicle.flavour,
@@ -195,7 +195,7 @@ def _say_ready(
             }
             for name, each in vehicles.items()
         ]
-        lines = [json.dumps({"event": "ready", "vehicles": told})]
+        lines = [json.dumps({"event": "ready", "vehicles": addresses})]
     else:
         first = next(iter(vehicles))
         zenoh = next(
@@ -226,7 +226,7 @@ def _stop_signals() -> Iterator[Stop]:
 
 
 def _at_end(fileno: int) -> bool:
-    """Whether a pipe has been closed at its other end; what comes through it is thrown away."""
+    """True if the other end of a pipe has been closed; its data are discarded."""
     while select.select([fileno], [], [], 0.0)[0]:
         try:
             if not os.read(fileno, 4096):

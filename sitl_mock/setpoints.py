@@ -1,6 +1,6 @@
-"""SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT to a setpoint in the local frame, NaN where an axis is ignored.
+"""Read SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT as setpoints in the local frame; ignored axes are NaN.
 
-What a flavour makes of it (which frames it takes, which masks mean "stop") is the flavour's; the arithmetic is here.
+Each flavour decides which frames it accepts and which masks mean "stop".
 """
 
 import math
@@ -27,7 +27,7 @@ IGNORE_YAW_RATE: Final = 0x800
 
 
 class Target(NamedTuple):
-    """A setpoint as it was sent, in the axes of its frame; ignored values are NaN."""
+    """A received setpoint in the axes of its frame; ignored values are NaN."""
 
     frame: int
     type_mask: int
@@ -42,7 +42,7 @@ _target = maker_of(Target)
 
 
 def _kept(values: Vector, mask: int) -> Vector:
-    """The axes that the lowest three bits do not ignore."""
+    """Replace the axes ignored by the lowest three bits by NaN."""
     bits = mask & 7
     if not bits:
         return values
@@ -87,7 +87,7 @@ def _read(message: Any, position_m: Vector) -> Target:  # noqa: ANN401 - as abov
 
 
 def turned(vector: Vector, yaw_rad: float) -> Vector:
-    """Turn forward, right, down into north, east, down by the heading."""
+    """Rotate forward, right, down into north, east, down by the heading."""
     forward, right, down = vector
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
     return (forward * cosine - right * sine, forward * sine + right * cosine, down)
@@ -99,5 +99,5 @@ def added(first: Vector, second: Vector) -> Vector:
 
 
 def any_finite(vector: Vector) -> bool:
-    """Whether at least one component is a finite number."""
+    """True if a component is finite."""
     return math.isfinite(vector[0]) or math.isfinite(vector[1]) or math.isfinite(vector[2])

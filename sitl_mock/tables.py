@@ -1,4 +1,4 @@
-"""Tables of a file or of a request: keys, each with its meaning, its default and what is allowed."""
+"""Checked tables (from files or requests): keys with meaning, default and allowed values."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Option:
     """One key of a table.
 
     Attributes:
-        meaning: What it sets, with its unit.
-        default: Its value where none is given; REQUIRED if one must be.
-        check: Turns a value from a file into what is used; raises ValueError saying what is allowed.
+        meaning: Description with unit.
+        default: Default value; REQUIRED if there is none.
+        check: Converts a value from a file; raises ValueError with the allowed values.
     """
 
     meaning: str
@@ -29,15 +29,15 @@ class Option:
 
 
 def filled(values: Mapping[str, Any], options: Mapping[str, Option], where: str) -> dict[str, Any]:
-    """Return the checked value of every key, its default where it is not given.
+    """Return the checked value or the default of every key.
 
     Args:
-        values: What was given; keys without an option are passed over.
-        options: By key.
+        values: The given table; keys without an option are ignored.
+        options: Options by key.
         where: Names the table in an error.
 
     Raises:
-        ConfigError: A key is missing, or its value is not one of those allowed.
+        ConfigError: A key is missing, or its value is not allowed.
     """
     found = {}
     for name, option in options.items():
@@ -51,15 +51,15 @@ def filled(values: Mapping[str, Any], options: Mapping[str, Option], where: str)
 
 
 def table(values: Any, options: Mapping[str, Option], where: str) -> dict[str, Any]:  # noqa: ANN401 - as below
-    """Return `filled`, where no other keys are allowed.
+    """Do as `filled`, but refuse other keys.
 
     Args:
-        values: What was given.
-        options: By key.
+        values: The given table.
+        options: Options by key.
         where: Names the table in an error.
 
     Raises:
-        ConfigError: It is no table, a key is unknown or missing, or its value is not one of those allowed.
+        ConfigError: It is not a table, a key is unknown or missing, or its value is not allowed.
     """
     if not isinstance(values, Mapping):
         raise ConfigError(f"{where} = {values!r}: allowed is a table of keys")
@@ -75,12 +75,12 @@ def checked(where: str, value: Any, option: Option) -> Any:  # noqa: ANN401 - an
     """Return a checked value.
 
     Raises:
-        ConfigError: It is not one of those allowed.
+        ConfigError: The value is not allowed.
     """
     try:
         return option.check(value)
     except ValueError as error:
-        allowed = str(error) or "nothing else than the kind's own"
+        allowed = str(error) or "only the default of the kind"
         raise ConfigError(f"{where} = {value!r}: allowed is {allowed}") from None
 
 

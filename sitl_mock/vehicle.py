@@ -1,4 +1,4 @@
-"""One mock vehicle: whole MAVLink frames in, whole frames out, time as an argument; no I/O, no clock."""
+"""One mock vehicle: takes and returns MAVLink frames; time is an argument, without I/O or clock."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,29 +19,29 @@ _SLACK: Final = 1e-6
 class MockVehicle:
     """A vehicle that real MAVLink clients can fly.
 
-    Equal arguments and equal frames at equal times give equal frames, byte for byte.
+    Equal arguments and equal frames at equal times give identical frames.
 
     Args:
         flavour: px4, arducopter or rover.
         system_id: MAVLink system id, 1 to 255.
-        home: Where start_ned counts from.
-        start_ned: Where it stands at first: metres north, east, down of home. LOCAL_POSITION_NED counts from there
-            unless origin says otherwise.
-        yaw_deg: Where the nose points at first.
-        seed: Of all randomness.
-        noise: Whether the estimate has the error that was measured on the real autopilot.
+        home: Reference point of start_ned.
+        start_ned: Initial position: metres north, east, down of home. It is the origin of LOCAL_POSITION_NED unless
+            origin is given.
+        yaw_deg: Initial heading.
+        seed: Seed of all randomness.
+        noise: Whether the estimate has the error measured on the real autopilot.
         parameters: Values that differ from the defaults.
-        ready_after_s: From boot until it can be armed; None for what was measured (PX4 5 s, ArduCopter 39 s).
-        texts: Whether STATUSTEXT goes out; None for what was measured (ArduPilot: yes; PX4: on links that a ground
-            station's heartbeats come by).
-        origin: Origin of the local frame, if it is not where the vehicle starts.
+        ready_after_s: Time from boot until it can be armed; None for the measured one (PX4 5 s, ArduCopter 39 s).
+        texts: Whether it sends STATUSTEXT; None for the measured behaviour (ArduPilot: yes; PX4: on links with a
+            ground station's heartbeats).
+        origin: Origin of the local frame, if it is not the initial position.
         links: Name of each link to its kind, which gives its default rates: onboard, gcs, or quiet (HEARTBEAT only
             until a client asks for more).
         signing: MAVLink signing of all links.
         unix_us: Microseconds since 1970 at time 0 of the caller's clock; None for a fixed date.
 
     Raises:
-        ConfigError: An argument is outside of what is allowed.
+        ConfigError: An argument is not allowed.
     """
 
     def __init__(
@@ -87,18 +87,18 @@ class MockVehicle:
         self._ticks = 0
 
     def step(self, now_s: float, frames_in: Sequence[bytes] = (), link: str | None = None) -> list[bytes]:
-        """Move on to now_s, then take the frames that have come by one link; return what that link sends.
+        """Advance to now_s, then take the frames received on one link; return the frames to send on it.
 
         Args:
-            now_s: Seconds of the caller's clock; must not fall. The first call switches the vehicle on.
-            frames_in: Whole MAVLink frames; anything else is counted and dropped.
-            link: Which link; the first one if not given.
+            now_s: Seconds of the caller's clock, not decreasing. The first call boots the vehicle.
+            frames_in: Whole MAVLink frames; others are counted and dropped.
+            link: Name of the link; default: the first one.
         """
         name = next(iter(self.links)) if link is None else link
         return self.step_links(now_s, {name: frames_in})[name]
 
     def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
-        """Do `step` for all links at once."""
+        """Do `step` for all links."""
         out: dict[str, list[bytes]] = {name: [] for name in self.links}
         if math.isnan(self._first_s):
             self._first_s = now_s
@@ -117,10 +117,10 @@ class MockVehicle:
         return out
 
     def inject(self, name: str, value: Any = True) -> None:  # noqa: ANN401 - a condition from a file or a test
-        """Put a condition upon the vehicle (names and values: `sitl_mock.conditions.CONDITIONS`).
+        """Set a condition of the vehicle (names and values: `sitl_mock.conditions.CONDITIONS`).
 
         Raises:
-            ConfigError: The name is unknown, or the value is not one of those allowed.
+            ConfigError: The name is unknown, or the value is not allowed.
         """
         if name == "pilot_mode" and value not in self.modes:
             raise ConfigError(f"condition pilot_mode = {value!r}: allowed are {', '.join(self.modes)}")
@@ -133,17 +133,17 @@ class MockVehicle:
 
     @property
     def mode(self) -> str:
-        """Name of the mode that is flown."""
+        """Name of the flown mode."""
         return self.autopilot.commander.mode
 
     @property
     def modes(self) -> Sequence[str]:
-        """Names of the modes there are."""
+        """Names of all modes."""
         return [mode.name for mode in self.autopilot.flavour.modes.modes]
 
     @property
     def armed(self) -> bool:
-        """Whether the motors are armed."""
+        """True if the vehicle is armed."""
         return self.autopilot.state.armed
 
     @property
@@ -157,7 +157,7 @@ class MockVehicle:
         return self.autopilot.flavour.name
 
     def counters(self) -> dict[str, dict[str, int]]:
-        """What each link's decoder has seen, by kind."""
+        """Return the counts of each link's decoder."""
         return {name: link.decoder.counts.as_dict() for name, link in self.links.items()}
 
     def _fresh_links(self) -> dict[str, Link]:

@@ -1,6 +1,6 @@
-"""What every flavour shares: one vehicle's body, estimate, power, pilot and texts, which its commander decides over.
+"""State shared by all flavours: one vehicle's body, estimate, battery, pilot and texts.
 
-The battery is drained by flying, to half as in PX4's simulation, or is put where a test wants it.
+Flying drains the battery to one half, as in PX4's simulation; tests can set it.
 """
 
 import math
@@ -19,7 +19,7 @@ from sitl_mock.world import LocalFrame, Vector
 _FULL_V, _EMPTY_V = 4.05, 3.6
 _CELLS = 4
 LEAST = 0.5
-"""Flying does not drain it further (SIM_BAT_MIN_PCT), so that long tests do not end in failsafes."""
+"""Flying does not drain the battery below this (SIM_BAT_MIN_PCT), so that long tests do not end in failsafes."""
 
 
 @dataclass(slots=True)
@@ -66,7 +66,7 @@ _LEVEL = Euler(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Severity(IntEnum):
-    """MAV_SEVERITY, those that autopilots use."""
+    """MAV_SEVERITY, as far as autopilots use it."""
 
     EMERGENCY = 0
     CRITICAL = 2
@@ -87,7 +87,7 @@ class Landed(IntEnum):
 
 
 class Reported(NamedTuple):
-    """A FOLLOW_TARGET: when it came, where its sender is in the local frame, and how it moves."""
+    """A FOLLOW_TARGET: arrival time, and position and velocity of its sender in the local frame."""
 
     at_s: float
     position_m: Vector
@@ -106,17 +106,17 @@ class VehicleState:
         position_m: Estimated position (north, east, down of the local frame).
         velocity_m_s: Estimated velocity.
         attitude: Estimated attitude.
-        sensors: What the receiver and the barometer say.
-        home_m: Home in the local frame, None while it is not set.
-        home_s: When it was last set.
-        home_attitude: Attitude then.
-        home_given: Home was set by a command, and not by the vehicle itself.
-        booted_s: When the autopilot was switched on.
-        armed_s: When it was armed; minus infinity while disarmed.
-        landed_s: Since when it has stood on the ground; plus infinity in the air.
-        flew: It has left the ground since it was armed.
-        news: Names of messages to send once on every link, without being asked.
-        parameter_news: Names of parameters that have changed by themselves, likewise.
+        sensors: GPS receiver and barometer.
+        home_m: Home in the local frame, None before it is set.
+        home_s: Time when it was last set.
+        home_attitude: Attitude at that time.
+        home_given: Home was set by a command.
+        booted_s: Time of the boot.
+        armed_s: Time of arming; minus infinity while disarmed.
+        landed_s: Time of touchdown; plus infinity in the air.
+        flew: It has left the ground since arming.
+        news: Names of messages to send once, unsolicited, on every link.
+        parameter_news: Names of parameters that the vehicle itself has changed, to be sent on every link.
         target: The last FOLLOW_TARGET.
     """
 
@@ -151,7 +151,7 @@ class VehicleState:
 
     @property
     def on_ground(self) -> bool:
-        """Whether it stands."""
+        """True if the vehicle is on the ground."""
         return self.body.on_ground
 
     @property
@@ -164,25 +164,25 @@ class VehicleState:
         self.texts.append((int(severity), text))
 
     def set_home(self, position_m: Vector, *, attitude: Euler | None = None, given: bool = False) -> None:
-        """Home is there; the attitude is the present one if not given."""
+        """Set home; the attitude defaults to the present one."""
         self.home_m = position_m
         self.home_s = self.now_s
         self.home_attitude = self.attitude if attitude is None else attitude
         self.home_given = given
 
     def arm(self) -> None:
-        """Motors on."""
+        """Arm."""
         self.armed = True
         self.armed_s = self.now_s
         self.flew = False
 
     def disarm(self) -> None:
-        """Motors off."""
+        """Disarm."""
         self.armed = False
         self.armed_s = -math.inf
 
     def track_landing(self) -> None:
-        """Note since when the vehicle has been standing."""
+        """Update the time of touchdown."""
         if not self.body.on_ground:
             self.landed_s = math.inf
             self.flew = self.flew or self.armed
@@ -191,5 +191,5 @@ class VehicleState:
 
     @property
     def standing_s(self) -> float:
-        """For how long it has been standing; negative infinity in the air."""
+        """Time since touchdown; negative infinity in the air."""
         return self.now_s - self.landed_s

@@ -1,7 +1,7 @@
-"""Where the vehicle stands on Earth: a local north-east-down frame around a point of WGS-84.
+"""Local north-east-down frames on WGS-84.
 
-A vehicle's LOCAL_POSITION_NED counts from the origin of its own estimator, which is where it was switched on unless
-told otherwise; `GPS_GLOBAL_ORIGIN` and `HOME_POSITION` announce the two points.
+LOCAL_POSITION_NED is relative to the origin of the vehicle's estimator, by default its position at boot.
+`GPS_GLOBAL_ORIGIN` and `HOME_POSITION` announce origin and home.
 """
 
 import math
@@ -23,7 +23,7 @@ class Home(NamedTuple):
 
 
 _home = tuple.__new__
-"""Makes a point unchecked, for what is told with every message, at a third of the price of calling its type."""
+"""Makes a point without checks, three times as fast as calling its type."""
 
 DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 """The field in Zurich where PX4's simulations start."""
@@ -32,8 +32,8 @@ DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 class LocalFrame:
     """North, east, down in metres around an origin, with WGS-84's radii of curvature there.
 
-    Height is what an autopilot's is: the difference of altitudes, not the distance to the tangent plane. Within 1 km
-    of the origin horizontal positions agree with the tangent plane to a tenth of a metre.
+    As in autopilots, height is the difference of altitudes, not the distance to the tangent plane. Within 1 km of the
+    origin, horizontal positions agree with the tangent plane to 0.1 m.
     """
 
     __slots__ = ("_east_m_per_deg", "_north_m_per_deg", "origin")

@@ -1,8 +1,8 @@
-"""How ArduCopter 4.5.7 answers the commands that change nothing in the mock: measured on the ground, all parameters 0.
+"""ArduCopter 4.5.7's answers to commands without effect in the mock, measured on the ground with all parameters 0.
 
-What is in neither this table nor `commands` is UNSUPPORTED.
+Commands neither here nor in `commands` are UNSUPPORTED.
 
-Calibrations are answered with the results and texts of ArduCopter 4.5.7; on a simulator nothing is really turned.
+Calibrations give the results and texts of ArduCopter 4.5.7's simulator, which calibrates nothing.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _ANSWERED: Mapping[int, Result] = MappingProxyType(
         ACCEL_POSITION: Result.FAILED,
     }
 )
-"""Without a calibration that has come to its end there is nothing to accept."""
+"""MAV_RESULT of the calibration commands; MAG_ACCEPT fails because no calibration ever finishes."""
 
 
 def calibrate(commander: ArduPilot, command: Command) -> Answers:
@@ -119,4 +119,4 @@ ANSWERED_WITH_ONE: Mapping[int, Result] = MappingProxyType(
         2001: Result.UNSUPPORTED,
     }
 )
-"""Those that look at their parameters: asked with 1 in all of them."""
+"""Answers that differ when all parameters are 1."""

@@ -1,6 +1,6 @@
-"""ArduPilot's decisions over one vehicle, a copter or a rover.
+"""ArduPilot's decisions for one vehicle, a copter or a rover.
 
-There is no intention beside the mode: whatever changes it, a client, the pilot or a failsafe, changes it for good.
+Unlike PX4 it has no intended mode: a mode change by a client, the pilot or a failsafe is permanent.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.ardupilot import guided, safety
 from sitl_mock.ardupilot.flight import ModeFlight
 from sitl_mock.ardupilot.guided import read_attitude
-from sitl_mock.ardupilot.plans import tell_totals
+from sitl_mock.ardupilot.plans import report_totals
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
@@ -33,14 +33,14 @@ _FLY_THERE: Final = 2
 
 
 class ArduPilot:
-    """The flavour's decisions over one vehicle.
+    """The commander of one vehicle.
 
     Attributes:
-        mode: Name of the mode that is flown.
-        flight: What that mode works towards.
-        failsafes: Which failsafes have acted.
-        there: What modes need and was there at the last look.
-        switched: The mode switch's last position.
+        mode: Name of the flown mode.
+        flight: State of that mode.
+        failsafes: Failsafes that have acted.
+        met_needs: Needs of modes that were met at the last check.
+        switched: Last position of the mode switch.
     """
 
     def __init__(self, state: VehicleState, plans: PlanStore, firmware: Firmware[ArduPilot]) -> None:
@@ -54,11 +54,11 @@ class ArduPilot:
         self.mode = firmware.first_mode
         self.flight = ModeFlight(state.position_m, state.yaw_rad)
         self.failsafes = safety.FailsafeLatch()
-        self.there: frozenset[Need] = frozenset()
+        self.met_needs: frozenset[Need] = frozenset()
         self.switched: int | None = None
         self._check_s = -math.inf
 
-    # What the others see
+    # Reported state
 
     @property
     def custom_mode(self) -> int:
@@ -98,10 +98,10 @@ class ArduPilot:
         """The PREARM bit of SYS_STATUS."""
         return not safety.failing(self.state)
 
-    # What comes in
+    # Inputs
 
     def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
-        """Obey or refuse a command."""
+        """Execute or refuse a command."""
         return self.firmware.execute(self, now_s, command)
 
     def set_mode(self, _now_s: float, base_mode: int, custom_mode: int) -> None:
@@ -111,7 +111,7 @@ class ArduPilot:
             self.request(mode.name)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
-        """Take a setpoint, in GUIDED only; it ends a take-off."""
+        """Take a setpoint (only in GUIDED); it ends a take-off."""
         if self.state.conditions.offboard_refused:
             return
         setpoint = None
@@ -125,7 +125,7 @@ class ArduPilot:
             self.flight.stream_s = now_s
 
     def guide(self, _now_s: float, item: PlanItem) -> bool:
-        """Take a mission item with current 2, older clients' way to fly somewhere; 3 has no effect."""
+        """Fly to a mission item with current 2, as older clients request; 3 has no effect."""
         if item.current != _FLY_THERE:
             return True
         setpoint = guided.item_setpoint(self.state, item) if self.mode == "GUIDED" else None
@@ -139,7 +139,7 @@ class ArduPilot:
         self.request(mode)
 
     def request(self, mode: str) -> bool:
-        """Ask for a mode; a refusal leaves the old one. A disarmed copter takes any."""
+        """Request a mode; after a refusal the old one stays. A disarmed copter accepts any mode."""
         if mode == self.mode:
             return True
         self._look()
@@ -151,8 +151,8 @@ class ArduPilot:
         return True
 
     def _against(self, mode: str) -> str:
-        """Why a mode cannot be entered, empty if it can."""
-        missing = self.by_name[mode].needs - self.there
+        """Reason for not entering a mode, empty if it can be entered."""
+        missing = self.by_name[mode].needs - self.met_needs
         if mode == "GUIDED" and self.state.conditions.offboard_refused:
             return "init failed"
         if not self.state.armed and self.firmware.flies:
@@ -165,7 +165,7 @@ class ArduPilot:
         return ""
 
     def enter(self, mode: str) -> None:
-        """Begin a mode, asked for or not."""
+        """Begin a mode."""
         if mode == self.mode:
             return
         self.mode = mode
@@ -173,10 +173,10 @@ class ArduPilot:
         if mode == "AUTO":
             self.mission.start()
 
-    # What is decided
+    # Decisions
 
     def tick(self, now_s: float) -> Setpoint:
-        """Check when it is time, then say what the motors shall do."""
+        """Run the checks when due; return the setpoint of the flown mode."""
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
             self._check()
@@ -187,16 +187,16 @@ class ArduPilot:
 
     @property
     def sticks(self) -> Sticks:
-        """The pilot's sticks; those of the simulator's radio, throttle down, where nobody moves any."""
+        """The pilot's sticks; without a pilot those of the simulator's radio (throttle down)."""
         pilot = self.state.pilot
         return pilot.sticks if pilot.fresh(self.state.now_s, OVERRIDE_S) else AT_REST
 
     def guided_setpoint(self) -> Setpoint:
-        """What GUIDED flies."""
+        """Return the setpoint of GUIDED."""
         return self.flight.guided_setpoint(self.state, self.plans, self.firmware)
 
     def mission_over(self) -> None:
-        """A rover's AUTO has come to its end."""
+        """Change the mode at the end of a rover's mission."""
         if self.mission.over == "return":
             self.enter(self.after["AUTO", "mission asks to return"])
         elif self.mission.over == "finished":
@@ -214,7 +214,7 @@ class ArduPilot:
         self.flight.takeoff_m = math.nan
 
     def _look(self) -> None:
-        self.there = safety.available(self.state, self.plans)
+        self.met_needs = safety.available(self.state, self.plans)
 
     def _check(self) -> None:
         state = self.state
@@ -223,7 +223,7 @@ class ArduPilot:
             state.say(Severity.INFO, "EKF3 IMU0 is using GPS")
         self._look()
         if self.plans.news:
-            tell_totals(state, self.plans)
+            report_totals(state, self.plans)
         if self.firmware.flies:
             self._hear_switch()
         if state.armed:
@@ -232,7 +232,7 @@ class ArduPilot:
                 self.disarm()
 
     def _act_on_failsafes(self) -> None:
-        """Let new triggers change the mode, once each until they have gone."""
+        """Let new triggers change the mode, once each until they are gone."""
         state = self.state
         for name, event in self.failsafes.new(state, self.plans, flies=self.firmware.flies):
             after = self.after.get(("any", event))
@@ -246,12 +246,12 @@ class ArduPilot:
                 self.enter(self._runnable(after))
 
     def _runnable(self, mode: str) -> str:
-        while not self.by_name[mode].needs <= self.there:
+        while not self.by_name[mode].needs <= self.met_needs:
             mode = self.after.get((mode, "cannot run"), self.firmware.hold_mode)
         return mode
 
     def _hear_switch(self) -> None:
-        """The mode switch of the transmitter: a new position of its channel asks for that position's mode."""
+        """The transmitter's mode switch: a new position of its channel requests that position's mode."""
         channel = int(self.state.parameters["FLTMODE_CH"])
         slot = self.state.pilot.switch_position(channel)
         if slot is None or slot == self.switched:

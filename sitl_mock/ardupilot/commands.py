@@ -1,4 +1,4 @@
-"""How ArduPilot answers commands, as measured on 4.5.7: one function a command, one table of MAV_CMD numbers."""
+"""ArduPilot's answers to commands, as measured on 4.5.7: one function per command, in a table by MAV_CMD number."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _RELATIVE: Final = frozenset({3, 6})
 
 
 def execute(commander: ArduPilot, now_s: float, command: Command) -> Answers:
-    """Obey or refuse a command; what has no effect here is answered as the real one does."""
+    """Execute or refuse a command; commands without effect here get the measured answer."""
     number = command.number
     if not commander.firmware.flies and number in _COPTER_ONLY:
         return UNSUPPORTED
@@ -122,7 +122,7 @@ def _start_mission(commander: ArduPilot, _now_s: float, _command: Command) -> An
 
 
 def _enable_fence(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_FENCE_ENABLE: 0 and 1 set FENCE_ENABLE; anything else has no effect."""
+    """DO_FENCE_ENABLE: 0 and 1 set FENCE_ENABLE; other values have no effect."""
     enable = command.params[0]
     if enable in {0.0, 1.0}:
         commander.state.parameters.set("FENCE_ENABLE", enable)
@@ -130,7 +130,7 @@ def _enable_fence(commander: ArduPilot, _now_s: float, command: Command) -> Answ
 
 
 def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_SET_MISSION_CURRENT: DENIED where there is no such item; home is none to fly to."""
+    """DO_SET_MISSION_CURRENT: DENIED without such an item, or with home as the only item."""
     seq = command.params[0]
     if not math.isfinite(seq) or commander.mission.count < 2 or not commander.mission.set_current(int(seq)):
         return DENIED
@@ -138,7 +138,7 @@ def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> 
 
 
 def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_REPOSITION: in GUIDED, or changing to it with param2 bit 0; the speed in param1 is not looked at."""
+    """DO_REPOSITION in GUIDED, or with a change to it (param2 bit 0); the speed in param1 is ignored."""
     _, flags, _, _, lat, lon, alt = command.params
     if not command.is_int:
         return UNSUPPORTED
@@ -156,7 +156,7 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
 
 
 def _change_speed(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_CHANGE_SPEED: obeyed in the modes that fly by themselves."""
+    """DO_CHANGE_SPEED: only in GUIDED, AUTO and RTL."""
     kind, speed_m_s = command.params[:2]
     if not speed_m_s > 0.0 or commander.mode not in _SPEED_MODES:
         return FAILED
@@ -179,7 +179,7 @@ def _yaw(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
 
 
 def _pause(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_PAUSE_CONTINUE: 0 stops, 1 goes on, in GUIDED and on the way to a waypoint in AUTO."""
+    """DO_PAUSE_CONTINUE: 0 pauses, 1 continues, in GUIDED and between waypoints in AUTO."""
     if command.params[0] not in {0.0, 1.0}:
         return DENIED
     pause = command.params[0] == 0.0
@@ -221,7 +221,7 @@ def _reboot(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
 
 
 def _prearm(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
-    """RUN_PREARM_CHECKS: the reasons come as texts."""
+    """RUN_PREARM_CHECKS: reports failing checks as texts."""
     if commander.state.armed:
         return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
     for reason in safety.failing(commander.state):
@@ -238,7 +238,7 @@ def _tell_home(commander: ArduPilot, _now_s: float, _command: Command) -> Answer
 
 
 def _land_start(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
-    """DO_LAND_START: the mock's missions have no landing sequence to go to."""
+    """DO_LAND_START: fails because the mock's missions have no landing sequence."""
     commander.state.say(Severity.WARNING, "Unable to start landing sequence")
     commander.state.say(Severity.WARNING, "Mode change to AUTO RTL failed: No landing sequence found")
     return FAILED

@@ -1,4 +1,4 @@
-"""What each ArduCopter mode flies, as a setpoint for the dynamics (default parameters)."""
+"""Setpoints of ArduCopter's modes (default parameters)."""
 
 import math
 from typing import Final
@@ -19,23 +19,23 @@ from sitl_mock.setpoints import turned
 _NAN = math.nan
 _REACHED_M: Final = 0.5
 _THROTTLE_DOWN: Final = -0.95
-"""AUTO takes off when the throttle stick has left its lower end, as GUIDED needs no stick."""
+"""AUTO takes off when the throttle stick is above this."""
 _ARMING_DELAY_S: Final = 2.0
-"""ARMING_DELAY_SEC: a take-off waits so long after arming."""
+"""ARMING_DELAY_SEC: delay of a take-off after arming."""
 _THRUST_RISES_S: Final = 0.8
-"""From NAV_TAKEOFF until it lifts off, and again from a second one (measured)."""
+"""Time from NAV_TAKEOFF until it lifts off; a second NAV_TAKEOFF restarts it (measured)."""
 _CLIMB_LEAST_S: Final = 0.65
-"""RTL sets out after so long also where there is nothing to climb (measured)."""
+"""Least duration of RTL's climb, even without height to gain (measured)."""
 _NOT_IN_RTL: Final = 2  # WP_YAW_BEHAVIOR: the nose follows the flight, but not in RTL
 _DEAD_BAND: Final = 0.2
-"""THR_DZ of 100 µs about the middle of the throttle stick."""
+"""THR_DZ: 100 µs on either side of the throttle stick's centre."""
 _SLOWING_M_S2: Final = 1.0
-"""A landing brakes so towards LAND_ALT_LOW."""
+"""Deceleration of a landing towards LAND_ALT_LOW."""
 _STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
 
 
 def _guided(commander: ArduPilot) -> Setpoint:
-    """A take-off first, then the stream; a velocity alone does not leave the ground."""
+    """Fly a take-off, then the stream; a velocity alone does not take off."""
     state, flight = commander.state, commander.flight
     lifts_s = max(state.armed_s + _ARMING_DELAY_S, flight.takeoff_s) + _THRUST_RISES_S
     if flight.taking_off and state.on_ground and state.now_s < lifts_s:
@@ -63,7 +63,7 @@ def _lifting(commander: ArduPilot) -> Setpoint | None:
 
 
 def _attitude_only(commander: ArduPilot) -> Setpoint:
-    """GUIDED_NOGPS: level until something is asked for."""
+    """GUIDED_NOGPS: level until the first setpoint."""
     if commander.state.on_ground:
         return _lifting(commander) or IDLING
     return guided.LEVEL if commander.flight.guided is None else commander.guided_setpoint()
@@ -139,7 +139,7 @@ def _brake(commander: ArduPilot) -> Setpoint:
 
 
 def _by_stick(commander: ArduPilot) -> Setpoint:
-    """Sticks as velocities. The simulator's radio rests with the throttle stick down, so the copter sinks."""
+    """Sticks as velocities. The simulator's radio has the throttle stick down, so the copter descends."""
     state = commander.state
     sticks, climb = commander.sticks, _stick_climb(commander)
     if state.on_ground and climb <= 0.0:
@@ -153,7 +153,7 @@ def _by_stick(commander: ArduPilot) -> Setpoint:
 
 
 def _after_the_mission(commander: ArduPilot) -> Setpoint:
-    """AUTO goes on: a mission that returns does so from where its last place was."""
+    """Hover after a mission, or return if it ended with RETURN_TO_LAUNCH."""
     flight = commander.flight
     if commander.mission.over != "return":
         return _brake(commander)

@@ -1,4 +1,4 @@
-"""The ArduPilot flavours, put together, and their virtual files: parameters and plans packed, as ground stations fetch.
+"""The ArduPilot flavours, and the packed files of parameters and plans that ground stations fetch.
 
 Formats: ``AP_Filesystem_Param`` (0x671B) and ``AP_Filesystem_Mission`` (0x763D) of ArduPilot 4.5.
 """
@@ -59,7 +59,7 @@ def files_of(parameters: ParameterStore, plans: PlanStore) -> FileTree:
 
 
 def packed_parameters(parameters: ParameterStore) -> bytes:
-    """Return all parameters as ``@PARAM/param.pck`` has them: names share their beginnings."""
+    """Return the content of ``@PARAM/param.pck``: all parameters, with common name prefixes packed."""
     count = len(parameters.names)
     packed, last = [struct.pack("<HHH", _PARAMETERS, count, count)], ""
     for name in parameters.names:
@@ -72,12 +72,12 @@ def packed_parameters(parameters: ParameterStore) -> bytes:
 
 
 def _shared(first: str, second: str) -> int:
-    """How many characters two names have in common at their beginnings."""
+    """Length of the common prefix of two names."""
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(first, second, strict=False)))
 
 
 def packed_plan(plans: PlanStore, kind: PlanKind) -> bytes:
-    """Return a plan as ``@MISSION/mission.dat`` has it: a header and the payloads of MISSION_ITEM_INT."""
+    """Return the content of ``@MISSION/mission.dat`` for a plan: a header and MISSION_ITEM_INT payloads."""
     items = plans.plans[kind].items
     packed = [struct.pack("<HHHHH", _ITEMS, kind, 0, 0, len(items))]
     for item in items:
@@ -100,7 +100,7 @@ _GAINS: Final = {
 
 
 def copter_plant(parameters: Mapping[str, float]) -> Vehicle:
-    """The quadrotor; its own motions obey the speeds of WPNAV_*, GUIDED only the accelerations (measured)."""
+    """The quadrotor; its own motions keep the WPNAV_* speeds, GUIDED only the accelerations (measured)."""
     travel = replace(
         ARDUCOPTER_TRAVEL,
         speed_m_s=float(parameters["WPNAV_SPEED"]) * 0.01,

@@ -1,4 +1,4 @@
-"""What the present mode of an ArduPilot flies towards, and what GUIDED makes of the setpoints that come."""
+"""State of ArduPilot's flown mode, and the setpoints of GUIDED."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ _TRAVEL, _STREAM = Kind.TRAVEL, Kind.STREAM
 
 @dataclass(slots=True)
 class ModeFlight:
-    """One mode's flight; new whenever a mode begins.
+    """State of the flown mode; new whenever a mode begins.
 
     Attributes:
         entered_m: Where the mode began.
         entered_yaw_rad: The heading then.
-        guided: Last setpoint in GUIDED, None while there is none.
-        stream_s: When it came, if it came as a stream.
+        guided: Last setpoint in GUIDED, None before the first.
+        stream_s: Arrival of the last streamed setpoint.
         takeoff_m: Down coordinate of the take-off in GUIDED, NaN when it is over.
-        takeoff_s: When it was asked for.
-        just_taken_off: Nothing has been asked for since the take-off in GUIDED.
-        paused: DO_PAUSE_CONTINUE has stopped the flight.
-        turn: Where CONDITION_YAW turns the nose, None where the flight decides.
-        speeds: What DO_CHANGE_SPEED asked for, until the kind of guided flight changes.
-        legs: The legs of AUTO and RTL under way.
-        stage: Part of RTL, which is flown in AUTO as well.
+        takeoff_s: Time of its command.
+        just_taken_off: There has been no setpoint since the take-off in GUIDED.
+        paused: DO_PAUSE_CONTINUE has paused the flight.
+        turn: The turn of CONDITION_YAW, None without one.
+        speeds: Speeds set by DO_CHANGE_SPEED; reset when the kind of setpoint changes.
+        legs: The legs being flown in AUTO or RTL.
+        stage: Part of RTL (also used in AUTO).
         stage_s: When it began.
-        goal_m: Where RTL leads: north and east, and the down coordinate it flies there at.
-        circle: What CIRCLE flies.
-        may_lift: MISSION_START has let AUTO take off; else it waits for the throttle stick.
+        goal_m: Destination of RTL: north, east and the down coordinate of the flight there.
+        circle: The circle of CIRCLE.
+        may_lift: MISSION_START allows AUTO to take off; otherwise it waits for the throttle stick.
     """
 
     entered_m: Vector
@@ -67,7 +67,7 @@ class ModeFlight:
 
     @property
     def taking_off(self) -> bool:
-        """Whether a take-off that GUIDED was asked for is not over."""
+        """True if a take-off in GUIDED is in progress."""
         return math.isfinite(self.takeoff_m)
 
     def take_off(self, now_s: float, here_m: Vector, down_m: float) -> None:
@@ -77,7 +77,7 @@ class ModeFlight:
         self.entered_m = here_m
 
     def follow(self, setpoint: Setpoint) -> None:
-        """Fly a guided setpoint; another kind of one forgets the speeds that were asked for, as the real one does."""
+        """Fly a guided setpoint; another kind of setpoint resets DO_CHANGE_SPEED, as on the real autopilot."""
         if self.guided is None or self.guided.kind is not setpoint.kind or self.just_taken_off:
             self.speeds = Speeds()
         self.just_taken_off = False
@@ -86,7 +86,7 @@ class ModeFlight:
         self.takeoff_m = math.nan
 
     def guided_setpoint(self, state: VehicleState, plans: PlanStore, firmware: Firmware[Any]) -> Setpoint:
-        """GUIDED: the last setpoint, or a stop when it is older than the timeout."""
+        """Return GUIDED's setpoint: the last one, or a stop when it is older than the timeout."""
         if self.guided is None:
             return Setpoint(Kind.BRAKE)
         if self.paused:
@@ -104,7 +104,7 @@ class ModeFlight:
         return self.guided
 
     def with_turn(self, setpoint: Setpoint) -> Setpoint:
-        """The setpoint with the heading of a turn under way."""
+        """Return the setpoint with the heading of CONDITION_YAW, if any."""
         if self.turn is None:
             return setpoint
         return setpoint._replace(yaw_rad=self.turn.advance(DECIDE_S), yaw_rate_rad_s=math.nan)

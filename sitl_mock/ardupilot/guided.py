@@ -1,8 +1,8 @@
-"""Which setpoints ArduPilot takes in GUIDED (measured on ArduCopter 4.5.7).
+"""Setpoint messages in ArduPilot's GUIDED (measured on ArduCopter 4.5.7).
 
-A field is ignored as a whole when any of its three bits is set. What makes no sense means "stop", and nothing is said.
+A field is ignored as a whole when any of its three mask bits is set. An invalid setpoint means "stop", without a text.
 
-SET_ATTITUDE_TARGET is a lean and a heading, with a climb or a thrust.
+SET_ATTITUDE_TARGET gives lean and heading, with a climb rate or a thrust.
 """
 
 import math
@@ -41,7 +41,7 @@ _LOCAL: Final = frozenset({LOCAL_NED}) | _FROM_HERE
 
 
 def read(state: VehicleState, message: Any) -> Setpoint | None:  # noqa: ANN401 - pymavlink has no types
-    """Return the setpoint in a message, STOP where it makes no sense, or None where ArduPilot ignores it."""
+    """Return the setpoint in a message, STOP if it is invalid, or None if ArduPilot ignores it."""
     kind = message.get_type()
     if kind == "SET_POSITION_TARGET_LOCAL_NED":
         target = read_local(message)
@@ -84,7 +84,7 @@ def _read(state: VehicleState, target: Target) -> Setpoint | None:
 
 
 def item_setpoint(state: VehicleState, item: PlanItem) -> Setpoint | None:
-    """Return where a mission item with current 2 leads, None where it is no waypoint."""
+    """Return the setpoint for a mission item with current 2, None if it is not a waypoint."""
     if item.command != _WAYPOINT:
         return None
     altitude = item.z
@@ -118,10 +118,10 @@ _UNIT: Final = 1e-3
 
 
 def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | None:  # noqa: ANN401 - pymavlink
-    """Return the setpoint in a SET_ATTITUDE_TARGET, or None where ArduCopter ignores it.
+    """Return the setpoint in a SET_ATTITUDE_TARGET, or None if ArduCopter ignores it.
 
-    The thrust field is a climb rate about 0.5 unless GUID_OPTIONS has bit 3. Without an attitude the copter stays level
-    and turns at the yaw rate; body roll and pitch rates alone are not flown.
+    The thrust field is a climb rate (0.5 is zero) unless GUID_OPTIONS has bit 3. Without an attitude the copter stays
+    level and turns at the yaw rate; body roll and pitch rates alone have no effect.
     """
     mask = message.type_mask
     if mask & _IGNORE_THRUST or not math.isfinite(message.thrust):
@@ -148,7 +148,7 @@ def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | N
 
 
 def _lean(w: float, x: float, y: float, z: float) -> tuple[float, float]:
-    """Tilt of the thrust axis: the body's up, seen in north and east, as an angle."""
+    """Tilt of the thrust axis towards north and east, in radians."""
     north, east = -2.0 * (x * z + w * y), -2.0 * (y * z - w * x)
     up = 1.0 - 2.0 * (x * x + y * y)
     level = math.hypot(north, east)
@@ -157,7 +157,7 @@ def _lean(w: float, x: float, y: float, z: float) -> tuple[float, float]:
 
 
 def _vertical(parameters: Mapping[str, float], thrust: float) -> tuple[float, float]:
-    """Climb rate and thrust; NaN thrust where the climb counts."""
+    """Climb rate and thrust; the thrust is NaN if the climb rate applies."""
     if int(parameters["GUID_OPTIONS"]) & _THRUST_IS_THRUST:
         return 0.0, min(max(thrust, 0.0), 1.0)
     share = 2.0 * (min(max(thrust, 0.0), 1.0) - 0.5)

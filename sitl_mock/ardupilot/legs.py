@@ -1,8 +1,8 @@
-"""The straight legs of AUTO: from rest to rest along each under a limit of jerk, corners cut within WPNAV_RADIUS.
+"""Straight legs of AUTO: each from rest to rest with limited jerk, corners cut within WPNAV_RADIUS.
 
-Fitted to flights of ArduCopter 4.5.7 with the speeds that it reached and the times at which it went on: the jerk is
-0.8 of WPNAV_JERK (it does not change at once there), and the next leg begins when half the time left on the present one
-brings the vehicle within WPNAV_RADIUS of the corner; the corner counts as reached at that half.
+Fitted to the speeds and switching times of ArduCopter 4.5.7. The effective jerk is 0.8 of WPNAV_JERK, because the real
+one changes gradually. The next leg begins when, half the remaining time later, the sum of both legs passes within
+WPNAV_RADIUS of the corner; then the corner counts as reached.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _LEAST_M: Final = 1e-3
 
 
 class Along(NamedTuple):
-    """How far along a leg, how fast, and how hard speeding up."""
+    """Distance along a leg, speed and acceleration."""
 
     distance_m: float
     speed_m_s: float
@@ -34,12 +34,12 @@ class Along(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Rise:
-    """From rest to a speed with a jerk of one size: up, level where the acceleration is limited, down.
+    """Acceleration from rest to a speed with constant jerk: rising, constant at the limit, falling.
 
     Attributes:
-        speed_m_s: In the end.
-        accel_m_s2: At most.
-        jerk_m_s3: Its size.
+        speed_m_s: Final speed.
+        accel_m_s2: Limit of the acceleration.
+        jerk_m_s3: Magnitude of the jerk.
     """
 
     speed_m_s: float
@@ -48,17 +48,17 @@ class Rise:
 
     @property
     def peak_m_s2(self) -> float:
-        """The acceleration that is reached."""
+        """Greatest acceleration reached."""
         return min(self.accel_m_s2, math.sqrt(self.speed_m_s * self.jerk_m_s3))
 
     @property
     def lasts_s(self) -> float:
-        """How long it takes."""
+        """Duration."""
         peak = self.peak_m_s2
         return self.speed_m_s / peak + peak / self.jerk_m_s3 if peak > 0.0 else 0.0
 
     def at(self, after_s: float) -> Along:
-        """The motion after some time of it."""
+        """Return the motion after some time."""
         jerk, peak, left_s = self.jerk_m_s3, self.peak_m_s2, self.lasts_s - after_s
         bend_s = peak / jerk
         if after_s <= bend_s:
@@ -77,11 +77,11 @@ class Curve:
     """One leg from rest to rest.
 
     Attributes:
-        start_m: Where it begins.
-        goal_m: Where it ends.
-        begun_s: When it begins.
-        length_m: How long it is.
-        rise: How it speeds up, and, turned about, slows down.
+        start_m: Start.
+        goal_m: End.
+        begun_s: Time of the start.
+        length_m: Length.
+        rise: Acceleration at the start; mirrored, the braking at the end.
     """
 
     start_m: Vector
@@ -92,12 +92,12 @@ class Curve:
 
     @property
     def end_s(self) -> float:
-        """When it is over."""
+        """Time of the end."""
         even_m = self.length_m - self.rise.speed_m_s * self.rise.lasts_s
         return self.begun_s + 2.0 * self.rise.lasts_s + even_m / self.rise.speed_m_s
 
     def along(self, now_s: float) -> Along:
-        """The motion at a time."""
+        """Return the motion at a time."""
         rise, after_s, left_s = self.rise, max(now_s - self.begun_s, 0.0), max(self.end_s - now_s, 0.0)
         if left_s < rise.lasts_s:
             way, speed, accel = rise.at(left_s)
@@ -109,20 +109,20 @@ class Curve:
 
     @property
     def direction(self) -> Vector:
-        """Where it leads to, of length one."""
+        """Unit vector from start to end."""
         (a, b, c), (d, e, f), size = self.start_m, self.goal_m, self.length_m
         return (d - a) / size, (e - b) / size, (f - c) / size
 
 
 def curve(start_m: Vector, goal_m: Vector, begun_s: float, speed_m_s: float, parameters: Mapping[str, float]) -> Curve:
-    """The leg between two places under WPNAV_*, each limit along its own direction.
+    """Return the leg between two positions within the WPNAV_* limits, horizontal and vertical separately.
 
     Args:
-        start_m: Where it begins, m NED.
-        goal_m: Where it ends, m NED.
-        begun_s: When.
-        speed_m_s: A speed that was asked for; NaN for WPNAV_SPEED.
-        parameters: By name.
+        start_m: Start, m NED.
+        goal_m: End, m NED.
+        begun_s: Time of the start.
+        speed_m_s: Requested speed; NaN for WPNAV_SPEED.
+        parameters: The vehicle's parameters.
     """
     length_m = max(math.dist(start_m, goal_m), _LEAST_M)
     level, high = math.dist(start_m[:2], goal_m[:2]) / length_m, abs(goal_m[2] - start_m[2]) / length_m
@@ -139,7 +139,7 @@ def curve(start_m: Vector, goal_m: Vector, begun_s: float, speed_m_s: float, par
 
 
 def _braking(state: VehicleState) -> Curve:
-    """The second half of a leg whose middle is here and now, at the present velocity."""
+    """Return a leg whose second half brakes from the present position and velocity."""
     speed_m_s = max(math.hypot(*state.velocity_m_s), _LEAST_M)
     parameters = state.parameters
     rise = Rise(speed_m_s, float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["PSC_JERK_XY"]))
@@ -152,14 +152,14 @@ def _braking(state: VehicleState) -> Curve:
 
 @dataclass(slots=True)
 class Legs:
-    """The legs under way: the present one, what is left of the one before, and the one that begins already."""
+    """The legs being flown: the present one, the rest of the last one and the start of the next one."""
 
     _before: Curve | None = None
     _present: Curve | None = None
     _following: Curve | None = None
 
     def setpoint(self, state: VehicleState, mission: MissionFlight, leg: Leg) -> Setpoint:
-        """Go on towards a leg's place; the mission is told when that counts as reached."""
+        """Continue towards a leg's end; sets the time when the mission counts it as reached."""
         now_s = state.now_s
         present = self._towards(leg.position_m, state, leg.speed_m_s)
         following = mission.following(state)
@@ -172,18 +172,18 @@ class Legs:
         return self._sum(now_s)
 
     def begin(self, state: VehicleState) -> Vector:
-        """Forget all legs and brake; returns where that comes to rest, which is where the next leg begins."""
+        """Drop all legs and brake; returns the stopping point, where the next leg begins."""
         self._before = _braking(state)
         self._present = self._following = None
         return self._before.goal_m
 
     def onwards(self, state: VehicleState, goal_m: Vector, speed_m_s: float) -> Setpoint:
-        """Go on towards a place of no mission; a leg that slows down already is flown to its end beside."""
+        """Continue towards a position outside a mission; a leg that is braking already is completed in parallel."""
         self._towards(goal_m, state, speed_m_s)
         return self._sum(state.now_s)
 
     def left_m(self, now_s: float) -> float:
-        """How much of the present leg is left."""
+        """Remaining length of the present leg."""
         present = self._present
         return math.inf if present is None else present.length_m - present.along(now_s).distance_m
 
@@ -220,7 +220,7 @@ class Legs:
 
 
 def _may_begin(present: Curve, ahead: Curve, now_s: float, radius_m: float) -> bool:
-    """Whether the leg ahead may begin: at half of the time left both together are near enough to the corner."""
+    """True if the next leg may begin: their sum passes the corner within the radius at half of the time left."""
     left_s = present.end_s - now_s
     if left_s > min(present.rise.lasts_s, ahead.rise.lasts_s):
         return False

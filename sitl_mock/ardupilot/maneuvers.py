@@ -1,7 +1,7 @@
-"""What is asked of a flight under way.
+"""CIRCLE, CONDITION_YAW and DO_CHANGE_SPEED.
 
-CIRCLE goes around a point ahead of where it began, at CIRCLE_RATE. CONDITION_YAW turns the nose to a heading at a
-rate, and it stays there. DO_CHANGE_SPEED sets speeds.
+CIRCLE flies around a point ahead of its start at CIRCLE_RATE. CONDITION_YAW turns the nose to a heading and keeps it.
+DO_CHANGE_SPEED replaces speeds of the parameters.
 """
 
 import math
@@ -12,20 +12,20 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.world import Vector
 
 _LAG_MADE_UP = 1.4
-"""The tracking's lag would widen the circle; the real one flies 9.8 m at 3.4 m/s for a radius of 10 m."""
+"""Compensates the tracking lag, which would widen the circle; the real one flies 9.8 m at 3.4 m/s for 10 m."""
 
 
 @dataclass(slots=True)
 class Circle:
-    """One circle.
+    """A circle and the progress along it.
 
     Attributes:
         centre_m: North and east of its centre.
         radius_m: Its radius.
-        angle_rad: Where on it the vehicle shall be, as seen from the centre.
-        rate_rad_s: How fast now, clockwise positive.
-        rate_max_rad_s: How fast in the end.
-        change_rad_s2: How fast that changes.
+        angle_rad: Desired bearing of the vehicle from the centre.
+        rate_rad_s: Present angular rate, clockwise positive.
+        rate_max_rad_s: Final angular rate.
+        change_rad_s2: Angular acceleration.
     """
 
     centre_m: tuple[float, float]
@@ -36,7 +36,7 @@ class Circle:
     rate_rad_s: float = 0.0
 
     def setpoint(self, climb_m_s: float, dt_s: float) -> Setpoint:
-        """Go on for dt_s: the place on the circle, the speed along it, and the nose to the centre."""
+        """Advance by dt_s; return position and velocity on the circle with the nose towards the centre."""
         change = self.change_rad_s2 * dt_s
         self.rate_rad_s += min(max(self.rate_max_rad_s - self.rate_rad_s, -change), change)
         self.angle_rad = math.remainder(self.angle_rad + self.rate_rad_s * dt_s, math.tau)
@@ -72,12 +72,12 @@ _FULL: float = 360.0
 
 @dataclass(slots=True)
 class Turn:
-    """A turn under way.
+    """A turn in progress.
 
     Attributes:
-        heading_rad: Where the nose shall point now.
-        left_rad: What is still to be turned, clockwise positive.
-        rate_rad_s: How fast.
+        heading_rad: Present desired heading.
+        left_rad: Remaining angle, clockwise positive.
+        rate_rad_s: Turn rate.
     """
 
     heading_rad: float
@@ -85,7 +85,7 @@ class Turn:
     rate_rad_s: float
 
     def advance(self, dt_s: float) -> float:
-        """Turn on for dt_s; return the heading wanted."""
+        """Advance by dt_s; return the desired heading."""
         step = math.copysign(min(abs(self.left_rad), self.rate_rad_s * dt_s), self.left_rad)
         self.left_rad -= step
         self.heading_rad = math.remainder(self.heading_rad + step, math.tau)
@@ -95,7 +95,7 @@ class Turn:
 def turn_from(
     yaw_rad: float, angle_deg: float, rate_deg_s: float, direction: float, *, relative: bool, slew_deg_s: float
 ) -> Turn:
-    """Return the turn that CONDITION_YAW asks for.
+    """Return the turn of a CONDITION_YAW command.
 
     Args:
         yaw_rad: Heading now.
@@ -119,14 +119,14 @@ def turn_from(
 
 @dataclass(slots=True)
 class Speeds:
-    """Speeds instead of those of the parameters, NaN for the parameter's."""
+    """Speeds that replace those of the parameters; NaN keeps the parameter."""
 
     level_m_s: float = math.nan
     climb_m_s: float = math.nan
     sink_m_s: float = math.nan
 
     def change(self, kind: float, speed_m_s: float) -> None:
-        """Take DO_CHANGE_SPEED: 3 the descent, 2 the climb, anything below the speed over ground."""
+        """Take DO_CHANGE_SPEED: kind 3 is the descent, 2 the climb, lower values the ground speed."""
         if kind > 2.9:
             self.sink_m_s = speed_m_s
         elif kind > 1.9:
@@ -135,5 +135,5 @@ class Speeds:
             self.level_m_s = speed_m_s
 
     def applied(self, setpoint: Setpoint) -> Setpoint:
-        """Return a setpoint to a place, flown at these speeds."""
+        """Return a position setpoint with these speeds."""
         return setpoint._replace(speed_m_s=self.level_m_s, climb_m_s=self.climb_m_s, sink_m_s=self.sink_m_s)

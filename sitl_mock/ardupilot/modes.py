@@ -1,4 +1,4 @@
-"""ArduPilot's vehicles as data: their modes, what they change by themselves (measured on 4.5.7), what else differs."""
+"""ArduPilot's vehicles as data: modes, automatic mode changes (measured on 4.5.7) and other differences."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ COPTER_MODES: Final = ModeTable(
         Mode("DRIFT", 11, _POSITION, True, _MANUAL, "sticks as in an aeroplane; flown as STABILIZE here"),
         Mode("POSHOLD", 16, _POSITION, True, _GUIDED, "sticks are tilt, holds when free"),
         Mode("BRAKE", 17, _POSITION, False, _GUIDED, "stops and stays"),
-        Mode("THROW", 18, _POSITION | {Need.DISARMED}, True, _MANUAL, "waits to be thrown; here it stands, or stops"),
+        Mode("THROW", 18, _POSITION | {Need.DISARMED}, True, _MANUAL, "waits to be thrown; here it brakes"),
         Mode("AVOID_ADSB", 19, _POSITION, False, _GUIDED, "stops and stays"),
         Mode("GUIDED_NOGPS", 20, _NONE, True, _MANUAL, "follows SET_ATTITUDE_TARGET alone"),
         Mode("SMART_RTL", 21, _HOME, False, _GUIDED, "returns; flown as RTL here"),
@@ -68,14 +68,15 @@ COPTER_MODES: Final = ModeTable(
         Transition("BRAKE", "cannot run", "LAND"),
     ),
     rules=(
-        "One honest answer to DO_SET_MODE: ACCEPTED or FAILED; a mode that does not exist is FAILED.",
-        "A disarmed copter takes any mode, an armed one those whose needs are met; AUTO on the ground needs a mission "
-        "that begins with a take-off. GUIDED needs no stream; a velocity does not take off, NAV_TAKEOFF does, armed "
-        "and in GUIDED, and so does an attitude target that climbs.",
-        "After GUID_TIMEOUT without a setpoint the velocity is zero; the mode stays GUIDED, and nothing is said.",
+        "One reliable answer to DO_SET_MODE: ACCEPTED or FAILED; an unknown mode is FAILED.",
+        "A disarmed copter accepts any mode, an armed one those whose needs are met; AUTO on the ground needs a mission "
+        "that begins with a take-off. GUIDED needs no stream. NAV_TAKEOFF takes off when armed and in GUIDED, and so does "
+        "an attitude target that climbs; a velocity does not.",
+        "After GUID_TIMEOUT without a setpoint the velocity becomes zero; the mode stays GUIDED, without a text.",
+        "LAND and RTL are interrupted by BRAKE or another mode in the air; landed, the copter stays down and disarms.",
         "AUTO on the ground takes off when the throttle stick is raised, or with MISSION_START. A mission that returns "
-        "does so in AUTO. RTL leads to the nearest rally point, or home where that is nearer.",
-        "A failsafe changes the mode for good: nothing goes back by itself.",
+        "stays in AUTO. RTL leads to the nearest rally point, or to home if that is nearer.",
+        "A mode change by a failsafe is permanent.",
     ),
 )
 
@@ -105,9 +106,9 @@ ROVER_MODES: Final = ModeTable(
         Transition("LOITER", "cannot run", "HOLD"),
     ),
     rules=(
-        "One honest answer to DO_SET_MODE: ACCEPTED or FAILED.",
-        "GUIDED needs a position. Velocities are followed by turning the nose; 3 s without a setpoint and it stops, "
-        "staying in GUIDED.",
+        "One reliable answer to DO_SET_MODE: ACCEPTED or FAILED.",
+        "GUIDED needs a position. The rover turns its nose to follow a velocity. After 3 s without a setpoint it stops and "
+        "stays in GUIDED.",
     ),
 )
 
@@ -117,16 +118,16 @@ CommanderT = TypeVar("CommanderT")
 
 @dataclass(frozen=True)
 class Firmware(Generic[CommanderT]):
-    """One vehicle of ArduPilot, for the commander that flies it.
+    """One kind of ArduPilot vehicle.
 
     Attributes:
-        modes: Its table.
+        modes: Table of modes.
         first_mode: Mode after boot.
-        hold_mode: What MAVSDK and others mean by "hold".
-        flights: What each mode does with the motors.
-        execute: Answers commands.
+        hold_mode: Replaces a mode that cannot run and has no other replacement.
+        flights: Setpoint function of each mode.
+        execute: Handles commands.
         flies: It can leave the ground.
-        guided_timeout: Parameter with the stream's timeout, or "" where it is fixed.
+        guided_timeout: Parameter with the stream's timeout; "" if the timeout is fixed.
         guided_timeout_s: The fixed timeout.
     """
 

@@ -1,15 +1,15 @@
-"""What uploaded plans do to an ArduPilot: where RTL leads, how a fence slows GUIDED down, and how many items are told.
+"""Effects of uploaded plans on an ArduPilot: RTL's destination, avoidance of the fence, and item counts.
 
-All as measured on ArduCopter 4.5.7. RTL leads home, or to the rally point that is nearer.
+All as measured on ArduCopter 4.5.7. RTL leads home, or to a nearer rally point.
 
 Fence: GUIDED velocities slow down before it, slide along it, and lead back from its margin (AVOID_ENABLE). Fitted to
-flights into a square of 50 m: towards each side a vehicle is as fast as it can stop from with 1 m/s² at FENCE_MARGIN;
-beyond that by more than AVOID_BACKUP_DZ it does nothing but go back. The real one, asked to go on for half a minute,
-swings about the margin (0.7 m before to 1.8 m beyond it); here it comes to rest there.
+flights into a square of 50 m: towards each side the speed is limited so that 1 m/s² stops the vehicle at FENCE_MARGIN.
+More than AVOID_BACKUP_DZ beyond the margin it only flies back. The real one, pushed against the margin for half a
+minute, oscillates about it (0.7 m before to 1.8 m beyond); the mock settles there.
 
-Counts are parameters that change by themselves. A mission's and the rally points' number is told by PARAM_VALUE where
-it has changed; the fence's after every upload. The fence counts as old ground stations did: vertices, circles, and two
-more (return point and closing vertex) where there is a polygon, and nothing at all where there is none.
+Item counts are parameters that ArduPilot changes. PARAM_VALUE reports the counts of missions and rally points when they
+change, and that of the fence after every upload. FENCE_TOTAL is vertices plus circles plus 2 (return point and closing
+vertex) with a polygon, and 0 without one.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _GLOBAL_RELATIVE: Final = 3
 
 
 def refuge(state: VehicleState, plans: PlanStore) -> Vector:
-    """Return north and east of the place to land at, and the down coordinate to fly there at.
+    """Return RTL's destination (north, east) and the down coordinate of the flight there.
 
-    The height is RTL_ALT above home, or that of the rally point where it is higher. Rally points beyond
-    RALLY_LIMIT_KM do not count; home counts with RALLY_INCL_HOME, and where there is no rally point.
+    The height is RTL_ALT above home, or that of the rally point if it is higher. Rally points beyond RALLY_LIMIT_KM do
+    not count; home counts with RALLY_INCL_HOME, or without rally points.
     """
     home = state.home_m or state.position_m
     height_m = float(state.parameters["RTL_ALT"]) * 0.01
@@ -49,7 +49,7 @@ def refuge(state: VehicleState, plans: PlanStore) -> Vector:
 
 
 def _rally_points(state: VehicleState, plans: PlanStore, home: Vector) -> Iterator[Vector]:
-    """Yield north, east and height above home of the points in reach."""
+    """Yield north, east and height above home of the rally points within reach."""
     for item in plans.rally.items:
         north, east, down = state.frame.to_local(item.latitude_deg, item.longitude_deg, item.z)
         above_m = item.z if item.frame == _GLOBAL_RELATIVE else home[2] - down
@@ -67,7 +67,7 @@ _SLOWING_M_S2: Final = 1.0
 
 
 def avoiding(state: VehicleState, plans: PlanStore, setpoint: Setpoint) -> Setpoint:
-    """The setpoint with its velocity as the fence allows it here."""
+    """Return the setpoint with its velocity limited by the fence."""
     parameters = state.parameters
     if not (int(parameters["FENCE_ENABLE"]) and int(parameters["AVOID_ENABLE"]) & _STOP_AT_FENCE):
         return setpoint
@@ -89,7 +89,7 @@ def avoiding(state: VehicleState, plans: PlanStore, setpoint: Setpoint) -> Setpo
 
 
 def _sides(state: VehicleState, plans: PlanStore) -> Iterator[tuple[float, tuple[float, float]]]:
-    """How far each side of the areas around the vehicle is, and in which direction."""
+    """Yield distance and direction (unit vector) of each side of the areas that contain the vehicle."""
     here_n, here_e, _ = state.position_m
     for corners in inclusion_polygons(plans.fence.items, state.frame, state.position_m):
         for (a_n, a_e), (b_n, b_e) in zip(corners, (*corners[1:], corners[0]), strict=True):
@@ -103,8 +103,8 @@ def _sides(state: VehicleState, plans: PlanStore) -> Iterator[tuple[float, tuple
                 yield distance_m, (to_n / distance_m, to_e / distance_m)
 
 
-def tell_totals(state: VehicleState, plans: PlanStore) -> None:
-    """Count what has been uploaded or cleared since the last call."""
+def report_totals(state: VehicleState, plans: PlanStore) -> None:
+    """Update the item counts of plans that were uploaded or cleared since the last call."""
     for kind in sorted(plans.news):
         items = plans.plans[kind].items
         name, total = _NAMES[kind], fence_total(items) if kind is PlanKind.FENCE else len(items)

@@ -1,4 +1,4 @@
-"""What each mode of ArduPilot's Rover drives, as a setpoint for the dynamics."""
+"""Setpoints of Rover's modes."""
 
 import math
 from typing import Final

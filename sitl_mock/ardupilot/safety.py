@@ -1,4 +1,4 @@
-"""What ArduPilot looks at ten times a second: arming checks with their texts, and failsafes."""
+"""ArduPilot's periodic checks: arming checks with their texts, and failsafes."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ _ACRO_BALANCES: Final = (("ACRO_BAL_ROLL", "ATC_ANG_RLL_P"), ("ACRO_BAL_PITCH", 
 
 @dataclass(slots=True)
 class FailsafeLatch:
-    """Which failsafes have acted; they act again after their trigger has gone.
+    """Failsafes that have acted; each acts again only after its trigger has gone.
 
     Attributes:
-        handled: Names of the triggers that are present and have acted.
-        acting: One of them has changed what is flown.
+        handled: Names of present triggers that have acted.
+        acting: At least one of them has changed the mode.
     """
 
     handled: set[str] = field(default_factory=set)
     acting: bool = False
 
     def new(self, state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tuple[str, str]]:
-        """Yield each trigger that has come, with what the table of modes calls it."""
+        """Yield each new trigger with its event in the table of modes."""
         present = dict(wrong(state, plans, flies=flies))
         self.handled &= present.keys()
         self.acting = bool(self.handled)
@@ -50,18 +50,18 @@ class FailsafeLatch:
                 yield name, f"{name}, {parameter} = {choice}"
 
     def act(self, state: VehicleState, name: str) -> None:
-        """Note and say that a trigger acts."""
+        """Note and report that a trigger acts."""
         self.acting = True
         state.say(*_TEXTS.get(name, (Severity.CRITICAL, f"Failsafe: {name}")))
 
     def clear(self) -> None:
-        """Disarmed: nothing acts."""
+        """Disarmed: forget all triggers."""
         self.handled.clear()
         self.acting = False
 
 
 def disarms_by_itself(state: VehicleState, mode: str, *, taking_off: bool) -> bool:
-    """Whether a copter on the ground disarms: after a landing that was asked for, or idle for DISARM_DELAY."""
+    """True if a copter on the ground disarms: after a commanded landing, or after DISARM_DELAY."""
     if not state.on_ground:
         return False
     if state.flew and mode in _LANDING_MODES and state.standing_s > _LANDED_S:
@@ -72,9 +72,9 @@ def disarms_by_itself(state: VehicleState, mode: str, *, taking_off: bool) -> bo
 
 
 def available(state: VehicleState, plans: PlanStore) -> frozenset[Need]:
-    """Return what is there now."""
+    """Return the needs that are met now."""
     estimator = state.estimator
-    there = {
+    met = {
         Need.PILOT: True,
         Need.ALTITUDE: estimator.altitude_valid,
         Need.LOCAL_POSITION: estimator.position_valid,
@@ -83,11 +83,11 @@ def available(state: VehicleState, plans: PlanStore) -> frozenset[Need]:
         Need.MISSION: flyable(plans.mission.items),
         Need.DISARMED: not state.armed,
     }
-    return frozenset(need for need, met in there.items() if met)
+    return frozenset(need for need, is_met in met.items() if is_met)
 
 
 def refusals(state: VehicleState, mode: Mode) -> list[str]:
-    """Return why ArduPilot would not arm in a mode, in its own words; empty if it would."""
+    """Return ArduPilot's reasons for not arming in a mode; empty if it may arm."""
     reasons = failing(state)
     if not mode.may_arm:
         reasons.append(f"{mode.name} mode not armable")
@@ -95,7 +95,7 @@ def refusals(state: VehicleState, mode: Mode) -> list[str]:
 
 
 def failing(state: VehicleState) -> list[str]:
-    """Return the checks before arming that fail; the mode is looked at only when arming."""
+    """Return the failing pre-arm checks; the mode is checked only when arming."""
     reasons = []
     if state.conditions.arm_refused:
         reasons.append(state.conditions.arm_refused)

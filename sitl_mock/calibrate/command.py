@@ -1,4 +1,4 @@
-"""What `sitl-mock calibrate` does, from a file's path to the exit code."""
+"""Implementation of `sitl-mock calibrate`: from a file's path to the exit code."""
 
 import json
 import math
@@ -16,9 +16,9 @@ from sitl_mock.errors import ConfigError
 
 
 def table_of(comparison: Comparison) -> Table:
-    """One row a segment and axis; cells with two numbers are real / mock."""
+    """Return a table with one row per segment and axis; cells with two numbers are real / mock."""
     how = f", guessed by {comparison.guessed_by}" if comparison.guessed_by else ""
-    table = Table(title=f"{comparison.flavour.value}{how}: real / mock", caption="m/s, s; - is nothing to measure")
+    table = Table(title=f"{comparison.flavour.value}{how}: real / mock", caption="m/s, s; -: not measurable")
     for name in ("from", "axis", "command", "rise 10-90 %", "overshoot", "steady error", "RMS difference"):
         table.add_column(name, justify="right")
     for segment in comparison.segments:
@@ -37,7 +37,7 @@ def table_of(comparison: Comparison) -> Table:
 
 
 def verdict_of(comparison: Comparison) -> str:
-    """The overall numbers in a line."""
+    """Return the overall numbers as a line."""
     n, e, d = comparison.rms_ned_m_s
     word = "within" if comparison.passed else "ABOVE"
     return (
@@ -46,7 +46,7 @@ def verdict_of(comparison: Comparison) -> str:
 
 
 def as_plain(comparison: Comparison) -> dict[str, Any]:
-    """The comparison as JSON takes it: NaN becomes null."""
+    """Return the comparison for JSON: NaN becomes null."""
     return {
         "flavour": comparison.flavour.value,
         "passed": comparison.passed,
@@ -86,16 +86,14 @@ def _cell(value: float) -> str:
 def calibrate_file(
     file: Path, flavour: str | None, plot: Path | None, *, as_json: bool, dynamics_only: bool = False
 ) -> int:
-    """Compare a file with the mock, print the result, and give the exit code: 0 within the limit, 1 above it.
-
-    The mock is a whole vehicle flown by MAVLink bytes, or its dynamics alone.
+    """Compare a file with the mock, print the result, return the exit code: 0 within the limit, 1 above it.
 
     Args:
         file: CSV, as `read_step_log` reads it.
-        flavour: Whose mock answers; None guesses by the file.
-        plot: Where a picture is drawn, None for none.
-        as_json: Whether plain JSON is printed.
-        dynamics_only: The dynamics alone instead of a whole vehicle flown by MAVLink bytes.
+        flavour: Flavour of the mock; None guesses from the file.
+        plot: File of a picture, None for none.
+        as_json: Print JSON.
+        dynamics_only: Use the dynamics alone instead of a whole vehicle flown over MAVLink.
 
     Raises:
         ConfigError: The file is not a log, the flavour does not exist, or the plot cannot be written.
@@ -106,7 +104,7 @@ def calibrate_file(
     comparison = compare(log, chosen, answers, guessed_by)
     if plot is not None:
         try:
-            from sitl_mock.calibrate.picture import draw  # noqa: PLC0415 - matplotlib takes a second, and few want it
+            from sitl_mock.calibrate.picture import draw  # noqa: PLC0415 - matplotlib takes a second
         except ModuleNotFoundError as error:
             advice = "pip install 'pursuit-guidance[plot]'"
             raise ConfigError(f"--plot {plot}: needs {error.name}, which is not installed: {advice}") from error
@@ -125,5 +123,5 @@ def _flavour(name: str) -> FlavourName:
     try:
         return FlavourName(name)
     except ValueError as error:
-        msg = f"--flavour is {name!r}; it has to be one of {', '.join(FlavourName)}"
+        msg = f"--flavour {name}: allowed are {', '.join(FlavourName)}"
         raise ConfigError(msg) from error

@@ -1,4 +1,4 @@
-"""The answers of the mock beside those of the real vehicle: segments of a log, and how a velocity answered in each."""
+"""Comparison of velocity responses: segments of a log, and the response of the real vehicle and the mock in each."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Samples = NDArray[np.float64]
 
 
 class Segment(NamedTuple):
-    """Rows `[first, last)` under one command, or under one that keeps varying."""
+    """Rows `[first, last)` with one command, or with a continuously varying one."""
 
     first: int
     last: int
@@ -25,12 +25,12 @@ class Segment(NamedTuple):
 
 
 class Response(NamedTuple):
-    """How one axis answered one step; NaN where there is nothing to say (no step, or never reached).
+    """Step response of one axis; NaN if not measurable (no step, or level never reached).
 
     Attributes:
-        rise_s: From 10 to 90 % of the change asked for.
-        overshoot_m_s: Furthest beyond the command.
-        steady_error_m_s: Mean of the last 2 s less the command.
+        rise_s: From 10 to 90 % of the commanded change.
+        overshoot_m_s: Greatest excess over the command.
+        steady_error_m_s: Mean of the last 2 s minus the command.
     """
 
     rise_s: float
@@ -39,7 +39,7 @@ class Response(NamedTuple):
 
 
 def segments_of(time_s: Samples, command_ned_m_s: Samples) -> list[Segment]:
-    """Cut a log where the command changes; changes faster than once a second are one varying segment."""
+    """Divide a log where the command changes; changes faster than once a second form one varying segment."""
     edges = np.flatnonzero(np.any(np.diff(command_ned_m_s, axis=0) != 0.0, axis=1)) + 1
     firsts = [0, *edges.tolist()]
     lasts = [*edges.tolist(), len(time_s)]
@@ -55,13 +55,13 @@ def segments_of(time_s: Samples, command_ned_m_s: Samples) -> list[Segment]:
 
 
 def response_of(time_s: Samples, velocity_m_s: Samples, start_m_s: float, command_m_s: float) -> Response:
-    """Measure the answer of one axis to one step.
+    """Measure the step response of one axis.
 
     Args:
         time_s: Times of the segment, shape (rows,).
         velocity_m_s: Velocity of the axis, shape (rows,).
         start_m_s: Velocity before the step.
-        command_m_s: Velocity asked for.
+        command_m_s: Commanded velocity.
     """
     last = time_s >= time_s[-1] - _STEADY_S
     steady_error = float(velocity_m_s[last].mean()) - command_m_s
@@ -74,7 +74,7 @@ def response_of(time_s: Samples, velocity_m_s: Samples, start_m_s: float, comman
 
 
 def _crossing(time_s: Samples, progress: Samples, level: float) -> float:
-    """First time a level is reached, between samples; NaN if never."""
+    """Return the first time at which a level is reached, interpolated; NaN if never."""
     reached = np.flatnonzero(progress >= level)
     if not reached.size:
         return math.nan
@@ -86,7 +86,7 @@ def _crossing(time_s: Samples, progress: Samples, level: float) -> float:
 
 
 RMS_LIMIT_M_S = 0.15
-"""A mock whose velocity differs by more than this from the real vehicle's, per axis and over the file, is not it."""
+"""Limit of the RMS velocity difference between mock and real vehicle, per axis over the whole file."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Whether every axis is within `RMS_LIMIT_M_S`."""
+        """True if all axes are within `RMS_LIMIT_M_S`."""
         return max(self.rms_ned_m_s) <= RMS_LIMIT_M_S
 
 
@@ -160,7 +160,7 @@ def _axis(log: StepLog, mock: Samples, segment: Segment, axis: int) -> AxisCompa
     before = max(segment.first - 1, 0)
     stepped = command != (log.command_ned_m_s[before, axis] if segment.first else 0.0)
     if not stepped:
-        # Not asked to change: what is left is how well it stays.
+        # Without a commanded change, only the steady error is meaningful.
         return AxisComparison(
             name, command, response_of(time_s, real, command, command), response_of(time_s, ours, command, command), rms
         )

@@ -1,4 +1,4 @@
-"""Flying a log's commands with a whole mock vehicle by MAVLink bytes, or with the dynamics alone; time by hand."""
+"""Fly a log's commands in stepped time, with a whole mock vehicle over MAVLink or with the dynamics alone."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ _FAR_BELOW_M = 1e6
 
 
 def replay(log: StepLog, vehicle: Vehicle) -> Samples:
-    """Velocities the mock reports at the log's times under the log's commands, shape (rows, 3), m/s.
+    """Return the velocities reported by the dynamics under the log's commands, shape (rows, 3), m/s.
 
     The mock starts in hover trim at the log's first position and velocity, its nose to the north as the logs have it
     (mask 2503, yaw 0). The ground is put far below: the log's origin says nothing about it.
@@ -40,12 +40,12 @@ def replay(log: StepLog, vehicle: Vehicle) -> Samples:
 
 
 def vehicle_of(flavour: FlavourName) -> Vehicle:
-    """The calibrated copter of a flavour."""
+    """Return the calibrated copter of a flavour."""
     return px4_quadrotor() if flavour is FlavourName.PX4 else arducopter_quadrotor()
 
 
 def guess(path: Path, log: StepLog) -> tuple[FlavourName, str]:
-    """The flavour a file is of, by its name, else by which copter fits better; and how it was found."""
+    """Return the flavour from the file's name, otherwise the better fit, and which of the two it was."""
     name = path.name.lower()
     if "px4" in name:
         return FlavourName.PX4, "the file's name"
@@ -67,7 +67,7 @@ _SET_MODE, _ARM, _TAKE_OFF, _SET_MESSAGE_INTERVAL, _REQUEST_OF = 176, 400, 22, 5
 
 
 class _Client:
-    """A companion on the vehicle's first link: one setpoint a step, a heartbeat a second."""
+    """A companion on the vehicle's first link: one setpoint per step, one heartbeat per second."""
 
     def __init__(self, flavour: FlavourName) -> None:
         self.vehicle = MockVehicle(flavour.value, noise=False, ready_after_s=0.0)
@@ -78,7 +78,7 @@ class _Client:
         self._encoder, self._decoder = Encoder(255, 190), Decoder()
 
     def step(self, velocity: tuple[float, float, float] | None, *commands: tuple[float, ...]) -> None:
-        """Send what there is to send, one step on."""
+        """Advance by one step with the messages to send."""
         self._steps += 1
         self.now_s = self._steps * _STEP_S
         pack = self._encoder.pack
@@ -105,7 +105,7 @@ class _Client:
 
 
 def fly_log(log: StepLog, flavour: FlavourName) -> Samples:
-    """Velocities reported by a mock vehicle that is flown along a log, at the log's times, shape (rows, 3), m/s.
+    """Return the velocities reported by a whole mock vehicle at the log's times, shape (rows, 3), m/s.
 
     The vehicle takes off high enough for every descent of the log, hovers until its integrators rest, and is then sent
     the log's commands at 50 Hz. Its estimator's noise is off.

@@ -1,4 +1,4 @@
-"""Reading a log of velocity commands and the velocities that answered them (CSV)."""
+"""Read a log of velocity commands and measured velocities (CSV)."""
 
 import csv
 import math
@@ -17,7 +17,7 @@ _COMMANDS = ("cmd_n_m_s", "cmd_e_m_s", "cmd_d_m_s")
 _VELOCITIES = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
 _POSITIONS = ("pos_n_m", "pos_e_m", "pos_d_m")
 COLUMNS = (_TIME, *_COMMANDS, *_VELOCITIES, *_POSITIONS)
-"""What a file has to have; other columns are ignored, the order does not matter."""
+"""Required columns, in any order; others are ignored."""
 
 _ROWS_LEAST = 10
 
@@ -31,11 +31,11 @@ class FlavourName(StrEnum):
 
 @dataclass(frozen=True)
 class StepLog:
-    """Commands and the answers to them, one row a sample.
+    """Commands and measured motion, one row per sample.
 
     Attributes:
         time_s: Increasing times, shape (rows,).
-        command_ned_m_s: Velocity setpoint in force from this row on, shape (rows, 3).
+        command_ned_m_s: Velocity setpoint from this row to the next, shape (rows, 3).
         velocity_ned_m_s: Velocity reported (LOCAL_POSITION_NED), shape (rows, 3).
         position_ned_m: Position reported, shape (rows, 3).
     """

@@ -1,4 +1,4 @@
-"""The `sitl-mock` command: one module a sub-command, registered here by name."""
+"""The `sitl-mock` command: one module per sub-command, registered here by name."""
 
 import sys
 from typing import Annotated
@@ -37,20 +37,20 @@ def _root(
     context: typer.Context,
     _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
-    """A mock autopilot that real clients fly as PX4, ArduCopter or Rover: nothing to build, ready in under a second.
+    """Mock autopilot for real MAVLink clients: PX4, ArduCopter or Rover, without a build, ready in under a second.
 
     `sitl-mock run --vehicles 2 --udp 14540` starts two PX4 copters for MAVSDK (udpin://127.0.0.1:14540 and 14541);
-    `sitl-mock run --vehicles arducopter:uav1 --gcs 14550` one ArduCopter for a ground station;
-    `sitl-mock list` tells what there is.
+    `sitl-mock run --vehicles arducopter:uav1 --gcs 14550` starts one ArduCopter for a ground station;
+    `sitl-mock list` lists flavours and faults.
     """
-    if context.invoked_subcommand is None:  # alone: a question that is answered
+    if context.invoked_subcommand is None:  # without a sub-command: show the help
         typer.echo(context.get_help())
 
 
 def main() -> None:
-    """Run the command line. What the user can mend ends with one message and an exit code, not with a traceback."""
+    """Run the command line; user errors end with one message and an exit code, without a traceback."""
     try:
         app()
     except MockError as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201 - the last word of a command
+        print(f"error: {error}", file=sys.stderr)  # noqa: T201 - the error message of a command
         sys.exit(error.exit_code)

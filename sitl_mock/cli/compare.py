@@ -1,4 +1,4 @@
-"""`sitl-mock calibrate` and `sitl-mock compare`: the mock beside logs of real autopilots."""
+"""`sitl-mock calibrate` and `sitl-mock compare`: compare the mock with logs of real autopilots."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,15 +18,14 @@ def calibrate(
     dynamics_only: Annotated[
         bool,
         typer.Option(
-            "--dynamics-only", help="Step the dynamics alone instead of flying a whole vehicle by MAVLink: faster."
+            "--dynamics-only", help="Use the dynamics alone instead of a whole vehicle over MAVLink (faster)."
         ),
     ] = False,
 ) -> None:
-    """Replay a log's velocity commands through the stepped mock and compare.
+    """Replay a log's velocity commands on the stepped mock and compare the responses.
 
-    Prints rise time, overshoot, steady error and RMS difference for every segment and axis, each as real / mock.
-    Ends with 1 when the velocity of any axis differs by more than 0.15 m/s RMS over the file, with 2 when the file is
-    not such a log.
+    Prints rise time, overshoot, steady error and RMS difference for every segment and axis, each as real / mock. Exit
+    code 1: the velocity of an axis differs by more than 0.15 m/s RMS over the file; 2: the file is not such a log.
     """
     from sitl_mock.calibrate.command import calibrate_file  # noqa: PLC0415 - numpy and rich are not for `--help`
 
@@ -34,18 +33,18 @@ def calibrate(
 
 
 def compare(
-    file: Annotated[Path, typer.Argument(help="A .tlog of PX4, ArduCopter or Rover, with what the client sent.")],
+    file: Annotated[Path, typer.Argument(help="A .tlog of PX4, ArduCopter or Rover, including the client's messages.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
-    ranges: Annotated[bool, typer.Option(help="Also the range of every field on both sides.")] = False,
+    ranges: Annotated[bool, typer.Option(help="Also print the range of every field on both sides.")] = False,
 ) -> None:
-    """Fly a recorded client against the mock and lay its messages beside the recorded ones.
+    """Replay a recorded client on the mock and compare the mock's messages with the recorded ones.
 
-    `sitl-mock compare flight.tlog` prints how often each message came on both sides, and every difference: messages
-    that are missing or extra, rates more than 20 % apart, fields that stand still or are NaN on one side only, on the
-    ground and in the air.
+    `sitl-mock compare flight.tlog` prints the rate of each message on both sides and every difference: missing or extra
+    messages, rates more than 20 % apart, and fields that are constant or NaN on one side only, on the ground and in the
+    air.
 
-    Ends with 0 when there is no difference, with 1 when there is one, with 2 when the file is no such log.
+    Exit code 0: no difference; 1: differences; 2: the file is not such a log.
     """
-    from sitl_mock.compare.command import compare_file  # noqa: PLC0415 - nothing of it is needed for `--help`
+    from sitl_mock.compare.command import compare_file  # noqa: PLC0415 - not needed for `--help`
 
     raise typer.Exit(compare_file(file, as_json=as_json, ranges=ranges))

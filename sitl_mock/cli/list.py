@@ -1,4 +1,4 @@
-"""`sitl-mock list` and `sitl-mock modes`: what there is, and how the modes of a flavour hang together."""
+"""`sitl-mock list` and `sitl-mock modes`: lists (flavours, faults, ...) and tables of modes."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Subject(StrEnum):
-    """What can be listed."""
+    """Subjects of `sitl-mock list`."""
 
     FLAVOURS = "flavours"
     FAULTS = "faults"
@@ -20,16 +20,16 @@ class Subject(StrEnum):
 
 
 def list_(
-    subject: Annotated[Subject | None, typer.Argument(help="What to list; flavours and faults if not given.")] = None,
-    flavour: Annotated[str, typer.Option(help="Whose parameters or streams.")] = "px4",
+    subject: Annotated[Subject | None, typer.Argument(help="What to list; default: flavours and faults.")] = None,
+    flavour: Annotated[str, typer.Option(help="Flavour of the parameters or streams.")] = "px4",
 ) -> None:
-    """Name the flavours, the faults of a script, the conditions of a vehicle, a flavour's parameters or its streams."""
+    """List flavours, faults, conditions, or a flavour's parameters or streams."""
     subjects = (Subject.FLAVOURS, Subject.FAULTS) if subject is None else (subject,)
     typer.echo("\n\n".join("\n".join(_LISTS[each](flavour)) for each in subjects))
 
 
 def _flavours(_flavour: str) -> "Iterator[str]":
-    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - nothing of it is needed for `--help`
+    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - not needed for `--help`
 
     yield "flavours (--vehicles flavour:name)"
     for name in NAMES:
@@ -53,7 +53,7 @@ def _conditions(_flavour: str) -> "Iterator[str]":
 
     yield "conditions (MockVehicle.inject, fault scripts)"
     for name, kind in CONDITIONS.items():
-        yield f"  {name:<18} {kind.meaning}{' (once)' if kind.event else f'; at rest {kind.rest!r}'}"
+        yield f"  {name:<18} {kind.meaning}{' (once)' if kind.event else f'; neutral {kind.rest!r}'}"
 
 
 def _parameters(flavour: str) -> "Iterator[str]":
@@ -71,7 +71,7 @@ def _streams(flavour: str) -> "Iterator[str]":
     from sitl_mock.telemetry import BUILDERS  # noqa: PLC0415 - as above
 
     rates = flavour_named(flavour).rates_hz
-    yield f"streams of {flavour}: Hz on {', '.join(rates)} links without being asked; 0 on request only"
+    yield f"streams of {flavour}: Hz on {', '.join(rates)} links by default; 0: only on request"
     for name in sorted(BUILDERS):
         yield f"  {name:<28} {'  '.join(f'{kind.get(name, 0):>5g}' for kind in rates.values())}"
 
@@ -86,10 +86,10 @@ _LISTS = {
 
 
 def modes(
-    flavour: Annotated[str, typer.Option(help="px4, arducopter or rover; all of them if not given.")] = "",
+    flavour: Annotated[str, typer.Option(help="px4, arducopter or rover; default: all.")] = "",
 ) -> None:
-    """Draw modes, their numbers, what they need and what changes by itself, as Markdown."""
-    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - nothing of it is needed for `--help`
+    """Print modes, their numbers and needs, and automatic mode changes, as Markdown."""
+    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - not needed for `--help`
 
     tables = [flavour_named(name).modes for name in ([flavour] if flavour else NAMES)]
     typer.echo("\n\n".join("\n".join(table.markdown()) for table in tables))

@@ -1,4 +1,4 @@
-"""`sitl-mock run`: a fleet in real time until told to stop."""
+"""`sitl-mock run`: a fleet in real time until it is stopped."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 def run(
     vehicles: Annotated[
         list[str] | None,
-        typer.Option(help="How many (of --flavour), or `flavour:name[@north,east,down]`, once for each vehicle."),
+        typer.Option(help="A number (of --flavour), or `flavour:name[@north,east,down]`, repeated for each vehicle."),
     ] = None,
-    flavour: Annotated[str, typer.Option(help="px4, arducopter or rover, where --vehicles is a number.")] = "px4",
+    flavour: Annotated[str, typer.Option(help="px4, arducopter or rover, if --vehicles is a number.")] = "px4",
     fleet: Annotated[Path | None, typer.Option(help="TOML file with the vehicles, instead of --vehicles.")] = None,
-    faults: Annotated[Path | None, typer.Option(help="TOML file with what shall go wrong, and when.")] = None,
+    faults: Annotated[Path | None, typer.Option(help="TOML file with faults.")] = None,
     zenoh: Annotated[
         str | None, typer.Option(help="Zenoh endpoint to listen on: tcp/127.0.0.1:7447; port 0 takes a free one.")
     ] = None,
     zenoh_connect: Annotated[str | None, typer.Option(help="Zenoh router to connect to instead of listening.")] = None,
     zenoh_keys: Annotated[
-        Path | None, typer.Option(help="With --zenoh-connect: who we are, a file of `guidance zenoh keys`.")
+        Path | None, typer.Option(help="With --zenoh-connect: credentials, a file of `guidance zenoh keys`.")
     ] = None,
     udp: Annotated[
         int | None,
@@ -38,25 +38,23 @@ def run(
         int | None, typer.Option(help="Port of a ground station; every vehicle sends to it.", min=1, max=65535)
     ] = None,
     ready_after_s: Annotated[
-        float | None, typer.Option(help="From boot until arming is possible; as measured if not given.", min=0.0)
+        float | None, typer.Option(help="Time from boot until arming is possible; default: as measured.", min=0.0)
     ] = None,
     noise: Annotated[
         bool | None,
-        typer.Option(
-            "--noise/--no-noise", help="Estimation error as measured on the real autopilots; on if not given."
-        ),
+        typer.Option("--noise/--no-noise", help="Estimation error as measured on the real autopilots (default: on)."),
     ] = None,
     param: Annotated[
         list[str] | None,
-        typer.Option(help="A parameter: `NAME=VALUE`, or `vehicle:NAME=VALUE` for one vehicle; once for each."),
+        typer.Option(help="A parameter: `NAME=VALUE`, or `vehicle:NAME=VALUE` for one vehicle; repeatable."),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of all randomness; 0 if not given.", min=0)] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Say `ready` as one line of JSON.")] = False,
+    seed: Annotated[int | None, typer.Option(help="Seed of all randomness (default: 0).", min=0)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print `ready` as one line of JSON.")] = False,
     parent_pipe: Annotated[
-        bool, typer.Option("--parent-pipe", help="End when standard input closes: an orphaned child ends by itself.")
+        bool, typer.Option("--parent-pipe", help="Stop when standard input closes, so that an orphaned child ends.")
     ] = False,
 ) -> None:
-    """Fly a fleet in real time, over Zenoh and UDP, until SIGTERM or Ctrl-C.
+    """Run a fleet in real time, over Zenoh and UDP, until SIGTERM or Ctrl-C.
 
     `sitl-mock run --vehicles px4:uav1 --vehicles rover:evader@30,0,0 --zenoh tcp/127.0.0.1:7447`
 
@@ -68,14 +66,14 @@ def run(
 
     `sitl-mock run --vehicles px4:uav1 --zenoh-connect tls/192.168.1.10:7447 --zenoh-keys keys/uav1.toml`
 
-    It prints what MAVSDK, pymavlink and MAVProxy connect with. On a terminal a table then shows what each vehicle does;
-    elsewhere a line says what changes.
+    It prints the addresses for MAVSDK, pymavlink and MAVProxy. Then it shows each vehicle's state, as a table on a
+    terminal, otherwise as a line per change.
 
     Over Zenoh a client opens a session with `namespace: "uav1"` and uses the keys `mavlink_raw/in` (towards the
     vehicle) and `mavlink_raw/out`, one packet a sample. A query to `faults` lists, injects and clears faults
     (`faults?do=inject;kind=loss;probability=0.3`; `sitl-mock list faults` names them).
     """
-    from sitl_mock.faults import FaultScript, read_script  # noqa: PLC0415 - nothing of it is needed for `--help`
+    from sitl_mock.faults import FaultScript, read_script  # noqa: PLC0415 - not needed for `--help`
     from sitl_mock.serving import Wires, serve  # noqa: PLC0415 - as above
 
     given = {"ready_after_s": ready_after_s, "noise": noise}

@@ -1,6 +1,6 @@
-"""How a vehicle's messages behave: how often each comes, and which of its fields move, on the ground and in the air.
+"""Behaviour of a vehicle's messages: their rates, and which fields change, on the ground and in the air.
 
-`differences` lists where two behaviours differ, worst first.
+`differences` lists the differences of two behaviours, worst first.
 """
 
 import math
@@ -12,13 +12,13 @@ from sitl_mock.mavlink import Message
 
 GROUND, AIR = "ground", "air"
 _AIRBORNE_MM = 1000
-"""Above the first home: a later one may be another height's (PX4's is, by metres)."""
+"""Height above the first home; later ones may differ in height (PX4's does, by metres)."""
 _CLOCKS = frozenset({"time_boot_ms", "time_usec", "time_unix_usec", "seq", "ts1", "tc1", "timestamp", "time_utc"})
 
 
 @dataclass(slots=True)
 class FieldRange:
-    """The values one field has had."""
+    """Range of the values of one field."""
 
     least: float = math.inf
     most: float = -math.inf
@@ -27,7 +27,7 @@ class FieldRange:
     missing: bool = False
 
     def take(self, value: float) -> None:
-        """One more value."""
+        """Take one more value."""
         if math.isnan(value):
             self.missing = True
             return
@@ -39,7 +39,7 @@ class FieldRange:
 
 @dataclass(slots=True)
 class Stream:
-    """One message: when it first and last came, how often, and its fields in each phase."""
+    """One message: first and last time, count, and its fields in each phase."""
 
     count: int = 0
     first_s: float = math.nan
@@ -48,7 +48,7 @@ class Stream:
 
     @property
     def rate_hz(self) -> float:
-        """Mean rate between the first and the last one; 0 for a single one."""
+        """Mean rate between the first and the last message; 0 for a single one."""
         span_s = self.last_s - self.first_s
         return (self.count - 1) / span_s if span_s > 0.0 else 0.0
 
@@ -57,7 +57,7 @@ Behaviour = Mapping[str, Stream]
 
 
 def behaviour_of(messages: Iterable[tuple[float, Message]]) -> Behaviour:
-    """Measure messages in the order of their times."""
+    """Measure messages in time order."""
     streams: dict[str, Stream] = {}
     phase, ground_mm = GROUND, None
     for at_s, message in messages:
@@ -87,12 +87,12 @@ def _take(values: dict[str, FieldRange], label: str, value: object) -> None:
 
 RATE_SHARE = 0.2
 LEAST = 5
-"""Messages that came less often on both sides are answers or news, and have no rate."""
+"""Rarer messages on both sides are answers or events and have no rate."""
 
 ANSWERS = frozenset(
     {"COMMAND_ACK", "PARAM_VALUE", "STATUSTEXT", "MISSION_ACK", "MISSION_ITEM_INT", "MISSION_REQUEST_INT"}
 )
-"""They come when a client asks or something happens, and have no rate."""
+"""Answers to clients and reports of events, which have no rate."""
 
 
 class Difference(NamedTuple):
@@ -102,8 +102,8 @@ class Difference(NamedTuple):
         kind: missing, extra, rate, constant (on one side only), absent (NaN on one side only).
         message: Name of the message.
         field: Name of the field and its phase, "" for the message itself.
-        recorded: What the recording has.
-        mock: What the mock has.
+        recorded: Value in the recording.
+        mock: Value in the mock.
     """
 
     kind: str
@@ -114,7 +114,7 @@ class Difference(NamedTuple):
 
 
 def differences(recorded: Behaviour, mock: Behaviour) -> list[Difference]:
-    """Return every difference of two behaviours."""
+    """Return all differences of two behaviours."""
     found = []
     for name in sorted({*recorded, *mock}):
         real, ours = recorded.get(name), mock.get(name)

@@ -1,4 +1,4 @@
-"""What `sitl-mock compare` does, from a file's path to the exit code."""
+"""Implementation of `sitl-mock compare`: from a file's path to the exit code."""
 
 import json
 from pathlib import Path

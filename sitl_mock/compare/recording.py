@@ -96,13 +96,13 @@ def _frames(path: Path, raw: bytes) -> Iterator[tuple[int, bytes]]:
 
 STEP_S = 0.01
 BOOTED_S = 60.0
-"""How long the mock has been running when the recording begins."""
+"""Time from the mock's boot to the start of the recording."""
 
 
 def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, Message]]:
-    """Return time and message of all that a mock of the same kind sends to the recorded client.
+    """Return time and message of everything that a mock of the same kind sends to the recorded client.
 
-    Rates that were asked for before the recording began are not known, and those a client asks for in it are obeyed.
+    Stream rates requested in the recording are applied; those requested before its start are unknown.
     """
     vehicle = MockVehicle(
         recording.flavour,
@@ -124,7 +124,7 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
 
 
 def _steps(recording: Recording) -> Iterator[tuple[float, list[bytes]]]:
-    """Yield every step's time and the frames that came until then."""
+    """Yield the time of every step and the frames received until then."""
     due = {
         number: [frame for _, frame in frames]
         for number, frames in groupby(recording.heard, key=lambda item: round(item[0] / STEP_S))
@@ -141,12 +141,12 @@ def _home(recording: Recording) -> Home:
 
 
 def _yaw_deg(recording: Recording) -> float:
-    """Where the nose pointed at first, north where nothing told."""
+    """Initial heading; 0 if unknown."""
     yaws = (message.yaw for _, message in recording.said if message.get_type() == "ATTITUDE")
     return math.degrees(next(yaws, 0.0))
 
 
 def _kind(recording: Recording) -> str:
-    """PX4 streams more to an onboard computer: HIGHRES_IMU shows it."""
+    """Kind of link; PX4 sends HIGHRES_IMU only to an onboard computer."""
     streams = {message.get_type() for _, message in recording.said}
     return "gcs" if recording.flavour == "px4" and "HIGHRES_IMU" not in streams else "onboard"

@@ -1,4 +1,4 @@
-"""How the mock vehicles move: pure steps of state and setpoint, no clock, no I/O."""
+"""Motion of the mock vehicles: pure functions of state and setpoint, without clock or I/O."""
 
 from sitl_mock.dynamics.ardupilot_control import ArduGains
 from sitl_mock.dynamics.catalogue import (

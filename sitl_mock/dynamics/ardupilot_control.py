@@ -1,6 +1,6 @@
 """ArduCopter's position control: GUIDED setpoints shaped by jerk and acceleration, then P on position, PID on velocity.
 
-Parameters carry ArduCopter's names and defaults. Speeds of GUIDED are not limited (measured: 15.2 m/s with WPNAV_SPEED
+Parameters have ArduCopter's names and defaults. GUIDED speeds are not limited (measured: 15.2 m/s with WPNAV_SPEED
 500); above WPNAV_SPEED_UP and WPNAV_SPEED_DN the vertical acceleration and jerk grow with the speed (overspeed gain 2).
 """
 
@@ -52,7 +52,7 @@ class ArduGains:
     xy_vel_d: float = 0.5  # PSC_VELXY_D
     z_vel_p_1_s: float = 5.0  # PSC_VELZ_P
     z_acc_p: float = 1.4  # PSC_ACCZ_P 0.5, as lift per acceleration: 0.05 throttle per m/s2 over hover throttle 0.35
-    z_acc_i_1_s: float = 2.8  # PSC_ACCZ_I 1.0, likewise
+    z_acc_i_1_s: float = 2.8  # PSC_ACCZ_I 1.0, in the same unit
     lean_max_rad: float = math.radians(30.0)  # ANGLE_MAX
     thrust_min_m_s2: float = 1.0
     spool_s: float = 1.0
@@ -62,7 +62,7 @@ class ArduGains:
 
 
 class Limited(NamedTuple):
-    """Where more was asked for than the lean allows: that acceleration, and the errors there were then; else zero."""
+    """The demanded acceleration and the errors when the lean limit was exceeded; zeros while it is not."""
 
     accel_ne_m_s2: tuple[float, float] = (0.0, 0.0)
     position_error_ne_m: tuple[float, float] = (0.0, 0.0)
@@ -73,7 +73,7 @@ UNLIMITED: Final = Limited()
 
 
 class ArduMemory(NamedTuple):
-    """What the control law carries from one step to the next."""
+    """State of the control law between steps."""
 
     kind: Kind
     reference: Reference
@@ -90,27 +90,27 @@ _STOPPED, _IDLING, _STREAM, _BRAKE = Kind.STOPPED, Kind.IDLING, Kind.STREAM, Kin
 
 @dataclass(frozen=True)
 class ArduControl:
-    """The control law with its parameters and the thrust it reckons with."""
+    """The control law with its parameters and the maximum thrust that it assumes."""
 
     gains: ArduGains
     travel_limits: TravelLimits
     thrust_max_m_s2: float
 
     def fresh(self, estimate: Estimate, *, flying: bool) -> ArduMemory:
-        """Memory of a vehicle just placed: cold on the ground, or trimmed in hover."""
+        """Initial state: motors off on the ground, or trimmed in hover."""
         kind = Kind.BRAKE if flying else Kind.STOPPED
         return ArduMemory(kind, Reference(estimate.position_ned_m, ZERO), ZERO, self.gains.spool_s if flying else 0.0)
 
     def step(
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[ArduMemory, Demand]:
-        """One step of the law: the new memory and what is asked of the airframe.
+        """Advance the law by one step; returns its new state and the demand on the airframe.
 
         Args:
-            memory: Of the step before.
-            body: As it is.
-            estimate: As the autopilot believes it is.
-            setpoint: Obeyed now.
+            memory: State after the previous step.
+            body: True motion.
+            estimate: Estimated position and velocity.
+            setpoint: Setpoint in force.
             dt_s: Length of the step.
         """
         gains, kind = self.gains, setpoint.kind
@@ -140,7 +140,7 @@ class ArduControl:
         return _memory(fresh), _demand((*lean, thrust, yaw_rate_rad_s))
 
     def _shaped(self, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
-        """The GUIDED reference one step further: acceleration and jerk are limited, speed is not."""
+        """Advance the GUIDED reference; acceleration and jerk are limited, speed is not."""
         gains = self.gains
         (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
         _, (to_n, to_e, to_d), speed, wanted, *_ = setpoint
@@ -164,7 +164,7 @@ class ArduControl:
         return advance(reference, (*pair, down), dt_s)
 
     def _accelerated(self, reference: Reference, wanted: Ned, dt_s: float) -> Reference:
-        """Accelerations alone: the speed is what they make of it."""
+        """Advance the reference by acceleration alone; the speed is their unlimited integral."""
         a_n, a_e, a_d = reference.acceleration_ned_m_s2
         d_n, d_e, d_d = wanted[0] - a_n, wanted[1] - a_e, wanted[2] - a_d
         change, most = math.hypot(d_n, d_e), self.gains.jerk_m_s3 * dt_s
@@ -176,7 +176,7 @@ class ArduControl:
     def _leaning(
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[ArduMemory, Demand]:
-        """ATTITUDE: the lean as it is asked for, within ANGLE_MAX; over the ground it goes where that leads."""
+        """Follow an attitude target within ANGLE_MAX; the horizontal position is not controlled."""
         gains = self.gains
         place, velocity, (_, _, a_d) = memory.reference
         (p_n, p_e, p_d), (v_n, v_e, v_d) = estimate
@@ -232,12 +232,12 @@ class ArduControl:
         lift = within(lift, least, most)
         lean = math.atan(lean_tan)
         per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
-        # Angle boost: the lift is kept by the lean the body really has.
+        # Angle boost: thrust is increased by the actual lean so that the lift stays constant.
         up = math.cos(math.hypot(lean_n, lean_e))
         return limited, (i_n, i_e, i_d), (a_n * per, a_e * per), lift / max(up, 0.3)
 
     def _yaw(self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference) -> tuple[float, float]:
-        """The heading wanted and the yaw rate asked for: nose to the direction of travel where yaw is ignored."""
+        """Desired heading and yaw rate; without a yaw setpoint the nose turns to the direction of travel."""
         gains = self.gains
         kind, _, _, _, yaw_rad, yaw_rate_rad_s, *_ = setpoint
         here_rad, most_rad_s = body.yaw_rad, gains.yaw_rate_max_rad_s
@@ -257,7 +257,7 @@ class ArduControl:
 
 
 def _held(before: Reference, after: Reference, limited: Limited) -> Reference:
-    """The reference, which does not run on towards where the lean has not been enough."""
+    """Stop the reference from advancing in the direction in which the lean limit was reached."""
     limit_n, limit_e = limited.accel_ne_m_s2
     (p_n, p_e, _), (v_n, v_e, _), _ = before
     (q_n, q_e, q_d), (w_n, w_e, w_d), acceleration = after
@@ -275,7 +275,7 @@ def _held(before: Reference, after: Reference, limited: Limited) -> Reference:
 def _integrated(
     integral: tuple[float, float], error: tuple[float, float], gain: float, limited: Limited
 ) -> tuple[float, float]:
-    """The integral one step on; towards where the lean is not enough it does not grow."""
+    """Advance the integral; it does not grow in the direction in which the lean limit was reached."""
     (i_n, i_e), (e_n, e_e) = integral, error
     n, e = i_n + gain * e_n, i_e + gain * e_e
     limit_n, limit_e = limited.accel_ne_m_s2

@@ -1,12 +1,15 @@
-"""The vehicles there are, with the parameters of the ones that were measured.
+"""The available vehicles, with parameters from measurements.
 
-Where the values come from. Control gains, limits and take-off ramp: documented defaults of PX4 1.17 and ArduCopter 4.5.
-PX4's drag: its simulator's own (1 N per m/s on 1 kg), which also gives the 9.8 m/s measured at 45 degrees of tilt; its
-thrust: twice the weight. ArduCopter's drag: linear, and quadratic along each axis of the body, from the top speeds
-measured (15.2 m/s at 45 degrees, 10.3 m/s at 30, 11.4 m/s over the corner at 30). PX4's rate loop and how hard its
-rotors turn it, ArduCopter's attitude gain and vertical velocity scale: least squares on the recorded steps, each half
-checked against the other (`tests/data/README.md`). Dead times: what the client's own link leaves of the measured time
-to 10 %.
+Sources of the values:
+
+* Control gains, limits and take-off ramp: documented defaults of PX4 1.17 and ArduCopter 4.5.
+* PX4's drag: its simulator's (1 N per m/s on 1 kg), consistent with the measured 9.8 m/s at 45 degrees of tilt. Its
+  maximum thrust is twice the weight.
+* ArduCopter's drag: linear, and quadratic along each body axis, from the measured top speeds (15.2 m/s at 45 degrees,
+  10.3 m/s at 30, 11.4 m/s diagonally at 30).
+* PX4's rate loop and its torque limit, ArduCopter's attitude gain and vertical velocity scale: least squares on the
+  recorded steps, each half checked against the other (`tests/data/README.md`).
+* Dead times: the measured time to 10 % minus the delay of the client's link.
 """
 
 from typing import Final, Protocol
@@ -21,10 +24,10 @@ from sitl_mock.dynamics.values import Body, Estimate, Motion, Ned, Setpoint, Sur
 
 
 class Vehicle(Protocol):
-    """Anything the mock's core can move."""
+    """A kind of vehicle that the mock can move."""
 
     def reference(self, motion: Motion) -> Reference | None:
-        """The motion that the control follows, where it makes one."""
+        """The reference motion of the controller; None if it has none."""
         ...
 
     def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
@@ -32,17 +35,17 @@ class Vehicle(Protocol):
         ...
 
     def estimate(self, body: Body, around: Surroundings) -> Estimate:
-        """What the autopilot believes and reports."""
+        """Estimated position and velocity, as the autopilot reports them."""
         ...
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
-        """The vehicle `dt_s` later; pure, so the same arguments give the same motion.
+        """Advance the motion by `dt_s`; pure, so equal arguments give equal motion.
 
         Args:
-            motion: As it is now.
-            setpoint: What is obeyed.
-            around: Wind and the ground's height.
-            dt_s: The step.
+            motion: Present motion.
+            setpoint: Setpoint in force.
+            around: Wind, height of the ground and estimator errors.
+            dt_s: Length of the step.
         """
         ...
 
@@ -96,7 +99,7 @@ ARDUCOPTER_TRAVEL: Final = TravelLimits(
 def px4_quadrotor(
     gains: Px4Gains | None = None, travel: TravelLimits = PX4_TRAVEL, airframe: Airframe = PX4_AIRFRAME
 ) -> Multicopter[Px4Memory]:
-    """The quadrotor of PX4's SIH simulator under PX4's default parameters, or with some replaced."""
+    """The quadrotor of PX4's SIH simulator, with PX4's default parameters unless given."""
     control = Px4Control(gains or Px4Gains(), travel, airframe.thrust_max_m_s2)
     return Multicopter(control, Px4Memory, airframe, setpoint_delay_s=0.01)
 
@@ -104,7 +107,7 @@ def px4_quadrotor(
 def arducopter_quadrotor(
     gains: ArduGains | None = None, travel: TravelLimits = ARDUCOPTER_TRAVEL, airframe: Airframe = ARDUCOPTER_AIRFRAME
 ) -> Multicopter[ArduMemory]:
-    """The quadrotor of ArduPilot's simulator under ArduCopter's default parameters, or with some replaced."""
+    """The quadrotor of ArduPilot's simulator, with ArduCopter's default parameters unless given."""
     control = ArduControl(gains or ArduGains(), travel, airframe.thrust_max_m_s2)
     return Multicopter(control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.971), setpoint_delay_s=0.03)
 

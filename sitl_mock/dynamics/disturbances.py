@@ -1,11 +1,11 @@
-"""What disturbs a vehicle: its estimator's wandering error, as measured on PX4 against its simulator's truth, and wind.
+"""Disturbances: the estimator's slowly varying error, as measured on PX4 against its simulator's truth, and wind.
 
-The velocity error is first-order coloured noise; the position error is its integral, drawn back by GPS and barometer:
-position error' = velocity error - correction x position error. The two are therefore not each other's derivative, and a
-vehicle that holds vz = 0 by its estimate wanders in height, in truth and in what it reports (measured: -20 to -13.5 m
-in 75 s), while reported height and the integral of reported vz part (measured: 0.1 to 0.25 m/s over 8 s).
+The velocity error is first-order coloured noise. The position error is its integral, corrected by GPS and barometer:
+position error' = velocity error - correction x position error. So one is not the derivative of the other. A vehicle
+that holds an estimated vz = 0 drifts in height, both true and reported (measured: -20 to -13.5 m in 75 s), and the
+reported height departs from the integral of the reported vz (measured: 0.1 to 0.25 m/s over 8 s).
 
-Gusts are first-order coloured noise, from a seeded source.
+Gusts are first-order coloured noise from a seeded source.
 """
 
 import math
@@ -18,7 +18,7 @@ from sitl_mock.dynamics.values import ZERO, Ned
 
 
 class Errors(NamedTuple):
-    """Estimator errors of position and velocity, as `Surroundings` takes them."""
+    """Estimator errors of position and velocity; fields of `Surroundings`."""
 
     position_ned_m: Ned = ZERO
     velocity_ned_m_s: Ned = ZERO
@@ -26,7 +26,7 @@ class Errors(NamedTuple):
 
 @dataclass(frozen=True)
 class Wander:
-    """Size and pace of the error.
+    """Size and time scale of the error.
 
     Attributes:
         velocity_sd_ned_m_s: Standard deviation of the velocity error.
@@ -40,7 +40,7 @@ class Wander:
 
     @cached_property
     def correction_1_s(self) -> Ned:
-        """Rate at which the position error is drawn back, per axis, from the two standard deviations.
+        """Correction rate of the position error per axis, from the two standard deviations.
 
         Stationary: var(p) = var(v) T / (k (1 + k T)), solved for k.
         """
@@ -51,7 +51,7 @@ class Wander:
         return north, east, down
 
     def after(self, errors: Errors, random: Random, dt_s: float) -> Errors:
-        """The errors `dt_s` later; the same seed and steps give the same errors."""
+        """Advance the errors by `dt_s`; equal seeds and steps give equal errors."""
         keep = math.exp(-dt_s / self.time_s)
         spread = math.sqrt(1.0 - keep * keep)
         corrections = self.correction_1_s
@@ -69,7 +69,7 @@ class Wander:
 PX4_WANDER = Wander((0.17, 0.30, 0.16), (0.13, 0.21, 0.31))
 """PX4 1.17 against its simulator's truth."""
 PX4_GROUND_WANDER = Wander((0.03, 0.04, 0.008), (0.15, 0.15, 0.05), time_s=2.0)
-"""Before take-off: velocities of centimetres a second, places that creep by 0.3 m."""
+"""Before take-off: velocities of a few cm/s and position drift of about 0.3 m."""
 
 
 GUST_TIME_S: Final = 3.0
@@ -77,13 +77,13 @@ GUST_TIME_S: Final = 3.0
 
 
 def gust_after(gust_ned_m_s: Ned, sd_m_s: float, random: Random, dt_s: float, *, time_s: float = GUST_TIME_S) -> Ned:
-    """The gust `dt_s` later (exact for any step); the same seed and steps give the same gusts.
+    """Advance the gust by `dt_s` (exact for any step); equal seeds and steps give equal gusts.
 
     Args:
-        gust_ned_m_s: As it is now.
+        gust_ned_m_s: Present gust.
         sd_m_s: Standard deviation along north and east; a third of it is vertical.
-        random: Seeded.
-        dt_s: The step.
+        random: Seeded source.
+        dt_s: Length of the step.
         time_s: Correlation time.
     """
     keep = math.exp(-dt_s / time_s)

@@ -39,8 +39,8 @@ class Airframe:
         rotor_lag_s: Time constant of the thrust.
         drag_1_s: Linear drag, horizontal and vertical (specific force per air speed).
         drag_1_m: Quadratic drag along each axis of the body (specific force per air speed along it, squared).
-        lean_accel_rad_s2: How hard the whole thrust of the rotors would turn the body. Little thrust turns it slowly,
-            and what turns is not there to lift. Infinite where that is left out.
+        lean_accel_rad_s2: Angular acceleration at full thrust. Low thrust gives less, and the share used for turning
+            reduces the lift. Infinite: not modelled.
     """
 
     attitude_gain_1_s: float
@@ -61,18 +61,18 @@ def body_at(position_ned_m: Ned, yaw_rad: float, *, on_ground: bool = True) -> B
 
 
 def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundings, dt_s: float) -> Body:
-    """One step of `dt_s` (at most about 0.02 s) under a controller's demand, on the ground or in the air.
+    """Advance the body by one step under a controller's demand, on the ground or in the air.
 
     Args:
         airframe: Mass, drag and lags.
-        body: As it is now.
-        demand: Of the controller.
-        around: Wind, the ground's height, and what the rotors give of what is asked.
+        body: Present motion.
+        demand: The controller's demand.
+        around: Wind, height of the ground and thrust share.
         dt_s: At most about 0.02 s.
     """
     place, velocity, _, _, _, _, _, _, _, was_m_s2, on_ground = body
     if on_ground and velocity is ZERO and not (was_m_s2 or demand.thrust_m_s2) and place[2] == around.ground_down_m:
-        return body  # it stands, and its rotors with it
+        return body  # at rest with the rotors stopped
     full_m_s2 = airframe.thrust_max_m_s2
     thrust_m_s2 = within(demand.thrust_m_s2, 0.0, full_m_s2)
     stands = on_ground and thrust_m_s2 <= GRAVITY_M_S2
@@ -86,7 +86,7 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
 
 
 def _turned(airframe: Airframe, body: Body, demand: Demand, throttle: float, dt_s: float) -> tuple[float, float, float]:
-    """The lean's rates towards north and east one step on, and the share of the rotors' thrust that turns so."""
+    """Advance the lean rates towards north and east; returns them and the share of thrust used for turning."""
     ask_n = airframe.attitude_gain_1_s * (demand.lean_n_rad - body.lean_n_rad)
     ask_e = airframe.attitude_gain_1_s * (demand.lean_e_rad - body.lean_e_rad)
     ask, fastest = math.hypot(ask_n, ask_e), airframe.lean_rate_max_rad_s
@@ -105,7 +105,7 @@ def _turned(airframe: Airframe, body: Body, demand: Demand, throttle: float, dt_
 
 
 def _resting(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:
-    """Thrust below the weight: the legs stay where they are, upright."""
+    """Standing: thrust below the weight, body upright."""
     north, east, _ = body.position_ned_m
     return Body(
         (north, east, ground_down_m), ZERO, ZERO, 0.0, 0.0, 0.0, 0.0, body.yaw_rad, 0.0, thrust_m_s2, on_ground=True
@@ -120,7 +120,7 @@ def _flying(
     around: Surroundings,
     dt_s: float,
 ) -> Body:
-    """The body in the air, with its new lean rates and thrust, one step on."""
+    """Advance the body in the air with its new lean rates and thrust."""
     (p_n, p_e, p_d), (v_n, v_e, v_d), _, lean_n, lean_e, _, _, yaw, yaw_rate, _, _ = body
     (rate_n, rate_e, thrust_m_s2), turn = moved, demand.yaw_rate_rad_s
     (w_n, w_e, w_d), _, _, ground_d, _ = around
@@ -140,7 +140,7 @@ def _flying(
     half = 0.5 * dt_s
     p_d += (v_d + a_d * half) * dt_s
     if p_d >= ground_d and v_d + a_d * dt_s >= 0.0:
-        # The legs take the impact: nothing bounces, nothing slides.
+        # Touchdown without bouncing or sliding.
         return body_touching(body, thrust_m_s2, ground_d)
     return _body(
         (
@@ -162,7 +162,7 @@ def _flying(
 def _against_air(
     airframe: Airframe, push: tuple[float, float], air: tuple[float, float], yaw_rad: float, dt_s: float
 ) -> tuple[float, float]:
-    """Horizontal acceleration under a specific force and the drag of the air, along north and east."""
+    """Horizontal acceleration (north, east) under a specific force and aerodynamic drag."""
     linear, quadratic = airframe.drag_1_s, airframe.drag_1_m
     if not quadratic:
         damp = 1.0 / (1.0 + linear * dt_s)
@@ -176,7 +176,7 @@ def _against_air(
 
 
 def body_touching(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:
-    """The body after touching the ground at this place."""
+    """The body after touchdown at its present place."""
     return _resting(body, thrust_m_s2, ground_down_m)
 
 
@@ -184,29 +184,29 @@ MemoryT = TypeVar("MemoryT")
 
 
 class Control(Protocol[MemoryT]):
-    """A control law: from what the autopilot believes and is asked, to lean, thrust and yaw rate."""
+    """A control law: estimate and setpoint in; lean, thrust and yaw rate out."""
 
     def fresh(self, estimate: Estimate, *, flying: bool) -> MemoryT:
-        """Memory of a vehicle just placed."""
+        """Initial state of the law."""
         ...
 
     def step(
         self, memory: MemoryT, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[MemoryT, Demand]:
-        """One step of the law.
+        """Advance the law by one step.
 
         Args:
-            memory: Of the law.
-            body: The true one.
-            estimate: What the autopilot believes.
-            setpoint: What is asked.
-            dt_s: The step.
+            memory: State after the previous step.
+            body: True motion.
+            estimate: Estimated position and velocity.
+            setpoint: Setpoint in force.
+            dt_s: Length of the step.
         """
         ...
 
 
 class Pending(NamedTuple):
-    """Setpoints between the radio and the control law: what is obeyed now, and what will be and when."""
+    """Delayed setpoints: the one in force, and those waiting with their times."""
 
     clock_s: float
     obeyed: Setpoint
@@ -217,13 +217,13 @@ _pending = maker_of(Pending)
 
 
 def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> Pending:
-    """The setpoints one step on: a streamed one waits for `delay_s`, any other order is obeyed at once.
+    """Advance the delay line: streamed setpoints wait for `delay_s`, others take effect at once.
 
     Args:
-        pending: The one obeyed and those that wait.
-        setpoint: The newest.
-        delay_s: How long a streamed one waits.
-        dt_s: The step.
+        pending: The delay line.
+        setpoint: The newest setpoint.
+        delay_s: Delay of streamed setpoints.
+        dt_s: Length of the step.
     """
     clock_s, obeyed, waiting = pending
     kind = setpoint.kind
@@ -243,10 +243,10 @@ class Multicopter(Generic[MemoryT]):
 
     Attributes:
         control: The flavour's control law.
-        memory_type: The type of the law's memory; any other memory starts afresh.
+        memory_type: Type of the law's state; a state of another type is replaced by the initial one.
         airframe: The body.
-        velocity_scale_ned: What the estimator makes of a true velocity, per axis (1 is perfect).
-        setpoint_delay_s: Dead time from a streamed setpoint's arrival until the control law has it.
+        velocity_scale_ned: Estimated over true velocity, per axis (1 is perfect).
+        setpoint_delay_s: Dead time of streamed setpoints.
         step_max_s: Longer steps are divided.
     """
 
@@ -268,20 +268,20 @@ class Multicopter(Generic[MemoryT]):
         return Pending(0.0, order), self.control.fresh(estimate, flying=flying)
 
     def estimate(self, body: Body, around: Surroundings) -> Estimate:
-        """What the autopilot believes: truth, the estimator's scale and the errors of the surroundings."""
+        """Estimated position and velocity: truth times the velocity scale, plus the errors in `around`."""
         (p_n, p_e, p_d), (v_n, v_e, v_d), *_ = body
         _, (q_n, q_e, q_d), (w_n, w_e, w_d), *_ = around
         s_n, s_e, s_d = self.velocity_scale_ned
         return _estimate(((p_n + q_n, p_e + q_e, p_d + q_d), (v_n * s_n + w_n, v_e * s_e + w_e, v_d * s_d + w_d)))
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
-        """The vehicle `dt_s` later under one setpoint, in equal steps of at most `step_max_s`.
+        """Advance the motion by `dt_s` under one setpoint, in equal steps of at most `step_max_s`.
 
         Args:
-            motion: As it is.
-            setpoint: Given now, obeyed after `setpoint_delay_s`.
-            around: wind, ground, errors of the estimate, share of the thrust.
-            dt_s: How much later.
+            motion: Present motion.
+            setpoint: The newest setpoint; a streamed one takes effect after `setpoint_delay_s`.
+            around: Wind, height of the ground, estimator errors, thrust share.
+            dt_s: Time to advance.
         """
         body = motion.body
         estimate = self.estimate(body, around)
@@ -297,13 +297,13 @@ class Multicopter(Generic[MemoryT]):
         return _motion((body, (pending, memory)))
 
     def reference(self, motion: Motion) -> Reference | None:
-        """The motion that the control follows."""
+        """The controller's reference motion; None if it has none."""
         carried = motion.memory
         known = isinstance(carried, tuple) and isinstance(carried[1], self.memory_type)
         return getattr(carried[1], "reference", None) if known and isinstance(carried, tuple) else None
 
     def _memory(self, motion: Motion, estimate: Estimate) -> tuple[Pending, MemoryT]:
-        """The memory handed back, or a fresh one where it is another flavour's."""
+        """The state in `motion`, or the initial one if it is another flavour's."""
         carried = motion.memory
         if isinstance(carried, tuple) and isinstance(carried[1], self.memory_type):
             return carried[0], carried[1]

@@ -1,7 +1,7 @@
-"""PX4's multicopter position control: P on position, PID on velocity, setpoints truncated and not shaped.
+"""PX4's multicopter position control: P on position, PID on velocity; setpoints are truncated, not shaped.
 
-Parameters carry PX4's names and defaults (mc_pos_control). What follows from the law and was measured on PX4 1.17:
-8 to 19 % error 8 s after a step, because drag works against a slow integrator (MPC_XY_VEL_I_ACC 0.4).
+Parameters have PX4's names and defaults (mc_pos_control). The law reproduces the velocity error measured on PX4 1.17,
+8 to 19 % eight seconds after a step: drag acts against a slow integrator (MPC_XY_VEL_I_ACC 0.4).
 """
 
 import math
@@ -28,11 +28,11 @@ from sitl_mock.dynamics.values import (
 
 _STOPPED, _IDLING, _STREAM, _DIRECT = Kind.STOPPED, Kind.IDLING, Kind.STREAM, Kind.DIRECT
 _TILT_OPENS_RAD_S: Final = 0.2
-"""How fast the greatest tilt grows after a take-off."""
+"""Rate at which the tilt limit opens after a take-off."""
 
 
 class Px4Memory(NamedTuple):
-    """What the control law carries from one step to the next."""
+    """State of the control law between steps."""
 
     kind: Kind
     reference: Reference
@@ -42,25 +42,25 @@ class Px4Memory(NamedTuple):
     ramped_s: float = 0.0
     tilt_max_rad: float = math.pi
     yaw_integral_rad_s2: float = 0.0
-    hover_m_s2: float = GRAVITY_M_S2  # what it believes to hover with (MPC_USE_HTE)
+    hover_m_s2: float = GRAVITY_M_S2  # estimated hover thrust (MPC_USE_HTE)
 
 
 _memory, _demand, _reference = maker_of(Px4Memory), maker_of(Demand), maker_of(Reference)
 _NOTHING: Final = Demand(0.0, 0.0, 0.0, 0.0)
 _UNMOVED: Final = (0.0, math.pi, 0.0, GRAVITY_M_S2)
-"""What `Px4Memory` begins with behind `spooled_s`."""
+"""Initial values of the `Px4Memory` fields after `spooled_s`."""
 
 
 @dataclass(frozen=True)
 class Px4Control:
-    """The control law with its parameters and the thrust it reckons with."""
+    """The control law with its parameters and the maximum thrust that it assumes."""
 
     gains: Px4Gains
     travel_limits: TravelLimits
     thrust_max_m_s2: float
 
     def fresh(self, estimate: Estimate, *, flying: bool) -> Px4Memory:
-        """Memory of a vehicle just placed: cold on the ground, or trimmed in hover."""
+        """Initial state: motors off on the ground, or trimmed in hover."""
         gains = self.gains
         done = (gains.spool_s, gains.ramp_s) if flying else (0.0, 0.0)
         kind = Kind.BRAKE if flying else Kind.STOPPED
@@ -69,13 +69,13 @@ class Px4Control:
     def step(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
-        """One step of the law: the new memory and what is asked of the airframe.
+        """Advance the law by one step; returns its new state and the demand on the airframe.
 
         Args:
-            memory: Of the step before.
-            body: As it is.
-            estimate: As the autopilot believes it is.
-            setpoint: Obeyed now.
+            memory: State after the previous step.
+            body: True motion.
+            estimate: Estimated position and velocity.
+            setpoint: Setpoint in force.
             dt_s: Length of the step.
         """
         kind = setpoint.kind
@@ -128,7 +128,7 @@ class Px4Control:
             flying=flying,
         )
         if on_ground:
-            # While the thrust ramps up the climb's integral runs: it holds the first seconds of the climb back.
+            # During the take-off ramp the vertical integral runs, which slows the first seconds of the climb.
             integral = (0.0, 0.0, integral[2] if ramped_s > 0.0 and not flying else 0.0)
         turn, yaw_integral = self._yaw_rate(memory, body, setpoint, dt_s)
         if not on_ground:
@@ -147,9 +147,9 @@ class Px4Control:
         return _memory(carried), _demand((*lean, thrust, turn))
 
     def _ramped(self, ramped_s: float, up_max: float) -> tuple[float, float]:
-        """How far a take-off's ramp has come, and the fastest climb there.
+        """Progress of the take-off ramp, and the climb limit at that point.
 
-        From the speed that asks for no thrust at all up to the one wanted, so that the thrust itself ramps.
+        The limit rises from the speed that demands zero thrust to the desired one, so that the thrust itself ramps.
         """
         gains = self.gains
         ramped_s = min(ramped_s, gains.ramp_s)
@@ -157,14 +157,14 @@ class Px4Control:
         return ramped_s, none + (up_max - none) * ramped_s / gains.ramp_s
 
     def _tilt_max(self, tilt_max_rad: float, dt_s: float) -> float:
-        """The greatest tilt one step on: it opens slowly after a take-off."""
+        """Advance the tilt limit, which opens slowly after a take-off."""
         most = self.gains.tilt_max_rad
         return most if tilt_max_rad == most else min(tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, most)
 
     def _travelled(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> Reference:
-        """The reference one step on: slower in time where the vehicle lags behind it, and upright on the ground."""
+        """Advance the reference; it slows down while the vehicle lags behind it."""
         started = memory.reference
         if memory.kind is not setpoint.kind:
             started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
@@ -181,7 +181,7 @@ class Px4Control:
     def _direct(
         self, before: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
-        """Lean and thrust that make an acceleration in still air; nothing is controlled."""
+        """Open loop: lean and thrust for an acceleration in still air."""
         gains = self.gains
         n, e, d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
         up, side = GRAVITY_M_S2 - d, math.hypot(n, e)
@@ -211,13 +211,13 @@ class Px4Control:
         e, a_e = self._axis(setpoint, estimate, 1, self.gains.xy_p_1_s)
         d, a_d = self._axis(setpoint, estimate, 2, self.gains.z_p_1_s)
         if math.isnan(a_n + a_e + a_d):
-            # An axis with nothing to follow makes PX4 stand still with OFFBOARD kept.
+            # With an uncontrolled axis PX4 hovers and stays in OFFBOARD.
             return ZERO, ZERO
         return self._truncated(n, e, d), (a_n, a_e, a_d)
 
     @staticmethod
     def _axis(setpoint: Setpoint, estimate: Estimate, axis: int, gain: float) -> tuple[float, float]:
-        """Velocity and acceleration of one axis; both NaN where the setpoint has nothing for it."""
+        """Velocity and acceleration of one axis; both NaN if the setpoint leaves it uncontrolled."""
         to, along, push = (
             setpoint.position_ned_m[axis],
             setpoint.velocity_ned_m_s[axis],
@@ -257,7 +257,7 @@ class Px4Control:
         *,
         flying: bool,
     ) -> tuple[Ned, tuple[float, float], float]:
-        """PID on velocity, thrust and tilt limits with vertical first, anti-windup by what could be produced."""
+        """PID on velocity with thrust and tilt limits (vertical first) and tracking anti-windup."""
         gains, (tilt_max_rad, hover_m_s2) = self.gains, limits
         (w_n, w_e, w_d), (v_n, v_e, v_d), (f_n, f_e, f_d) = wanted, velocity, forward
         err_n, err_e, err_d = w_n - v_n, w_e - v_e, w_d - v_d
@@ -273,7 +273,7 @@ class Px4Control:
             if (lift >= most and err_d <= 0.0) or (lift <= least and err_d >= 0.0):
                 err_d = 0.0
             lift = min(max(lift, least, 1e-3), most)
-        # The tilt is that of the horizontal acceleration against gravity alone (MPC_ACC_DECOUPLE 1), whatever the lift.
+        # The tilt follows from horizontal acceleration and gravity alone (MPC_ACC_DECOUPLE 1), independent of the lift.
         tilt_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
         tan_max = math.tan(tilt_max_rad)
         side = min(lift * min(tilt_tan, tan_max), gains.thrust_level_margin * most)
@@ -282,7 +282,7 @@ class Px4Control:
         shrink = tan_max / tilt_tan if tilt_tan > tan_max else 1.0
         made = shrink * lift / hover_m_s2
         if made < 1.0:
-            # Tracking anti-windup with gain 2/P on what cannot be made of the acceleration.
+            # Tracking anti-windup with gain 2/P on the part of the acceleration that exceeds the limits.
             back = 2.0 / gains.xy_vel_p_1_s * (1.0 - made)
             err_n -= back * a_n
             err_e -= back * a_e
@@ -298,13 +298,13 @@ class Px4Control:
         return integral, (a_n * per, a_e * per), thrust
 
     def _hover(self, hover_m_s2: float, body: Body, dt_s: float) -> float:
-        """What it believes to hover with: drag on the way down lets it seem lighter, on the way up heavier."""
+        """Advance the hover thrust estimate; drag makes it too low in descents and too high in climbs."""
         lift = body.thrust_m_s2 * math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
         hovers = lift * GRAVITY_M_S2 / max(GRAVITY_M_S2 - body.acceleration_ned_m_s2[2], 1.0)
         return hover_m_s2 + (hovers - hover_m_s2) * (1.0 - math.exp(-dt_s / self.gains.hover_lag_s))
 
     def _yaw_rate(self, memory: Px4Memory, body: Body, setpoint: Setpoint, dt_s: float) -> tuple[float, float]:
-        """The yaw rate that PI on the rate settles at against the damping, and the integral carried on."""
+        """Steady-state yaw rate of the PI rate loop against the damping, and its new integral."""
         gains = self.gains
         rate = body.yaw_rate_rad_s
         error = self._yaw_rate_wanted(body, setpoint) - rate

@@ -20,16 +20,16 @@ from sitl_mock.dynamics.values import (
 
 @dataclass(frozen=True)
 class Rover:
-    """A skid-steered rover, and its parameters.
+    """A skid-steered rover with its parameters.
 
     Attributes:
-        speed_max_m_s: Fastest it goes (CRUISE_SPEED is below it).
-        accel_m_s2: Speeding up and braking (ATC_ACCEL_MAX).
-        turn_rate_max_rad_s: Fastest turn, also on the spot (ATC_STR_RAT_MAX).
+        speed_max_m_s: Maximum speed (CRUISE_SPEED is below it).
+        accel_m_s2: Maximum acceleration and braking (ATC_ACCEL_MAX).
+        turn_rate_max_rad_s: Maximum turn rate, also on the spot (ATC_STR_RAT_MAX).
         heading_gain_1_s: Turn rate per heading error.
         turn_lag_s: Time constant of the turn rate.
-        place_gain_1_s: Speed per distance left to a place.
-        reached_m: A place this near counts as reached.
+        place_gain_1_s: Speed per remaining distance to a position setpoint.
+        reached_m: Radius within which a position counts as reached.
     """
 
     speed_max_m_s: float = 5.0
@@ -41,29 +41,29 @@ class Rover:
     reached_m: float = 0.3
 
     def reference(self, _motion: Motion) -> None:
-        """None: it drives at what it is asked for."""
+        """None: the rover's control has no reference motion."""
 
     def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
-        """A rover at rest at a place; `flying` has no meaning here and is refused."""
+        """A rover at rest; `flying` raises ValueError."""
         if flying:
             msg = "a rover cannot start in the air: leave flying=False"
             raise ValueError(msg)
         return Motion(body_at(position_ned_m, yaw_rad, on_ground=True), None)
 
     def estimate(self, body: Body, around: Surroundings) -> Estimate:
-        """Truth and the surroundings' estimator errors."""
+        """True position and velocity plus the estimator errors in `around`."""
         return Estimate(
             _added(body.position_ned_m, around.position_error_ned_m),
             _added(body.velocity_ned_m_s, around.velocity_error_ned_m_s),
         )
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
-        """Turn towards the wanted velocity, and drive as far as the nose points along it.
+        """Turn towards the desired velocity, and drive at its component along the nose.
 
         Args:
-            motion: As it is.
-            setpoint: Obeyed at once.
-            around: Errors of the estimate; the rest of it does not move a rover.
+            motion: Present motion.
+            setpoint: Setpoint in force.
+            around: Estimator errors; its other fields have no effect on a rover.
             dt_s: Length of the step.
         """
         body = motion.body
@@ -81,7 +81,7 @@ class Rover:
         yaw_rate = yaw_rate + (body.yaw_rate_rad_s - yaw_rate) * math.exp(-dt_s / self.turn_lag_s)
         yaw = math.remainder(body.yaw_rad + yaw_rate * dt_s, math.tau)
 
-        # No driving while the nose points away: the projection is cut at zero, so the rover turns on the spot.
+        # The component along the nose is not negative, so the rover turns on the spot before it drives back.
         along = within(wanted_n * forward_n + wanted_e * forward_e, 0.0, self.speed_max_m_s)
         speed = body.velocity_ned_m_s[0] * forward_n + body.velocity_ned_m_s[1] * forward_e
         most = self.accel_m_s2 * dt_s
@@ -110,7 +110,7 @@ class Rover:
         )
 
     def _wanted(self, body: Body, setpoint: Setpoint, around: Surroundings) -> tuple[float, float]:
-        """Horizontal velocity wanted, after the place and the speed limit."""
+        """Desired horizontal velocity from the position and velocity setpoints, within the speed limit."""
         if setpoint.kind <= Kind.IDLING or setpoint.kind is Kind.BRAKE:
             return 0.0, 0.0
         n, e, _ = zero_where_ignored(setpoint.velocity_ned_m_s)

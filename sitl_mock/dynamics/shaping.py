@@ -1,9 +1,9 @@
-"""Smooth references: velocity and position targets followed under limits of speed, acceleration and jerk.
+"""Smooth references that follow velocity and position targets within limits of speed, acceleration and jerk.
 
-The law is the time-optimal one with a linear end (a square-root controller), first from distance to speed, then from
-speed to acceleration; the acceleration itself moves by no more than the jerk allows.
+The law is time-optimal with a linear end (a square-root controller): from distance to speed, then from speed to
+acceleration. The jerk limits the change of the acceleration.
 
-`travel` is the reference of the autopilot's own motions: TRAVEL (to a place, or at a velocity) and BRAKE.
+`travel` makes the reference of the autopilot's own motions: TRAVEL (to a position or at a velocity) and BRAKE.
 """
 
 import math
@@ -16,7 +16,7 @@ CORNER_SHARE: Final = math.sqrt(0.5)
 
 
 class Reference(NamedTuple):
-    """The motion a controller follows, and feeds forward."""
+    """The motion that a controller follows and feeds forward."""
 
     position_ned_m: Ned
     velocity_ned_m_s: Ned
@@ -27,9 +27,9 @@ _reference = maker_of(Reference)
 
 
 def root_law(error: float, gain: float, second_max: float) -> float:
-    """Rate at which an error is worked off with a second derivative of at most `second_max`; none is negative.
+    """Rate of correction for a non-negative error with a second derivative of at most `second_max`.
 
-    Linear with `gain` near zero and along the braking parabola further out, with equal slope where they meet.
+    Linear with `gain` near zero, along the braking parabola farther out, with equal slope where they meet.
     """
     corner = second_max / (gain * gain)
     if error <= corner:
@@ -47,7 +47,7 @@ def shape_pair(
     settle_1_s: float,
     dt_s: float,
 ) -> tuple[float, float]:
-    """The next acceleration of a horizontal reference on its way to the `wanted` velocity.
+    """Next acceleration of a horizontal reference that approaches the `wanted` velocity.
 
     Args:
         wanted: Velocity, m/s, north and east.
@@ -82,9 +82,9 @@ def shape_turn(
     jerk_m_s3: float,
     dt_s: float,
 ) -> tuple[float, float]:
-    """`shape_pair` as ArduPilot does it: of the correction, what lies across the wanted velocity is worked off first.
+    """`shape_pair` as ArduPilot does it: the component across the wanted velocity is corrected first.
 
-    Across it at least 1/sqrt(2) of the acceleration is had, along it what is left of it (measured over the corner).
+    It gets at least 1/sqrt(2) of the acceleration, and the component along the velocity the rest (measured).
 
     Args:
         wanted: Velocity, m/s, north and east.
@@ -113,7 +113,7 @@ def shape_turn(
 
 
 def _cornered(accel: tuple[float, float], wanted: tuple[float, float], accel_m_s2: float) -> tuple[float, float]:
-    """Limit an acceleration to `accel_m_s2`, keeping what turns the velocity before what speeds it up."""
+    """Limit an acceleration to `accel_m_s2`; the component across the velocity has priority."""
     a_n, a_e = accel
     w_n, w_e = wanted
     size, speed = math.hypot(a_n, a_e), math.hypot(w_n, w_e)
@@ -133,7 +133,7 @@ def _cornered(accel: tuple[float, float], wanted: tuple[float, float], accel_m_s
 
 
 def turning_first(accel: tuple[float, float], velocity: tuple[float, float], most: float) -> tuple[float, float]:
-    """Limit an acceleration to `most`: what lies across the velocity first, then what lies along it."""
+    """Limit an acceleration to `most`; the component across the velocity has priority."""
     (a_n, a_e), speed = accel, math.hypot(*velocity)
     if speed == 0.0:
         keep = min(1.0, most / math.hypot(a_n, a_e))
@@ -159,7 +159,7 @@ def shape_one(
     settle_1_s: float,
     dt_s: float,
 ) -> float:
-    """The next acceleration of a vertical reference on its way to the `wanted` velocity.
+    """Next acceleration of a vertical reference that approaches the `wanted` velocity.
 
     Args:
         wanted: Velocity, m/s, down positive.
@@ -179,19 +179,19 @@ def shape_one(
 
 
 def approach_gain_1_s(accel_m_s2: float, jerk_m_s3: float, settle_1_s: float) -> float:
-    """Gain from distance to speed that neither the settling of the speed nor the jerk turns into an overrun."""
+    """Gain from distance to speed that avoids overshoot from the speed loop and the jerk limit."""
     return min(0.25 * settle_1_s, 0.4 * jerk_m_s3 / accel_m_s2)
 
 
 def approach_pair(
     to_go: tuple[float, float], speed_max: float, accel_m_s2: float, gain_1_s: float
 ) -> tuple[float, float]:
-    """Velocity towards a place `to_go` away, braking in time.
+    """Velocity towards a position `to_go` away, with enough room to brake.
 
-    Half of the acceleration is planned with, so that jerk-limited braking does not overrun the place.
+    It plans with half of the acceleration so that jerk-limited braking does not overshoot.
 
     Args:
-        to_go: The place from here, m, north and east.
+        to_go: Vector to the position, m, north and east.
         speed_max: m/s.
         accel_m_s2: At most.
         gain_1_s: Of the linear end, 1/s.
@@ -204,10 +204,10 @@ def approach_pair(
 
 
 def approach_one(to_go: float, up_max: float, down_max: float, accel_m_s2: float, gain_1_s: float) -> float:
-    """Vertical velocity (down positive) towards a height `to_go` away, braking in time.
+    """Vertical velocity (down positive) towards a height `to_go` away, with enough room to brake.
 
     Args:
-        to_go: The height from here, m, down positive.
+        to_go: Distance to the height, m, down positive.
         up_max: m/s.
         down_max: m/s.
         accel_m_s2: At most.
@@ -218,7 +218,7 @@ def approach_one(to_go: float, up_max: float, down_max: float, accel_m_s2: float
 
 
 def advance(reference: Reference, acceleration: Ned, dt_s: float) -> Reference:
-    """The reference one step later under a new acceleration."""
+    """Advance the reference by one step under a new acceleration."""
     (p_n, p_e, p_d), (v_n, v_e, v_d), _ = reference
     a_n, a_e, a_d = acceleration
     n, e, d = v_n + a_n * dt_s, v_e + a_e * dt_s, v_d + a_d * dt_s
@@ -228,7 +228,7 @@ def advance(reference: Reference, acceleration: Ned, dt_s: float) -> Reference:
 
 
 _ALIGNED_M: Final = 0.05
-"""Nearer than this in one direction, the other is flown by itself."""
+"""If one direction has less than this to go, the other is flown alone."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ class TravelLimits:
         jerk_m_s3: Horizontal (MPC_JERK_AUTO, PSC_JERK_XY).
         jerk_z_m_s3: Vertical (MPC_JERK_AUTO, PSC_JERK_Z).
         settle_1_s: Gain from the speed still wanted to acceleration at the end of a change.
-        straight: Places are flown to along the straight line, as slowly as the slower of both directions wants.
+        straight: Fly straight lines: the slower of the horizontal and vertical motions sets the pace.
     """
 
     speed_m_s: float
@@ -267,7 +267,7 @@ def _or(value: float, default: float) -> float:
 def _aligned(
     wanted: tuple[float, float], wanted_d: float, to_go: tuple[float, float, float]
 ) -> tuple[tuple[float, float], float]:
-    """The same velocity, slowed in one direction so that it points at the place."""
+    """Slow one direction down so that the velocity points at the goal."""
     level_m, high_m = math.hypot(to_go[0], to_go[1]), abs(to_go[2])
     if math.isnan(level_m + high_m) or min(level_m, high_m) < _ALIGNED_M:
         return wanted, wanted_d
@@ -278,13 +278,13 @@ def _aligned(
 
 
 def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
-    """The reference one step of `dt_s` further along a TRAVEL or BRAKE setpoint.
+    """Advance the reference by `dt_s` under a TRAVEL or BRAKE setpoint.
 
     Args:
-        limits: Of the journey: speeds, accelerations and jerks.
-        reference: Place, velocity and acceleration, NED.
+        limits: Speeds, accelerations and jerks.
+        reference: Position, velocity and acceleration, NED.
         setpoint: Of kind TRAVEL or BRAKE.
-        dt_s: The step.
+        dt_s: Length of the step.
     """
     braking = setpoint.kind is Kind.BRAKE
     accel = limits.brake_m_s2 if braking else limits.accel_m_s2

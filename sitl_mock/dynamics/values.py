@@ -1,4 +1,4 @@
-"""What goes into a step of the dynamics and what comes out: plain immutable values, NED, SI units."""
+"""Inputs and outputs of a dynamics step: immutable values in NED and SI units."""
 
 import math
 from collections.abc import Callable
@@ -11,38 +11,38 @@ Ned = tuple[float, float, float]
 
 ZERO: Ned = (0.0, 0.0, 0.0)
 IGNORED: Ned = (math.nan, math.nan, math.nan)
-"""A setpoint's axis is ignored by NaN, as on the wire."""
+"""NaN marks an ignored axis of a setpoint, as on the wire."""
 
 GRAVITY_M_S2 = 9.80665
 
 
 class Kind(IntEnum):
-    """What the autopilot is doing with its motors."""
+    """Control mode of the motors."""
 
     STOPPED = 0
-    """Disarmed: no thrust at all (a vehicle in the air falls)."""
+    """Disarmed: zero thrust (a vehicle in the air falls)."""
     IDLING = 1
-    """Armed on the ground: motors turn, no lift. Spool-up is counted from here."""
+    """Armed on the ground: motors turn without lift. Spool-up time starts here."""
     STREAM = 2
-    """A setpoint of OFFBOARD or GUIDED, treated as the flavour treats it (PX4 truncates, ArduCopter shapes)."""
+    """A streamed setpoint in OFFBOARD or GUIDED; PX4 truncates it, ArduCopter shapes it."""
     TRAVEL = 3
     """The autopilot's own smooth motion (take-off, mission, return, land): see `Setpoint`."""
     BRAKE = 4
-    """Stop as fast as the flavour does and hold the place where it stopped (PX4 Hold, ArduCopter BRAKE)."""
+    """Stop as the flavour does and hold that position (PX4 Hold, ArduCopter BRAKE)."""
     ATTITUDE = 6
-    """Lean as asked; the height by a thrust, or by the down velocity where no thrust is given (ArduPilot)."""
+    """Given lean, with a given thrust or, without one, a down velocity (ArduPilot)."""
     TRACK = 7
-    """A motion of the autopilot's own making, followed as it is (ArduPilot's AUTO)."""
+    """A planned motion, followed exactly (ArduPilot's AUTO)."""
     DIRECT = 5
-    """Attitude and thrust as the acceleration they make in still air, past the position control (PX4)."""
+    """Attitude and thrust, given as the acceleration they cause in still air; bypasses position control (PX4)."""
 
 
 class Setpoint(NamedTuple):
-    """What the vehicle is asked to do. NaN is "ignored", axis by axis.
+    """A command to the vehicle; NaN marks ignored axes.
 
-    `TRAVEL` moves to the axes of `position_ned_m` that are given, at no more than `speed_m_s` (horizontal),
-    `climb_m_s` and `sink_m_s` (NaN: the flavour's defaults), and on an axis without a position follows
-    `velocity_ned_m_s` (0 where that is ignored too). Landing is a position in north and east and a velocity down.
+    `TRAVEL` moves to the given axes of `position_ned_m` at no more than `speed_m_s` (horizontal), `climb_m_s` and
+    `sink_m_s` (NaN: the flavour's defaults). An axis without a position follows `velocity_ned_m_s` (0 if ignored too).
+    Landing is a north and east position with a down velocity.
     """
 
     kind: Kind
@@ -55,15 +55,15 @@ class Setpoint(NamedTuple):
     climb_m_s: float = math.nan
     sink_m_s: float = math.nan
     lean_ne_rad: tuple[float, float] = (0.0, 0.0)
-    """`ATTITUDE`: tilt of the thrust axis towards north and east, as `Body` has it."""
+    """`ATTITUDE`: tilt of the thrust axis towards north and east, as in `Body`."""
     thrust: float = math.nan
-    """`ATTITUDE`: share of full throttle in [0, 1], NaN for none."""
+    """`ATTITUDE`: share of full throttle in [0, 1], NaN if not given."""
 
 
 class Surroundings(NamedTuple):
-    """What the world does to the vehicle and to its estimator during a step.
+    """Effects on the vehicle and its estimator during a step.
 
-    The estimator errors act on the control loop as well as on what is reported: estimate = truth + error.
+    The estimator errors affect both the control loop and the telemetry: estimate = truth + error.
     """
 
     wind_ned_m_s: Ned = ZERO
@@ -71,7 +71,7 @@ class Surroundings(NamedTuple):
     velocity_error_ned_m_s: Ned = ZERO
     ground_down_m: float = 0.0
     thrust_share: float = 1.0
-    """What the rotors give of what is asked."""
+    """Produced over demanded thrust."""
 
 
 CALM = Surroundings()
@@ -99,21 +99,21 @@ class Body(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What the autopilot believes, and reports in LOCAL_POSITION_NED."""
+    """The autopilot's estimate, as reported in LOCAL_POSITION_NED."""
 
     position_ned_m: Ned
     velocity_ned_m_s: Ned
 
 
 class Motion(NamedTuple):
-    """A vehicle between two steps: its body, and its controller's memory (opaque: pass it back as it came)."""
+    """A vehicle between two steps: its body and its controller's state (opaque)."""
 
     body: Body
     memory: object
 
 
 class Demand(NamedTuple):
-    """What a controller asks of the airframe."""
+    """A controller's demand on the airframe."""
 
     lean_n_rad: float
     lean_e_rad: float
@@ -136,15 +136,15 @@ ValueT = TypeVar("ValueT", bound=tuple[Any, ...])
 
 
 def maker_of(kind: type[ValueT]) -> Callable[[tuple[Any, ...]], ValueT]:
-    """What makes a named tuple of all its values in their order, unchecked, at a third of the price of calling it.
+    """Return a function that makes a named tuple from an iterable of its values, unchecked and three times as fast.
 
-    For what is made anew at every step; elsewhere the names are worth more.
+    For values that are made at every step; elsewhere call the type with field names.
     """
     return partial(tuple.__new__, kind)
 
 
 def within(value: float, least: float, most: float) -> float:
-    """The value, or the nearer of both limits; NaN stays."""
+    """Clip a value to a range; NaN stays NaN."""
     return least if value < least else most if value > most else value
 
 
@@ -194,7 +194,7 @@ def quaternion_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[fl
 
 
 def rotated(quaternion: tuple[float, float, float, float], vector: Ned) -> Ned:
-    """A vector of the body's axes (forward, right, down) in north, east, down, by its unit attitude quaternion."""
+    """Rotate a vector from body axes (forward, right, down) to NED by a unit attitude quaternion."""
     w, x, y, z = quaternion
     f, r, d = vector
     return (
@@ -205,6 +205,6 @@ def rotated(quaternion: tuple[float, float, float, float], vector: Ned) -> Ned:
 
 
 def zero_where_ignored(axes: Ned) -> Ned:
-    """The same axes with 0 for those that are ignored (NaN)."""
+    """Replace ignored axes (NaN) by 0."""
     n, e, d = axes
     return 0.0 if math.isnan(n) else n, 0.0 if math.isnan(e) else e, 0.0 if math.isnan(d) else d

@@ -1,4 +1,4 @@
-"""Faults of links, flights and evaders: seeded, scripted in TOML, put upon a vehicle that runs stepped or live."""
+"""Faults of links, flights and evaders: seeded, scripted in TOML, applied to a stepped or a live vehicle."""
 
 from sitl_mock.faults.effect import Direction, FaultKind, Group
 from sitl_mock.faults.faulted import STATES, Faulted

@@ -1,6 +1,6 @@
-"""Faults of what messages say: fields that are no numbers, no place, another parameter, another clock; COMMAND_ACKs.
+"""Faults of message contents: wrong fields, positions, parameters, clocks and COMMAND_ACKs.
 
-A command whose COMMAND_ACK is struck is obeyed; only the answer is not to be relied on.
+A command whose COMMAND_ACK is affected is still executed; only the answer is wrong.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
+from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
 from sitl_mock.faults.links import always
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.tables import REQUIRED, Option, choice, integer, integers, number, text, words
@@ -32,7 +32,7 @@ _MOTION: Final = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "ODOMETRY", "ATTI
 
 
 def _new_value(found: frames.PayloadField, sort: str) -> float | None:
-    """Return what a field becomes, or None if a field of its type cannot hold that."""
+    """Return the new value of a field, or None if its type cannot hold one."""
     if found.format == "c":
         return None
     if not found.whole:
@@ -41,40 +41,40 @@ def _new_value(found: frames.PayloadField, sort: str) -> float | None:
 
 
 def _changes(message: str, names: tuple[str, ...], sort: str) -> dict[str, float]:
-    """Return the fields of a message that can hold it, among those named (all but stamps and targets if none are)."""
+    """Return new values for the named fields that can hold one (without names: all but stamps and targets)."""
     fields = frames.layout(SPEC_BY_NAME[message].message_id)
     chosen = names or tuple(name for name in fields if not name.startswith(_NOT_CONTENT))
     new = {name: _new_value(fields[name], sort) for name in chosen if name in fields}
     return {name: value for name, value in new.items() if value is not None}
 
 
-def _bad_fields(making: Making) -> Effect:
-    options, signing = making.options, making.vehicle.autopilot.signing
+def _bad_fields(inputs: EffectInputs) -> Effect:
+    options, signing = inputs.options, inputs.vehicle.autopilot.signing
     by_id = {
-        SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"]) for name in making.messages
+        SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"]) for name in inputs.messages
     }
     found = {name for changes in by_id.values() for name in changes}
     for name in options["fields"]:
         if name not in found:
             raise ConfigError(
-                f"fields = {name!r}: no message of {', '.join(making.messages)} has such a field that can be "
+                f"fields = {name!r}: no message of {', '.join(inputs.messages)} has such a field that can be "
                 f"{options['value']} (whole numbers: zero, int_max, int_min; others: nan, inf, zero)"
             )
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         changes = by_id.get(frames.message_id(frame))
         return ((0.0, frames.changed(frame, changes, signing.secret_key) if changes else frame),)
 
-    return Effect(alter=always(alter, making))
+    return Effect(alter=always(alter, inputs))
 
 
-def _no_place(making: Making) -> Effect:
-    signing = making.vehicle.autopilot.signing
+def _no_place(inputs: EffectInputs) -> Effect:
+    signing = inputs.vehicle.autopilot.signing
     return Effect(alter=lambda _now_s, frame: ((0.0, frames.changed(frame, {"lat": 0, "lon": 0}, signing.secret_key)),))
 
 
-def _param_echo(making: Making) -> Effect:
-    vehicle, name, value = making.vehicle, making.options["parameter"], making.options["value"]
+def _param_echo(inputs: EffectInputs) -> Effect:
+    vehicle, name, value = inputs.vehicle, inputs.options["parameter"], inputs.options["value"]
     parameters = vehicle.autopilot.parameters
     if name not in parameters:
         raise ConfigError(f"parameter = {name!r}: allowed are the parameters of {vehicle.flavour}")
@@ -83,7 +83,7 @@ def _param_echo(making: Making) -> Effect:
     if bytewise and parameters.definitions[name].kind != _REAL32:
         wire = struct.unpack("<f", struct.pack("<i", int(value)))[0]
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         if frames.value(frame, "param_id") != name.encode():
             return ((0.0, frame),)
         return ((0.0, frames.changed(frame, {"param_value": wire}, vehicle.autopilot.signing.secret_key)),)
@@ -91,13 +91,13 @@ def _param_echo(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _time_reset(making: Making) -> Effect:
-    vehicle = making.vehicle
+def _time_reset(inputs: EffectInputs) -> Effect:
+    vehicle = inputs.vehicle
     return Effect(begin=lambda _now_s: vehicle.inject("time_jump_s", -vehicle.autopilot.report.boot_us * 1e-6))
 
 
-def _time_wrap(making: Making) -> Effect:
-    vehicle, before_s = making.vehicle, making.options["before_s"]
+def _time_wrap(inputs: EffectInputs) -> Effect:
+    vehicle, before_s = inputs.vehicle, inputs.options["before_s"]
 
     def begin(_now_s: float) -> None:
         vehicle.inject("time_jump_s", _BOOT_WRAP_S - before_s - vehicle.autopilot.report.boot_us * 1e-6)
@@ -152,11 +152,11 @@ _COMMANDS: Final = Option("MAV_CMD numbers; empty for all", frozenset(), integer
 _SHARE: Final = Option("share of the answers", 1.0, number(0.0, 1.0))
 
 
-def _of_commands(making: Making, alter: Alter) -> Effect:
-    """Strike the answers to the commands asked for, and of those the share asked for."""
-    chosen, sometimes = making.options["commands"], always(alter, making)
+def _of_commands(inputs: EffectInputs, alter: Alter) -> Effect:
+    """Alter the answers to the chosen commands, with the chosen probability."""
+    chosen, sometimes = inputs.options["commands"], always(alter, inputs)
 
-    def check(now_s: float, frame: bytes) -> Passed:
+    def check(now_s: float, frame: bytes) -> Delayed:
         if chosen and frames.value(frame, "command") not in chosen:
             return ((0.0, frame),)
         return sometimes(now_s, frame)
@@ -164,27 +164,27 @@ def _of_commands(making: Making, alter: Alter) -> Effect:
     return Effect(alter=check)
 
 
-def _lost(making: Making) -> Effect:
-    return _of_commands(making, lambda _now_s, _frame: ())
+def _lost(inputs: EffectInputs) -> Effect:
+    return _of_commands(inputs, lambda _now_s, _frame: ())
 
 
-def _late(making: Making) -> Effect:
-    delay_s = making.options["delay_s"]
-    return _of_commands(making, lambda _now_s, frame: ((delay_s, frame),))
+def _late(inputs: EffectInputs) -> Effect:
+    delay_s = inputs.options["delay_s"]
+    return _of_commands(inputs, lambda _now_s, frame: ((delay_s, frame),))
 
 
-def _wrong(making: Making) -> Effect:
-    result, signing = making.options["result"], making.vehicle.autopilot.signing
+def _wrong(inputs: EffectInputs) -> Effect:
+    result, signing = inputs.options["result"], inputs.vehicle.autopilot.signing
     return _of_commands(
-        making, lambda _now_s, frame: ((0.0, frames.changed(frame, {"result": result}, signing.secret_key)),)
+        inputs, lambda _now_s, frame: ((0.0, frames.changed(frame, {"result": result}, signing.secret_key)),)
     )
 
 
-def _unfinished(making: Making) -> Effect:
-    signing, progress = making.vehicle.autopilot.signing, making.options["progress"]
+def _unfinished(inputs: EffectInputs) -> Effect:
+    signing, progress = inputs.vehicle.autopilot.signing, inputs.options["progress"]
     begun: set[int] = set()
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         command = frames.value(frame, "command")
         if command in begun:
             return ()
@@ -192,13 +192,13 @@ def _unfinished(making: Making) -> Effect:
         news = {"result": _IN_PROGRESS, "progress": progress}
         return ((0.0, frames.changed(frame, news, signing.secret_key)),)
 
-    return _of_commands(making, alter)
+    return _of_commands(inputs, alter)
 
 
-def _foreign(making: Making) -> Effect:
-    component, signing = making.options["component"], making.vehicle.autopilot.signing
+def _foreign(inputs: EffectInputs) -> Effect:
+    component, signing = inputs.options["component"], inputs.vehicle.autopilot.signing
     return _of_commands(
-        making, lambda _now_s, frame: ((0.0, frames.relabelled(frame, component=component, key=signing.secret_key)),)
+        inputs, lambda _now_s, frame: ((0.0, frames.relabelled(frame, component=component, key=signing.secret_key)),)
     )
 
 

@@ -1,4 +1,4 @@
-"""What a fault is made of: options with their checks, and what it does to frames, to a vehicle or to a transport."""
+"""Building blocks of faults: kinds with checked options, and their effects on frames, vehicles and transports."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from sitl_mock.tables import Option
     from sitl_mock.vehicle import MockVehicle
 
-Passed = Sequence[tuple[float, bytes]]
-"""What becomes of one frame: any number of frames, each with the seconds by which it is late."""
+Delayed = Sequence[tuple[float, bytes]]
+"""Frames that replace one frame, each with its delay in seconds."""
 
-Alter = Callable[[float, bytes], Passed]
+Alter = Callable[[float, bytes], Delayed]
 
 
 class Direction(StrEnum):
-    """Which way frames go: out of the vehicle, in to it, or both."""
+    """Direction of frames, seen from the vehicle."""
 
     OUT = "out"
     IN = "in"
@@ -29,21 +29,21 @@ class Direction(StrEnum):
 
 
 class Group(StrEnum):
-    """What a fault strikes."""
+    """Group of faults in lists and documentation."""
 
     LINK = "link"
     FLIGHT = "flight"
     EVADER = "evader"
 
 
-class Making(NamedTuple):
-    """What an effect is made from.
+class EffectInputs(NamedTuple):
+    """Inputs of the function that makes an effect.
 
     Attributes:
-        vehicle: The one it strikes.
-        random: Its own source of randomness, seeded by script, vehicle and position.
+        vehicle: The affected vehicle.
+        random: Source of randomness, seeded by script, vehicle and position.
         options: Checked values by name.
-        messages: Names of the messages struck; empty for all.
+        messages: Names of the affected messages; empty for all.
     """
 
     vehicle: MockVehicle
@@ -54,15 +54,15 @@ class Making(NamedTuple):
 
 @dataclass(slots=True)
 class Effect:
-    """What a fault does while it lasts. Every call is given the time; none reads a clock.
+    """Callbacks of an active fault; each is given the time, none reads a clock.
 
     Attributes:
-        prepare: Called once when the fault is put in place, before it begins.
+        prepare: Called once when the fault is added, before it begins.
         begin: Called when it begins.
         advance: Called at each step while it lasts; returns frames to add, each with the link that sends it.
-        alter: Called for each frame that it strikes.
+        alter: Called for each affected frame.
         end: Called when it ends.
-        transport: What happens to the sockets or sessions (`router_restart`, `udp_port_change`).
+        transport: Disturbance of sockets or sessions (`router_restart`, `udp_port_change`).
     """
 
     prepare: Callable[[float], None] | None = None
@@ -74,10 +74,10 @@ class Effect:
 
 
 class Scope(NamedTuple):
-    """Which frames a fault strikes.
+    """Frames that a fault affects.
 
     Attributes:
-        direction: Which way they go.
+        direction: Their direction.
         messages: Names of messages; empty for every frame.
         open: Whether a script may choose others.
     """
@@ -92,17 +92,17 @@ class FaultKind:
     """One kind of fault.
 
     Attributes:
-        group: What it strikes.
+        group: Its group.
         meaning: One line for `sitl-mock list faults`.
         make: Makes its effect on one vehicle.
         options: Its own keys.
-        scope: Which frames; None if it does not strike frames.
-        for_s: How long it lasts if the script does not say; infinity for until the end, 0 for at once.
+        scope: The affected frames; None if it does not affect frames.
+        for_s: Default duration; infinity: until the end, 0: instantaneous.
     """
 
     group: Group
     meaning: str
-    make: Callable[[Making], Effect]
+    make: Callable[[EffectInputs], Effect]
     options: Mapping[str, Option] = field(default_factory=dict)
     scope: Scope | None = None
     for_s: float = math.inf

@@ -1,4 +1,4 @@
-"""Faults of an evader's reports: what a pursuer hears of another vehicle is slow, old, twice, or from another clock."""
+"""Faults of an evader's reports: slow, old, duplicated, forged, displaced, or with a wrong clock."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
+from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
 from sitl_mock.faults.links import LINK_KINDS
 from sitl_mock.faults.places import along, in_local_frame, on_earth, vector
 from sitl_mock.mavlink import SPEC_BY_NAME, Encoder, Signing
@@ -24,16 +24,16 @@ _JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))
 
 
 def _stamp(frame: bytes) -> tuple[str, float] | None:
-    """Return the name of the sender's time in a report, and its units a second."""
+    """Return the name of a report's time field, and its units per second."""
     number_ = frames.message_id(frame)
     fields = frames.layout(number_) if number_ >= 0 else {}
     return next(((name, units) for name, units in _STAMPS.items() if name in fields), None)
 
 
-def _slow(making: Making) -> Effect:
-    period_s, last_s = making.options["period_s"], dict[int, float]()
+def _slow(inputs: EffectInputs) -> Effect:
+    period_s, last_s = inputs.options["period_s"], dict[int, float]()
 
-    def alter(now_s: float, frame: bytes) -> Passed:
+    def alter(now_s: float, frame: bytes) -> Delayed:
         number_ = frames.message_id(frame)
         if now_s - last_s.get(number_, -math.inf) < period_s - 1e-6:
             return ()
@@ -43,14 +43,14 @@ def _slow(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _clock(making: Making) -> Effect:
-    options, signing = making.options, making.vehicle.autopilot.signing
+def _clock(inputs: EffectInputs) -> Effect:
+    options, signing = inputs.options, inputs.vehicle.autopilot.signing
     begun_s = [math.nan]
 
     def begin(now_s: float) -> None:
         begun_s[0] = now_s
 
-    def alter(now_s: float, frame: bytes) -> Passed:
+    def alter(now_s: float, frame: bytes) -> Delayed:
         stamp = _stamp(frame)
         if stamp is None:
             return ((0.0, frame),)
@@ -62,10 +62,10 @@ def _clock(making: Making) -> Effect:
     return Effect(begin=begin, alter=alter)
 
 
-def _stale(making: Making) -> Effect:
-    repeats, last = making.options["as"] == "repeats", dict[int, bytes]()
+def _stale(inputs: EffectInputs) -> Effect:
+    repeats, last = inputs.options["as"] == "repeats", dict[int, bytes]()
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         if not repeats:
             return ()
         return ((0.0, last.setdefault(frames.message_id(frame), frame)),)
@@ -73,11 +73,11 @@ def _stale(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _jump(making: Making) -> Effect:
-    signing, by_m = making.vehicle.autopilot.signing, vector(making)
+def _jump(inputs: EffectInputs) -> Effect:
+    signing, by_m = inputs.vehicle.autopilot.signing, vector(inputs)
     placed = frozenset(SPEC_BY_NAME[name].message_id for name in REPORTS)
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         if frames.message_id(frame) not in placed:
             return ((0.0, frame),)
         moved = on_earth(frame, by_m) or in_local_frame(frame, by_m)
@@ -86,10 +86,10 @@ def _jump(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _forger(making: Making) -> Effect:
-    """Somebody else reports as this vehicle, from where it stood and ever further away, among its own reports."""
-    vehicle, options = making.vehicle, making.options
-    autopilot, by_m, away_m_s = vehicle.autopilot, vector(making), (options["north_m_s"], options["east_m_s"], 0.0)
+def _forger(inputs: EffectInputs) -> Effect:
+    """A second sender reports as this vehicle, from its position at the start and moving away."""
+    vehicle, options = inputs.vehicle, inputs.options
+    autopilot, by_m, away_m_s = vehicle.autopilot, vector(inputs), (options["north_m_s"], options["east_m_s"], 0.0)
     encoder = Encoder(vehicle.system_id, options["component"], signing=Signing(), link_id=102)
     link, period_s = next(iter(vehicle.links)), 1.0 / options["rate_hz"]
     begun_s, next_s = [math.nan], [math.nan]
@@ -118,7 +118,7 @@ def _forger(making: Making) -> Effect:
 
 
 def _as_evader(kind: str, meaning: str) -> FaultKind:
-    """Return an impairment of links, on an evader's reports only."""
+    """Return an impairment of links, limited to an evader's reports."""
     link = LINK_KINDS[kind]
     return FaultKind(Group.EVADER, meaning, link.make, link.options, _SCOPE)
 
@@ -154,12 +154,12 @@ EVADER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "evader_forger": FaultKind(
             Group.EVADER,
-            "somebody else reports as this vehicle as well",
+            "a second sender reports as this vehicle too",
             _forger,
             {
                 **along(_JUMP),
                 "north_m_s": Option("how fast its place moves away", 0.0, number(-300.0, 300.0)),
-                "east_m_s": Option("likewise", 0.0, number(-300.0, 300.0)),
+                "east_m_s": Option("the same to the east", 0.0, number(-300.0, 300.0)),
                 "rate_hz": Option("how often", 500.0, number(0.1, 1e4)),
                 "clock_s": Option("how far its clock is ahead of the vehicle's own", 0.0, number(-1e6, 1e6)),
                 "component": Option("its component id", 1, integer(1, 255)),

@@ -1,7 +1,7 @@
-"""A vehicle and its faults: the same `step` as a vehicle, with the faults between it and its links.
+"""A vehicle with faults: the interface of a vehicle, with the faults between it and its links.
 
-Faults begin and end at their own instants, not at the caller's next step: a step is divided where one does. What a
-fault delays comes out of the first step at or after its time. Equal script, seed and steps give equal bytes.
+Faults begin and end at their own times, not at the caller's next step: steps are divided at these times. A delayed
+frame comes out of the first step at or after its time. Equal scripts, seeds and steps give equal bytes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, Making
+from sitl_mock.faults.effect import Direction, Effect, EffectInputs
 from sitl_mock.faults.other_senders import GUIDED_OF
 from sitl_mock.faults.script import KINDS, Fault, FaultScript, parse_fault
 from sitl_mock.mavlink import SPEC_BY_NAME
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 STATES: Final = ("ARMED", "DISARMED", "AIRBORNE", "LANDED", "READY")
 MAX_COPIES: Final = 64
-"""What one frame can become at most, however many faults double it."""
+"""Most frames that can replace one, however many faults duplicate it."""
 _SLACK_S: Final = 1e-9
 
 
 @dataclass(slots=True)
 class Live:
-    """A fault on one vehicle: waiting (start in the future, or not known yet), acting, or over."""
+    """A fault on one vehicle: waiting (start in the future or unknown), acting, or over."""
 
     number: int
     fault: Fault
@@ -46,11 +46,11 @@ class Live:
     acting: bool = False
 
     def strikes_link(self, direction: Direction, link: str) -> bool:
-        """Whether frames that go that way on a link are meant."""
+        """True if frames of this direction on this link are affected."""
         return self.fault.direction in {direction, Direction.BOTH} and self.fault.link in {"", link}
 
     def strikes(self, frame: bytes) -> bool:
-        """Whether a frame is meant; a broken one is not where messages are named."""
+        """True if a frame is affected; a damaged one is not if messages are named."""
         return not self.struck or frames.message_id(frame) in self.struck
 
 
@@ -60,12 +60,12 @@ class Faulted:
     `inject`, `clear` and `faults` may be called from any thread; the faults change at the next step.
 
     Args:
-        vehicle: The vehicle; its own `step` must not be used any more.
+        vehicle: The vehicle; its own `step` must no longer be called.
         name: Its name in the script.
-        script: What is to happen.
+        script: Its faults.
 
     Raises:
-        ConfigError: A fault asks for what this vehicle does not have.
+        ConfigError: A fault needs something that this vehicle does not have.
     """
 
     def __init__(self, vehicle: MockVehicle, name: str = "uav1", script: FaultScript = FaultScript()) -> None:  # noqa: B008 - an immutable value
@@ -75,28 +75,28 @@ class Faulted:
         self.transport: deque[tuple[str, float]] = deque()
         self._numbers = itertools.count(1)
         self._live: list[Live] = []
-        self._asked: deque[Callable[[float], None]] = deque()
+        self._requests: deque[Callable[[float], None]] = deque()
         self._late: dict[Direction, list[tuple[float, int, str, bytes]]] = {Direction.IN: [], Direction.OUT: []}
         self._late_numbers = itertools.count()
         self._now_s = math.nan
         self._before: frozenset[str] = frozenset()
-        self._told: tuple[dict[str, Any], ...] = ()
+        self._shown: tuple[dict[str, Any], ...] = ()
         for index, fault in enumerate(script.faults):
             if fault.strikes(name):
                 self._ask(fault, f"fault[{index}]")
 
-    # What a caller does
+    # Public interface
 
     def step(self, now_s: float, frames_in: Sequence[bytes] = (), link: str | None = None) -> list[bytes]:
-        """Do as `MockVehicle.step`."""
+        """See `MockVehicle.step`."""
         chosen = next(iter(self.vehicle.links)) if link is None else link
         return self.step_links(now_s, {chosen: frames_in})[chosen]
 
     def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
-        """Do as `MockVehicle.step_links`."""
+        """See `MockVehicle.step_links`."""
         first = math.isnan(self._now_s)
-        while self._asked:
-            self._asked.popleft()(now_s if first else self._now_s)
+        while self._requests:
+            self._requests.popleft()(now_s if first else self._now_s)
         if not self._live and not self._late[Direction.IN] and not self._late[Direction.OUT]:
             self._now_s = now_s
             return self.vehicle.step_links(now_s, frames_in)
@@ -113,7 +113,7 @@ class Faulted:
         return out
 
     def inject(self, values: Mapping[str, Any]) -> int:
-        """Put a fault in place; its times count from now.
+        """Add a fault; its times count from now.
 
         Args:
             values: The keys of a fault in a script.
@@ -127,36 +127,36 @@ class Faulted:
         return self._ask(parse_fault({**values, "vehicle": self.name}), "fault")
 
     def clear(self, number: int | None = None) -> None:
-        """End a fault, or all of them.
+        """End one fault, or all.
 
         Raises:
             ConfigError: There is no fault of that number.
         """
-        known = {told["number"] for told in self._told}
+        known = {shown["number"] for shown in self._shown}
         if number is not None and (not isinstance(number, int) or number not in known):
-            allowed = ", ".join(str(each) for each in sorted(known)) or "none, for there is no fault"
+            allowed = ", ".join(str(each) for each in sorted(known)) or "none, because there is no fault"
             raise ConfigError(f"number = {number!r}: allowed are {allowed}")
 
         def drop(now_s: float) -> None:
             for live in [live for live in self._live if number in {None, live.number}]:
                 self._finish(live, now_s)
                 self._live.remove(live)
-            self._tell()
+            self._publish()
 
-        self._asked.append(drop)
+        self._requests.append(drop)
 
     def faults(self) -> tuple[dict[str, Any], ...]:
-        """Every fault that waits or acts, as plain values."""
-        return self._told
+        """Return every waiting or acting fault as plain values."""
+        return self._shown
 
-    # How faults come and go
+    # Begin and end of faults
 
     def _ask(self, fault: Fault, where: str) -> int:
         number = next(self._numbers)
         random = Random(f"{self.seed}/{self.name}/{number}/{fault.kind}")
         try:
             event = self._event(fault.after)
-            effect = KINDS[fault.kind].make(Making(self.vehicle, random, fault.options, fault.messages))
+            effect = KINDS[fault.kind].make(EffectInputs(self.vehicle, random, fault.options, fault.messages))
         except ConfigError as error:
             raise ConfigError(f"{where}.{error}") from None
         struck = frozenset(SPEC_BY_NAME[name].message_id for name in fault.messages)
@@ -168,10 +168,10 @@ class Faulted:
             if effect.prepare is not None:
                 effect.prepare(now_s)
             self._live.append(live)
-            self._tell()
+            self._publish()
 
-        self._asked.append(put)
-        self._told = (*self._told, _as_told(live))
+        self._requests.append(put)
+        self._shown = (*self._shown, _as_shown(live))
         return number
 
     def _event(self, after: str) -> str:
@@ -182,7 +182,7 @@ class Faulted:
         return after
 
     def _changes(self, until_s: float) -> Iterator[float]:
-        """Yield the instants before until_s at which a fault begins or ends, one by one as they become known."""
+        """Yield the times before until_s when faults begin or end, each as it becomes known."""
         while True:
             coming = [live.end_s if live.acting else live.start_s for live in self._live]
             next_s = min(coming, default=math.inf)
@@ -191,7 +191,7 @@ class Faulted:
             yield max(next_s, self._now_s)
 
     def _change(self, now_s: float) -> None:
-        """Begin and end what is due."""
+        """Begin and end the faults that are due."""
         changed = False
         for live in list(self._live):
             if not live.acting and live.start_s <= now_s + _SLACK_S:
@@ -202,7 +202,7 @@ class Faulted:
                 self._live.remove(live)
                 changed = True
         if changed:
-            self._tell()
+            self._publish()
 
     def _begin(self, live: Live, now_s: float) -> None:
         live.acting = True
@@ -217,13 +217,13 @@ class Faulted:
             live.effect.end(now_s)
         live.acting = False
 
-    def _tell(self) -> None:
-        self._told = tuple(_as_told(live) for live in self._live)
+    def _publish(self) -> None:
+        self._shown = tuple(_as_shown(live) for live in self._live)
 
-    # How frames go
+    # Frames
 
     def _advance(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]], out: dict[str, list[bytes]]) -> None:
-        """Move the vehicle on to now_s."""
+        """Advance the vehicle to now_s."""
         self._now_s = now_s
         inward: dict[str, list[bytes]] = {link: [] for link in self.vehicle.links}
         self._pass(Direction.IN, now_s, _flat(frames_in), inward)
@@ -237,7 +237,7 @@ class Faulted:
     def _pass(
         self, direction: Direction, now_s: float, came: Iterable[tuple[str, bytes]], through: dict[str, list[bytes]]
     ) -> None:
-        """Let frames through the faults; what is late waits, what was late and is due goes first."""
+        """Pass frames through the faults; delayed frames wait, and due ones go first."""
         late = self._late[direction]
         while late and late[0][0] <= now_s + _SLACK_S:
             _, _, link, frame = heapq.heappop(late)
@@ -266,7 +266,7 @@ class Faulted:
         return flows
 
     def _notice(self, now_s: float) -> None:
-        """Let what has just come about start the faults that waited for it."""
+        """Start the faults that waited for a state that has just begun."""
         states = self._states()
         new = states - self._before
         self._before = states
@@ -287,9 +287,9 @@ def _flat(by_link: Mapping[str, Sequence[bytes]]) -> Iterator[tuple[str, bytes]]
     return ((link, frame) for link, frames_ in by_link.items() for frame in frames_)
 
 
-def _as_told(live: Live) -> dict[str, Any]:
+def _as_shown(live: Live) -> dict[str, Any]:
     fault = live.fault
-    told: dict[str, Any] = {
+    shown: dict[str, Any] = {
         "number": live.number,
         "kind": fault.kind,
         "state": "acting" if live.acting else "waiting",
@@ -298,7 +298,7 @@ def _as_told(live: Live) -> dict[str, Any]:
         "for_s": fault.for_s if math.isfinite(fault.for_s) else None,
     }
     for name, value in fault.options.items():
-        told[name] = sorted(value) if isinstance(value, frozenset) else value
+        shown[name] = sorted(value) if isinstance(value, frozenset) else value
     if fault.messages:
-        told |= {"direction": str(fault.direction), "messages": list(fault.messages)}
-    return told
+        shown |= {"direction": str(fault.direction), "messages": list(fault.messages)}
+    return shown

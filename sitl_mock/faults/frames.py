@@ -1,7 +1,7 @@
-"""Surgery on whole MAVLink frames: read a field, change it, relabel, sign or downgrade a frame, and close it anew.
+"""Edit MAVLink frames: read or change fields, relabel, sign, downgrade to MAVLink 1; the CRC is renewed.
 
-Only the bytes of the fields named are touched, so that integers in float fields (PX4's parameters) stay as they are.
-A frame that was signed is signed again under the vehicle's key, with the timestamp it had.
+Only the bytes of the named fields change, so integers in float fields (PX4's parameters) stay intact. A signed frame is
+signed again with the vehicle's key and its original timestamp.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _RANGE: Final = {"b": 8, "h": 16, "i": 32, "q": 64, "B": 8, "H": 16, "I": 32, "Q
 
 
 class PayloadField(NamedTuple):
-    """Where a field lies in a payload: offset, format of one element, elements (1 for a scalar)."""
+    """A field's location in a payload: offset, format of one element, number of elements (1 for a scalar)."""
 
     at: int
     format: str
@@ -48,20 +48,20 @@ class PayloadField(NamedTuple):
 
     @property
     def whole(self) -> bool:
-        """Whether it holds whole numbers."""
+        """True if the field holds integers."""
         return self.format in _RANGE
 
     @property
     def most(self) -> int:
-        """The largest whole number that fits."""
+        """The largest integer that fits."""
         bits = _RANGE[self.format]
         return int(2 ** (bits - 1) - 1) if self.format.islower() else int(2**bits - 1)
 
 
 def message_id(frame: bytes) -> int:
-    """Return a frame's message id, or -1 if it is not one whole, right frame of the dialect.
+    """Return a frame's message id, or -1 unless it is one complete, valid frame of the dialect.
 
-    A broken frame has no id: closing it anew would mend it.
+    A damaged frame has no id, because renewing its CRC would repair it.
     """
     if len(frame) < 8 or frame[0] not in _HEADER:
         return -1
@@ -94,7 +94,7 @@ def layout(message: int) -> Mapping[str, PayloadField]:
 
 
 def value(frame: bytes, name: str) -> Any:  # noqa: ANN401 - number or bytes, by the field's type
-    """Return one field of a frame; the first element of an array, the whole of a text."""
+    """Return one field of a frame: a number, a text, or the first element of an array."""
     number = message_id(frame)
     payload, found = _payload(frame, SPEC_BY_ID[number]), layout(number)[name]
     if found.format == "c":
@@ -103,9 +103,9 @@ def value(frame: bytes, name: str) -> Any:  # noqa: ANN401 - number or bytes, by
 
 
 def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None) -> bytes:
-    """Return the frame with other values in some fields (in every element of an array).
+    """Return the frame with new values in some fields (in every element of an array).
 
-    Whole numbers wrap around as they do in the sender's own counters.
+    Integers wrap around, as the sender's counters do.
     """
     number = message_id(frame)
     spec = SPEC_BY_ID[number]
@@ -119,7 +119,7 @@ def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None
 
 
 def relabelled(frame: bytes, *, system: int | None = None, component: int | None = None, key: bytes | None) -> bytes:
-    """Return the frame as from another system or component.
+    """Return the frame with another sender.
 
     Args:
         frame: A whole MAVLink frame.
@@ -136,7 +136,7 @@ def relabelled(frame: bytes, *, system: int | None = None, component: int | None
 
 
 def as_v1(frame: bytes) -> bytes | None:
-    """Return the frame as MAVLink 1: without signature and extensions; None if its id does not fit."""
+    """Return the frame as MAVLink 1, without signature and extensions; None if its id does not fit."""
     number = message_id(frame)
     if frame[0] == V1:
         return frame
@@ -149,7 +149,7 @@ def as_v1(frame: bytes) -> bytes | None:
 
 
 def signed(frame: bytes, signing: Signing, link_id: int = 0) -> bytes:
-    """Return the frame signed under a key, whether it was signed before or not; MAVLink 1 cannot be."""
+    """Return the frame signed with a key; MAVLink 1 frames stay unsigned."""
     if frame[0] == V1:
         return frame
     spec = SPEC_BY_ID[message_id(frame)]
@@ -160,7 +160,7 @@ def signed(frame: bytes, signing: Signing, link_id: int = 0) -> bytes:
 
 @cache
 def base_size(message: int) -> int:
-    """Return the payload's length without extension fields: the CRC seed is made of the others only."""
+    """Return the payload's length without extension fields, which are not part of the CRC seed."""
     spec = SPEC_BY_ID[message]
     cls = spec.message_class
     kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
@@ -171,7 +171,7 @@ def base_size(message: int) -> int:
         size += struct.calcsize(_FORMATS[kinds[name]]) * max(1, length)
         crc = mcrf4xx(seen)
         if bytes(((crc & 0xFF) ^ (crc >> 8),)) == spec.crc_extra:
-            found = size  # the last one: a shorter match would be chance, and cut off fields
+            found = size  # the last match: a shorter one is chance and would cut off fields
     return found
 
 
@@ -189,7 +189,7 @@ def _fitting(found: PayloadField, new: float) -> Any:  # noqa: ANN401 - as the f
 
 
 def _closed(frame: bytes, payload: bytearray, spec: MessageSpec, key: bytes | None) -> bytes:
-    """Put header, payload, CRC and, where there was one, signature together."""
+    """Join header, payload, CRC and, if there was one, signature."""
     if frame[0] == V1:
         body = bytes(frame[1:6]) + bytes(payload[: frame[1]])
         return b"\xfe" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))

@@ -1,4 +1,4 @@
-"""Impairments of a link: whatever passes may be lost, doubled, late, overtaken or damaged."""
+"""Impairments of a link: frames may be lost, duplicated, delayed, reordered or damaged."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
+from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import Option, integer, number
 from sitl_mock.telemetry.status import heartbeat
@@ -24,26 +24,26 @@ _MOST_S: Final = 60.0
 _SLACK_S: Final = 1e-9
 
 
-def always(alter: Alter, making: Making) -> Alter:
-    """Strike only the share of frames that the fault's `probability` says."""
-    random, share = making.random.random, making.options["probability"]
+def always(alter: Alter, inputs: EffectInputs) -> Alter:
+    """Alter frames with the fault's `probability`."""
+    random, share = inputs.random.random, inputs.options["probability"]
 
-    def sometimes(now_s: float, frame: bytes) -> Passed:
+    def sometimes(now_s: float, frame: bytes) -> Delayed:
         return alter(now_s, frame) if random() < share else ((0.0, frame),)
 
     return sometimes
 
 
-def _loss(making: Making) -> Effect:
-    return Effect(alter=always(lambda _now_s, _frame: (), making))
+def _loss(inputs: EffectInputs) -> Effect:
+    return Effect(alter=always(lambda _now_s, _frame: (), inputs))
 
 
-def _burst_loss(making: Making) -> Effect:
-    """Whole bursts of frames are lost, as a radio in a fade loses them (Gilbert's channel, in time)."""
-    random, means_s = making.random, (making.options["good_s"], making.options["lost_s"])
+def _burst_loss(inputs: EffectInputs) -> Effect:
+    """Lose bursts of frames, as a fading radio does (Gilbert's channel, in time)."""
+    random, means_s = inputs.random, (inputs.options["good_s"], inputs.options["lost_s"])
     fading, until_s = [False], [math.nan]
 
-    def alter(now_s: float, frame: bytes) -> Passed:
+    def alter(now_s: float, frame: bytes) -> Delayed:
         if math.isnan(until_s[0]):
             until_s[0] = now_s + random.expovariate(1.0 / means_s[0])
         while now_s >= until_s[0]:
@@ -54,42 +54,42 @@ def _burst_loss(making: Making) -> Effect:
     return Effect(alter=alter)
 
 
-def _duplicate(making: Making) -> Effect:
-    late_s, copies = making.options["late_s"], making.options["copies"]
+def _duplicate(inputs: EffectInputs) -> Effect:
+    late_s, copies = inputs.options["late_s"], inputs.options["copies"]
     return Effect(
-        alter=always(lambda _now_s, frame: ((0.0, frame), *(((late_s, frame),) * copies)), making),
+        alter=always(lambda _now_s, frame: ((0.0, frame), *(((late_s, frame),) * copies)), inputs),
     )
 
 
-def _reorder(making: Making) -> Effect:
-    by_s = making.options["by_s"]
-    return Effect(alter=always(lambda _now_s, frame: ((by_s, frame),), making))
+def _reorder(inputs: EffectInputs) -> Effect:
+    by_s = inputs.options["by_s"]
+    return Effect(alter=always(lambda _now_s, frame: ((by_s, frame),), inputs))
 
 
-def _delay(making: Making) -> Effect:
-    least_s, jitter_s, random = making.options["delay_s"], making.options["jitter_s"], making.random.random
-    return Effect(alter=always(lambda _now_s, frame: ((least_s + jitter_s * random(), frame),), making))
+def _delay(inputs: EffectInputs) -> Effect:
+    least_s, jitter_s, random = inputs.options["delay_s"], inputs.options["jitter_s"], inputs.random.random
+    return Effect(alter=always(lambda _now_s, frame: ((least_s + jitter_s * random(), frame),), inputs))
 
 
-def _corrupt(making: Making) -> Effect:
-    bits, random = making.options["bits"], making.random
+def _corrupt(inputs: EffectInputs) -> Effect:
+    bits, random = inputs.options["bits"], inputs.random
 
-    def damage(_now_s: float, frame: bytes) -> Passed:
+    def damage(_now_s: float, frame: bytes) -> Delayed:
         damaged = bytearray(frame)
         first = 10 if frame[:1] == b"\xfd" else 6
         end = len(frame) - (13 if first == 10 and frame[2:3] == b"\x01" else 0)
         wrong = range(8 * first, 8 * end) if end > first else range(8 * len(frame))
-        for bit in random.sample(wrong, min(bits, len(wrong))):  # CRC-16 finds every change of up to 3 bits
+        for bit in random.sample(wrong, min(bits, len(wrong))):  # CRC-16 detects every change of up to 3 bits
             damaged[bit // 8] ^= 1 << bit % 8
         return ((0.0, bytes(damaged)),)
 
-    return Effect(alter=always(damage, making))
+    return Effect(alter=always(damage, inputs))
 
 
-def _as_v1(making: Making) -> Effect:
-    del making
+def _as_v1(inputs: EffectInputs) -> Effect:
+    del inputs
 
-    def downgrade(_now_s: float, frame: bytes) -> Passed:
+    def downgrade(_now_s: float, frame: bytes) -> Delayed:
         if frames.message_id(frame) < 0:
             return ((0.0, frame),)
         short = frames.as_v1(frame)
@@ -98,21 +98,21 @@ def _as_v1(making: Making) -> Effect:
     return Effect(alter=downgrade)
 
 
-def _sign(making: Making) -> Effect:
-    signing = Signing(bytes((making.options["key_byte"],)) * 32, timestamp=making.options["timestamp"])
+def _sign(inputs: EffectInputs) -> Effect:
+    signing = Signing(bytes((inputs.options["key_byte"],)) * 32, timestamp=inputs.options["timestamp"])
 
-    def sign(_now_s: float, frame: bytes) -> Passed:
+    def sign(_now_s: float, frame: bytes) -> Delayed:
         return ((0.0, frame if frames.message_id(frame) < 0 else frames.signed(frame, signing)),)
 
     return Effect(alter=sign)
 
 
-def _gap(making: Making) -> Effect:
-    """One HEARTBEAT more passes, then none until the gap is over, when one comes at once."""
-    vehicle, gap_s = making.vehicle, making.options["gap_s"]
+def _gap(inputs: EffectInputs) -> Effect:
+    """Pass one more HEARTBEAT, then none until the gap ends, then one at once."""
+    vehicle, gap_s = inputs.vehicle, inputs.options["gap_s"]
     until_s = [math.nan]
 
-    def alter(now_s: float, frame: bytes) -> Passed:
+    def alter(now_s: float, frame: bytes) -> Delayed:
         if math.isnan(until_s[0]):
             until_s[0] = now_s + gap_s
             return ((0.0, frame),)
@@ -128,13 +128,13 @@ def _gap(making: Making) -> Effect:
     return Effect(alter=alter, advance=advance)
 
 
-def _cut(making: Making) -> Effect:
-    del making
+def _cut(inputs: EffectInputs) -> Effect:
+    del inputs
     return Effect(alter=lambda _now_s, _frame: (), transport="router_restart")
 
 
-def _port(making: Making) -> Effect:
-    del making
+def _port(inputs: EffectInputs) -> Effect:
+    del inputs
     return Effect(transport="udp_port_change")
 
 

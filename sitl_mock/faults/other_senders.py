@@ -1,4 +1,4 @@
-"""Others on the link: a component that poses as an autopilot, a second vehicle with the same id, long texts."""
+"""Other senders on the link: a component that poses as an autopilot, a second vehicle with the same id, long texts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
+from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
 from sitl_mock.faults.places import along, vector
 from sitl_mock.mavlink import Encoder
 from sitl_mock.protocols import StatusTexts
@@ -32,7 +32,7 @@ GUIDED_OF: Final = {"px4": "OFFBOARD", "arducopter": "GUIDED", "rover": "GUIDED"
 
 
 def mode_named(vehicle: MockVehicle, name: str) -> str:
-    """Return the vehicle's name of a mode; OFFBOARD and GUIDED mean each other.
+    """Return the vehicle's name of a mode; OFFBOARD and GUIDED are synonyms.
 
     Raises:
         ConfigError: It has no such mode.
@@ -43,8 +43,8 @@ def mode_named(vehicle: MockVehicle, name: str) -> str:
     return known
 
 
-def _foreign_heartbeat(making: Making) -> Effect:
-    vehicle, options = making.vehicle, making.options
+def _foreign_heartbeat(inputs: EffectInputs) -> Effect:
+    vehicle, options = inputs.vehicle, inputs.options
     flavour = vehicle.autopilot.flavour
     custom_mode = flavour.modes.by_name()[mode_named(vehicle, options["mode"])].number
     encoder = Encoder(vehicle.system_id, options["component"], signing=vehicle.autopilot.signing, link_id=100)
@@ -60,8 +60,8 @@ def _foreign_heartbeat(making: Making) -> Effect:
     return Effect(advance=advance)
 
 
-def _sysid_clash(making: Making) -> Effect:
-    vehicle, options = making.vehicle, making.options
+def _sysid_clash(inputs: EffectInputs) -> Effect:
+    vehicle, options = inputs.vehicle, inputs.options
     settings = vehicle.autopilot.settings
     link = next(iter(vehicle.links))
     start = settings.start_ned
@@ -76,7 +76,7 @@ def _sysid_clash(making: Making) -> Effect:
     )
     inbox: list[bytes] = []
 
-    def hear(_now_s: float, frame: bytes) -> Passed:
+    def hear(_now_s: float, frame: bytes) -> Delayed:
         inbox.append(frame)
         return ((0.0, frame),)
 
@@ -87,10 +87,10 @@ def _sysid_clash(making: Making) -> Effect:
     return Effect(alter=hear, advance=advance)
 
 
-def _second_source(making: Making) -> Effect:
-    """Another program commands the vehicle: its frames come in by the first link, among ours."""
-    vehicle, options = making.vehicle, making.options
-    link, velocity = next(iter(vehicle.links)), vector(making)
+def _second_source(inputs: EffectInputs) -> Effect:
+    """A second program commands the vehicle over the first link."""
+    vehicle, options = inputs.vehicle, inputs.options
+    link, velocity = next(iter(vehicle.links)), vector(inputs)
     encoder = Encoder(options["system"], 190, signing=vehicle.autopilot.signing, link_id=101)
     next_s = [-math.inf]
 
@@ -106,13 +106,13 @@ def _second_source(making: Making) -> Effect:
     return Effect(advance=advance)
 
 
-def _statustext(making: Making) -> Effect:
-    vehicle, options = making.vehicle, making.options
+def _statustext(inputs: EffectInputs) -> Effect:
+    vehicle, options = inputs.vehicle, inputs.options
     waiting: list[tuple[str, bytes]] = []
 
     def begin(_now_s: float) -> None:
         replies = StatusTexts().replies(options["severity"], options["text"])
-        own_id = _TEXT_ID + making.random.randrange(1000)
+        own_id = _TEXT_ID + inputs.random.randrange(1000)
         relabelled = [(name, severity, chunk, own_id if of else 0, seq) for name, severity, chunk, of, seq in replies]
         for name, link in vehicle.links.items():
             waiting.extend((name, frame) for frame in link.pack(relabelled))
@@ -121,7 +121,7 @@ def _statustext(making: Making) -> Effect:
         came, waiting[:] = list(waiting), []
         return came
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         lost = frames.value(frame, "id") and frames.value(frame, "chunk_seq") == options["lost_chunk"]
         return () if lost else ((0.0, frame),)
 

@@ -1,4 +1,4 @@
-"""Faults of places and velocities that are wrong and look right: home, the local frame's origin, what is flown."""
+"""Faults with plausible but wrong positions and velocities: home, origin of the local frame, motion."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
+from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.tables import Option, choice, number
 
@@ -40,14 +40,14 @@ def along(option: Option) -> dict[str, Option]:
     return {"north": option, "east": option, "down": option}
 
 
-def vector(making: Making) -> Vector:
-    """Return what the options of `along` say."""
-    options = making.options
+def vector(inputs: EffectInputs) -> Vector:
+    """Return the vector in the options of `along`."""
+    options = inputs.options
     return (options["north"], options["east"], options["down"])
 
 
 def on_earth(frame: bytes, by_m: Vector) -> dict[str, Any]:
-    """Return the fields that say where on Earth, displaced; none where a message has no such fields."""
+    """Return a message's geographic fields, displaced; empty if it has none."""
     fields = frames.layout(frames.message_id(frame))
     names = next((names for names in _ON_EARTH if names[0] in fields), None)
     if names is None:
@@ -70,8 +70,8 @@ def in_local_frame(frame: bytes, by_m: Vector) -> dict[str, Any]:
     return {name: frames.value(frame, name) + by for name, by in zip(("x", "y", "z"), by_m, strict=True)}
 
 
-def _told(vehicle: MockVehicle, *names: str) -> Effect:
-    """Make an effect that has messages said at once, and again every second."""
+def _repeated(vehicle: MockVehicle, *names: str) -> Effect:
+    """Make an effect that sends messages at once and then every second."""
     next_s = [-math.inf]
 
     def begin(now_s: float) -> None:
@@ -86,12 +86,12 @@ def _told(vehicle: MockVehicle, *names: str) -> Effect:
     return Effect(begin=begin, advance=advance)
 
 
-def _home_jump(making: Making) -> Effect:
-    signing, random, wander_m = making.vehicle.autopilot.signing, making.random, making.options["wander_m"]
-    by_m = list(vector(making))
-    effect = _told(making.vehicle, "HOME_POSITION")
+def _home_jump(inputs: EffectInputs) -> Effect:
+    signing, random, wander_m = inputs.vehicle.autopilot.signing, inputs.random, inputs.options["wander_m"]
+    by_m = list(vector(inputs))
+    effect = _repeated(inputs.vehicle, "HOME_POSITION")
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         if frames.message_id(frame) != _HOME:
             return ((0.0, frame),)
         by_m[:] = [part + random.gauss(0.0, wander_m) for part in by_m]
@@ -103,11 +103,11 @@ def _home_jump(making: Making) -> Effect:
     return effect
 
 
-def _origin_jump(making: Making) -> Effect:
-    signing, by_m = making.vehicle.autopilot.signing, vector(making)
-    effect = _told(making.vehicle, "GPS_GLOBAL_ORIGIN")
+def _origin_jump(inputs: EffectInputs) -> Effect:
+    signing, by_m = inputs.vehicle.autopilot.signing, vector(inputs)
+    effect = _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN")
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         changes = on_earth(frame, by_m) if frames.message_id(frame) == _ORIGIN else {}
         return ((0.0, frames.changed(frame, changes, signing.secret_key) if changes else frame),)
 
@@ -115,13 +115,13 @@ def _origin_jump(making: Making) -> Effect:
     return effect
 
 
-def _origin_move(making: Making) -> Effect:
-    signing, told = making.vehicle.autopilot.signing, making.options["told"]
-    north, east, down = by_m = vector(making)
+def _origin_move(inputs: EffectInputs) -> Effect:
+    signing, told = inputs.vehicle.autopilot.signing, inputs.options["told"]
+    north, east, down = by_m = vector(inputs)
     back_m = (-north, -east, -down)
-    effect = _told(making.vehicle, "GPS_GLOBAL_ORIGIN", "HOME_POSITION") if told == "yes" else Effect()
+    effect = _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN", "HOME_POSITION") if told == "yes" else Effect()
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         number_ = frames.message_id(frame)
         if number_ in {_LOCAL, _ODOMETRY, _HOME}:
             changes = in_local_frame(frame, back_m)
@@ -137,10 +137,10 @@ def _origin_move(making: Making) -> Effect:
     return effect
 
 
-def _velocity_lie(making: Making) -> Effect:
-    signing, by_m_s = making.vehicle.autopilot.signing, vector(making)
+def _velocity_lie(inputs: EffectInputs) -> Effect:
+    signing, by_m_s = inputs.vehicle.autopilot.signing, vector(inputs)
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         fields = frames.layout(frames.message_id(frame)) if frames.message_id(frame) >= 0 else {}
         if "vx" not in fields:
             return ((0.0, frame),)
@@ -156,21 +156,21 @@ PLACE_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
         "home_jump": FaultKind(
             Group.LINK,
-            "HOME_POSITION is told elsewhere, and may wander",
+            "HOME_POSITION is displaced and may wander",
             _home_jump,
             {**along(_JUMP), "wander_m": Option("standard deviation of each step", 0.0, number(0.0, 1e3))},
             Scope(Direction.OUT, ("HOME_POSITION",)),
         ),
         "origin_jump": FaultKind(
             Group.LINK,
-            "GPS_GLOBAL_ORIGIN is told elsewhere than it is",
+            "GPS_GLOBAL_ORIGIN is displaced",
             _origin_jump,
             along(_JUMP),
             Scope(Direction.OUT, ("GPS_GLOBAL_ORIGIN",)),
         ),
         "origin_move": FaultKind(
             Group.LINK,
-            "the local frame is moved, and all places in it; it is told or not",
+            "the local frame and all positions in it move, with or without an announcement",
             _origin_move,
             {**along(_JUMP), "told": Option("yes or no", "yes", choice("yes", "no"))},
             Scope(
@@ -186,7 +186,7 @@ PLACE_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "velocity_lie": FaultKind(
             Group.LINK,
-            "velocities are told with an error; positions are right",
+            "reported velocities have an error; positions are right",
             _velocity_lie,
             along(_LIE),
             Scope(Direction.OUT, ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"), open=True),

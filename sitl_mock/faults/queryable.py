@@ -29,10 +29,10 @@ _LIST_KEYS: Final = frozenset({"messages", "fields", "commands"})
 
 
 def answer(faulted: Faulted, request: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
-    """Return what a request is answered with.
+    """Return the answer to a request.
 
     Raises:
-        ConfigError: The request is wrong; the message names the key, its value and what is allowed.
+        ConfigError: The request is wrong; the message has the key, its value and the allowed ones.
     """
     values = dict(request)
     do = values.pop("do", "list")
@@ -67,7 +67,7 @@ def read_request(parameters: str, payload: bytes | None) -> dict[str, Any]:
 
 
 def _plain(key: str, value: str) -> Any:  # noqa: ANN401 - JSON
-    """Read a parameter: JSON where it is some, a list by commas for the keys that take lists, else the text."""
+    """Read a parameter: JSON if it is valid, a comma-separated list for keys with lists, otherwise text."""
     try:
         return json.loads(value)
     except ValueError:

@@ -1,17 +1,16 @@
-"""Which faults happen when: a seeded script from TOML, in which every key is checked.
+"""Fault scripts: seeded TOML files with checked keys.
 
     seed = 7
 
     [[fault]]
-    kind = "pilot_mode"     # what: `sitl-mock list faults`
+    kind = "pilot_mode"     # see `sitl-mock list faults`
     mode = "POSCTL"         # a key of that kind
-    vehicle = "uav1"        # which one or ones; all if not given
-    after = "OFFBOARD"      # counts from when this first comes: a mode, ARMED, DISARMED, AIRBORNE, LANDED, READY;
-                            # from when the vehicle is switched on if not given
-    at_s = 2.0              # so much later
-    for_s = 5.0             # how long; the kind's own default if not given
+    vehicle = "uav1"        # name or list of names; default: all
+    after = "OFFBOARD"      # event to wait for: a mode, ARMED, DISARMED, AIRBORNE, LANDED, READY; default: power-on
+    at_s = 2.0              # seconds after the event
+    for_s = 5.0             # duration; default: that of the kind
 
-Faults of frames also take `link`, and the open ones `direction` (out, in, both) and `messages`.
+Faults of frames also have `link`, and the open ones `direction` (out, in, both) and `messages`.
 """
 
 from __future__ import annotations
@@ -77,18 +76,18 @@ _OPEN: Final = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of a script; `KINDS` says what its kind does.
+    """One fault of a script; `KINDS` describes its kind.
 
     Attributes:
         kind: Name of the kind.
-        options: Checked keys of the kind, defaults filled in.
-        vehicle: Names of the vehicles it strikes, or EVERY.
-        after: Event from which at_s counts; empty for when the vehicle is switched on.
-        at_s: Seconds after that.
-        for_s: How long.
-        link: The link whose frames are struck; empty for all.
-        direction: Which way they go.
-        messages: Names of the messages struck; empty for all.
+        options: Checked keys of the kind with defaults.
+        vehicle: Names of the affected vehicles, or EVERY.
+        after: Event that starts the time at_s; empty for power-on.
+        at_s: Delay after the event.
+        for_s: Duration.
+        link: The affected link; empty for all.
+        direction: Direction of the affected frames.
+        messages: Names of the affected messages; empty for all.
     """
 
     kind: str
@@ -102,7 +101,7 @@ class Fault:
     messages: tuple[str, ...] = ()
 
     def strikes(self, vehicle: str) -> bool:
-        """Whether a vehicle is meant."""
+        """True if the fault affects a vehicle."""
         return EVERY in self.vehicle or vehicle in self.vehicle
 
 
@@ -114,7 +113,7 @@ class FaultScript:
     seed: int = 0
 
     def check_vehicles(self, names: list[str]) -> None:
-        """Check that every vehicle that is named exists.
+        """Check that every named vehicle exists.
 
         Raises:
             ConfigError: One does not.
@@ -143,7 +142,7 @@ def parse_script(values: Mapping[str, Any], source: str = "faults") -> FaultScri
     """Turn the values of a file into a script.
 
     Raises:
-        ConfigError: A key is unknown, missing or wrong; the message names it, its value and what is allowed.
+        ConfigError: A key is unknown, missing or wrong; the message has the key, its value and the allowed ones.
     """
     unknown = sorted(values.keys() - {"seed", "fault"})
     if unknown:
@@ -170,7 +169,7 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
     name = values.get("kind")
     kind = KINDS.get(name) if isinstance(name, str) else None
     if kind is None and str(name).replace("target_", "evader_") in KINDS:
-        raise ConfigError(f"{where}.kind = {name!r}: is named {str(name).replace('target_', 'evader_')} now")
+        raise ConfigError(f"{where}.kind = {name!r}: use {str(name).replace('target_', 'evader_')}, its new name")
     if kind is None:
         raise ConfigError(f"{where}.kind = {name!r}: allowed are {', '.join(KINDS)}")
     common = _common_options(kind)
@@ -187,7 +186,7 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
 
 
 def _common_options(kind: FaultKind) -> dict[str, Option]:
-    """Return the keys that a kind shares with others, with the kind's own defaults."""
+    """Return the keys that all kinds share, with the defaults of this kind."""
     options = {**_COMMON, "for_s": Option("seconds", kind.for_s, number(0.0, _FOREVER_S))}
     if kind.scope is None:
         return options

@@ -1,4 +1,4 @@
-"""Flight faults: pilot, radio, estimator, battery, fence, wind; put upon the vehicle by its conditions."""
+"""Flight faults (pilot, radio, estimator, battery, fence, wind), applied as conditions of the vehicle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.conditions import CONDITIONS
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Direction, Effect, FaultKind, Group, Making, Passed, Scope
+from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
 from sitl_mock.faults.other_senders import mode_named
 from sitl_mock.faults.places import along, vector
 from sitl_mock.pilot import Sticks
@@ -23,23 +23,23 @@ _JUMP: Final = Option("metres", 0.0, number(-1e4, 1e4))
 _DRIFT: Final = Option("metres a second", 0.0, number(-5.0, 5.0))
 
 
-def _while(making: Making, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
+def _while(inputs: EffectInputs, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
     """Hold a condition from begin to end."""
-    vehicle = making.vehicle
+    vehicle = inputs.vehicle
     return Effect(
         begin=lambda _now_s: vehicle.inject(condition, value),
         end=lambda _now_s: vehicle.inject(condition, CONDITIONS[condition].rest),
     )
 
 
-def _once(making: Making, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
-    """Let something happen."""
-    return Effect(begin=lambda _now_s: making.vehicle.inject(condition, value))
+def _once(inputs: EffectInputs, condition: str, value: Any) -> Effect:  # noqa: ANN401 - a condition's value
+    """Apply an event once."""
+    return Effect(begin=lambda _now_s: inputs.vehicle.inject(condition, value))
 
 
-def _radio(making: Making, effect: Effect) -> Effect:
-    """Give the vehicle a radio from the start, without which its pilot could do nothing."""
-    vehicle = making.vehicle
+def _radio(inputs: EffectInputs, effect: Effect) -> Effect:
+    """Give the vehicle a radio from the start, because its pilot needs one."""
+    vehicle = inputs.vehicle
 
     def prepare(now_s: float) -> None:
         vehicle.inject("rc", value=True)
@@ -50,27 +50,27 @@ def _radio(making: Making, effect: Effect) -> Effect:
     return effect
 
 
-def _pilot_mode(making: Making) -> Effect:
-    return _radio(making, _once(making, "pilot_mode", mode_named(making.vehicle, making.options["mode"])))
+def _pilot_mode(inputs: EffectInputs) -> Effect:
+    return _radio(inputs, _once(inputs, "pilot_mode", mode_named(inputs.vehicle, inputs.options["mode"])))
 
 
-def _sticks(making: Making) -> Effect:
-    options = making.options
+def _sticks(inputs: EffectInputs) -> Effect:
+    options = inputs.options
     sticks = tuple(options[name] for name in ("roll", "pitch", "throttle", "yaw"))
-    return _radio(making, _while(making, "sticks", sticks))
+    return _radio(inputs, _while(inputs, "sticks", sticks))
 
 
-def _rc_loss(making: Making) -> Effect:
-    vehicle = making.vehicle
+def _rc_loss(inputs: EffectInputs) -> Effect:
+    vehicle = inputs.vehicle
     effect = Effect(
         begin=lambda _now_s: vehicle.inject("rc", value=False),
         end=lambda _now_s: vehicle.inject("rc", value=True),
     )
-    return _radio(making, effect)
+    return _radio(inputs, effect)
 
 
-def _eph(making: Making) -> Effect:
-    vehicle, options = making.vehicle, making.options
+def _eph(inputs: EffectInputs) -> Effect:
+    vehicle, options = inputs.vehicle, inputs.options
     since_s = [math.inf]
 
     def begin(now_s: float) -> None:
@@ -83,10 +83,10 @@ def _eph(making: Making) -> Effect:
     return Effect(begin=begin, advance=advance, end=lambda _now_s: vehicle.inject("eph_m", 0.0))
 
 
-def _truncation(making: Making) -> Effect:
-    options, signing = making.options, making.vehicle.autopilot.signing
+def _truncation(inputs: EffectInputs) -> Effect:
+    options, signing = inputs.options, inputs.vehicle.autopilot.signing
 
-    def alter(_now_s: float, frame: bytes) -> Passed:
+    def alter(_now_s: float, frame: bytes) -> Delayed:
         north, east, down = (frames.value(frame, name) for name in ("vx", "vy", "vz"))
         speed_m_s = math.hypot(north, east)
         scale = min(1.0, options["horizontal_m_s"] / speed_m_s) if speed_m_s > 0.0 else 1.0
@@ -101,24 +101,24 @@ def _truncation(making: Making) -> Effect:
 
 
 def _flight(meaning: str, condition: str, value: Any = True, for_s: float = math.inf) -> FaultKind:  # noqa: ANN401 - as above
-    return FaultKind(Group.FLIGHT, meaning, lambda making: _while(making, condition, value), for_s=for_s)
+    return FaultKind(Group.FLIGHT, meaning, lambda inputs: _while(inputs, condition, value), for_s=for_s)
 
 
 def _valued(
     meaning: str,
     condition: str,
     options: Mapping[str, Option],
-    value: Callable[[Making], Any],
+    value: Callable[[EffectInputs], Any],
     *,
     for_s: float = math.inf,
 ) -> FaultKind:
-    """What gives a condition the value that its options make; for no time at all, it happens once."""
+    """Return a maker of effects that set a condition from the options; with a duration of 0 it is an event."""
     put = _while if for_s else _once
-    return FaultKind(Group.FLIGHT, meaning, lambda making: put(making, condition, value(making)), options, for_s=for_s)
+    return FaultKind(Group.FLIGHT, meaning, lambda inputs: put(inputs, condition, value(inputs)), options, for_s=for_s)
 
 
-def _option(name: str) -> Callable[[Making], Any]:
-    return lambda making: making.options[name]
+def _option(name: str) -> Callable[[EffectInputs], Any]:
+    return lambda inputs: inputs.options[name]
 
 
 def _charge(meaning: str, share: float) -> FaultKind:
@@ -175,7 +175,7 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             "the height estimate slides away",
             "drift_m_s",
             {"down_m_s": Option("metres a second, downwards", 0.2, number(-5.0, 5.0))},
-            lambda making: (0.0, 0.0, making.options["down_m_s"]),
+            lambda inputs: (0.0, 0.0, inputs.options["down_m_s"]),
             for_s=10.0,
         ),
         "thrust_loss": _valued(
@@ -219,7 +219,7 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "reboot": FaultKind(
             Group.FLIGHT,
             "the autopilot restarts, in flight too; its clock begins again",
-            lambda making: _once(making, "reboot", value=True),
+            lambda inputs: _once(inputs, "reboot", value=True),
             for_s=0.0,
         ),
     }

@@ -1,7 +1,7 @@
-"""MAVLink 1 and 2 bytes to messages; whatever is wrong is counted and dropped, and nothing is raised.
+"""Decode MAVLink 1 and 2; invalid bytes are counted and dropped, without exceptions.
 
-After a frame that fails, the search goes on at the byte behind its magic, so a good frame swallowed by a false start is
-still found; bytes of the failed frame are not counted a second time. The buffer holds at most one unfinished frame.
+After an invalid frame the search continues one byte after its magic, so that a good frame inside a false start is still
+found; bytes of the invalid frame are not counted twice. The buffer holds at most one unfinished frame.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ MAX_FRAME: Final = _HEADER_V2 + 255 + 2 + BLOCK_LENGTH
 
 @dataclass(slots=True)
 class Counts:
-    """What a decoder has seen.
+    """Counts of a decoder.
 
     Attributes:
-        frames: Frames handed on.
+        frames: Valid frames.
         garbage_bytes: Bytes before a magic byte.
         crc: Frames whose CRC does not match.
         length: MAVLink 1 frames longer than their message.
-        incompatible: MAVLink 2 frames with a flag that must be understood and is not.
+        incompatible: MAVLink 2 frames with an unknown incompatibility flag.
         unknown_id: Frames whose message id is not in the dialect.
         truncated: Frames cut off by the end of a datagram.
-        unsigned: Frames without the signature that is required.
+        unsigned: Frames without the required signature.
         wrong_key: Signatures that do not match the key.
         replayed: Timestamps that do not rise.
         too_many_streams: Signed streams beyond the table's size.
@@ -65,7 +65,7 @@ class Counts:
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
     def add(self, kind: str) -> None:
-        """Count one frame of a kind, which is one of the names above."""
+        """Count one frame of a kind (one of the names above)."""
         setattr(self, kind, getattr(self, kind) + 1)
 
 
@@ -92,7 +92,7 @@ class Decoder:
         self.signing = signing
         self.counts = Counts()
         self._rest = b""
-        self._reject_end = 0  # offset in the present data up to which failures belong to a frame already counted
+        self._reject_end = 0  # end of the last counted invalid frame in the present data
 
     @property
     def pending(self) -> int:
@@ -139,7 +139,7 @@ class Decoder:
         return messages
 
     def _usual(self, data: bytes) -> Message | None:
-        """The message of one good unsigned MAVLink 2 frame while no key is set; None for any other data."""
+        """Fast path: the message of one valid unsigned MAVLink 2 frame while no key is set, otherwise None."""
         size, signing = len(data), self.signing
         if size < _HEADER_V2 + 2 or (signing is not None and signing.secret_key is not None):
             return None
@@ -164,7 +164,7 @@ class Decoder:
             self._reject_end = end
 
     def _judge(self, buffer: bytes, at: int, frame: _Frame) -> Message | str:
-        """Return the message, or by its name in the counts what is wrong."""
+        """Return the message, or the name of the count for the fault."""
         fault = _fault(buffer, at, frame)
         if fault is not None:
             return fault
@@ -186,11 +186,11 @@ class Decoder:
 
 
 _RESCAN: Final = frozenset({"incompatible", "unknown_id", "crc"})
-"""Failures that say nothing sure about the frame's extent."""
+"""Faults after which the frame's length is unreliable."""
 
 
 def _frame_at(buffer: bytes, at: int, size: int) -> _Frame | None:
-    """Return the frame that starts at a magic byte, or None while bytes of it are missing."""
+    """Return the frame that starts at a magic byte, or None while it is incomplete."""
     if buffer[at] == _MAGIC_V1:
         if size - at < _HEADER_V1:
             return None
@@ -223,7 +223,7 @@ def _frame_at(buffer: bytes, at: int, size: int) -> _Frame | None:
 
 
 def _fault(buffer: bytes, at: int, frame: _Frame) -> str | None:
-    """Return what is wrong with a frame, by the name of its count, or None."""
+    """Return the name of the count for a frame's fault, or None."""
     if frame.incompat & ~_SIGNED:
         return "incompatible"
     spec = SPEC_BY_ID.get(frame.message_id)
@@ -256,8 +256,8 @@ def _filled(spec: MessageSpec, frame: bytes, payload: bytes, sender: tuple[int, 
 
     Args:
         spec: The message.
-        frame: All its bytes but a signature.
-        payload: Those of the payload, which may be cut short or longer than is known here.
+        frame: All bytes without a signature.
+        payload: The payload, possibly shorter or longer than the message's size.
         sender: Sequence, system and component.
     """
     size, held = spec.size, len(payload)

@@ -1,7 +1,6 @@
-"""The messages of the dialect, prepared once for packing and unpacking.
+"""Messages of the dialect, prepared for packing and unpacking.
 
-Field order on the wire, lengths and the CRC seed come from pymavlink's message classes, so a field is defined in one
-place; the code that turns values into bytes and back is this package's own.
+Field order, lengths and CRC seed come from pymavlink's message classes; packing and unpacking are this package's own.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 
 Message = Any
-"""A pymavlink message object; its fields are attributes that only exist at run time, so no static type fits."""
+"""A pymavlink message object; its fields are attributes without static types."""
 
 FieldValue = Any
 """A field of any wire type: number, text, bytes or a sequence of numbers."""
@@ -38,13 +37,13 @@ class MessageSpec:
     Attributes:
         name: Name as in the MAVLink XML, for example ``LOCAL_POSITION_NED``.
         message_id: 24-bit message id.
-        message_class: pymavlink's class, which decoded messages are instances of.
+        message_class: pymavlink's class of decoded messages.
         field_names: Names in the order of declaration (that of the class's arguments).
-        id_bytes: The id as it stands in a MAVLink 2 header.
+        id_bytes: The id as in a MAVLink 2 header.
         crc_extra: The seed byte that closes the CRC.
         size: Payload length in bytes before trailing zeros go.
         count: Number of fields.
-        arrange: Values in the order of declaration to that of the wire, arrays as bytes; None where that is the same.
+        arrange: Converts values from declaration order to wire order with arrays as bytes; None if they are equal.
         pack: Arranged values to the whole payload.
         unpack_payload: Whole payload to values in the order of declaration.
     """
@@ -68,7 +67,7 @@ def _text_bytes(value: str | bytes | bytearray | memoryview) -> bytes:
 
 
 def _array_bytes(token: str) -> Callable[[Any], bytes]:
-    """What turns an array of numbers into its bytes on the wire; bytes of that length are taken as they are."""
+    """Return a function that packs an array of numbers; bytes of the right length are passed through."""
     array = struct.Struct(f"<{token}")
     pack, size = array.pack, array.size
     return lambda value: value if isinstance(value, bytes) and len(value) == size else pack(*value)
@@ -77,11 +76,11 @@ def _array_bytes(token: str) -> Callable[[Any], bytes]:
 def _arranger(
     to_wire: tuple[int, ...], converters: tuple[tuple[int, Callable[[Any], bytes]], ...]
 ) -> Callable[[Sequence[Any]], Sequence[Any]] | None:
-    """What puts fields in the order of declaration into the order of the wire; None where that is the same.
+    """Return a function from declaration order to wire order; None if they are equal.
 
     Args:
-        to_wire: For each field on the wire, its place in the order of declaration.
-        converters: Place on the wire of each array and text, and what makes bytes of it.
+        to_wire: For each field on the wire, its index in declaration order.
+        converters: Wire index of each array and text, with its packing function.
     """
     if to_wire == tuple(range(len(to_wire))):
         if not converters:

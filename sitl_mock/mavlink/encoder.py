@@ -1,4 +1,4 @@
-"""Values to MAVLink 2 bytes, one sequence counter for each link."""
+"""Encode MAVLink 2 frames, with one sequence counter per link."""
 
 from __future__ import annotations
 
@@ -84,6 +84,6 @@ class Encoder:
 
 
 def values_of(message: Message) -> tuple[FieldValue, ...]:
-    """Return a pymavlink message's fields in the order of declaration, text as the bytes it was made from."""
+    """Return a pymavlink message's fields in declaration order, with texts as their original bytes."""
     held = message.__dict__
     return tuple(held.get(f"_{name}_raw", held[name]) for name in SPEC_BY_ID[message.get_msgId()].field_names)

@@ -2,7 +2,7 @@
 
 The block is link id (1), timestamp (6, units of 10 µs since 2015-01-01 UTC) and the first 6 bytes of
 SHA-256(secret key + frame up to and including the timestamp). A receiver keeps the last timestamp of every stream
-(link id, system, component) and refuses what does not rise. Source: https://mavlink.io/en/guide/message_signing.html
+(link id, system, component) and refuses timestamps that do not increase. Source: https://mavlink.io/en/guide/message_signing.html
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ UNSIGNED_ALWAYS: Final = frozenset({109})  # RADIO_STATUS comes from the radio i
 
 
 class Verdict(StrEnum):
-    """What a check of one frame found."""
+    """Result of checking one frame."""
 
     GOOD = "good"
     UNCHECKED = "unchecked"
@@ -34,7 +34,7 @@ class Verdict(StrEnum):
 
     @property
     def accepted(self) -> bool:
-        """Whether the frame may be used."""
+        """True if the frame is accepted."""
         return self in {Verdict.GOOD, Verdict.UNCHECKED}
 
 
@@ -66,7 +66,7 @@ class Signing:
 
     @property
     def active(self) -> bool:
-        """Whether outgoing frames are signed."""
+        """True if outgoing frames are signed."""
         return self.secret_key is not None
 
     def set_key(self, secret_key: bytes | None, timestamp: int = 0) -> None:

@@ -1,9 +1,9 @@
-"""The parameter tables: one CSV file a flavour, read once, in the order in which the autopilot lists them.
+"""Parameter tables: one CSV file per flavour, read once, in the autopilot's order.
 
 PX4 and ArduCopter: all parameters that PX4 v1.17.0 (SIH quadrotor) and ArduCopter 4.5.7 (its own simulated quadrotor,
-``copter.parm``) list, with the type and the value they have on the wire. Rover: a selection of Rover 4.5's defaults.
-``unit``, ``minimum``, ``maximum`` and ``meaning`` stand where they are documented and matter here. The limits hold for
-what a user of the mock asks for; on the wire neither autopilot enforces them.
+``copter.parm``) list, with type and value as on the wire. Rover: a selection of Rover 4.5's defaults.
+``unit``, ``minimum``, ``maximum`` and ``meaning`` are given where they are documented and matter here. The limits apply
+to settings of the mock; over MAVLink neither autopilot enforces them.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""MAVLink's protocols as objects without I/O: a message and the time in, replies out."""
+"""MAVLink's protocols as objects without I/O: they take messages with the time, and return replies."""
 
 from sitl_mock.protocols.command import (
     PX4_BROADCAST,

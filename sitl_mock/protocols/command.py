@@ -1,8 +1,8 @@
-"""The command protocol: COMMAND_LONG and COMMAND_INT in, one or several COMMAND_ACKs out, now or later.
+"""The command protocol: COMMAND_LONG and COMMAND_INT, answered by one or more COMMAND_ACKs, now or later.
 
-What a command does is the autopilot's business (``execute``); this piece reads both forms into one, recognises
-resends, and addresses the answers. Source: https://mavlink.io/en/services/command.html; PX4's two answers to a mode
-change are two ``CommandAnswer`` in a row.
+The autopilot executes commands (``execute``). This protocol converts both messages to one type, recognises resends and
+addresses the answers. PX4's two answers to a mode change are two ``CommandAnswer``.
+Source: https://mavlink.io/en/services/command.html
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MISSION_FRAME: Final = 2  # the fields are no coordinates
 MAX_TRACKED: Final = 64  # a flood of command numbers cannot grow the table
 
 MAV_FRAME_GLOBAL: Final = 0
-PX4_BROADCAST: Final = frozenset({512, 519})  # PX4 obeys only requests when they are addressed to system 0
+PX4_BROADCAST: Final = frozenset({512, 519})  # addressed to system 0, PX4 accepts only requests
 
 
 class Result(IntEnum):
@@ -41,7 +41,7 @@ class Result(IntEnum):
 
 
 class Command(NamedTuple):
-    """One command, however it came.
+    """One command, from COMMAND_LONG or COMMAND_INT.
 
     Attributes:
         number: MAV_CMD.
@@ -67,7 +67,7 @@ class CommandAnswer(NamedTuple):
         result: MAV_RESULT.
         progress: Percent for IN_PROGRESS, 255 for unknown.
         result_param2: Command-specific.
-        delay_s: Seconds after the command at which it goes out.
+        delay_s: Delay after the command.
     """
 
     result: int
@@ -95,9 +95,9 @@ class CommandProtocol:
     Args:
         system_id: Own system id.
         component_id: Own component id.
-        execute: ``execute(now_s, command)`` returns the answers in order; none means that the command is never
-            answered. Unknown commands are answered UNSUPPORTED by it.
-        broadcast: Commands that are obeyed when addressed to system 0; None for all of them.
+        execute: ``execute(now_s, command)`` returns the answers in order; an empty sequence means no answer. It
+            answers unknown commands with UNSUPPORTED.
+        broadcast: Commands accepted when addressed to system 0; None for all.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class CommandProtocol:
         self._tracked: dict[tuple[tuple[int, int], int], _Tracked] = {}
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
-        """Take COMMAND_LONG or COMMAND_INT; anything else, and commands for others, give no answer."""
+        """Take COMMAND_LONG or COMMAND_INT; other messages and other vehicles' commands are ignored."""
         command = read_command(message)
         if command is None or not self._is_ours(message, command):
             return []

@@ -1,8 +1,8 @@
-"""Files and logs on one link: FTP lists folders and reads files of the vehicle; whatever would change one is refused.
+"""Files and logs on one link: FTP can list folders and read files; changes are refused.
 
 Source: https://mavlink.io/en/services/ftp.html. Every request is answered at once, so that no client waits for a
-timeout. One file is open at a time; a list and a read name their place themselves, so what is repeated is answered
-again. The content of a file is made when it is asked for.
+timeout. One file can be open at a time. List and read requests carry their offset, so repeated ones are answered again.
+The content of a file is made when it is read.
 
 LOG_REQUEST_LIST (https://mavlink.io/en/messages/common.html#LOG_REQUEST_LIST): the mock writes no flight log, and says
 so as an autopilot without one does (ArduCopter 4.5.7 before its first arming).
@@ -29,11 +29,11 @@ PAYLOAD: Final = 251
 _HEAD: Final = struct.Struct("<HBBBBBBI")
 DATA: Final = PAYLOAD - _HEAD.size
 BURST: Final = 20
-"""Pieces of a burst; a client asks for the next burst where this one ended."""
+"""Frames of a burst; the client requests the next burst from its end."""
 
 
 class Opcode(IntEnum):
-    """The operations that are served, and the two answers."""
+    """The supported operations, and the two answers."""
 
     TERMINATE_SESSION = 1
     RESET_SESSIONS = 2
@@ -63,26 +63,26 @@ _READ_ONLY: Final = 30  # EROFS
 
 
 class Entry(NamedTuple):
-    """One line of a folder: a file and its size, or (None) a folder."""
+    """One entry of a folder: a file with its size, or a folder (size None)."""
 
     name: str
     size: int | None = None
 
     def encoded(self) -> bytes:
-        """As the wire has it."""
+        """Return the entry in wire format."""
         text = f"D{self.name}" if self.size is None else f"F{self.name}\t{self.size}"
         return text.encode() + b"\0"
 
 
 class Files(Protocol):
-    """What a vehicle has of files."""
+    """The files of a vehicle."""
 
     def entries(self, path: str) -> Sequence[Entry] | None:
-        """What a folder holds, None where there is no such folder."""
+        """Return the entries of a folder, None if it does not exist."""
         ...
 
     def content(self, path: str) -> bytes | None:
-        """A file's bytes, None where there is no such file."""
+        """Return a file's bytes, None if it does not exist."""
         ...
 
 
@@ -141,7 +141,7 @@ class FtpProtocol:
         ]
 
     def _serve(self, request: _Request) -> list[tuple[int, bytes]]:
-        """Return what an ACK carries: offset and data of each frame."""
+        """Return offset and data of each ACK."""
         served = self._served.get(request.opcode)
         if served is not None:
             return served(request)
@@ -214,9 +214,9 @@ class FileTree:
     """A tree of files.
 
     Attributes:
-        files: Absolute path to what makes its content.
-        folders: Folders beside those that the files lie in.
-        hidden: Paths that are read but not listed, as they are asked for (ArduPilot's ``@PARAM/param.pck``).
+        files: Absolute path to a function that returns the content.
+        folders: Folders besides those of the files.
+        hidden: Readable paths that are not listed (ArduPilot's ``@PARAM/param.pck``).
     """
 
     files: Mapping[str, Callable[[], bytes]]
@@ -224,7 +224,7 @@ class FileTree:
     hidden: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)
 
     def entries(self, path: str) -> Sequence[Entry] | None:
-        """What a folder holds, None where there is no such folder."""
+        """Return the entries of a folder, None if it does not exist."""
         folder = _absolute(path)
         folders = {"/", *self.folders, *(posixpath.dirname(name) for name in self.files)}
         if folder not in folders:
@@ -236,7 +236,7 @@ class FileTree:
         return inside
 
     def content(self, path: str) -> bytes | None:
-        """A file's bytes, None where there is no such file."""
+        """Return a file's bytes, None if it does not exist."""
         plain = path.partition("?")[0]
         make = self.hidden.get(plain) or self.files.get(_absolute(plain))
         return None if make is None else make()
@@ -257,5 +257,5 @@ class LogProtocol:
     """Flight logs on one link: none."""
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Take LOG_REQUEST_LIST; requests for the data of a log that is not there are not answered."""
+        """Take LOG_REQUEST_LIST; requests for log data are not answered."""
         return [NO_LOG] if message.get_type() == "LOG_REQUEST_LIST" else []

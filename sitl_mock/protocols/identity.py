@@ -1,4 +1,4 @@
-"""Who the vehicle is: AUTOPILOT_VERSION with capability bits that are true.
+"""The vehicle's identity: AUTOPILOT_VERSION with true capability bits.
 
 Standard modes: AVAILABLE_MODES (435), CURRENT_MODE (436) and AVAILABLE_MODES_MONITOR (437).
 Source: https://mavlink.io/en/services/standard_modes.html
@@ -50,7 +50,7 @@ _SHARED: Final = (
     | Capability.FTP
 )
 PX4_CAPABILITIES: Final = _SHARED | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_BYTEWISE | Capability.FTP
-"""PX4 takes SET_POSITION_TARGET_GLOBAL_INT and does not say so."""
+"""PX4 accepts SET_POSITION_TARGET_GLOBAL_INT but lacks its bit."""
 ARDUPILOT_CAPABILITIES: Final = (
     _SHARED | Capability.SET_POSITION_TARGET_GLOBAL_INT | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_C_CAST
 )
@@ -58,11 +58,11 @@ ARDUPILOT_CAPABILITIES: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What AUTOPILOT_VERSION says.
+    """Contents of AUTOPILOT_VERSION.
 
     Attributes:
-        capabilities: What the mock really speaks.
-        version: (major, minor, patch) of the autopilot that is imitated.
+        capabilities: What the mock supports.
+        version: (major, minor, patch) of the imitated autopilot.
         os_version: (major, minor, patch) of its operating system.
         commit: Up to eight bytes of its commit.
         uid: Number of the vehicle, different for each of a fleet.
@@ -106,9 +106,9 @@ def _packed(version: tuple[int, int, int]) -> int:
 
 
 _PX4_COMMIT: Final = bytes.fromhex("000000c4d12af1d6")
-"""The release's commit as it stands on the wire, last byte first."""
+"""The release's commit in wire order, last byte first."""
 _PX4_SIMULATED: Final = 5_283_920_058_631_409_231
-"""The number of every simulated PX4; those of a fleet count from it, so that they can be told apart."""
+"""The uid of every simulated PX4; a fleet counts from it, so that its vehicles differ."""
 
 
 def px4_identity(uid: int) -> Identity:

@@ -1,6 +1,6 @@
 """The mission protocol on one link: upload, download, clearing, choice of the current item.
 
-Downloads are answered from the store without any state, so whatever a client repeats is answered again.
+Downloads are stateless, so repeated requests are answered again.
 Source: https://mavlink.io/en/services/mission.html
 """
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ALL_KINDS: Final = 255
 
 ORDERS: Final = frozenset({2, 3})
-"""Values of MISSION_ITEM.current that are orders: fly there, change the height."""
+"""Values of MISSION_ITEM.current that mean: fly there, or change the height."""
 
 Guide = Callable[[float, PlanItem], bool]
 SetCurrent = Callable[[float, int], list[Reply]]
@@ -35,9 +35,9 @@ class MissionProtocol:
         plans: The vehicle's plans.
         rules: The flavour's rules.
         set_current: ``set_current(now_s, seq)`` for MISSION_SET_CURRENT; its replies are sent.
-        home: Where home is, for rules that have it as item 0.
-        guide: ``guide(now_s, item)`` says whether an item with current 2 or 3, an order of older clients, is obeyed;
-            None where there is no such order.
+        home: Returns home, for rules that have it as item 0.
+        guide: ``guide(now_s, item)`` handles an item with current 2 or 3 (older clients' "fly there") and returns True
+            if it is flown; None if the flavour has no such items.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class MissionProtocol:
 
     @property
     def uploading(self) -> bool:
-        """Whether an upload is in progress on this link."""
+        """True if this link has an upload in progress."""
         return self._upload.active
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
@@ -78,7 +78,7 @@ class MissionProtocol:
         return [] if handler is None else handler(now_s, message)
 
     def advance(self, now_s: float) -> list[Reply]:
-        """Ask again for a missing item, or give the upload up."""
+        """Request a missing item again, or give up the upload."""
         return self._upload.advance(now_s)
 
     def _take(self, now_s: float, message: Message) -> list[Reply]:

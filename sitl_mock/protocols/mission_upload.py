@@ -1,7 +1,6 @@
-"""Upload of a plan: the vehicle asks for each item, and asks again for what got lost.
+"""Upload of a plan: the vehicle requests each item, and requests lost items again.
 
-A plan replaces the old one only when all its items have come and pass the checks; until then, and after any failure,
-the old one stands. Source: https://mavlink.io/en/services/mission.html#uploading_mission
+A plan replaces the old one only when all its items have arrived and pass the checks. Source: https://mavlink.io/en/services/mission.html#uploading_mission
 """
 
 from __future__ import annotations
@@ -27,17 +26,17 @@ _PAYLOAD: Final = frozenset({181, 184, 201, 203, 205, 206, 211, 1000, 2000, 2001
 
 @dataclass(frozen=True, slots=True)
 class MissionRules:
-    """How a flavour transfers plans.
+    """Rules of a flavour for transfers of plans.
 
     Attributes:
         capacity: Most items of each kind.
-        commands: Mission commands that are taken.
-        partial: MISSION_WRITE_PARTIAL_LIST is served.
-        cancel_on_timeout: An upload given up for silence is answered with OPERATION_CANCELLED.
-        resend_s: A missing item is asked for again after this time.
-        timeout_s: An upload without any item for this long is given up.
-        asks_with: Message that asks for an item.
-        home_first: Item 0 of a mission is home, also where there is no mission.
+        commands: Accepted mission commands.
+        partial: MISSION_WRITE_PARTIAL_LIST is supported.
+        cancel_on_timeout: A timed-out upload is answered with OPERATION_CANCELLED.
+        resend_s: Time after which a missing item is requested again.
+        timeout_s: Time without an item after which an upload is given up.
+        asks_with: Message that requests an item.
+        home_first: Item 0 of a mission is home, even of an empty mission.
         any_radius: A fence circle's radius is not checked (PX4); else a plan with one of 0 or less is refused.
     """
 
@@ -59,7 +58,7 @@ PX4_MISSION_RULES: Final = MissionRules(
     cancel_on_timeout=False,
     any_radius=True,
 )
-"""PX4 asks again after 250 ms; 50 ms lets 500 items through 10 % loss each way in seconds."""
+"""PX4 requests again after 250 ms; with 50 ms, 500 items pass 10 % loss each way within seconds."""
 
 ARDUPILOT_MISSION_RULES: Final = MissionRules(
     capacity={PlanKind.MISSION: 724, PlanKind.FENCE: 84, PlanKind.RALLY: 12},
@@ -77,7 +76,7 @@ KINDS: Final = frozenset(PlanKind)
 
 @dataclass(slots=True)
 class _Transfer:
-    """Items ``len(head)`` to ``last``, of which ``items`` have come; head and tail stay from the old plan."""
+    """Upload of items ``len(head)`` to ``last``; ``items`` have arrived, head and tail come from the old plan."""
 
     kind: PlanKind
     partner: tuple[int, int]
@@ -94,7 +93,7 @@ class _Transfer:
 
 
 class _Finished(NamedTuple):
-    """The last accepted upload, for a client that missed the ACK and repeats its last item."""
+    """The last accepted upload, for a client that missed the ACK and resends its last item."""
 
     kind: int
     partner: tuple[int, int]
@@ -112,11 +111,11 @@ class MissionUpload:
 
     @property
     def active(self) -> bool:
-        """Whether an upload is in progress."""
+        """True if this link has an upload in progress."""
         return self._transfer is not None
 
     def busy(self, now_s: float, partner: tuple[int, int]) -> bool:
-        """Whether somebody else, on this link or another, is uploading."""
+        """True if another client, on any link, is uploading."""
         if self._transfer is not None:
             return self._transfer.partner != partner
         return self._plans.uploader is not None and now_s < self._plans.uploader_until_s
@@ -157,7 +156,7 @@ class MissionUpload:
         if partner != transfer.partner or message.mission_type != transfer.kind:
             return []
         self._heard(now_s, transfer)
-        if message.seq != transfer.wanted:  # repeated or early: it will be asked for in its turn
+        if message.seq != transfer.wanted:  # repeated or early: requested again in its turn
             wrong = message.seq > transfer.last
             return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)] if wrong else []
         item = read_item(message)
@@ -169,13 +168,13 @@ class MissionUpload:
         return self._ask(now_s, transfer) if transfer.wanted <= transfer.last else self._finish(transfer)
 
     def cancel(self, message: Message) -> None:
-        """Take a MISSION_ACK of the client: it has given up."""
+        """Take a client's MISSION_ACK, which cancels the upload."""
         transfer = self._transfer
         if transfer is not None and (source_of(message), message.mission_type) == (transfer.partner, transfer.kind):
             self._end()
 
     def advance(self, now_s: float) -> list[Reply]:
-        """Ask again for a missing item, or give the upload up."""
+        """Request a missing item again, or give up the upload."""
         transfer = self._transfer
         if transfer is None:
             return []

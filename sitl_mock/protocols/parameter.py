@@ -1,9 +1,9 @@
 """The parameter protocol: read by name or index, list, set with echo.
 
-PX4 puts the four bytes of an INT32 into the float field, ArduPilot casts the number; both answer PARAM_SET with the
-value as stored, whatever its documented range. Both are silent about a name they do not know, and say nothing of
-PARAM_ERROR. Source: https://mavlink.io/en/services/parameter.html, PX4 1.17's ``mavlink_parameters.cpp``, ArduPilot
-4.5's ``GCS_Param.cpp``.
+PX4 puts the four bytes of an INT32 into the float field, ArduPilot casts the number. Both answer PARAM_SET with the
+stored value, regardless of the documented range. Both ignore unknown names and never send PARAM_ERROR.
+Source: https://mavlink.io/en/services/parameter.html, PX4 1.17's ``mavlink_parameters.cpp``, ArduPilot 4.5's
+``GCS_Param.cpp``.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _INTEGER_RANGE: Final = {
 
 
 class ParameterError(ValueError):
-    """A parameter that the vehicle does not have, or a value that its type or range does not allow."""
+    """Unknown parameter, or a value outside the type or range."""
 
 
 class Parameter(NamedTuple):
@@ -53,11 +53,11 @@ class Parameter(NamedTuple):
     Attributes:
         name: At most 16 characters.
         kind: Type on the wire.
-        default: The autopilot's own default.
-        unit: As the autopilot documents it, "" for none.
+        default: The autopilot's default.
+        unit: Documented unit, "" for none.
         minimum: Documented lower limit.
         maximum: Documented upper limit.
-        meaning: What it does, in a few words.
+        meaning: Short description.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Parameter(NamedTuple):
 
 
 class ParameterTable(tuple[Parameter, ...]):
-    """The definitions of one kind of vehicle, which all its vehicles share; their order gives the indices."""
+    """Parameter definitions of a flavour, shared by its vehicles; their order gives the indices."""
 
     @cached_property
     def definitions(self) -> Mapping[str, Parameter]:
@@ -84,12 +84,12 @@ class ParameterTable(tuple[Parameter, ...]):
 
     @cached_property
     def places(self) -> Mapping[str, int]:
-        """Place in that order by name."""
+        """Index by name."""
         return {name: index for index, name in enumerate(self.names)}
 
     @cached_property
     def values(self) -> Mapping[str, float]:
-        """Defaults as their types hold them, by name."""
+        """Defaults by name, rounded to their types."""
         return {name: rounded(item.kind, item.default) for name, item in self.definitions.items()}
 
 
@@ -125,7 +125,7 @@ class ParameterStore(Mapping[str, float]):
         return len(self._values)
 
     def set(self, name: str, value: float, *, check_range: bool = False) -> float:
-        """Store a value and return it as stored: a whole number, or rounded to single precision.
+        """Store a value and return the stored one: an integer, or rounded to single precision.
 
         Raises:
             ParameterError: Unknown name, not a number, or (with ``check_range``) out of the documented range.
@@ -133,8 +133,8 @@ class ParameterStore(Mapping[str, float]):
         item = self.definitions.get(name)
         if item is None:
             near = difflib.get_close_matches(name.upper(), self.definitions, 1)
-            mended = f"; did you mean {near[0]}?" if near else "; `sitl-mock list parameters` names them"
-            raise ParameterError(f"parameter {name!r} = {value!r}: this vehicle has no such parameter{mended}")
+            advice = f"; did you mean {near[0]}?" if near else "; `sitl-mock list parameters` names them"
+            raise ParameterError(f"parameter {name!r} = {value!r}: this vehicle has no such parameter{advice}")
         if not math.isfinite(value):
             raise ParameterError(f"parameter {name!r} = {value!r}: a finite number is needed")
         if check_range and not item.minimum <= value <= item.maximum:
@@ -155,7 +155,7 @@ class ParameterStore(Mapping[str, float]):
     def hash(self) -> int:
         """Return the CRC-32 over names and values that PX4 sends as ``_HASH_CHECK`` (no inversions, as NuttX).
 
-        What changes by itself (PX4's volatile parameters) is left out.
+        PX4's volatile parameters are excluded.
         """
         crc = 0xFFFFFFFF
         for name, value in self._values.items():
@@ -167,7 +167,7 @@ class ParameterStore(Mapping[str, float]):
 
 
 def rounded(kind: ParamKind, value: float) -> float:
-    """Return a value as its type holds it: halves away from zero and clamped for integers, single precision else."""
+    """Round a value to its type: integers half away from zero and clamped, others to single precision."""
     if kind is ParamKind.REAL32:
         limit = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
         return float(struct.unpack("<f", struct.pack("<f", min(max(value, -limit), limit)))[0])
@@ -179,7 +179,7 @@ _VOLATILE: Final = re.compile(
     r"ASPD_SCALE_\d|CAL_(ACC|GYRO|MAG|BARO)\d_([XYZ](OFF|SCALE|COMP|ODIAG)|OFF)"
     r"|COM_FLIGHT_UUID|EKF2_MAG_DECL|LND_FLIGHT_T_(HI|LO)|SENS_DPRES_OFF"
 )
-"""What PX4 v1.17 marks as volatile of what it lists; with them left out the real one's hash comes out."""
+"""Parameters that PX4 v1.17 marks as volatile; without them the hash equals the real one."""
 HASH_NAME: Final = "_HASH_CHECK"
 UINT32: Final = 5
 NO_INDEX: Final = 0xFFFF
@@ -188,15 +188,15 @@ WARNING: Final = 4  # MAV_SEVERITY
 
 @dataclass(frozen=True, slots=True)
 class ParameterRules:
-    """How a flavour speaks.
+    """Rules of a flavour.
 
     Attributes:
         bytewise: Integers travel as their four bytes (PX4) instead of as a number (ArduPilot).
-        hash_check: ``_HASH_CHECK`` leads each list and can be asked for (PX4).
+        hash_check: ``_HASH_CHECK`` leads each list and can be read (PX4).
         type_must_match: PARAM_SET with another type is ignored (PX4); otherwise the number is cast (ArduPilot).
-        index_only_in_lists: An answer about one name carries no index (ArduPilot).
-        protected: Names that a client may not set: a text says so, and the value as it is.
-        list_hz: Parameters in a second while a list is sent.
+        index_only_in_lists: An answer to a name carries no index (ArduPilot).
+        protected: Names that clients may not set; the answer is a text and the present value.
+        list_hz: Parameters per second while a list is sent.
     """
 
     bytewise: bool
@@ -228,7 +228,7 @@ class ParameterProtocol:
 
     @property
     def listing(self) -> bool:
-        """Whether a list is being sent."""
+        """True if a list is in progress."""
         return self._next_index is not None
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
@@ -277,7 +277,7 @@ class ParameterProtocol:
             return [("STATUSTEXT", WARNING, f"Param write denied ({name})", 0, 0), named(self._store, rules, name)]
         try:
             self._store.set(name, self._decode(item.kind, message.param_value))
-        except ParameterError:  # not a number: it would go on into every sum
+        except ParameterError:  # NaN would spread into every sum
             return []
         return [named(self._store, rules, name)]
 
@@ -292,7 +292,7 @@ class ParameterProtocol:
 
 
 def named(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
-    """Return PARAM_VALUE to a question about a name, or unasked where it has changed by itself."""
+    """Return PARAM_VALUE for a name, as an answer or as an unsolicited update."""
     reply = _value(store, rules, name)
     return (*reply[:-1], NO_INDEX) if rules.index_only_in_lists else reply
 

@@ -1,4 +1,4 @@
-"""Plans: mission, fence and rally points as MAVLink's mission items, and the checks on them.
+"""Plans: mission, fence and rally points as MAVLink mission items, with their checks.
 
 Source: https://mavlink.io/en/services/mission.html, MAV_CMD. A vehicle has one ``PlanStore``; links change it only by
 a whole upload that passed all checks, and each change raises the plan's revision.
@@ -117,9 +117,9 @@ class PlanStore:
     Attributes:
         plans: By kind.
         current: Sequence number of the mission item being flown; the autopilot keeps it.
-        uploader: What is uploading at present, so that a second link is refused meanwhile.
-        uploader_until_s: Until when that holds; a link that vanished does not block the others.
-        news: Plans that have been replaced and not yet been looked at by an autopilot that tells of it.
+        uploader: The present upload; a second link is refused meanwhile.
+        uploader_until_s: End of that refusal, so that a vanished link does not block others.
+        news: Replaced plans that an autopilot has yet to report.
     """
 
     plans: dict[PlanKind, Plan] = field(default_factory=lambda: {kind: Plan() for kind in PlanKind})
@@ -202,7 +202,7 @@ def _fence_fault(item: PlanItem) -> MissionResult:
 def _place_fault(item: PlanItem) -> MissionResult:
     if item.frame not in GLOBAL_FRAMES:
         return MissionResult.UNSUPPORTED_FRAME
-    free = item.command in WITH_PLACE and item.command != NAV_WAYPOINT  # "here" may be left open
+    free = item.command in WITH_PLACE and item.command != NAV_WAYPOINT  # the position is optional
     if not (abs(item.latitude_deg) <= 90.0 or (free and item.x == INT32_NAN)):
         return MissionResult.INVALID_PARAM5_X
     if not (abs(item.longitude_deg) <= 180.0 or (free and item.y == INT32_NAN)):

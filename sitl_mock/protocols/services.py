@@ -1,8 +1,8 @@
 """Small services: TIMESYNC and PING, home and the origin of the local frame, SETUP_SIGNING.
 
 Sources: https://mavlink.io/en/services/timesync.html, https://mavlink.io/en/services/ping.html,
-https://mavlink.io/en/guide/message_signing.html#secret_key. Once a key that is required is set, an unsigned
-SETUP_SIGNING does not get past the decoder.
+https://mavlink.io/en/guide/message_signing.html#secret_key. Once a key is required, the decoder drops an
+unsigned SETUP_SIGNING.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class TimeProtocol:
     """Time on one link.
 
     Args:
-        clock: Turns the caller's time into the vehicle's clock, seconds since its boot, which its telemetry counts by.
+        clock: Converts the caller's time to the vehicle's clock (seconds since boot), as used in telemetry.
 
     Attributes:
         offset_s: Peer's clock minus own, from its last answer; None before.
@@ -98,8 +98,8 @@ class HomeProtocol:
     """SET_GPS_GLOBAL_ORIGIN and SET_HOME_POSITION.
 
     Args:
-        set_origin: ``set_origin(now_s, place)`` returns whether the vehicle takes it.
-        set_home: Likewise for home; MAV_CMD_DO_SET_HOME comes as a command.
+        set_origin: ``set_origin(now_s, place)`` returns whether the vehicle accepts the origin.
+        set_home: The same for home; MAV_CMD_DO_SET_HOME is a command.
     """
 
     def __init__(self, set_origin: SetPlace, set_home: SetPlace) -> None:
@@ -107,7 +107,7 @@ class HomeProtocol:
         self._set_home = set_home
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
-        """Take either message; an origin that is taken is confirmed with GPS_GLOBAL_ORIGIN."""
+        """Take either message; an accepted origin is confirmed with GPS_GLOBAL_ORIGIN."""
         kind = message.get_type()
         if kind not in {"SET_GPS_GLOBAL_ORIGIN", "SET_HOME_POSITION"}:
             return []
@@ -121,7 +121,7 @@ class HomeProtocol:
 
 
 def on_earth(place: Place) -> bool:
-    """Whether a place is one where a vehicle can be; false for anything that is not finite."""
+    """True if a position is finite and within valid ranges."""
     latitude_deg, longitude_deg, altitude_m = place
     return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0 and abs(altitude_m) <= HIGHEST_M
 
@@ -135,7 +135,7 @@ class SigningSetup:
 
     Args:
         signing: The vehicle's signing, shared by its links.
-        allowed: Whether this link may set the key; a vehicle takes it only over a link it trusts.
+        allowed: Whether this link may set the key.
     """
 
     def __init__(self, signing: Signing, *, allowed: bool = True) -> None:
@@ -143,7 +143,7 @@ class SigningSetup:
         self._allowed = allowed
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Take SETUP_SIGNING; it is never answered, so that the key cannot echo."""
+        """Take SETUP_SIGNING; it is never answered, so that the key is not repeated."""
         if message.get_type() == "SETUP_SIGNING" and self._allowed and message.target_system != 0:
             key = bytes(message.secret_key)
             self._signing.set_key(key if any(key) else None, message.initial_timestamp)

@@ -1,11 +1,8 @@
-"""What protocol pieces take and give: decoded messages in, plain tuples out.
+"""The interface of protocols, and the session, which holds all protocols of one link.
 
-A piece knows no link and no clock. It is asked with ``handle(now_s, message)`` when a message has come and, if it has
-something to say later, with ``advance(now_s)`` once in every cycle. It answers with replies for the link that it
-serves. Each link has pieces of its own (transfers, pacing and rates belong to a link); what belongs to the vehicle is
-in the stores they share.
-
-A session is all the protocols of one link; it knows which message goes to which.
+A protocol has no I/O and no clock. ``handle(now_s, message)`` takes a decoded message and returns replies;
+``advance(now_s)``, called in every cycle, returns delayed ones. Each link has its own protocol objects (transfers,
+pacing and rates belong to a link); they share the vehicle's stores. A session passes each message to its protocol.
 """
 
 from __future__ import annotations
@@ -25,21 +22,21 @@ class Piece(Protocol):
     """One protocol on one link."""
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
-        """Take a message meant for this vehicle and return what is to be sent at once."""
+        """Take a message for this vehicle and return the immediate replies."""
         ...
 
 
 @runtime_checkable
 class LatePiece(Piece, Protocol):
-    """One protocol on one link that also speaks without being asked at that moment."""
+    """One protocol on one link that also sends delayed messages."""
 
     def advance(self, now_s: float) -> list[Reply]:
-        """Return what is due by now: late answers, paced lists, re-requests."""
+        """Return the messages that are due: delayed answers, paced lists, repeated requests."""
         ...
 
 
 def addressed(message: Message, system_id: int, component_id: int) -> bool:
-    """Whether a message is meant for this component: by its own ids, by broadcast, or for want of a target field."""
+    """True if a message is for this component: its ids, broadcast, or a message without target."""
     target_system = getattr(message, "target_system", 0)
     if target_system not in {0, system_id}:
         return False
@@ -74,7 +71,7 @@ MESSAGES: dict[str, tuple[str, ...]] = {
     "signing": ("SETUP_SIGNING",),
     "events": ("REQUEST_EVENT",),
 }
-"""Which messages each protocol takes."""
+"""Messages handled by each protocol."""
 
 PX4_OWN_ID_ONLY: frozenset[str] = frozenset({"parameters", "missions", "ftp"})
 """Protocols of PX4 that ignore messages to system 0."""
@@ -102,7 +99,7 @@ class Session:
         self._by_message = {kind: piece for name, piece in pieces.items() for kind in MESSAGES[name]}
 
     def handle(self, now_s: float, message: Message) -> list[Reply] | None:
-        """Take one message; None if it belongs to no protocol here, [] if it is for another vehicle."""
+        """Take one message; None if no protocol handles it, [] if it is for another vehicle."""
         kind = message.get_type()
         piece = self._by_message.get(kind)
         if piece is None:
@@ -112,7 +109,7 @@ class Session:
         return piece.handle(now_s, message)
 
     def advance(self, now_s: float) -> list[Reply]:
-        """Return what is due by now from all protocols."""
+        """Return the messages that are due from all protocols."""
         replies: list[Reply] = []
         for piece in self._late:
             late = piece.advance(now_s)

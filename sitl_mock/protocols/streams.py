@@ -1,7 +1,7 @@
-"""Message streams of one link: which message is due when, and the commands that change it.
+"""Message streams of one link: their schedule, and the requests that change it.
 
-Sources: SET_MESSAGE_INTERVAL (511), GET_MESSAGE_INTERVAL (510), REQUEST_DATA_STREAM (66). Rates are kept as intervals
-on a grid of their own, so that a late cycle delays a message but never slows the stream down.
+SET_MESSAGE_INTERVAL (511), GET_MESSAGE_INTERVAL (510), REQUEST_DATA_STREAM (66). Each stream has its own time grid, so
+that a late cycle delays a message but does not slow the stream down.
 
 The rates of the real links were measured on PX4 v1.17.0 (SIH), on its onboard link (14540) and its ground station's
 (14550), and on ArduCopter 4.5.7.
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
 
     from sitl_mock.protocols.session import Reply
 
-GOLDEN: Final = 0.618_033_988_749_895  # successive multiples, modulo 1, spread the first sendings evenly
+GOLDEN: Final = 0.618_033_988_749_895  # its multiples modulo 1 spread the streams' phases evenly
 ALL_STREAMS: Final = 0
 SLACK_S: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class StreamRules:
-    """How a flavour treats requests.
+    """Rules of a flavour for requests.
 
     Attributes:
         fixed: Messages whose rate cannot be changed.
-        unknown_interval: Answer to SET_MESSAGE_INTERVAL for a message that is not offered.
+        unknown_interval: Answer to SET_MESSAGE_INTERVAL for an unknown message.
         unknown_request: Answer to REQUEST_MESSAGE for one.
         shortest_s: Shortest interval.
         longest_s: Longest interval.
-        groups: Messages of each MAV_DATA_STREAM; empty where REQUEST_DATA_STREAM is ignored.
-        old_requests: Commands from before REQUEST_MESSAGE, and the message that each asks for.
+        groups: Messages of each MAV_DATA_STREAM; empty if REQUEST_DATA_STREAM is ignored.
+        old_requests: Commands older than REQUEST_MESSAGE, and the message that each requests.
     """
 
     fixed: frozenset[str] = frozenset()
@@ -55,7 +55,7 @@ class Streams:
 
     Args:
         offered: Names of all messages that the vehicle can send.
-        default_hz: Rates without being asked; offered messages that are missing here are silent.
+        default_hz: Default rates; offered messages without one are silent.
         rules: The flavour's rules.
     """
 
@@ -80,19 +80,19 @@ class Streams:
             if at_s > limit_s:
                 break
             next_s = at_s + interval_s
-            if next_s <= limit_s:  # a stall: leave out what was missed, keep the grid
+            if next_s <= limit_s:  # after a stall: skip missed messages, keep the grid
                 next_s = at_s + interval_s * (math.floor((limit_s - at_s) / interval_s) + 1)
             heapreplace(queue, (next_s, order, name, interval_s))
             names.append(name)
         return names
 
     def rate_hz(self, name: str) -> float:
-        """Return the present rate of a message; 0 when it is silent."""
+        """Return the present rate of a message; 0 if it is silent."""
         interval_s = self._interval_s.get(name)
         return 0.0 if interval_s is None else 1.0 / interval_s
 
     def interval_us(self, message_id: int) -> int:
-        """Return what MESSAGE_INTERVAL says: microseconds, -1 for a silent message, 0 for one not offered."""
+        """Return the interval for MESSAGE_INTERVAL: microseconds, -1 for a silent message, 0 for an unknown one."""
         name = self._offered_name(message_id)
         if name is None:
             return 0
@@ -103,7 +103,7 @@ class Streams:
         """Change one stream: microseconds, 0 for the default, -1 for silence.
 
         Args:
-            now_s: Present time; the first message of a changed stream is due at once.
+            now_s: Present time; a changed stream starts at once.
             message_id: MAVLink message id, as param1 of SET_MESSAGE_INTERVAL.
             interval_us: param2.
         """
@@ -124,10 +124,10 @@ class Streams:
         """Set all messages of a MAV_DATA_STREAM to one rate, or silence them.
 
         Args:
-            now_s: The present.
+            now_s: Present time.
             stream: MAV_DATA_STREAM.
-            rate_hz: Of every message in it.
-            start: Whether they are sent or silenced.
+            rate_hz: Rate of every message in it.
+            start: Send the messages (true) or silence them.
         """
         groups = self.rules.groups
         chosen = groups.values() if stream == ALL_STREAMS else (groups.get(stream, ()),)
@@ -237,10 +237,10 @@ PX4_GCS_HZ: Final[dict[str, float]] = {
 }
 
 QUIET_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0}
-"""A link that sends only what a client asks for, as PX4's MAVLink mode `custom` does; saves time in simulations."""
+"""A link with only the requested streams, like PX4's MAVLink mode `custom`; saves time in simulations."""
 
 ARDUPILOT_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "TIMESYNC": 0.1}
-"""Nothing else until it is asked for (SR0_* are 0); TIMESYNC comes now and then."""
+"""Other streams only on request (SR0_* are 0); TIMESYNC comes occasionally."""
 
 PX4_STREAM_RULES: Final = StreamRules(
     fixed=frozenset({"HEARTBEAT"}),

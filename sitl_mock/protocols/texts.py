@@ -1,8 +1,8 @@
-"""What a vehicle says: STATUSTEXT, in chunks where the text is longer than one message, and EVENT as things happen.
+"""STATUSTEXT, in chunks if the text is long, and EVENT.
 
-Sources: https://mavlink.io/en/messages/common.html#STATUSTEXT: the chunks of a text share an id that is not 0, and the
-last one is the one with a NUL, which may have to be an empty chunk. https://mavlink.io/en/services/events.html: clients
-ask again for events that they missed; CURRENT_EVENT_SEQUENCE, by which they notice gaps, is a stream.
+https://mavlink.io/en/messages/common.html#STATUSTEXT: the chunks of a text share an id that is not 0; the last one
+contains a NUL, so it may be empty. https://mavlink.io/en/services/events.html: clients notice missed events through the
+stream CURRENT_EVENT_SEQUENCE and request them again.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class EventLog:
         """Number an event and keep it; return its message.
 
         Args:
-            boot_ms: The present, since boot.
-            event_id: Of the autopilot's own table.
+            boot_ms: Present time since boot.
+            event_id: Id in the autopilot's metadata.
             levels: Log levels, inside and outside, four bits each.
             arguments: As on the wire.
         """
@@ -66,7 +66,7 @@ class EventProtocol:
         self._log = log
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Send what is asked for again; of the first that is gone, say so and which is the oldest."""
+        """Send requested events again; for one that is gone, answer with an error and the oldest number."""
         count = (message.last_sequence - message.first_sequence) % _WRAP + 1
         replies: list[Reply] = []
         for offset in range(min(count, KEPT)):
@@ -92,7 +92,7 @@ class StatusTexts:
 
         Args:
             severity: MAV_SEVERITY, 0 (emergency) to 7 (debug).
-            text: Any length; what goes beyond 256 chunks is cut off.
+            text: Of any length; cut after 256 chunks.
         """
         encoded = text.encode()
         if len(encoded) <= CHUNK:

@@ -1,7 +1,7 @@
-"""PREFLIGHT_CALIBRATION: what PX4 v1.17 (SIH) answered to each kind, and the texts that ground stations read.
+"""PREFLIGHT_CALIBRATION: answers and texts of PX4 v1.17 (SIH) for each kind of calibration.
 
-A vehicle that nobody turns ends neither the accelerometer's nor the compass's calibration; the simulated barometer's
-ends neither by itself nor by order.
+Calibrations of the accelerometer and the compass never end, because the vehicle is not turned. That of the simulated
+barometer never ends and cannot be cancelled.
 """
 
 import math
@@ -21,7 +21,7 @@ _INFO, _CRITICAL = Severity.INFO, Severity.CRITICAL
 _STEP_S: Final = 0.1
 _PENDING: Final = "pending: back front left right up"
 _SIDE_S: Final = 3.75
-"""How often a side that is done already is found again."""
+"""Interval at which a side that is done already is detected again."""
 
 
 def _progress(kind: str, steps: tuple[int, ...], done_s: float) -> tuple[Line, ...]:
@@ -84,7 +84,7 @@ _KINDS: Final = MappingProxyType(
         (3, 0): _QUIET,
     }
 )
-"""What (number of a parameter, its value) asks for; the first that matches counts, so one NaN does not matter."""
+"""Kind of calibration by (parameter index, value); the first match counts. PX4 reads NaN as no value."""
 _CANCELLED: Final = (CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.TEMPORARILY_REJECTED, delay_s=0.01))
 
 
@@ -94,10 +94,10 @@ def _answer(result: Result) -> Answers:
 
 @dataclass(slots=True)
 class Calibration:
-    """The calibration that is under way, if one is.
+    """The running calibration, if any.
 
     Attributes:
-        kind: gyro, mag, baro, accel, level or airspeed; empty for none.
+        kind: gyro, mag, baro, accel, level or airspeed; empty if none runs.
     """
 
     kind: str = ""
@@ -106,7 +106,7 @@ class Calibration:
     _script: Iterator[Line] = field(default_factory=lambda: iter(()))
 
     def execute(self, state: VehicleState, now_s: float, command: Command) -> Answers:
-        """Begin, cancel or refuse."""
+        """Begin, cancel or refuse a calibration."""
         given = [int(value) if math.isfinite(value) else None for value in command.params]
         if state.armed:
             return _answer(Result.TEMPORARILY_REJECTED)
@@ -143,7 +143,7 @@ class Calibration:
         return _CANCELLED
 
     def advance(self, state: VehicleState, now_s: float) -> None:
-        """Say what is due."""
+        """Send the texts that are due."""
         while self.kind and self._next is not None and now_s >= self._begun_s + self._next[0]:
             _, level, text = self._next
             state.say(level, f"[cal] {text}")

@@ -1,8 +1,8 @@
-"""PX4's commander: an intention, what is there to carry it out, and the mode that is flown in the end.
+"""PX4's commander: from the intended mode and the state of the vehicle to the mode that is flown.
 
-Every 0.1 s: look what is available and what is wrong, then flown mode = intention, overruled by the failsafe action,
-then stepped down while it cannot run (table in `modes.py`). The intention outlives all that: when the stream comes
-back, so does OFFBOARD.
+Every 0.1 s it checks which needs of the modes are met and which failsafes are triggered. The flown mode is the
+intended one unless a failsafe overrides it; a mode that cannot run is replaced by the next in the table of `modes.py`.
+The intention is kept: when setpoints return, so does OFFBOARD.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.calibration import Calibration
 from sitl_mock.px4.ground import LANDED_S, HomeKeeper, LandDetector
 from sitl_mock.px4.maneuvers import Follow
-from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, Unmeant, meant
+from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, NotAMode, requested_mode
 from sitl_mock.px4.offboard import BodyRates, read_attitude
 from sitl_mock.px4.safety import MODE_OF, Action, Failsafes
 from sitl_mock.vehicle_state import Landed, Severity, VehicleState
@@ -39,8 +39,8 @@ class Px4:
     Args:
         state: The vehicle.
         plans: Its mission, fence and rally points.
-        execute: Answers commands.
-        fly: The flown mode's setpoint.
+        execute: Handles commands.
+        fly: Returns the flown mode's setpoint.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Px4:
         self.intention = "HOLD"
         self.mode = "HOLD"
         self.plan: flying.ModePlan = flying.ModePlan(state.position_m)
-        self.there: frozenset[Need] = frozenset()
+        self.met_needs: frozenset[Need] = frozenset()
         self.setpoint = Setpoint(Kind.BRAKE)
         self.rates: BodyRates | None = None
         self.stream_s = -math.inf
@@ -72,7 +72,7 @@ class Px4:
         self.ground = LandDetector()
         self._takeoff_height_m = math.nan
 
-    # What the others see
+    # Reported state
 
     @property
     def custom_mode(self) -> int:
@@ -113,28 +113,28 @@ class Px4:
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
-        return not safety.refusals(self.state, BY_NAME[self.intention], self.there)
+        return not safety.refusals(self.state, BY_NAME[self.intention], self.met_needs)
 
-    # What comes in
+    # Inputs
 
     def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
-        """Obey or refuse a command."""
+        """Execute or refuse a command."""
         return self._execute(self, now_s, command)
 
     def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
-        self.ask_for(now_s, meant(base_mode, custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF))
+        self.ask_for(now_s, requested_mode(base_mode, custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF))
 
-    def ask_for(self, now_s: float, mode: str | Unmeant) -> bool:
-        """Ask for the mode that a client means; False if it is refused."""
-        if isinstance(mode, Unmeant):
-            if mode is Unmeant.REFUSED:
+    def ask_for(self, now_s: float, mode: str | NotAMode) -> bool:
+        """Request the mode that a client named; False if refused."""
+        if isinstance(mode, NotAMode):
+            if mode is NotAMode.REFUSED:
                 self.state.say(Severity.CRITICAL, "Unsupported auto mode")
-            return mode is Unmeant.NOTHING
+            return mode is NotAMode.IGNORED
         return self.request(now_s, mode)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
-        """Take a setpoint: proof of life in every mode, followed in OFFBOARD only."""
+        """Take a setpoint: proof of life in every mode, flown in OFFBOARD only."""
         by_attitude = message.get_type() == "SET_ATTITUDE_TARGET"
         setpoint = read_attitude(self.state, message, self.rates) if by_attitude else offboard.read(self.state, message)
         if isinstance(setpoint, str):
@@ -146,7 +146,7 @@ class Px4:
             self.setpoint = setpoint
 
     def guide(self, _now_s: float, _item: PlanItem) -> bool:
-        """PX4 takes no mission item as an order."""
+        """PX4 does not fly to single mission items."""
         return False
 
     def switch(self, now_s: float, mode: str) -> None:
@@ -154,10 +154,10 @@ class Px4:
         self.request(now_s, mode)
 
     def request(self, now_s: float, mode: str) -> bool:
-        """Ask for a mode: always granted while disarmed, else only if it can run."""
+        """Request a mode: always granted while disarmed, otherwise only if it can run."""
         if self.mode == "TERMINATION":
             return False
-        self.there = safety.available(self.state, self.plans, self.stream_s)
+        self.met_needs = safety.available(self.state, self.plans, self.stream_s)
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
             self.state.say(Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available")
             return False
@@ -170,11 +170,11 @@ class Px4:
         return True
 
     def can_run(self, mode: str) -> bool:
-        """Whether everything a mode needs was there at the last check."""
-        return BY_NAME[mode].needs <= self.there
+        """True if the mode's needs were met at the last check."""
+        return BY_NAME[mode].needs <= self.met_needs
 
     def wants_to_climb(self) -> bool:
-        """Whether a stream asks to leave the ground: by height, by climb rate, or by thrust."""
+        """True if the streamed setpoint commands a climb: by height, climb rate or thrust."""
         if self.mode != "OFFBOARD":
             return False
         setpoint = self.setpoint
@@ -187,10 +187,10 @@ class Px4:
         )
         return to < self.state.position_m[2] or along < 0.0 or push < 0.0
 
-    # What is decided
+    # Decisions
 
     def tick(self, now_s: float) -> Setpoint:
-        """Check when it is time, then say what the motors shall do."""
+        """Run the checks when due; return the setpoint of the flown mode."""
         self.home.update(self.state, in_mission=self.mode == "MISSION" and not self.mission.over)
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
@@ -206,7 +206,7 @@ class Px4:
 
     def _check(self, now_s: float) -> None:
         state = self.state
-        self.there = safety.available(state, self.plans, self.stream_s)
+        self.met_needs = safety.available(state, self.plans, self.stream_s)
         if not state.armed:
             self.home.follow(state)
             self._take_first_sticks()
@@ -216,7 +216,7 @@ class Px4:
             if self.mode != "TERMINATION":
                 self.enter(self.intention)
             return
-        self.pilot_counts = self.pilot_counts or Need.PILOT in self.there
+        self.pilot_counts = self.pilot_counts or Need.PILOT in self.met_needs
         self._pilot_takes_over(now_s)
         action, new = self.failsafes.update(
             now_s, safety.wrong(state, self.plans, self.intention, pilot_counts=self.pilot_counts), state.parameters
@@ -230,11 +230,11 @@ class Px4:
         self._disarm_by_itself(now_s)
 
     def _choose(self, action: Action) -> None:
-        """Intention, overruled by the failsafe, stepped down until it can run."""
+        """Choose the flown mode: the intention, overridden by failsafes, replaced while it cannot run."""
         if self.mode == "TERMINATION":
             return
         mode, forced = self.intention, MODE_OF.get(action)
-        if mode == "OFFBOARD":  # a stream that is lost leads to RTL also where Hold is forced already
+        if mode == "OFFBOARD":  # a lost stream leads to RTL even if a failsafe demands Hold
             mode = self._runnable(mode)
         if forced is not None and _SEVERITY_OF_MODE.get(mode, 0) < _SEVERITY_OF_MODE[forced]:
             mode = forced
@@ -249,7 +249,7 @@ class Px4:
         self.enter(mode)
 
     def _runnable(self, mode: str) -> str:
-        """The mode, or the first one below it that can run; a lost stream leads where COM_OBL_RC_ACT says."""
+        """The mode or its first replacement that can run; COM_OBL_RC_ACT chooses for a lost stream."""
         while mode != "disarmed" and not self.can_run(mode):
             event = "cannot run"
             if mode == "OFFBOARD":
@@ -258,14 +258,14 @@ class Px4:
         return mode
 
     def _take_first_sticks(self) -> None:
-        """Disarmed and in Hold, a client's first MANUAL_CONTROL leads to POSCTL unasked (measured)."""
-        sticks = Need.PILOT in self.there and not math.isfinite(self.state.pilot.radio_s)
+        """Disarmed in Hold, a client's first MANUAL_CONTROL switches to POSCTL (measured)."""
+        sticks = Need.PILOT in self.met_needs and not math.isfinite(self.state.pilot.radio_s)
         if sticks and not self._sticks_known and self.intention == "HOLD":
             self.intention = "POSCTL"
         self._sticks_known = self._sticks_known or sticks
 
     def enter(self, mode: str) -> None:
-        """Begin to fly a mode."""
+        """Start flying a mode."""
         if mode == self.mode:
             return
         self.mode = mode
@@ -290,7 +290,7 @@ class Px4:
         return min(state.frame.origin.alt_amsl_m - self._takeoff_height_m, state.position_m[2] - 0.5)
 
     def begin_takeoff(self, now_s: float, altitude_amsl_m: float) -> bool:
-        """NAV_TAKEOFF: climb to an altitude above sea level, NaN for MIS_TAKEOFF_ALT."""
+        """NAV_TAKEOFF: climb to an altitude above mean sea level; NaN means MIS_TAKEOFF_ALT."""
         self._takeoff_height_m = altitude_amsl_m
         granted = self.request(now_s, "TAKEOFF")
         if granted and self.mode == "TAKEOFF":
@@ -298,7 +298,7 @@ class Px4:
         return granted
 
     def disarm(self) -> None:
-        """Motors off; the intention stays, except that a finished take-off or landing is over."""
+        """Stop the motors; a finished take-off or landing becomes Hold, other intentions stay."""
         self.state.disarm()
         self.failsafes.clear()
         self.in_failsafe = False
@@ -312,7 +312,7 @@ class Px4:
         parameters = self.state.parameters
         mask = int(parameters["COM_RC_OVERRIDE"])
         covered = mask & 2 if self.mode == "OFFBOARD" else mask & 1
-        if self.mode in MANUAL_MODES or not covered or Need.PILOT not in self.there or self.mode == "TERMINATION":
+        if self.mode in MANUAL_MODES or not covered or Need.PILOT not in self.met_needs or self.mode == "TERMINATION":
             return
         if self.state.pilot.moved * 100.0 > float(parameters["COM_RC_STICK_OV"]):
             self.state.say(Severity.INFO, "Pilot took over using sticks")

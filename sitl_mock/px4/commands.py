@@ -1,7 +1,7 @@
-"""How PX4 answers commands, as measured on v1.17: one function a command, one table of MAV_CMD numbers.
+"""PX4's answers to commands, as measured on v1.17: one function per command, in a table by MAV_CMD number.
 
-Commands that PX4 only answers, or does not answer at all (`PLAIN`), were asked one by one, parameters zero, on the
-ground. Whatever has no handler and is not among them is UNSUPPORTED.
+`PLAIN` has the commands without effect in the mock; each was sent to PX4 on the ground with all parameters 0. Commands
+without a handler that are not in `PLAIN` are UNSUPPORTED.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sitl_mock.missions import flyable, violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 from sitl_mock.px4 import safety
 from sitl_mock.px4.maneuvers import Orbit
-from sitl_mock.px4.modes import BY_NAME, meant
+from sitl_mock.px4.modes import BY_NAME, requested_mode
 from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
@@ -35,15 +35,15 @@ SILENCE: Final[Answers] = ()
 
 
 _TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 401, 620, 2510, 42006, 43003})
-"""Region of interest, go-around, actuators, arming checks, logging, compass by heading, external position.
+"""Accepted: region of interest, go-around, actuators, arming checks, logging, compass by heading, external position.
 
-620 is in no dialect, and is taken as well.
+620 is in no dialect and is accepted too.
 """
 _UNANSWERED: Final = frozenset(
     {1, 2, 35, 93, 203, 204, 205, 206, 214, 220, 242, 243, 260, 310, 311, 420, 500, 521}
     | {530, 531, 532, 1000, 1001, 2003, 2511, 3000, 30001, 30002, 42600}
 )
-"""For cameras, gimbals, grippers and other parts that are not there: passed on, and nobody answers."""
+"""Not answered: commands for cameras, gimbals, grippers and other components that do not exist here."""
 _OTHER: Final[Mapping[int, Answers]] = {
     189: (CommandAnswer(Result.CANCELLED),),
     211: (CommandAnswer(Result.IN_PROGRESS),),
@@ -60,7 +60,7 @@ _WITH_NAN: Final[Mapping[int, Answers]] = {
     2511: ACCEPTED,
     43003: REFUSED,
 }
-"""Those that look at their first parameter: asked with 1 and with NaN in all of them."""
+"""Answers that differ when all parameters are 1 or NaN."""
 
 PLAIN: Final[Mapping[int, Answers]] = MappingProxyType(
     dict.fromkeys(_TAKEN, ACCEPTED) | dict.fromkeys(_UNANSWERED, SILENCE) | dict(_OTHER)
@@ -68,7 +68,7 @@ PLAIN: Final[Mapping[int, Answers]] = MappingProxyType(
 
 
 def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
-    """DO_REPOSITION: Hold, and there to a place; NaN keeps what is, and heights are above sea level in every frame."""
+    """DO_REPOSITION: fly to a position in Hold; NaN keeps the present value, heights are AMSL in every frame."""
     _, flags, _, _, lat, lon, alt = command.params
     if not math.isfinite(flags) or int(flags) != 1:
         return UNSUPPORTED
@@ -99,7 +99,7 @@ def _go(px4: Px4, command: Command) -> None:
 
 
 def _goal(px4: Px4, command: Command) -> Vector:
-    """The place asked for: a height alone keeps the place, and a place alone the height."""
+    """The goal: a height alone keeps the horizontal position, a horizontal position alone keeps the height."""
     lat, lon, alt = command.params[4:]
     state = px4.state
     north, east, down = state.position_m
@@ -113,13 +113,13 @@ def _goal(px4: Px4, command: Command) -> Vector:
 
 
 def change_altitude(px4: Px4, now_s: float, command: Command) -> Answers:
-    """DO_CHANGE_ALTITUDE: as DO_REPOSITION with a height above sea level only."""
+    """DO_CHANGE_ALTITUDE: DO_REPOSITION with a height (AMSL) alone."""
     nan = math.nan
     return reposition(px4, now_s, command._replace(params=(nan, 1.0, nan, nan, nan, nan, command.params[0])))
 
 
 def orbit(px4: Px4, now_s: float, command: Command) -> Answers:
-    """DO_ORBIT: about a place, or about where it is; the radius' sign is the direction."""
+    """DO_ORBIT: circle a given position or the present one; the sign of the radius is the direction."""
     radius, speed, facing, _, lat, lon, alt = command.params
     if px4.mode != "ORBIT" and not px4.request(now_s, "ORBIT"):
         px4.state.say(Severity.CRITICAL, "Orbit command rejected")
@@ -133,18 +133,18 @@ def orbit(px4: Px4, now_s: float, command: Command) -> Answers:
 
 FORCE_MAGIC: Final = 21196
 SECOND_ACK_S: Final = 0.02
-"""The commander answers in its own cycle, after the receiver has."""
+"""The commander answers in its own cycle, after the MAVLink receiver."""
 
 
 def _plain(command: Command) -> Answers:
-    """The answer to a command that changes nothing."""
+    """Answer a command that changes nothing."""
     first = command.params[0]
     by_first = _WITH_NAN if math.isnan(first) else _WITH_ONE if first == 1.0 else {}
     return by_first.get(command.number, PLAIN.get(command.number, UNSUPPORTED))
 
 
 def execute(px4: Px4, now_s: float, command: Command) -> Answers:
-    """Obey or refuse a command."""
+    """Execute or refuse a command."""
     handler = _HANDLERS.get(command.number)
     return _plain(command) if handler is None else handler(px4, now_s, command)
 
@@ -154,9 +154,9 @@ def _granted(granted: bool) -> Answers:
 
 
 def _set_mode(px4: Px4, now_s: float, command: Command) -> Answers:
-    """DO_SET_MODE: two answers, the first of which means nothing."""
+    """DO_SET_MODE: two answers; only the second one means anything."""
     base, main, sub = (_byte(value) for value in command.params[:3])
-    granted = px4.ask_for(now_s, meant(base, main, sub))
+    granted = px4.ask_for(now_s, requested_mode(base, main, sub))
     real = Result.ACCEPTED if granted else Result.TEMPORARILY_REJECTED
     return (CommandAnswer(Result.ACCEPTED), CommandAnswer(real, delay_s=SECOND_ACK_S))
 
@@ -166,7 +166,7 @@ def _byte(value: float) -> int:
 
 
 def _arm(px4: Px4, _now_s: float, command: Command) -> Answers:
-    """COMPONENT_ARM_DISARM; param2 21196 forces, which disarms in the air as well."""
+    """COMPONENT_ARM_DISARM; param2 21196 forces, so it also disarms in the air."""
     want, force = command.params[:2]
     if want not in {0.0, 1.0}:
         return (CommandAnswer(Result.UNSUPPORTED),)
@@ -190,8 +190,8 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
     if px4.calibration.kind:
         state.say(Severity.CRITICAL, "Arming denied: calibrating")
         return REFUSED
-    px4.there = safety.available(state, px4.plans, px4.stream_s)
-    reasons = safety.refusals(state, BY_NAME[px4.intention], px4.there)
+    px4.met_needs = safety.available(state, px4.plans, px4.stream_s)
+    reasons = safety.refusals(state, BY_NAME[px4.intention], px4.met_needs)
     if reasons:
         state.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
         for reason in reasons:
@@ -222,7 +222,7 @@ def _to(mode: str, text: str) -> Callable[[Px4, float, Command], Answers]:
 
 
 def _start_mission(px4: Px4, now_s: float, command: Command) -> Answers:
-    """MISSION_START: the mode is changed, and the vehicle armed."""
+    """MISSION_START: changes the mode and arms."""
     if not flyable(px4.plans.mission.items):
         px4.state.say(Severity.CRITICAL, "Mission start denied! No valid mission")
         return DENIED
@@ -236,7 +236,7 @@ def _start_mission(px4: Px4, now_s: float, command: Command) -> Answers:
 
 
 def _change_speed(px4: Px4, _now_s: float, command: Command) -> Answers:
-    """DO_CHANGE_SPEED: of the present mode, until it ends; none is the default again."""
+    """DO_CHANGE_SPEED: applies until the present mode ends; a speed of 0 or less restores the default."""
     speed = command.params[1]
     px4.plan.speed_m_s = px4.mission.speed_m_s = speed if speed > 0.0 else math.nan
     return ACCEPTED
@@ -255,7 +255,7 @@ def _set_home(px4: Px4, _now_s: float, command: Command) -> Answers:
 
 
 def _terminate(px4: Px4, _now_s: float, command: Command) -> Answers:
-    """DO_FLIGHTTERMINATION: in earnest only while armed."""
+    """DO_FLIGHTTERMINATION: only while armed."""
     if not (command.params[0] > 0.5 and px4.state.armed):
         return DENIED
     px4.mode = px4.intention = "TERMINATION"
@@ -272,9 +272,9 @@ def _reboot(px4: Px4, _now_s: float, command: Command) -> Answers:
 
 
 def _storage(px4: Px4, _now_s: float, command: Command) -> Answers:
-    """PREFLIGHT_STORAGE: 0 loads, 1 saves, 2 and 4 reset all parameters, 3 the sensors' calibration; others: silence.
+    """PREFLIGHT_STORAGE: 0 loads, 1 saves, 2 and 4 reset all parameters, 3 the sensor calibration; others: silence.
 
-    2 keeps the flight's counters. The system id comes from the simulator's start script, so it stays.
+    2 keeps the flight counters. The system id stays because the simulator's start script sets it.
     """
     if px4.state.armed:
         return REFUSED
@@ -293,11 +293,11 @@ _KEPT_BY_RESET: Final[Mapping[int, re.Pattern[str]]] = {
     3: re.compile(r"(?!CAL_(ACC|GYRO|MAG)).*"),
     4: re.compile("MAV_SYS_ID"),
 }
-"""By the first parameter: what a reset leaves alone."""
+"""Parameters that a reset keeps, by the command's first parameter."""
 
 
 def _calibrate(px4: Px4, now_s: float, command: Command) -> Answers:
-    """PREFLIGHT_CALIBRATION: its texts follow the answer."""
+    """PREFLIGHT_CALIBRATION: texts follow the answer."""
     return px4.calibration.execute(px4.state, now_s, command)
 
 

@@ -1,7 +1,7 @@
-"""Events, PX4's way to say what it used to say in STATUSTEXT: the mock's texts, and the event that each is sent as.
+"""PX4 events, which replace STATUSTEXT: a table from the mock's texts to the events that carry them.
 
-An event's id is the 24-bit FNV-1a hash of its name under component 1, as PX4 v1.17 makes it; ids and arguments were
-compared with recorded ones. A client turns them into words with the autopilot's own metadata.
+An event id is the 24-bit FNV-1a hash of the event's name, with component 1 in the top byte, as in PX4 v1.17. Ids and
+arguments were compared with recorded ones. Clients translate events by the autopilot's metadata.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ _BY_COMMAND, _BY_MISSION, _BY_LANDING, _BY_PREFLIGHT = 4, 5, 6, 7
 
 
 class Event(NamedTuple):
-    """What EVENT carries besides its number and time: id, log levels and arguments."""
+    """Fields of EVENT except sequence number and time: id, log levels and arguments."""
 
     id: int
     levels: int
@@ -50,7 +50,7 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
 
 
 def event_of(severity: int, text: str) -> Event | None:
-    """Return the event that a text is sent as; None for texts that have none."""
+    """Return the event of a text; None for texts without one."""
     known = _NAMES.get(text)
     if known is None:
         return None

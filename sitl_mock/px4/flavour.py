@@ -1,4 +1,4 @@
-"""The PX4 flavour, put together; its files over FTP as its simulator lists them, of which the mock has some to read."""
+"""The PX4 flavour: all its parts, and its files over FTP (PX4's folders with one readable file)."""
 
 from __future__ import annotations
 
@@ -91,12 +91,12 @@ _TRAVEL: Final = {
 
 
 def px4_commander(state: VehicleState, plans: PlanStore) -> Px4:
-    """PX4's decisions, with the commands it obeys and the modes it flies."""
+    """Make PX4's commander with its commands and modes."""
     return Px4(state, plans, execute, fly)
 
 
 def plant(parameters: Mapping[str, float]) -> Vehicle:
-    """The quadrotor under these parameters."""
+    """Make the quadrotor's dynamics for these parameters."""
     gains = {name: float(parameters[parameter]) for name, parameter in _GAINS.items()}
     limits: dict[str, Any] = {name: float(parameters[parameter]) for name, parameter in _TRAVEL.items()}
     return px4_quadrotor(

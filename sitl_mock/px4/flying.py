@@ -1,4 +1,4 @@
-"""What each PX4 mode flies, as a setpoint for the dynamics (navigator and flight tasks, default parameters)."""
+"""Setpoints of PX4's automatic modes (navigator and flight tasks, default parameters)."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -18,20 +18,20 @@ _PLACE_REACHED_M = 1.0
 
 @dataclass(slots=True)
 class ModePlan:
-    """What the present mode works towards; set anew whenever a mode begins.
+    """State of the present mode; reset when a mode begins.
 
     Attributes:
         entered_m: Where the mode began.
         height_m: Down coordinate to climb to (TAKEOFF, RTL).
-        goal_m: Where to hold or return to; NaN for "where it stops".
+        goal_m: Position to hold or return to; NaN means the stopping point.
         yaw_rad: Heading to keep.
-        heading_kept: Keep it on the way too, instead of facing the goal.
+        heading_kept: Keep the heading during the flight instead of facing the goal.
         stage: Part of RTL: climb, return, land.
         speed_m_s: Cruise speed set by DO_CHANGE_SPEED, NaN for the default.
         orbit: The circle of DO_ORBIT.
-        follow: What following remembers.
-        stick_m_s: Velocity north and east that the sticks have led to, None while they rest.
-        stick_place_m: Where the throttle stick alone climbs or sinks, None while it rests.
+        follow: State of follow-me.
+        stick_m_s: Velocity (north, east) reached by the sticks, None while they are centred.
+        stick_place_m: Position (north, east) held while only the throttle stick is moved, otherwise None.
     """
 
     entered_m: Vector
@@ -48,7 +48,7 @@ class ModePlan:
 
 
 def hold(state: VehicleState, plan: ModePlan) -> Setpoint:
-    """Stop and stay, or go where DO_REPOSITION said."""
+    """Stop and stay, or fly to the goal of DO_REPOSITION."""
     if math.isnan(plan.goal_m[0]):
         return Setpoint(Kind.BRAKE, yaw_rad=plan.yaw_rad)
     if not plan.heading_kept:
@@ -57,12 +57,12 @@ def hold(state: VehicleState, plan: ModePlan) -> Setpoint:
 
 
 def cruise_m_s(state: VehicleState, asked_m_s: float) -> float:
-    """The speed asked for, else MPC_XY_CRUISE."""
+    """The requested speed if it is positive, else MPC_XY_CRUISE."""
     return asked_m_s if asked_m_s > 0.0 else float(state.parameters["MPC_XY_CRUISE"])
 
 
 def facing(state: VehicleState, goal_m: Vector, kept_rad: float) -> float:
-    """The heading towards a goal (MPC_YAW_MODE 0), and the old one near it."""
+    """Heading towards the goal if MPC_YAW_MODE is 0; the given one close to the goal."""
     north, east = goal_m[0] - state.position_m[0], goal_m[1] - state.position_m[1]
     far = math.hypot(north, east) > float(state.parameters["NAV_ACC_RAD"])
     return math.atan2(east, north) if far and int(state.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
@@ -75,18 +75,18 @@ def takeoff(state: VehicleState, plan: ModePlan) -> Setpoint:
 
 
 def _lift_off_m_s(state: VehicleState) -> float:
-    """MPC_TKO_SPEED up to MPC_LAND_ALT1, and as fast as any climb (NaN) above it (measured)."""
+    """Climb rate: MPC_TKO_SPEED up to MPC_LAND_ALT1, unlimited (NaN) above it (measured)."""
     low = state.ground_m - state.position_m[2] < float(state.parameters["MPC_LAND_ALT1"])
     return float(state.parameters["MPC_TKO_SPEED"]) if low else _NAN
 
 
 def takeoff_done(state: VehicleState, plan: ModePlan) -> bool:
-    """Whether the height is reached."""
+    """True if the take-off height is reached."""
     return state.flew and state.position_m[2] - plan.height_m < _HEIGHT_REACHED_M
 
 
 def land(state: VehicleState, plan: ModePlan) -> Setpoint:
-    """Come down over one place: fast, then slow near the ground (MPC_LAND_ALT1, ALT2, SPEED)."""
+    """Descend at one position, slower near the ground (MPC_LAND_ALT1, ALT2, SPEED)."""
     north, east, _ = plan.goal_m if math.isfinite(plan.goal_m[0]) else plan.entered_m
     return Setpoint(
         Kind.TRAVEL,
@@ -97,7 +97,7 @@ def land(state: VehicleState, plan: ModePlan) -> Setpoint:
 
 
 def descend(state: VehicleState, plan: ModePlan) -> Setpoint:
-    """Come down without a position."""
+    """Descend without a position estimate."""
     speed = float(state.parameters["MPC_LAND_SPEED"])
     return Setpoint(Kind.TRAVEL, velocity_ned_m_s=(0.0, 0.0, speed), yaw_rad=plan.yaw_rad)
 
@@ -114,7 +114,7 @@ def _descent_m_s(state: VehicleState) -> float:
 
 
 def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
-    """Climb, fly home, descend, land; `plan.stage` remembers how far it has come."""
+    """Climb, fly home and land; `plan.stage` is the progress."""
     if not plan.stage:
         home = state.home_m or plan.entered_m
         plan.stage = "climb"
@@ -132,7 +132,7 @@ def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
 
 
 def _return_height(state: VehicleState, home: Vector, plan: ModePlan) -> float:
-    """RTL_RETURN_ALT; within RTL_MIN_DIST lower by the cone (RTL_CONE_ANG), at home lower still, never below itself."""
+    """Return height (down): RTL_RETURN_ALT, less within RTL_MIN_DIST (RTL_CONE_ANG), never below the vehicle."""
     parameters = state.parameters
     north, east, down = plan.entered_m
     away_m = math.hypot(north - home[0], east - home[1])
@@ -162,7 +162,7 @@ _RETURN: Mapping[str, Callable[[VehicleState, ModePlan], Setpoint]] = MappingPro
 
 
 def mission(state: VehicleState, flight: MissionFlight, plan: ModePlan) -> Setpoint:
-    """Follow the mission's present leg; land where it says so."""
+    """Follow the mission's present leg, or land at a landing item."""
     leg = flight.leg(state, plan.entered_m)
     if leg.landing:
         plan.goal_m = leg.position_m

@@ -1,12 +1,12 @@
-"""What PX4 believes of the ground: when it leaves it and is back, and where on it home is; as recorded on v1.17.
+"""PX4's land detector and home position, as recorded on v1.17.
 
-The land detector tells leaving and landing later than the legs do.
+The land detector reports take-off and landing later than they happen.
 
-Home is the estimated place at arming, and again at leaving the ground. During the first 120 s of a flight its height is
-then corrected: whenever barometer and integrated climb rate of the receiver agree with each other better than either
-does with the receiver's height, and by more than a metre. As the receiver scatters by half a metre, home jumps about by
-up to two metres, and what is reported relative to it (GLOBAL_POSITION_INT.relative_alt) jumps along. The local frame
-(GPS_GLOBAL_ORIGIN) stays. A home that was set by command is kept at arming.
+Home is the estimated position at arming, and again at take-off. In the first 120 s of a flight PX4 corrects the height
+of home when barometer and integrated GPS climb rate agree better with each other than with the GPS height, and the
+correction exceeds a metre. GPS height has a scatter of half a metre, so home and with it
+GLOBAL_POSITION_INT.relative_alt jump by up to two metres. The local frame (GPS_GLOBAL_ORIGIN) stays. Arming does not
+replace a home that a command has set.
 """
 
 from __future__ import annotations
@@ -19,56 +19,57 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.vehicle_state import Severity, VehicleState
 
 LIFTING_S: Final = 0.8
-"""From the beginning of a take-off's thrust until it counts as one (measured)."""
+"""Time from take-off thrust until "Takeoff detected" (measured)."""
 LANDED_S: Final = 2.8
-"""From touching the ground until that counts as a landing (measured)."""
+"""Time from touchdown until "Landing detected" (measured)."""
 
 
 @dataclass(slots=True)
 class LandDetector:
-    """What the detector of one vehicle believes.
+    """The land detector of one vehicle.
 
     Attributes:
-        left: It counts as having left the ground.
+        left: Take-off has been detected.
     """
 
     left: bool = False
     _lift_s: float = math.inf
-    _told_s: float = math.nan
+    _reported_s: float = math.nan
 
     def on_ground(self, state: VehicleState) -> bool:
-        """Whether it counts as standing."""
-        return not self.left and state.on_ground and not just_down(state)
+        """True if the vehicle counts as landed."""
+        return not self.left and state.on_ground and not self.just_down(state)
 
     def notice_lifting(self, state: VehicleState, now_s: float, setpoint: Setpoint) -> None:
-        """The thrust of a take-off counts as having left the ground before the legs do."""
+        """Detect a take-off, from thrust or from leaving the ground."""
         if not state.on_ground:
             self._lift_s = math.inf
         elif setpoint.kind <= Kind.IDLING:
-            self._lift_s, self.left = math.inf, self.left and just_down(state)
+            self._lift_s, self.left = math.inf, self.left and self.just_down(state)
         else:
+            if self.just_down(state):  # the thrust of Hold: the landing is not detected, and the vehicle stays armed
+                state.landed_s = now_s
             spooled_s = state.armed_s + float(state.parameters["COM_SPOOLUP_TIME"])
             self._lift_s = min(self._lift_s, max(now_s, spooled_s))
         if not self.left and (not state.on_ground or now_s > self._lift_s + LIFTING_S):
             self.left = True
             state.say(Severity.INFO, "Takeoff detected")
 
+    def just_down(self, state: VehicleState) -> bool:
+        """True if touchdown was too recent to count as a landing."""
+        return state.armed and state.flew and state.standing_s < LANDED_S
+
     def notice_landing(self, state: VehicleState) -> None:
-        """Say once that it has landed."""
-        if self._told_s != state.landed_s and state.standing_s >= LANDED_S:
-            self._told_s = state.landed_s
+        """Report a landing once."""
+        if self._reported_s != state.landed_s and state.standing_s >= LANDED_S:
+            self._reported_s = state.landed_s
             state.say(Severity.INFO, "Landing detected")
-
-
-def just_down(state: VehicleState) -> bool:
-    """Whether it stands for too short a time for that to count as a landing."""
-    return state.armed and state.flew and state.standing_s < LANDED_S
 
 
 CORRECTED_FOR_S: Final = 120.0
 _LEAST_CORRECTION_M: Final = 1.0
 _MOVED_M: Final = 1.0
-"""On the ground home follows a vehicle that is this far from it, or this much above or below."""
+"""While disarmed, home follows a vehicle that has moved more than this horizontally."""
 _MOVED_UP_M: Final = 1.5
 
 
@@ -89,7 +90,7 @@ class HomeKeeper:
     _stood: bool = True
 
     def update(self, state: VehicleState, *, in_mission: bool) -> None:
-        """Look at the vehicle; called at every decision."""
+        """Update home; called at every commander tick."""
         self._see_take_off(state, in_mission=in_mission)
         if state.sensors.fix.at_s != self._fix_s:
             since_s, self._fix_s = state.sensors.fix.at_s - self._fix_s, state.sensors.fix.at_s
@@ -99,12 +100,12 @@ class HomeKeeper:
                 self._climbed_to_m = math.nan
 
     def arm(self, state: VehicleState, *, in_mission: bool) -> None:
-        """The vehicle has been armed."""
+        """Set home at arming, unless a command or a mission has set it."""
         if not (state.home_given or in_mission):
             state.set_home(state.position_m)
 
     def follow(self, state: VehicleState) -> None:
-        """Disarmed on the ground: home is found, and follows a vehicle that is carried away."""
+        """Disarmed on the ground: set home once there is a position, and follow a vehicle that is carried away."""
         if state.home_m is None:
             if state.estimator.global_valid:
                 state.set_home(state.position_m)
@@ -121,7 +122,7 @@ class HomeKeeper:
             self.arm(state, in_mission=in_mission)
 
     def _correct(self, state: VehicleState, since_s: float) -> None:
-        """Heights are above the local frame's origin, up."""
+        """Correct the height of home; heights are above the local frame's origin."""
         fix = state.sensors.fix
         receiver_m, barometer_m = -fix.position_m[2], -state.sensors.barometer_down_m
         if math.isnan(self._climbed_to_m):

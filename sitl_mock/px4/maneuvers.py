@@ -1,7 +1,7 @@
-"""What PX4 v1.17 flies about something else: DO_ORBIT's circle and follow-me's target.
+"""PX4 v1.17's DO_ORBIT and follow-me.
 
-DO_ORBIT goes to the nearest point of the circle, then round it. Follow-me is behind, beside or before a FOLLOW_TARGET,
-with the distances of FLW_TGT_*.
+DO_ORBIT flies to the nearest point of the circle, then along it. Follow-me keeps the position relative to a
+FOLLOW_TARGET that the parameters FLW_TGT_* define.
 """
 
 import math
@@ -31,14 +31,14 @@ class Facing(IntEnum):
 
 @dataclass(slots=True)
 class Orbit:
-    """One circle and how far it has been entered.
+    """A circle and the progress of its approach.
 
     Attributes:
-        centre_m: Its middle, and the height to fly at.
+        centre_m: Centre of the circle at the height of the flight.
         radius_m: Positive.
         speed_m_s: Positive is clockwise, seen from above.
         facing: Where the nose points.
-        initial_yaw_rad: Heading when the circle was asked for.
+        initial_yaw_rad: Heading at the time of the command.
     """
 
     centre_m: Vector
@@ -52,10 +52,10 @@ class Orbit:
     def change(
         self, state: VehicleState, radius_m: float, speed_m_s: float, facing: float, centre: tuple[float, float, float]
     ) -> bool:
-        """Take DO_ORBIT; NaN keeps what is. False: the radius is beyond MC_ORBIT_RAD_MAX.
+        """Take DO_ORBIT; NaN keeps the present value. False if the radius exceeds MC_ORBIT_RAD_MAX.
 
         Args:
-            state: Whose frame the centre is turned into.
+            state: The vehicle.
             radius_m: Negative is counter-clockwise.
             speed_m_s: Along the circle.
             facing: ORBIT_YAW_BEHAVIOUR.
@@ -84,7 +84,7 @@ class Orbit:
         return True
 
     def fly(self, state: VehicleState, dt_s: float) -> Setpoint:
-        """The setpoint now."""
+        """Return the present setpoint."""
         if self._approaching and self._on_circle(state):
             self._approaching = False
             self._around_m_s = 0.0
@@ -128,7 +128,7 @@ class Orbit:
         )
 
     def _heading(self, n: float, e: float) -> tuple[float, float]:
-        """Heading and its rate at a place n, e (unit vector) from the centre."""
+        """Heading and its rate in the direction n, e (unit vector) from the centre."""
         around_rad_s = self._around_m_s / self.radius_m
         if self.facing is Facing.INITIAL:
             return self.initial_yaw_rad, math.nan
@@ -141,7 +141,7 @@ class Orbit:
 
 
 _STALE_S: Final = 3.0
-"""After this long without a report the target is taken to stand where it was last seen."""
+"""After this long without a report the target is assumed to stand at its last position."""
 _FILTER_RAD_S: Final = 1.0
 _DAMPING: Final = 0.7071
 _COURSE_M_S: Final = 1.0
@@ -155,11 +155,11 @@ _TRACKED: Final = 2
 
 @dataclass(slots=True)
 class Follow:
-    """What following remembers.
+    """State of follow-me.
 
     Attributes:
-        home_down_m: Height 0 of FLW_TGT_HT, taken when the mode began.
-        course_rad: The target's, as last seen moving.
+        home_down_m: Zero of FLW_TGT_HT: the height of home when the mode began.
+        course_rad: The target's last course while moving.
         angle_rad: Bearing of the vehicle from the target, turned no faster than FLW_TGT_MAX_VEL.
     """
 
@@ -170,7 +170,7 @@ class Follow:
     _velocity_m_s: Vector = (0.0, 0.0, 0.0)
 
     def fly(self, state: VehicleState, dt_s: float) -> Setpoint:
-        """The setpoint now; without a target it stands."""
+        """Return the present setpoint; without a target the vehicle holds its position."""
         seen = state.target
         if seen is None:
             return Setpoint(Kind.BRAKE)
@@ -188,7 +188,7 @@ class Follow:
         return self._beside(state, target, moving, dt_s)
 
     def _smooth(self, position: Vector, velocity: Vector, dt_s: float) -> tuple[Vector, Vector]:
-        """A second-order filter, so that a report does not make the vehicle jump."""
+        """Filter reports (second order) so that they do not make the vehicle jump."""
         if self._position_m is None:
             self._position_m, self._velocity_m_s = position, velocity
         p, v = list(self._position_m), list(self._velocity_m_s)

@@ -1,6 +1,6 @@
-"""PX4's modes and what it changes by itself, as one table (`px4_custom_mode.h`, measured on v1.17).
+"""PX4's modes and automatic mode changes as one table (`px4_custom_mode.h`, measured on v1.17).
 
-`meant` reads which mode a client means by DO_SET_MODE and SET_MODE, as PX4 v1.17 does.
+`requested_mode` decodes the mode in DO_SET_MODE and SET_MODE as PX4 v1.17 does.
 """
 
 from enum import Enum
@@ -32,11 +32,11 @@ MODES: Final = ModeTable(
         Mode("ORBIT", _number(3, 1), _POSITION, False, _LEVELLED, "circles a place (DO_ORBIT)"),
         Mode("POSITION_SLOW", _number(3, 2), _POSITION | _STICKS, True, _MANUAL_MODE, "sticks are slow velocities"),
         Mode("HOLD", _number(4, 3), _GLOBAL, True, _AUTO_MODE, "stops and stays"),
-        Mode("TAKEOFF", _number(4, 2), _POSITION, True, _AUTO_MODE, "climbs to the height asked for"),
+        Mode("TAKEOFF", _number(4, 2), _POSITION, True, _AUTO_MODE, "climbs to the requested height"),
         Mode("MISSION", _number(4, 4), _GLOBAL | {Need.MISSION}, True, _AUTO_MODE, "flies the uploaded mission"),
         Mode("RTL", _number(4, 5), _GLOBAL | {Need.HOME}, False, _AUTO_MODE, "climbs, returns home, lands"),
         Mode("LAND", _number(4, 6), _POSITION, False, _AUTO_MODE, "lands here"),
-        Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, _AUTO_MODE, "comes down without a position"),
+        Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, _AUTO_MODE, "descends without a position"),
         Mode("FOLLOW", _number(4, 8), _POSITION, False, _AUTO_MODE, "follows FOLLOW_TARGET"),
         Mode(
             "PRECLAND",
@@ -105,13 +105,15 @@ MODES: Final = ModeTable(
         "Disarmed, every mode is accepted as the intention. Armed, a mode that cannot run is refused "
         "(TEMPORARILY_REJECTED) and the old one stays.",
         "DO_SET_MODE and SET_MODE are answered twice: ACCEPTED at once, then the real result. Believe HEARTBEAT.",
-        "A mode that does not exist, and TERMINATION, are ACCEPTED twice and change nothing; a sub-mode of AUTO that "
-        "does not exist is TEMPORARILY_REJECTED.",
-        "MISSION_START arms. A mission that begins below its first place climbs to that height first, then flies on.",
-        "On the ground and armed, whatever asks for a climb takes off: a stream, DO_REPOSITION, the throttle stick.",
-        "The intention survives a failsafe: when what was lost comes back, PX4 returns to OFFBOARD by itself.",
-        "A failsafe action that the pilot or a client answers with a mode change is over.",
-        "TERMINATION is entered by DO_FLIGHTTERMINATION or a failsafe, and left by a reboot only.",
+        "An unknown mode and TERMINATION are ACCEPTED twice and change nothing; an unknown sub-mode of AUTO is "
+        "TEMPORARILY_REJECTED.",
+        "MISSION_START arms. If the first position of a mission is higher, the vehicle climbs to its height first.",
+        "Armed on the ground, every command to climb takes off: a stream, DO_REPOSITION, the throttle stick.",
+        "LAND and RTL are interrupted by HOLD in the air. HOLD before the touchdown is detected (2.8 s) keeps the vehicle "
+        "armed and hovering at the height of the ground.",
+        "The intention survives a failsafe: when setpoints return, PX4 returns to OFFBOARD.",
+        "A mode change by the pilot or a client ends a failsafe action.",
+        "DO_FLIGHTTERMINATION or a failsafe enters TERMINATION; only a reboot leaves it.",
     ),
 )
 
@@ -119,26 +121,26 @@ BY_NAME: Final = MODES.by_name()
 BY_NUMBER: Final = MODES.by_number()
 AFTER: Final = MODES.after()
 MANUAL_MODES: Final = frozenset(mode.name for mode in MODES.modes if mode.base_mode & 64)
-"""The modes that a pilot's sticks fly."""
+"""Modes flown by the pilot's sticks."""
 
 
 _CUSTOM, _AUTO, _GUIDED, _STABILIZE, _MANUAL = 1, 4, 8, 16, 64  # MAV_MODE_FLAG
 _POSCTL_MAIN, _AUTO_MAIN, _TERMINATION_MAIN = 3, 4, 10
 _SLOW_SUB, _MISSION_SUB = 2, 4
-_LONE: Final = frozenset({1, 2, 5, 6, 7, 11})
+_WITHOUT_SUB: Final = frozenset({1, 2, 5, 6, 7, 11})
 """Main modes without sub-modes."""
 
 
-class Unmeant(Enum):
-    """Requests that name no mode."""
+class NotAMode(Enum):
+    """Mode requests that name no mode."""
 
-    NOTHING = "changes nothing"
-    """PX4 answers ACCEPTED and stays."""
+    IGNORED = "changes nothing"
+    """PX4 answers ACCEPTED and keeps its mode."""
     REFUSED = "no such sub-mode"
 
 
-def meant(base_mode: int, main: int, sub: int) -> str | Unmeant:
-    """Return the name of the mode that is asked for."""
+def requested_mode(base_mode: int, main: int, sub: int) -> str | NotAMode:
+    """Return the name of the requested mode, or why there is none."""
     if base_mode & _CUSTOM:
         return _custom(main, sub)
     if base_mode & _AUTO:
@@ -147,15 +149,15 @@ def meant(base_mode: int, main: int, sub: int) -> str | Unmeant:
         if base_mode & _GUIDED:
             return "POSCTL"
         return "STABILIZED" if base_mode & _STABILIZE else "MANUAL"
-    return Unmeant.NOTHING
+    return NotAMode.IGNORED
 
 
-def _custom(main: int, sub: int) -> str | Unmeant:
-    if main in _LONE:
+def _custom(main: int, sub: int) -> str | NotAMode:
+    if main in _WITHOUT_SUB:
         return BY_NUMBER[main << 16].name
     if main == _POSCTL_MAIN:
         return "POSITION_SLOW" if sub == _SLOW_SUB else "POSCTL"
     if main == _AUTO_MAIN:
         mode = BY_NUMBER.get(main << 16 | (sub or _MISSION_SUB) << 24)
-        return Unmeant.REFUSED if mode is None else mode.name
-    return Unmeant.NOTHING
+        return NotAMode.REFUSED if mode is None else mode.name
+    return NotAMode.IGNORED

@@ -1,10 +1,10 @@
-"""Which setpoints PX4 takes, as measured on v1.17 and read in `mavlink_receiver.cpp`.
+"""Setpoint messages as PX4 v1.17 treats them (measured, and read in `mavlink_receiver.cpp`).
 
-A message with at least one finite axis is proof of life, in every mode. It is followed only in OFFBOARD. An axis that
-nothing controls, or half of a horizontal pair, makes the controller stand still while OFFBOARD is kept. The bit for a
-force (0x200) refuses a message only if it gives an acceleration: older clients set it beside velocities.
+A message with at least one finite axis is proof of life in every mode; it is flown only in OFFBOARD. If an axis is
+uncontrolled, or only one of a horizontal pair is given, PX4 hovers and stays in OFFBOARD. The force bit (0x200) makes
+PX4 refuse a message only if that message has an acceleration: older clients set the bit with velocities.
 
-SET_ATTITUDE_TARGET, an attitude or body rates and a thrust, goes past the position control.
+SET_ATTITUDE_TARGET (attitude or body rates, and thrust) bypasses the position control.
 """
 
 import math
@@ -36,7 +36,7 @@ _setpoint = maker_of(Setpoint)
 
 
 def read(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
-    """Return the setpoint in a message, or why it is none."""
+    """Return the setpoint in a message, or the text that refuses it."""
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         target = read_global(message, state.frame, state.home_m)
         return _judged(state, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES)
@@ -49,7 +49,7 @@ def _judged(state: VehicleState, target: Target, name: str, frame_known: bool) -
         return f"{name} coordinate frame {target.frame} unsupported"
     frame, mask, position, velocity, acceleration, yaw_rad, yaw_rate_rad_s = target
     alone = position is IGNORED and acceleration is IGNORED and frame != BODY_NED
-    if alone and math.isfinite(velocity[0] + velocity[1] + velocity[2]):  # what most clients send
+    if alone and math.isfinite(velocity[0] + velocity[1] + velocity[2]):  # the usual case
         return _setpoint((_STREAM, IGNORED, velocity, IGNORED, yaw_rad, yaw_rate_rad_s, *_UNSET))
     if mask & FORCE and any_finite(acceleration):
         return f"{name} force not supported"
@@ -76,7 +76,7 @@ def _finite(vector: Vector) -> Vector:
 
 
 def _followable(position: Vector, velocity: Vector, acceleration: Vector) -> bool:
-    """Whether every axis is controlled by something and the horizontal axes come in pairs."""
+    """True if every axis is controlled and horizontal axes come in pairs."""
     finite = math.isfinite
     if not (_paired(position) and _paired(velocity) and _paired(acceleration)):
         return False
@@ -100,12 +100,12 @@ Quaternion = tuple[float, float, float, float]
 
 @dataclass(slots=True)
 class BodyRates:
-    """Body rates in force: the attitude they lead to is integrated from the one at their first message.
+    """Body rates in force; the attitude is integrated from that at their first message.
 
     Attributes:
         rates_rad_s: Roll, pitch, yaw.
-        thrust: Of full thrust.
-        attitude: Attitude reached so far.
+        thrust: Share of full thrust.
+        attitude: Present integrated attitude.
     """
 
     rates_rad_s: Vector
@@ -113,7 +113,7 @@ class BodyRates:
     attitude: Quaternion
 
     def advance(self, dt_s: float) -> Setpoint:
-        """The setpoint `dt_s` later."""
+        """Integrate the rates over `dt_s` and return the setpoint."""
         w, x, y, z = self.attitude
         p, q, r = (0.5 * rate * dt_s for rate in self.rates_rad_s)
         turned = (
@@ -129,12 +129,12 @@ class BodyRates:
 
 
 def read_attitude(state: VehicleState, message: Any, before: BodyRates | None) -> Setpoint | BodyRates | str:  # noqa: ANN401 - pymavlink has no types
-    """Return the setpoint in a SET_ATTITUDE_TARGET, or why it is none.
+    """Return the setpoint in a SET_ATTITUDE_TARGET, or the text that refuses it.
 
     Args:
-        state: Whose attitude body rates begin at.
+        state: The vehicle; its attitude is where new body rates begin.
         message: The message.
-        before: Body rates in force so far.
+        before: Body rates in force until now.
     """
     mask = message.type_mask
     thrust = _thrust(message)
@@ -157,7 +157,7 @@ def read_attitude(state: VehicleState, message: Any, before: BodyRates | None) -
 
 
 def in_ned(vector: Vector, state: VehicleState) -> Vector:
-    """Turn forward, right, down of the body into north, east, down."""
+    """Rotate a vector from body axes (forward, right, down) to NED."""
     return rotated(quaternion_of(*state.attitude[:3]), vector)
 
 
@@ -166,7 +166,7 @@ def _thrust(message: Any) -> float:  # noqa: ANN401 - as above
 
 
 def _pushed(attitude: Quaternion, thrust: float) -> Setpoint:
-    """An attitude and a thrust in [0, 1] as the acceleration that they make in still air."""
+    """Setpoint for an attitude and a thrust in [0, 1]: the acceleration they cause in still air."""
     lift = min(max(thrust, 0.0), 1.0) * PX4_AIRFRAME.thrust_max_m_s2
     n, e, d = rotated(attitude, (0.0, 0.0, -lift))
     w, x, y, z = attitude

@@ -1,6 +1,6 @@
-"""What PX4 looks at ten times a second: what modes need, what is wrong, whether it may arm, what a failsafe does.
+"""PX4's periodic checks: needs of the modes, arming checks and failsafes.
 
-Each failsafe has the parameter that says what to do, and until when (`failsafe.cpp`).
+Each failsafe has a parameter that chooses its action (`failsafe.cpp`).
 """
 
 import math
@@ -17,7 +17,7 @@ from sitl_mock.vehicle_state import VehicleState
 
 
 class Action(IntEnum):
-    """What a failsafe does, in rising severity; the worst of those active is done."""
+    """Failsafe actions in rising severity; the most severe active one is executed."""
 
     NONE = 0
     WARN = 1
@@ -37,14 +37,14 @@ MODE_OF: Final[Mapping[Action, str]] = {
 
 
 class Trigger(NamedTuple):
-    """One thing that can go wrong.
+    """The trigger of a failsafe.
 
     Attributes:
-        name: What is wrong.
+        name: The fault.
         parameter: The parameter that chooses the action; empty for a fixed one.
         actions: Parameter value to action.
         deferred: Hold first, for COM_FAIL_ACT_T.
-        sticky: The action stays until the mode is changed or the vehicle disarmed, also when the cause is gone.
+        sticky: The action continues after the cause has gone, until a mode change or disarming.
     """
 
     name: str
@@ -101,11 +101,11 @@ TRIGGERS: Final = (
 
 @dataclass(slots=True)
 class Failsafes:
-    """Which triggers act, and since when.
+    """Active failsafe triggers.
 
     Attributes:
-        since_s: Active triggers and the time they came.
-        overridden: Triggers that a mode change has answered; they act again when they come anew.
+        since_s: Active triggers and when they became active.
+        overridden: Triggers that a mode change has cancelled until they occur again.
     """
 
     since_s: dict[str, float] = field(default_factory=dict)
@@ -114,7 +114,7 @@ class Failsafes:
     def update(
         self, now_s: float, wrong: frozenset[str], parameters: Mapping[str, int | float]
     ) -> tuple[Action, tuple[str, ...]]:
-        """Take what is wrong now; return the action and the names of the triggers that are new."""
+        """Take the present faults; return the action and the names of new triggers."""
         self.overridden &= wrong
         new = []
         worst = Action.NONE
@@ -131,12 +131,12 @@ class Failsafes:
         return worst, tuple(new)
 
     def answer(self) -> None:
-        """A pilot or a client changed the mode: what acts now is over, until it comes anew."""
+        """Cancel active triggers after a mode change by a pilot or client, until they occur again."""
         self.overridden.update(self.since_s)
         self.since_s.clear()
 
     def clear(self) -> None:
-        """Disarmed: nothing acts."""
+        """Disarmed: forget all triggers."""
         self.since_s.clear()
         self.overridden.clear()
 
@@ -150,7 +150,7 @@ class Failsafes:
 
 
 EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}
-"""COM_RCL_EXCEPT and COM_DLL_EXCEPT: in which modes a lost link is borne."""
+"""Bits of COM_RCL_EXCEPT and COM_DLL_EXCEPT: modes in which a lost link has no effect."""
 
 
 _NEEDS: Final = (
@@ -165,15 +165,15 @@ _NEEDS: Final = (
 
 
 @cache
-def _met(there: tuple[bool, ...]) -> frozenset[Need]:
-    return frozenset(need for need, met in zip(_NEEDS, there, strict=True) if met)
+def _met(met: tuple[bool, ...]) -> frozenset[Need]:
+    return frozenset(need for need, is_met in zip(_NEEDS, met, strict=True) if is_met)
 
 
 def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozenset[Need]:
-    """Return what is there now. `stream_s` is when the last accepted setpoint came."""
+    """Return the needs that are met now. `stream_s` is the time of the last accepted setpoint."""
     estimator, parameters, now_s = state.estimator, state.parameters, state.now_s
     streaming = now_s - stream_s <= parameters["COM_OF_LOSS_T"] and not state.conditions.offboard_refused
-    there = (
+    met = (
         state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
         estimator.altitude_valid,
         estimator.position_valid,
@@ -182,7 +182,7 @@ def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozens
         flyable(plans.mission.items),
         streaming and estimator.position_valid,
     )
-    return _met(there)
+    return _met(met)
 
 
 def wrong(state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts: bool) -> frozenset[str]:
@@ -190,9 +190,9 @@ def wrong(state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts
 
     Args:
         state: The vehicle.
-        plans: Its fence among them.
-        intention: The mode asked for, which may be excepted from a lost link (COM_RCL_EXCEPT, COM_DLL_EXCEPT).
-        pilot_counts: A radio was there at arming or since.
+        plans: Its plans, with the fence.
+        intention: The intended mode; a lost link may have no effect in it (COM_RCL_EXCEPT, COM_DLL_EXCEPT).
+        pilot_counts: There has been a radio since arming.
     """
     now_s, parameters = state.now_s, state.parameters
     charge = state.battery.remaining
@@ -222,20 +222,20 @@ def _fence(state: VehicleState, plans: PlanStore, parameters: Mapping[str, int |
     return violated(plans.fence.items, state.frame, state.position_m)
 
 
-def refusals(state: VehicleState, mode: Mode, there: frozenset[Need]) -> list[str]:
-    """Return why PX4 would not arm in a mode, in its own words; empty if it would."""
+def refusals(state: VehicleState, mode: Mode, met: frozenset[Need]) -> list[str]:
+    """Return PX4's reasons for not arming in a mode; empty if it may arm."""
     reasons = []
     if state.conditions.arm_refused:
         reasons.append(state.conditions.arm_refused)
-    if Need.ALTITUDE not in there:
+    if Need.ALTITUDE not in met:
         reasons.append("Preflight Fail: ekf2 missing data")
-    elif Need.LOCAL_POSITION not in there and state.parameters["COM_ARM_WO_GPS"] == 0:
+    elif Need.LOCAL_POSITION not in met and state.parameters["COM_ARM_WO_GPS"] == 0:
         reasons.append("Preflight Fail: GNSS data missing")
     if state.battery.remaining < state.parameters["BAT_CRIT_THR"]:
         reasons.append("Preflight Fail: low battery")
     if not mode.may_arm:
         reasons.append(f"Mode {mode.name} prevents arming")
-    missing = mode.needs - there
+    missing = mode.needs - met
     if missing:
         reasons.append(f"Mode {mode.name} is not available: no {', '.join(sorted(missing))}")
     return reasons

@@ -1,11 +1,11 @@
-"""What the flown mode asks of the motors: one function a mode, in one table.
+"""Setpoints of the flown mode: one function per mode, in one table.
 
-On the ground nothing but a climb leaves idling, and what counts as one is the mode's: any upward setpoint of a stream,
-a goal of an automatic mode that is a third of a metre higher, a throttle stick above 65 %.
+On the ground the motors idle until the mode commands a climb: an upward setpoint of a stream, a goal of an automatic
+mode at least 0.3 m higher, a throttle stick above 65 %.
 
-Sticks, in POSCTL and the other manual modes, as measured (MPC_POS_MODE 4): one gives an acceleration, against a drag
-that ends it at MPC_VEL_MANUAL; the climb is a velocity that is held back near the ground; resting sticks brake. Curves
-have a dead zone and are cubic in part.
+Sticks in POSCTL and the other manual modes, as measured (MPC_POS_MODE 4): pitch and roll command an acceleration
+against a virtual drag that limits the speed to MPC_VEL_MANUAL. Throttle commands a climb rate, reduced near the ground.
+Centred sticks brake. Stick curves have a dead zone and are partly cubic.
 """
 
 from __future__ import annotations
@@ -81,18 +81,19 @@ def _in_the_air(task: Callable[[Px4], Setpoint]) -> Callable[[Px4], Setpoint]:
 
 
 def _or_from_the_ground(task: Callable[[Px4], Setpoint]) -> Callable[[Px4], Setpoint]:
-    """A goal that is higher takes off."""
+    """Idle on the ground unless the goal is higher or the touchdown has not been detected yet."""
 
     def guarded(px4: Px4) -> Setpoint:
         setpoint = task(px4)
         state = px4.state
-        return setpoint if not state.on_ground or setpoint.position_ned_m[2] < state.position_m[2] - _WISH_M else IDLING
+        climbs = setpoint.position_ned_m[2] < state.position_m[2] - _WISH_M
+        return setpoint if climbs or not state.on_ground or px4.ground.just_down(state) else IDLING
 
     return guarded
 
 
 def _go_on(px4: Px4, event: str) -> None:
-    """A mode has done its work: the table says what comes next, and that is the intention now."""
+    """End a finished mode: change to the next one in the table and intend it."""
     after = AFTER[px4.mode, event]
     done = px4.plan
     if px4.intention == px4.mode:
@@ -150,13 +151,13 @@ _CUBIC: Final = 0.6  # MPC_XY_MAN_EXPO, MPC_Z_MAN_EXPO, MPC_YAW_EXPO
 
 
 def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = False) -> Setpoint:
-    """The setpoint of a manual mode; `plan` keeps the velocity that the sticks have led to.
+    """Return the setpoint of a manual mode.
 
     Args:
-        state: The vehicle's.
-        plan: Keeps the velocity that the sticks have led to.
-        dt_s: The step.
-        slow: Whether the mode is the slow one of its kind.
+        state: The vehicle.
+        plan: State of the mode; keeps the velocity reached by the sticks.
+        dt_s: Length of the step.
+        slow: Whether the mode is POSITION_SLOW.
     """
     sticks = state.pilot.sticks
     turn = _curved(sticks.yaw) * math.radians(float(state.parameters["MPC_MAN_Y_MAX"]))
@@ -186,7 +187,7 @@ def _curved(stick: float) -> float:
 def _level(
     state: VehicleState, plan: ModePlan, stick: tuple[float, float], dt_s: float, *, slow: bool
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Velocity north and east one step on, and the acceleration it is changed by."""
+    """Advance the commanded velocity (north, east); returns it and its acceleration."""
     fast = float(state.parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])
     accel = float(state.parameters["MPC_ACC_HOR_MAX"])
     size = max(math.hypot(*stick), 1.0)
@@ -198,7 +199,7 @@ def _level(
 
 
 def _climb_m_s(state: VehicleState, throttle: float, *, slow: bool) -> float:
-    """Climb rate of the throttle stick; below MPC_LAND_ALT2 no faster than a take-off or a landing."""
+    """Climb rate of the throttle stick, reduced below MPC_LAND_ALT1 to that of take-off and landing."""
     parameters = state.parameters
     up, down = float(parameters["MPC_Z_VEL_MAX_UP"]), float(parameters["MPC_Z_VEL_MAX_DN"])
     if slow:

@@ -1,4 +1,4 @@
-"""State to MAVLink fields: one builder a message."""
+"""From state to MAVLink fields: one builder per message."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -11,12 +11,12 @@ from sitl_mock.telemetry.status import STATUS
 Builders = Mapping[str, Callable[[Report], tuple[Any, ...] | None]]
 
 BUILDERS: Builders = {**MOTION, **STATUS}
-"""How every message is filled, unless a flavour fills it in its own way."""
+"""Builders of all messages; a flavour may replace some."""
 _OWN: Mapping[str, Builders] = {"px4": {**BUILDERS, **PX4}}
 
 
 def builders_of(flavour: str) -> Builders:
-    """How a flavour, by name, fills its messages."""
+    """Return the builders of a flavour."""
     return _OWN.get(flavour, BUILDERS)
 
 

@@ -1,4 +1,4 @@
-"""Messages that PX4 fills in its own way, field by field as recorded on v1.17 (SIH): these replace the common ones."""
+"""PX4's builders, which replace the common ones; field by field as recorded on v1.17 (SIH)."""
 
 import math
 import struct
@@ -24,7 +24,7 @@ _HEALTHY: Final = 0x0300881F
 _IDLING: Final = int(Kind.IDLING)
 _OWN: Final = (Kind.TRAVEL, Kind.BRAKE)
 _STILL: Final = (_NAN,) * 6 + (0.0, 0.0, 100.0)
-"""What an idling PX4 asks for: an acceleration downwards that no motor can follow."""
+"""Setpoint of an idling PX4: a large downward acceleration."""
 _BITS: Final = tuple(1 << index for index in range(9))
 _FIELD_GAUSS: Final = (0.21, 0.006, 0.43)
 _PULSE_OFF, _PULSE_IDLE, _PULSE_FULL = 900, 1000, 2000
@@ -36,7 +36,7 @@ _AUTOMATIC: Final = frozenset({"HOLD", "TAKEOFF", "MISSION", "RTL", "LAND", "PRE
 
 
 def attitude(report: Report) -> Fields:
-    """ATTITUDE: on the ground nothing moves but the sensors' noise."""
+    """ATTITUDE; on the ground with the sensors' noise."""
     state = report.state
     sensors = state.sensors
     lean, spin = sensors.noise.attitude_sd_rad, sensors.noise.gyro_sd_rad_s
@@ -79,7 +79,7 @@ def odometry(report: Report) -> Fields:
 
 
 _RESETS_AT_START: Final = 9
-"""The estimator has reset itself as often until it is ready."""
+"""Resets of the estimator during the start."""
 
 
 _TRIANGLE: Final = struct.Struct("<21f").pack
@@ -87,7 +87,7 @@ _TRIANGLE: Final = struct.Struct("<21f").pack
 
 @lru_cache(maxsize=8)
 def _diagonal(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> bytes:
-    """The upper triangle of a covariance, row by row, of which only the diagonal is known, as it goes on the wire."""
+    """Pack the upper triangle of a covariance whose off-diagonal elements are unknown."""
     row = [_NAN] * 21
     for index, value in zip((0, 6, 11, 15, 18, 20), (x, y, z, roll, pitch, yaw), strict=True):
         row[index] = value
@@ -113,7 +113,7 @@ def sys_status(report: Report) -> Fields:
 
 
 def position_target_local_ned(report: Report) -> Fields:
-    """POSITION_TARGET_LOCAL_NED: the trajectory as it moves, a stream's setpoint as it was sent."""
+    """POSITION_TARGET_LOCAL_NED: the moving trajectory, or the setpoint of a stream."""
     setpoint = report.setpoint
     yaw = setpoint.yaw_rad
     if setpoint.kind <= _IDLING:
@@ -136,7 +136,7 @@ def _trajectory(report: Report) -> tuple[float, ...]:
 
 
 def _mask(values: tuple[float, ...]) -> int:
-    """Bits of POSITION_TARGET_TYPEMASK for what is NaN."""
+    """Return the POSITION_TARGET_TYPEMASK bits of NaN values."""
     bits = 0
     for bit, value in zip(_BITS, values, strict=False):
         if math.isnan(value):
@@ -145,7 +145,7 @@ def _mask(values: tuple[float, ...]) -> int:
 
 
 def position_target_global_int(report: Report) -> Fields | None:
-    """POSITION_TARGET_GLOBAL_INT: the goal of an automatic mode while armed; else nothing."""
+    """POSITION_TARGET_GLOBAL_INT: the goal of an automatic mode while armed, otherwise None."""
     state, setpoint = report.state, report.setpoint
     if not state.armed or report.commander.mode not in _AUTOMATIC:
         return None
@@ -289,7 +289,7 @@ def open_drone_id_system(report: Report) -> Fields | None:
 
 
 def gnss_integrity(_report: Report) -> Fields:
-    """GNSS_INTEGRITY: the simulated receiver knows nothing of it."""
+    """GNSS_INTEGRITY: unknown for the simulated receiver."""
     return (4, 0, 0, 0, 0, 0, 65535, 65535, 255, 255, 255, 255)
 
 
@@ -304,7 +304,7 @@ def link_node_status(report: Report) -> Fields:
 
 
 def current_event_sequence(report: Report) -> Fields:
-    """CURRENT_EVENT_SEQUENCE; the flag says that there has been none since the start."""
+    """CURRENT_EVENT_SEQUENCE; the flag means no event since the start."""
     return (report.events.latest, 0 if len(report.events) else 1)
 
 

@@ -1,4 +1,4 @@
-"""What the telemetry is made from: one vehicle at one instant."""
+"""Source of the telemetry: one vehicle at one time."""
 
 import math
 from collections.abc import Callable
@@ -16,20 +16,20 @@ _INT16 = 32767
 
 @dataclass(slots=True)
 class Report:
-    """One vehicle at one instant; the vehicle keeps one and renews its times.
+    """One vehicle at one time; each vehicle has one and updates its times.
 
     Attributes:
-        flavour: What does not change.
+        flavour: Constant data.
         state: Shared state.
         commander: The flavour's state.
-        setpoint: What the motors are asked to do.
-        events: What has been said as EVENT.
-        boot_ms: Time since boot, as it goes on the wire (32 bits).
+        setpoint: The present setpoint.
+        events: Events sent so far.
+        boot_ms: Time since boot in wire format (32 bits).
         boot_us: The same in microseconds, not wrapped.
         epoch_us: Time of the autopilot's clock since 1970 at time 0.
         place: Estimated place on Earth.
-        sequence: Counts PING.
-        reference: Tells the motion that the control follows, where it makes one.
+        sequence: Counter of PING.
+        reference: Returns the controller's reference motion, or None.
     """
 
     flavour: Flavour

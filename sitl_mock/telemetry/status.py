@@ -33,7 +33,7 @@ def heartbeat(report: Report) -> Fields:
 
 
 def sys_status(report: Report) -> Fields:
-    """SYS_STATUS: sensors, the GPS bit with the position, the RC bit with the radio, PREARM with the arming checks."""
+    """SYS_STATUS: sensors; the GPS bit follows the position, the RC bit the radio, PREARM the arming checks."""
     state = report.state
     battery, estimator = state.battery, state.estimator
     present = _SENSORS | _GPS | _BATTERY | _AHRS | _PREARM | (_RC if state.pilot.known else 0)
@@ -114,7 +114,7 @@ def gps_global_origin(report: Report) -> Fields | None:
 
 
 def gps_raw_int(report: Report) -> Fields:
-    """GPS_RAW_INT: the receiver's last reading, with the accuracies that PX4's simulated one claims."""
+    """GPS_RAW_INT: the receiver's last reading with the accuracies of PX4's simulation."""
     state = report.state
     if not state.estimator.gps_ok:
         return (report.boot_us, 0, 0, 0, 0, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0, 0, 0, 0, 0, 0, 0)
@@ -169,7 +169,7 @@ def system_time(report: Report) -> Fields:
 
 
 def ping(report: Report) -> Fields:
-    """PING, a request to everybody."""
+    """PING, a broadcast request."""
     report.sequence = (report.sequence + 1) & 0xFFFFFFFF
     return (report.boot_us, report.sequence, 0, 0)
 
@@ -194,12 +194,12 @@ def mission_current(report: Report) -> Fields:
 
 
 def current_mode(report: Report) -> Fields:
-    """CURRENT_MODE, with the intention beside it."""
+    """CURRENT_MODE, with the intended mode."""
     return (0, report.commander.custom_mode, report.commander.intended_mode)
 
 
 def rc_channels(report: Report) -> Fields:
-    """RC_CHANNELS; no channel while there is no radio."""
+    """RC_CHANNELS; without channels while there is no radio."""
     pilot = report.state.pilot
     if not pilot.fresh(report.state.now_s, 0.5):
         return (report.boot_ms, 0, *(0xFFFF,) * 18, 255)
@@ -224,7 +224,7 @@ def wind_cov(report: Report) -> Fields:
 
 
 def wind(report: Report) -> Fields:
-    """WIND (ArduPilot): where it comes from."""
+    """WIND (ArduPilot), with the direction of its source."""
     north, east, down = report.state.conditions.wind_m_s
     return (math.degrees(math.atan2(-east, -north)) % 360.0, math.hypot(north, east), down)
 
@@ -264,7 +264,7 @@ def protocol_version(_report: Report) -> Fields:
 
 
 def flight_information(report: Report) -> Fields:
-    """FLIGHT_INFORMATION: since when it has been armed."""
+    """FLIGHT_INFORMATION: time of arming."""
     state = report.state
     armed_us = report.unix_us - int((state.now_s - state.armed_s) * 1e6) if state.armed else 0
     return (report.boot_ms, armed_us, armed_us if state.flew and state.armed else 0, 0, 0)

@@ -1,4 +1,4 @@
-"""Faults of the transports themselves: a router that goes down and comes back, a vehicle that changes its port."""
+"""Faults of transports: a router that restarts, a vehicle that changes its port."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
@@ -15,17 +15,17 @@ class Restartable(Protocol):
     """An endpoint that can go down and come back."""
 
     def go_down(self) -> None:
-        """Close what others are connected to."""
+        """Close the connections."""
         ...
 
     def come_up(self) -> None:
-        """Open it again, at the same place."""
+        """Open them again at the same address."""
         ...
 
 
 @runtime_checkable
 class Rebindable(Protocol):
-    """An endpoint whose vehicles have a port each."""
+    """An endpoint with one port per vehicle."""
 
     def change_port(self, vehicle: str) -> None:
         """Take another free port."""
@@ -33,11 +33,11 @@ class Rebindable(Protocol):
 
 
 class Disturbances:
-    """Carries out what the faults of some vehicles ask of their endpoints.
+    """Applies the transport faults of vehicles to their endpoints.
 
     Args:
-        vehicles: By name.
-        endpoints: What carries their frames.
+        vehicles: Vehicles by name.
+        endpoints: Their endpoints.
     """
 
     def __init__(self, vehicles: Mapping[str, Faulted], endpoints: Sequence[Endpoint]) -> None:
@@ -46,7 +46,7 @@ class Disturbances:
         self._down: dict[int, tuple[float, Restartable]] = {}
 
     def carry_out(self, now_s: float) -> None:
-        """Do what is asked for by now, and bring up what has been down for long enough."""
+        """Apply new transport faults, and end those whose time is over."""
         for name, vehicle in self._vehicles.items():
             while vehicle.transport:
                 self._strike(name, *vehicle.transport.popleft(), now_s)

@@ -1,4 +1,4 @@
-"""Moving a fleet in real time: wake on the 10 ms grid and whenever something comes."""
+"""Run a fleet in real time: wake on a 10 ms grid and whenever data arrive."""
 
 import math
 import select
@@ -11,7 +11,7 @@ from sitl_mock.autopilot import TICK_S
 
 
 class Arrival(NamedTuple):
-    """Bytes that came for a vehicle by one of its links."""
+    """Bytes received for a vehicle on one of its links."""
 
     vehicle: str
     link: str
@@ -19,30 +19,30 @@ class Arrival(NamedTuple):
 
 
 class Endpoint(Protocol):
-    """Carries frames of several vehicles. It is used from one thread, the loop's.
+    """Carries frames of several vehicles; used from the loop's thread only.
 
-    * `filenos` are readable when `receive` has something to give.
-    * `receive` never blocks and gives everything that has come, oldest first; what does not fit is dropped and counted.
-    * `send` never blocks; what cannot be sent is dropped and counted.
+    * `filenos` are readable when data have arrived.
+    * `receive` never blocks and returns all data, oldest first; overflow is dropped and counted.
+    * `send` never blocks; frames that cannot be sent are dropped and counted.
     * `close` releases everything and may be called twice.
     """
 
     dropped: int
 
     def filenos(self) -> Sequence[int]:
-        """What to wait for."""
+        """Return the file descriptors to wait on."""
         ...
 
     def receive(self) -> Sequence[Arrival]:
-        """Everything that has come."""
+        """Return all received data."""
         ...
 
     def send(self, vehicle: str, link: str, frames: Sequence[bytes]) -> None:
-        """Send what a vehicle says on a link."""
+        """Send frames of a vehicle on a link."""
         ...
 
     def describe(self) -> dict[str, str]:
-        """Vehicle name to where it can be reached."""
+        """Return the address of each vehicle by name."""
         ...
 
     def close(self) -> None:
@@ -53,22 +53,22 @@ class Endpoint(Protocol):
 Clock = Callable[[], float]
 
 _LATE_S: Final = 1e-5
-"""Woken a little too early, a tick would be 10 ms late."""
+"""Waking slightly early would delay a tick by 10 ms, so wait this much longer."""
 STALL_S: Final = 1.0
-"""After a stall longer than this (a suspended process) the time in between is left out."""
+"""A longer stall (suspended process) is removed from the vehicles' time."""
 
 
 class Stepped(Protocol):
-    """What the loop moves: a `MockVehicle`, or a wrapper around one that spoils its frames."""
+    """A `MockVehicle`, or a wrapper that applies faults."""
 
     def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
-        """Move on to now_s, take the frames of each link, return what each link sends."""
+        """Advance to now_s, take the frames of each link, return the frames to send on each."""
         ...
 
 
 @dataclass(slots=True)
 class Loop:
-    """The state of the loop: vehicles, endpoints, and how far the clock of the vehicles is behind the caller's."""
+    """State of the loop: vehicles, endpoints, and the lag of the vehicles' clock."""
 
     vehicles: Mapping[str, Stepped]
     endpoints: Sequence[Endpoint]
@@ -79,10 +79,10 @@ class Loop:
     tick: int = -1
 
     def cycle(self, ready: Collection[int] | None = None) -> None:
-        """Take what has come, move the vehicles to now (between ticks those spoken to), send what they say.
+        """Receive, advance the vehicles (between ticks only those with data), and send.
 
         Args:
-            ready: What there is to be read; endpoints without any of it are not asked. None asks all.
+            ready: Readable file descriptors; other endpoints are skipped. None reads all.
         """
         inbox: dict[str, dict[str, list[bytes]]] = defaultdict(lambda: defaultdict(list))
         for arrival in self._arrivals(ready):
@@ -129,11 +129,11 @@ def run(
     """Run until `stop` is true.
 
     Args:
-        vehicles: By name.
-        endpoints: What carries their frames.
+        vehicles: Vehicles by name.
+        endpoints: Their endpoints.
         clock: Monotonic seconds.
-        stop: Asked after every wake, with the file descriptors that are readable.
-        watched: More file descriptors to wake for; `stop` reads them.
+        stop: Called after every wake with the readable file descriptors.
+        watched: More file descriptors that wake the loop; `stop` reads them.
     """
     loop = Loop(vehicles, endpoints, clock)
     ready: Collection[int] = ()

@@ -1,17 +1,17 @@
 """Raw MAVLink over one Zenoh session: `<vehicle>/mavlink_raw/in` towards the vehicle, `.../out` from it.
 
-One packet a sample. The session is closed to the world unless told otherwise: one endpoint, no multicast, no gossip,
-no shared memory. A client opens its own session with `namespace: "<vehicle>"` and the same endpoint.
+One packet per sample. By default the session is private: one endpoint, no multicast, no gossip, no shared memory. A
+client opens its own session with `namespace: "<vehicle>"` and the same endpoint.
 
-Who we are to a router (TLS, mutual TLS, user and password) comes from a TOML file:
+Credentials for a router (TLS, mutual TLS, user and password) come from a TOML file:
 
-    tls_ca_file = "ca.pem"               # routers whose certificate this authority signed
-    tls_certificate_file = "uav1.pem"    # who we are
+    tls_ca_file = "ca.pem"               # authority that signed the router's certificate
+    tls_certificate_file = "uav1.pem"    # own certificate
     tls_key_file = "uav1.key"
     user = "uav1"
     password_file = "uav1.password"      # one line
 
-Names count from the file's folder. What is not given is not shown.
+File names are relative to the TOML file. Keys that are missing are not used.
 """
 
 import json
@@ -154,7 +154,7 @@ class ZenohEndpoint:
             declaration(self._session)
 
     def go_down(self) -> None:
-        """Close the session and whatever is declared on it; what is sent meanwhile is dropped."""
+        """Close the session and its declarations; frames sent meanwhile are dropped."""
         self._publishers = {}
         if not self._session.is_closed():
             for subscriber in self._subscribers:
@@ -208,7 +208,7 @@ class ZenohEndpoint:
             try:
                 self._wake_to.send(b"\0")
             except OSError:
-                return  # full: the loop is awake already; closed: nobody listens any more
+                return  # full: the loop is already awake; closed: it has ended
 
         return take
 

@@ -1,7 +1,7 @@
 """Cost of the dynamics: `python tests/bench/bench_dynamics.py`.
 
-Prints, for every vehicle, the best of several runs: microseconds a step, simulated seconds a second of one core, and
-the share of the time in which a stepped mock has to do one simulated second at 300 vehicle-seconds a second.
+Prints for every vehicle the best of several runs: microseconds per step, simulated seconds per second on one core, and
+the dynamics' share of the time budget of a stepped mock at 300 vehicle-seconds per second.
 """
 
 import time

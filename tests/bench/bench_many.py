@@ -1,13 +1,13 @@
-"""The same over and over in one process: does anything grow?
+"""Repeat flights, orders and reloads in one process and check for leaks.
 
     python tests/bench/bench_many.py [--flights 200] [--orders 2000] [--reloads 500] [--within MINUTES]
 
-Whole mocked flights in virtual time, each with a daemon, a world and a record of its own; orders to one daemon over its
-control bus, a tenth of them from a session that is opened for it as `guidance ctl` does; and its configuration read
-again from the file, on the ground. Memory, descriptors, threads and the objects that the garbage collector knows are
-looked at forty times and in the end; growth is counted from the second look on, and told for each time it was done.
+Whole mock flights in virtual time, each with its own daemon, world and record; orders to one daemon over its control
+bus, a tenth of them from a new session as in `guidance ctl`; and reloads of its configuration file on the ground.
+Memory, descriptors, threads and objects known to the garbage collector are sampled forty times and at the end. Growth
+counts from the second sample and is printed per repetition.
 
-Ends with 1 if descriptors grow, memory by more than 2 MB over the whole of it, or threads by one in a hundred times.
+Exit code 1 if descriptors grow, memory by more than 2 MB in total, or threads by one per hundred repetitions.
 """
 
 import argparse
@@ -43,7 +43,7 @@ MOST_MB = 2.0
 
 
 class Looks:
-    """What was seen of the process, and when: in numbers alone, which the garbage collector does not count."""
+    """Samples of the process, as plain numbers, which the garbage collector does not count."""
 
     def __init__(self) -> None:
         self.counts: list[int] = []
@@ -119,10 +119,10 @@ class Silent:
         return ()
 
     def send_heartbeat(self) -> None:
-        """Nobody hears it."""
+        """Do nothing."""
 
     def request(self, _request: object) -> None:
-        """Nobody answers."""
+        """Ignore the request."""
 
     def counters(self) -> dict[str, int]:
         return {}

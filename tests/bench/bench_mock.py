@@ -149,7 +149,7 @@ def real_time(count, seconds):
 
 
 def _clients(count):
-    """A socket for each vehicle, on ports in a row: a datagram to a port that nobody has open costs an error, too."""
+    """A socket per vehicle on consecutive ports, because a datagram to a closed port costs an error."""
     for first in range(20_000, 60_000, 128):
         sockets = []
         try:

@@ -70,7 +70,7 @@ def fire(flavour: str, key: bytes | None, frames: int, seed: int) -> bool:
 
 
 def any_bits(flavour: str, frames: int, seed: int) -> bool:
-    """Fire right frames with any bits in their fields; return whether nothing was raised."""
+    """Send valid frames with random field bits; return True if there was no exception."""
     target, traffic = vehicle(flavour, None), HostileTraffic(seed)
     encoder = Encoder(255, 190)
     raised: Counter[str] = Counter()

@@ -24,7 +24,7 @@ class Wire:
         self._parser = dialect.MAVLink(nowhere, *client)
 
     def send(self, name, *values):
-        """Send a message of the dialect, by name, and return what the vehicle answers at once."""
+        """Send a message of the dialect, by name, and return the vehicle's immediate answers."""
         message = getattr(dialect, f"MAVLink_{name.lower()}_message")(*values)
         return self.read(self.piece.handle(self.now_s, self.as_received(message)))
 
@@ -36,7 +36,7 @@ class Wire:
         return received
 
     def wait(self, seconds, step_s=0.01):
-        """Move the clock and return what comes meanwhile."""
+        """Move the clock and return the messages received meanwhile."""
         came = []
         for _ in range(round(seconds / step_s)):
             self.now_s += step_s

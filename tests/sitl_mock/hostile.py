@@ -71,7 +71,7 @@ WRONG_KEY: Final = bytes(range(100, 132))
 
 
 class Target(NamedTuple):
-    """A message that names whom it is for.
+    """A message with a target.
 
     Attributes:
         spec: The message.
@@ -162,7 +162,7 @@ class HostileTraffic:
         return frame[: self._rng.randrange(1, len(frame))]
 
     def corrupted(self) -> bytes:
-        """Return a right frame with up to three wrong bits behind its length; CRC-16 finds all of those."""
+        """Return a right frame with up to three wrong bits behind its length; CRC-16 detects them all."""
         frame = bytearray(self.own())
         for bit in self._rng.sample(range(8 * 4, 8 * len(frame)), self._rng.randrange(1, 4)):
             frame[bit // 8] ^= 1 << bit % 8

@@ -1,4 +1,4 @@
-"""`sitl-mock` as a process: ready, spoken to, ended; and its wrong uses."""
+"""`sitl-mock` as a process: it starts, answers clients and ends; wrong uses are refused."""
 
 import json
 import signal

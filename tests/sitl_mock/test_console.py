@@ -1,4 +1,4 @@
-"""What a person sees of a fleet: addresses that clients can use, a table on a terminal, lines elsewhere."""
+"""Console output of a fleet: working addresses for clients, a table on a terminal, lines elsewhere."""
 
 import contextlib
 import fcntl
@@ -35,7 +35,7 @@ def vehicle():
 
 
 class Pipe(io.StringIO):
-    """What is written, on a descriptor that is always ready."""
+    """Collects output on a descriptor that is always ready."""
 
     def fileno(self):
         return sys.__stdout__.fileno()

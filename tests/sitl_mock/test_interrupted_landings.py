@@ -1,4 +1,4 @@
-"""Landing and returning are interrupted in the air by HOLD or a return, and by nothing once the vehicle stands."""
+"""HOLD and return interrupt a landing or return in the air, not after it."""
 
 import math
 
@@ -80,16 +80,40 @@ def test_return_interrupts_a_landing_and_lands_at_home(fly, name, ned_velocity):
     assert math.hypot(*flight.position[:2]) < 1.0
 
 
-@pytest.mark.parametrize("name", AUTOPILOTS)
-@pytest.mark.parametrize("order", ["hold", "return"])
-def test_a_vehicle_that_has_touched_down_stays_down_and_disarms(fly, name, order):
+@pytest.mark.parametrize(
+    ("name", "order", "after_s"),
+    [
+        ("px4", HOLD, 3.5),
+        ("px4", RETURN, 0.1),
+        ("px4", RETURN, 3.5),
+        ("arducopter", HOLD, 0.1),
+        ("arducopter", RETURN, 0.1),
+    ],
+)
+def test_a_vehicle_that_has_landed_stays_down_and_disarms(fly, name, order, after_s):
     flight = fly.airborne(name, height=3.0)
     flight.command(21)
     flight.until(lambda: flight.vehicle.truth.on_ground, 30.0)
-    ordered(flight, HOLD if order == "hold" else RETURN)
+    flight.run(after_s)
+    ordered(flight, order)
     highest_m = 0.0
     for _ in range(60):
         flight.run(0.5)
         highest_m = max(highest_m, flight.height)
     assert highest_m < 0.1
     assert not flight.vehicle.armed
+
+
+def test_px4_stays_armed_when_hold_comes_before_it_has_detected_the_touchdown(fly):
+    """As PX4 v1.17: it hovers at the height of the ground until the next landing order."""
+    flight = fly.airborne("px4", height=3.0)
+    flight.command(21)
+    flight.until(lambda: flight.vehicle.truth.on_ground, 30.0)
+    assert ordered(flight, HOLD) == [0, 0]
+    flight.run(20.0)
+    assert flight.mode == "HOLD"
+    assert flight.vehicle.armed
+    assert landed_state(flight) == IN_AIR
+    assert flight.height < 1.0
+    assert flight.command(21) == [0]
+    flight.until(lambda: not flight.vehicle.armed, 8.0)

@@ -9,7 +9,7 @@ ACCEPTED = 0
 
 
 def upload(flight, items, kind=MISSION):
-    """Upload as a client does: count, then every item that is asked for; the result."""
+    """Upload as a client does: count, then every requested item; returns the result."""
     before = len(flight.heard)
     flight.send("MISSION_COUNT", 1, 1, len(items), kind)
     for _ in range(20 * len(items) + 50):

@@ -1,4 +1,4 @@
-"""The page about the mock says nothing that does not run."""
+"""Every example on the page about the mock runs."""
 
 import json
 import os

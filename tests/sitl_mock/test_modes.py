@@ -1,4 +1,4 @@
-"""The literal tables of modes: complete, closed, and what the code really obeys."""
+"""The tables of modes: complete, closed, and used by the code."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The plugin as somebody else's suite sees it."""
+"""The plugin in another suite."""
 
 import subprocess
 import sys

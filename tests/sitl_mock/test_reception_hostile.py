@@ -1,7 +1,7 @@
 """Hostile traffic against flying vehicles, with a fixed budget; `tests/bench/fuzz_mock.py` fires a million.
 
-The oracle is a twin: two equal vehicles are flown by the same client, one of them under fire. What they send must be
-the same, byte for byte, so nothing that was dropped can have left a trace.
+The oracle is a twin: the same client flies two equal vehicles, one of them under hostile traffic. Their output must be
+identical, so dropped input leaves no trace.
 """
 
 import pytest

@@ -1,4 +1,4 @@
-"""Every message that is offered: it can be asked for, packed in every state, and says what is true."""
+"""Every offered message: it can be requested, packs in every state, and is true."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Endpoints and the loop: what comes in, goes out, is learned, is refused."""
+"""Endpoints and the loop: input, output, peers, refusals."""
 
 import json
 import select

@@ -1,4 +1,4 @@
-"""Whatever a client, a pilot and fate do to a vehicle, some things hold: a property over random flights."""
+"""Invariants of a vehicle under random clients, pilots and conditions, as a property of random flights."""
 
 import math
 
@@ -51,7 +51,7 @@ EVENTS = st.lists(
 
 
 def act(flight, modes, event):
-    """Do what an event says; the stream to go on with, if it is one."""
+    """Apply an event; returns the stream to continue, if the event is one."""
     if event[0] == "command":
         flight.send("COMMAND_LONG", 1, 1, event[1], 0, *event[2])
     elif event[0] == "mode":

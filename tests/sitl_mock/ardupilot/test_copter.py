@@ -1,4 +1,4 @@
-"""The ArduCopter flavour, against what was measured on ArduCopter 4.5.7."""
+"""The ArduCopter flavour, compared with measurements of ArduCopter 4.5.7."""
 
 import math
 

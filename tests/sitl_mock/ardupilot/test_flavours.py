@@ -1,8 +1,8 @@
-"""What other people's clients found different on the mock and on ArduCopter 4.5.7, row by row; all figures measured.
+"""Differences between the mock and ArduCopter 4.5.7 that other clients found, row by row; all figures measured.
 
 The rows are those of the comparison: 4 mission transfer, 5 guided items, 6 masks, 9 yaw, pause, modes and the mode
-switch, 11 speeds, 12 accelerations, 13 the height of a take-off, 23 what comes unasked, 24 the state, 25 values, 26 the
-answer to every command.
+switch, 11 speeds, 12 accelerations, 13 take-off height, 23 unsolicited messages, 24 the state, 25 values, 26 the answer
+to every command.
 """
 
 import math
@@ -304,7 +304,7 @@ def test_row_25_the_fix_is_6_and_the_fence_150_m(fly):
 
 
 def test_row_26_every_command_is_answered_as_the_real_one_answers_it(fly):
-    """Each known one on a vehicle of its own, for it may change it; what is unknown changes nothing."""
+    """Known commands each get a fresh vehicle, because they may change it; unknown ones change nothing."""
     others = {*range(1, 700), 2000, 2003, 2510, 2800, 3000, 4001, 5000, 30001, 31000, NEVER_ACCEPTED, 43003}
     answered = {number: fly("arducopter").run(1.0).command(number, wait_s=0.02) for number in MEASURED}
     same = fly("arducopter").run(1.0)

@@ -1,7 +1,7 @@
 """Flights as dronekit's examples fly them (2.9.2 does not import on Python 3.10 and later), beside ArduCopter 4.5.7.
 
 The messages are those that dronekit's public API sends: simple_takeoff, airspeed and groundspeed, simple_goto (a
-MISSION_ITEM with current 2), commands.upload and next, vehicle.mode. What is compared is the flight: where the real one
+MISSION_ITEM with current 2), commands.upload and next, vehicle.mode. The flights are compared: where the real one
 was, and when.
 """
 
@@ -69,7 +69,7 @@ HOMEWARDS |= {36.4: (0.0, 0.0, 5.1)}
 
 
 def along(flight, measured, within_m):
-    """Fly on, and be where the real one was at each time."""
+    """Continue the flight; at each time the position is that of the real one."""
     begun_s = flight.now_s
     for at_s, place in measured.items():
         flight.run(round(begun_s + at_s - flight.now_s, 2))

@@ -1,4 +1,4 @@
-"""What uploaded plans do, as on ArduCopter 4.5.7: row 15, the parameters that count them; a fence slows down."""
+"""Effects of uploaded plans, as on ArduCopter 4.5.7: row 15, item counts as parameters; a fence slows the copter."""
 
 import pytest
 
@@ -48,7 +48,7 @@ def test_uploads_and_clearings_are_told_once_on_every_link_and_kept_as_parameter
         return values, [m.text for _, m in flight.all("STATUSTEXT")[seen[1] :]]
 
     assert told(PlanKind.MISSION, 16, 22, 16, 20) == ([("MIS_TOTAL", 4.0, 0xFFFF)], ["Flight plan received"])
-    for _ in range(2):  # an unchanged number of the fence is told again
+    for _ in range(2):  # the fence's count is reported again even if unchanged
         assert told(PlanKind.FENCE, *[VERTEX] * 4) == ([("FENCE_TOTAL", 6.0, 0xFFFF)], ["Fence Indexed OK"])
     assert told(PlanKind.RALLY, 5100, 5100) == ([("RALLY_TOTAL", 2.0, 0xFFFF)], [])
     assert told(PlanKind.RALLY) == ([("RALLY_TOTAL", 0.0, 0xFFFF)], [])
@@ -60,7 +60,7 @@ def test_uploads_and_clearings_are_told_once_on_every_link_and_kept_as_parameter
 
 @pytest.fixture
 def square(fly):
-    """A copter in GUIDED at 10 m in a square of 50 m, with the fence on; its parameters by keyword."""
+    """A copter in GUIDED at 10 m in a square of 50 m with the fence enabled; parameters by keyword."""
 
     def make(**parameters):
         flight = fly("arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_TYPE": 4, **parameters}).run(0.5)

@@ -1,4 +1,4 @@
-"""Rise, overshoot and steady error against closed forms; segments against what the commands say."""
+"""Rise, overshoot and steady error against closed forms; segments against the commands."""
 
 import math
 

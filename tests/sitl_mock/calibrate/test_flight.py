@@ -61,7 +61,7 @@ def test_large_steps_over_the_corner_that_nothing_was_fitted_on_are_followed(who
 
 
 def test_px4_follows_large_steps_of_all_axes_at_once():
-    """Nothing was fitted on the second half."""
+    """The second half was not used for fitting."""
     log = read_step_log(DATA / "px4_large_steps.csv")
     answers = fly_log(log, FlavourName.PX4)
     assert max(compare(log, FlavourName.PX4, answers).rms_ned_m_s) <= 0.15
@@ -134,7 +134,7 @@ def test_a_flight_along_a_log_repeats_itself(flavour):
 
 
 def test_a_mock_that_never_takes_off_ends_the_flight_with_its_mode(monkeypatch):
-    # 2 s of climbing are too few for 20 m, and stand for a take-off that was refused.
+    # 2 s of climbing do not reach 20 m, like a refused take-off.
     monkeypatch.setattr("sitl_mock.calibrate.flight._CLIMB_S", 2.0)
     with pytest.raises(MockError, match="did not take off: mode OFFBOARD, armed True"):
         fly_log(recorded(FlavourName.PX4), FlavourName.PX4)

@@ -1,4 +1,4 @@
-"""How the real MAVSDK fails, with its own exceptions and times, when the mock is told to fail it."""
+"""Exceptions and timeouts of the real MAVSDK when faults of the mock make its calls fail."""
 
 import contextlib
 import time
@@ -36,7 +36,7 @@ def copter(fleet, client_of):
 
 
 def seconds_until(error, act):
-    """Seconds until a call raises, and what it raises."""
+    """Seconds until a call raises, and the exception."""
     begin = time.monotonic()
     with pytest.raises(error) as caught:
         act()

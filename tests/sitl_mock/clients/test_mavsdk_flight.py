@@ -39,7 +39,7 @@ def distance_m(client, goal):
 
 
 def ask_for_streams(client):
-    """ArduCopter is silent until it is asked."""
+    """ArduCopter sends streams only on request."""
     client.telemetry.set_rate_position_velocity_ned(30.0)
     client.telemetry.set_rate_position(20.0)
     client.telemetry.set_rate_health(5.0)

@@ -1,4 +1,4 @@
-"""`sitl-mock compare` on recordings made here: what is alike is called alike, and each kind of difference is found."""
+"""`sitl-mock compare` on recordings made here: equal behaviour has no difference, each kind is found."""
 
 import json
 import struct

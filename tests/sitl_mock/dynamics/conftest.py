@@ -1,4 +1,4 @@
-"""Flying a vehicle of the dynamics open loop, and what it reported on the way."""
+"""Fly a vehicle's dynamics open loop and keep its reports."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ HIGH = CALM._replace(ground_down_m=1e6)
 
 @dataclass
 class Trace:
-    """What the vehicle reported (estimates), and where it was left."""
+    """The vehicle's reports (estimates) and its final motion."""
 
     time_s: np.ndarray
     position: np.ndarray
@@ -22,7 +22,7 @@ class Trace:
     motion: Motion
 
     def first(self, axis: int, level: float) -> float:
-        """Time at which |velocity| of an axis first reaches a level."""
+        """Time when |velocity| of an axis first reaches a level."""
         reached = np.flatnonzero(np.abs(self.velocity[:, axis]) >= level)
         return float(self.time_s[reached[0]]) if reached.size else math.inf
 

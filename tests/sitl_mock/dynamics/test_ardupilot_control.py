@@ -57,7 +57,7 @@ def test_height_is_held_over_two_hundred_metres(fly, stream):
 
 
 def test_a_zero_setpoint_stops_from_five_metres_a_second_in_two_and_a_half_seconds(fly, stream):
-    # GUID_TIMEOUT: braking from 3.2 to 3.5 s on, stopped at 5.7 s.
+    # GUID_TIMEOUT: braking begins after 3.2 to 3.5 s, stopped at 5.7 s.
     vehicle = arducopter_quadrotor()
     moving = fly(vehicle, stream(5.0), 15.0).motion
     trace = fly(vehicle, stream(), 10.0, motion=moving)

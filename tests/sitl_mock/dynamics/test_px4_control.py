@@ -49,7 +49,7 @@ def test_the_integrator_takes_half_a_minute_to_remove_the_drag(fly, stream):
 
 
 def test_feeding_the_drag_forward_quickens_the_step_and_overshoots_a_little(fly, stream):
-    # The record does not say what was fed forward; what holds 5 m/s against the drag reproduces its three numbers.
+    # The feed-forward of the record is unknown; the one that holds 5 m/s against the drag gives its three numbers.
     push = (5.0 * PX4_AIRFRAME.drag_1_s, 0.0, 0.0)
     trace = fly(px4_quadrotor(), stream(5.0, acceleration_ned_m_s2=push), 8.0, dt_s=0.01)
     assert trace.first(0, 0.63 * 5.0) == pytest.approx(0.77, abs=0.1)
@@ -200,5 +200,5 @@ def test_an_acceleration_alone_is_flown_without_a_velocity_limit(fly):
     order = Setpoint(Kind.STREAM, acceleration_ned_m_s2=(0.0, 2.0, -6.0))
     trace = fly(px4_quadrotor(), order, 10.0)
     assert trace.velocity[-1, 2] == pytest.approx(-6.0, abs=0.1)
-    # Tilt is by gravity and the lift pulls along it, so the side is (g + 6) / g of what was asked, less the D term.
+    # Tilt is by gravity and the lift pulls along it, so the side is (g + 6) / g of the demand, minus the D term.
     assert trace.velocity[-1, 1] == pytest.approx(2.0 * (9.80665 + 6.0) / 9.80665, abs=0.15)

@@ -82,7 +82,7 @@ class Rig:
         ]
 
     def all(self, name, since_s=0.0, until_s=math.inf):
-        """The messages of a name, with the times they came at."""
+        """Messages of a name with their arrival times."""
         return [(t, m) for t, m in self.heard if m.get_type() == name and since_s <= t < until_s]
 
     def airborne(self, height_m=10.0):
@@ -113,7 +113,7 @@ def velocity(north, east, down):
 
 @pytest.fixture
 def rig():
-    """``rig({"kind": ...}, ...)`` switches a vehicle with faults on."""
+    """``rig({"kind": ...}, ...)`` boots a vehicle with faults."""
     return Rig
 
 

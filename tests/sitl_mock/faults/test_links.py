@@ -1,4 +1,4 @@
-"""Faults of links: what comes out of a vehicle, and what reaches it, with one fault at a time."""
+"""Faults of links: frames to and from a vehicle, with one fault at a time."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Places and velocities that are told wrong, and what bursts, drifts, weak rotors and other programs do."""
+"""Wrong positions and velocities, and the effects of bursts, drifts, weak rotors and other programs."""
 
 import itertools
 import math

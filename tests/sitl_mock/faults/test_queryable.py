@@ -36,7 +36,7 @@ def ask(session, request, key="uav1/faults"):
 
 
 def heard(session, name, seconds):
-    """How many messages of a name come within some seconds."""
+    """Count messages of a name within some seconds."""
     decoder, names = Decoder(), []
     with session.declare_subscriber("uav1/mavlink_raw/out") as subscriber:
         end_s = time.monotonic() + seconds

@@ -1,4 +1,4 @@
-"""Scripts: the same bytes for the same seed, times and events as written, and a clear word for what is wrong."""
+"""Scripts: equal seeds give equal bytes, times and events are as written, and errors name key and value."""
 
 import itertools
 from pathlib import Path
@@ -131,7 +131,7 @@ def test_clearing_ends_what_a_fault_has_done_to_the_vehicle(rig):
     [
         ({"kind": "los"}, ["fault[0].kind", "'los'", "heartbeat_gap"]),
         ({}, ["fault[0].kind", "None"]),
-        ({"kind": "target_slow"}, ["fault[0].kind", "is named evader_slow now"]),
+        ({"kind": "target_slow"}, ["fault[0].kind", "use evader_slow, its new name"]),
         ({"kind": ["loss"]}, ["fault[0].kind", "['loss']"]),
         ({"kind": "loss", "probability": 1.5}, ["fault[0].probability", "1.5", "from 0 to 1"]),
         ({"kind": "loss", "probability": True}, ["probability", "True"]),

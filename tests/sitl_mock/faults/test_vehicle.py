@@ -1,4 +1,4 @@
-"""Faults in flight: what the vehicle does, and what a client sees of it."""
+"""Faults in flight: the vehicle's reactions, and a client's view."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Whole flights by MAVProxy's own commands, for a real ArduCopter and for the mock: what is typed, and when."""
+"""Whole flights with MAVProxy's commands, for a real ArduCopter and for the mock: the commands and their times."""
 
 import math
 import time
@@ -102,7 +102,7 @@ FLIGHTS = {
         (80.0, ""),
     ],
 }
-"""What is typed at which second after MAVProxy has heard the vehicle and has its parameters; the last one ends it."""
+"""Commands by seconds since MAVProxy has received the vehicle's parameters; the last one ends the flight."""
 
 
 def fly(proxy, folder, name):

@@ -243,7 +243,7 @@ def mission_raw(pilot):
 
 
 def geofence(pilot):
-    """Five metres a second into a fence 20 m ahead: what the autopilot makes of it by itself."""
+    """Fly at 5 m/s into a fence 20 m ahead; the autopilot reacts."""
     corners = [Point(*pilot.place(n, e)) for n, e in ((20.0, 20.0), (20.0, -20.0), (-20.0, -20.0), (-20.0, 20.0))]
     Geofence(pilot.system).upload_geofence(GeofenceData(polygons=[Polygon(corners, FenceType.INCLUSION)]))
     pilot.take_off(5.0, 9.0)

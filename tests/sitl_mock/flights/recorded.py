@@ -1,4 +1,4 @@
-"""Recorded flights: what is kept of a .tlog, and the track, modes, answers and news that both sides are compared by."""
+"""Recorded flights: the kept part of a .tlog, and the track, modes, answers and reports used in comparisons."""
 
 import csv
 import gzip
@@ -23,9 +23,9 @@ _NEWS = frozenset(
 
 
 def keep(tlog: Path, kept: Path, until_s: float = math.inf) -> None:
-    """Write what a comparison needs: all that the client sent, and of the vehicle's messages those of a flight.
+    """Write the data for a comparison: all client messages, and the vehicle's messages about the flight.
 
-    Places and attitudes are thinned to two a second; of what tells nothing of the flight the first one is kept.
+    Positions and attitudes are thinned to two per second; of other messages the first one is kept.
     """
     raw, at, out = tlog.read_bytes(), 0, []
     decoder, last_s, landed, begun_us = Decoder(), defaultdict(lambda: -math.inf), None, None
@@ -99,7 +99,7 @@ def recording(name):
 
 @dataclass
 class Flown:
-    """What a vehicle did.
+    """Behaviour of a vehicle in a flight.
 
     Attributes:
         track: Time, north, east, down (m), their rates (m/s) and yaw (rad).

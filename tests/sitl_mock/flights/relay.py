@@ -21,7 +21,7 @@ class Relay:
 
     Args:
         vehicle: ``udpin://127.0.0.1:14540`` (the vehicle sends there) or ``tcpout://127.0.0.1:5760``.
-        client_port: The port on loopback at which the client listens by UDP.
+        client_port: The client's UDP port on loopback.
         tlog: The file that is written.
     """
 

@@ -1,8 +1,7 @@
-"""The mock flown by the very frames that MAVSDK and MAVProxy sent to the real autopilots, beside what those did.
+"""Replay of MAVSDK's and MAVProxy's recorded frames on the mock, compared with the real autopilots' flights.
 
-`tests/data/flights` has each flight, `python -m tests.sitl_mock.flights.record` flies and records it again. A client's
-frames reach the mock at their recorded times, so nothing is waited for: it has to be where the real one was, in the
-mode that it was in, and to answer what it answered.
+`tests/data/flights` has each flight; `python -m tests.sitl_mock.flights.record` flies and records it again. A client's
+frames reach the mock at their recorded times. Positions, modes and answers must agree with the real ones.
 """
 
 import functools
@@ -23,7 +22,7 @@ HEARTBEAT_S = 1.2
 
 
 class Bounds(NamedTuple):
-    """How far from the real one: mean and greatest distance, level and in height (m), and yaw in the mean (deg)."""
+    """Tolerances: mean and greatest horizontal and vertical distance (m), and mean yaw difference (deg)."""
 
     level_m: float
     level_most_m: float
@@ -61,7 +60,7 @@ FLIGHTS = {
     "arducopter_mission": Bounds(0.3, 1.9, 0.3, 2.4, yaw_deg=2.0, reached_s=0.4),
     "arducopter_fence": Bounds(0.25, 1.7, 0.2, 1.2, late_s=2.0),
     "arducopter_rally": Bounds(0.35, 1.5, 0.2, 1.2),
-    # Up to the fence's margin: what the real one does there is not modelled.
+    # Until the fence's margin: the real behaviour there is not modelled.
     "arducopter_avoidance": Bounds(0.2, 0.9, 0.25, 1.2),
 }
 """Stated as measured, and a third more."""

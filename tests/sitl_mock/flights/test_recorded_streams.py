@@ -1,6 +1,6 @@
-"""What streams, how often, what moves and by how much: the mock in two whole chases beside what the real ones sent.
+"""Streams, their rates, and the size of changes: the mock in two whole chases compared with the real ones.
 
-`tests/data/flights/*_chase_streams.csv` is the table of recorded facts, `*_chase.tlog.gz` what the client sent: 50 s of
+`tests/data/flights/*_chase_streams.csv` is the table of recorded facts, `*_chase.tlog.gz` the client's frames: 50 s of
 a pursuit at 6 m/s by the offboard service, on PX4 v1.17 (SIH) and ArduCopter 4.5.7.
 """
 
@@ -66,7 +66,7 @@ def both(name):
 
 
 def unexplained(name, found):
-    """The differences that no departure stands for; a departure that stands for none has to go."""
+    """Return the differences without a documented reason."""
     reasons = DEPARTURES[name]
     return [each for each in found if not any(_of(each, reason) for reason in reasons)]
 

@@ -192,7 +192,7 @@ def test_a_mavlink_1_frame_longer_than_its_message_is_counted_as_length():
     assert decoder.counts.length == 1
 
 
-# -- what is wrong is counted and dropped -----------------------------------------------------------------------------
+# -- invalid input is counted and dropped -----------------------------------------------------------------------------
 
 
 def heartbeat(sequence=0):

@@ -13,7 +13,7 @@ ARM = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Autopilot:
-    """Keeps what was executed, answers what it is told to."""
+    """Keeps executed commands and gives prepared answers."""
 
     def __init__(self, *answers):
         self.answers = answers or (CommandAnswer(Result.ACCEPTED),)

@@ -1,6 +1,6 @@
 """Row 26 with parameters: every command of MAVLink's dialects, asked with ones, NaN, and zeros in a COMMAND_INT.
 
-`tests/data/command_answers.json` has what the real ones answered on the ground, disarmed and ready to arm.
+`tests/data/command_answers.json` has the real autopilots' answers on the ground, disarmed and ready to arm.
 """
 
 import json
@@ -28,7 +28,7 @@ DEPARTURES = {
 
 
 def asked(fly, flavour, kind, number):
-    """What a fresh mock answers."""
+    """Answers of a fresh mock."""
     value = PARAMETERS[kind]
     flight = fly(flavour, ready_after_s=0.1).run(0.3)
     if kind.endswith("integers"):

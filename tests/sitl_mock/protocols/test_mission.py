@@ -72,7 +72,7 @@ def test_what_was_uploaded_is_what_is_downloaded(wire, vehicle, plans, rules):
     items = [waypoint(seq) for seq in range(25)]
     acked(upload(client, items), MissionResult.ACCEPTED)
     assert plans.mission.items == tuple(PlanItem(*item) for item in items)
-    first = int(rules.home_first)  # of ArduPilot's missions item 0 is home, whatever was uploaded
+    first = int(rules.home_first)  # item 0 of ArduPilot's missions is always home
     came = download(client)
     assert len(came) == len(items)
     assert [item.x for item in came[first:]] == [item[9] for item in items[first:]]
@@ -178,7 +178,7 @@ def test_a_repeated_count_starts_the_upload_again(wire, vehicle, plans):
 
 
 class LossyUpload:
-    """A client like MAVSDK: sends what it is asked for, repeats itself after 0.5 s of silence, over a lossy wire."""
+    """A client like MAVSDK on a lossy wire: sends requested items, resends after 0.5 s of silence."""
 
     def __init__(self, client, items, rng, loss):
         self.client, self.items, self.rng, self.loss = client, items, rng, loss

@@ -125,7 +125,7 @@ def test_ardupilot_casts_the_number_and_says_the_small_type(wire, copter):
     assert (value.param_value, value.param_type) == (975.0, int(ParamKind.INT16))
     (value,) = read(client, "FENCE_ENABLE")
     assert (value.param_value, value.param_type) == (0.0, int(ParamKind.INT8))
-    assert value.param_index == 0xFFFF  # the place in the list is told only in the list
+    assert value.param_index == 0xFFFF  # only list entries carry the index
 
 
 def test_by_index_gives_what_the_list_gives(wire, px4):

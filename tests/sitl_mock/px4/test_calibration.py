@@ -1,6 +1,6 @@
 """Row 14: PREFLIGHT_CALIBRATION on PX4 v1.17 (SIH), asked kind by kind; times in seconds after the request.
 
-What the real one said, and its COMMAND_ACKs: 0 accepted, 1 temporarily rejected, 2 denied, 3 unsupported.
+Texts and COMMAND_ACKs of the real one: 0 accepted, 1 temporarily rejected, 2 denied, 3 unsupported.
 """
 
 import math

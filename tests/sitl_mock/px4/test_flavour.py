@@ -16,7 +16,7 @@ from sitl_mock.px4.modes import BY_NAME
 
 NAN = math.nan
 REAL_ACKS = json.loads((Path(__file__).parents[2] / "data" / "px4_acks.json").read_text())
-"""What PX4 v1.17 (SIH) answered on the ground to every command of MAVLink's common set, parameters zero."""
+"""Answers of PX4 v1.17 (SIH) on the ground to every command of MAVLink's common set, parameters zero."""
 
 
 def armed(fly, **settings):
@@ -306,7 +306,7 @@ def test_row_26_every_common_command_is_answered_on_the_ground_as_the_real_one_d
 
 
 def test_row_26_every_number_up_to_700_that_is_no_command_is_unsupported(fly):
-    """As v1.17 was asked one after the other; 246 and 247 end its simulator."""
+    """Commands in the order of the measurement on v1.17; 246 and 247 end its simulator."""
     known = {number for real in REAL_ACKS for number in real["commands"]} | {246, 247}
     flight = fly("px4").run(1.0)
     answered = {number: flight.command(number, *[0.0] * 7, wait_s=0.02) for number in {*range(1, 701)} - known}

@@ -1,4 +1,4 @@
-"""OFFBOARD of the PX4 flavour, against what was measured on PX4 v1.17."""
+"""OFFBOARD of the PX4 flavour, compared with measurements of PX4 v1.17."""
 
 import itertools
 import math
