@@ -69,11 +69,11 @@ COPTER_MODES: Final = ModeTable(
     ),
     rules=(
         "One reliable answer to DO_SET_MODE: ACCEPTED or FAILED; an unknown mode is FAILED.",
-        "A disarmed copter accepts any mode, an armed one those whose needs are met; AUTO on the ground needs a mission "
-        "that begins with a take-off. GUIDED needs no stream. NAV_TAKEOFF takes off when armed and in GUIDED, and so does "
-        "an attitude target that climbs; a velocity does not.",
+        "A disarmed copter accepts any mode, an armed one if the needs are met. AUTO on the ground needs a mission "
+        "that starts with a take-off. GUIDED needs no stream. Armed in GUIDED, NAV_TAKEOFF takes off, and so does an "
+        "attitude target that climbs; a velocity does not.",
         "After GUID_TIMEOUT without a setpoint the velocity becomes zero; the mode stays GUIDED, without a text.",
-        "LAND and RTL are interrupted by BRAKE or another mode in the air; landed, the copter stays down and disarms.",
+        "BRAKE and other modes interrupt LAND and RTL in the air; a landed copter stays down and disarms.",
         "AUTO on the ground takes off when the throttle stick is raised, or with MISSION_START. A mission that returns "
         "stays in AUTO. RTL leads to the nearest rally point, or to home if that is nearer.",
         "A mode change by a failsafe is permanent.",
@@ -107,8 +107,8 @@ ROVER_MODES: Final = ModeTable(
     ),
     rules=(
         "One reliable answer to DO_SET_MODE: ACCEPTED or FAILED.",
-        "GUIDED needs a position. The rover turns its nose to follow a velocity. After 3 s without a setpoint it stops and "
-        "stays in GUIDED.",
+        "GUIDED needs a position. The rover turns its nose to follow a velocity. After 3 s without a setpoint it stops "
+        "and stays in GUIDED.",
     ),
 )
 

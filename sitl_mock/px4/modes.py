@@ -109,8 +109,8 @@ MODES: Final = ModeTable(
         "TEMPORARILY_REJECTED.",
         "MISSION_START arms. If the first position of a mission is higher, the vehicle climbs to its height first.",
         "Armed on the ground, every command to climb takes off: a stream, DO_REPOSITION, the throttle stick.",
-        "LAND and RTL are interrupted by HOLD in the air. HOLD before the touchdown is detected (2.8 s) keeps the vehicle "
-        "armed and hovering at the height of the ground.",
+        "HOLD interrupts LAND and RTL in the air. HOLD before the touchdown is detected (2.8 s) keeps it armed "
+        "and hovering at the height of the ground.",
         "The intention survives a failsafe: when setpoints return, PX4 returns to OFFBOARD.",
         "A mode change by the pilot or a client ends a failsafe action.",
         "DO_FLIGHTTERMINATION or a failsafe enters TERMINATION; only a reboot leaves it.",
