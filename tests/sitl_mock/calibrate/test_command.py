@@ -77,7 +77,7 @@ def test_a_plot_that_cannot_be_written_is_a_clear_error(tmp_path, place):
 
 
 def test_an_unknown_flavour_names_the_known_ones():
-    with pytest.raises(ConfigError, match=r"'betaflight'.*px4, arducopter"):
+    with pytest.raises(ConfigError, match=r"betaflight: allowed are px4, arducopter"):
         calibrate_file(DATA / "px4_steps.csv", "betaflight", None, as_json=True)
 
 
