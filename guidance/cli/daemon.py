@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from guidance.cli.arguments import TokenFile, ZenohFile, refuse_others
-from guidance.cli.short_order import ENDPOINT, show
+from guidance.cli.short_order import show
 from guidance.errors import FlightError
+from guidance.session.control_socket import ENDPOINT, ask_here, own_name
 
 if TYPE_CHECKING:
     from guidance.session.vehicle_file import Config
@@ -111,8 +112,6 @@ def ctl(
 
 def _ask(order: str, endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> Mapping[str, Any]:
     """Ask by the socket on this computer if there is one, else over Zenoh, which takes a second to import and open."""
-    from guidance.session.control_socket import ask_here, own_name  # noqa: PLC0415
-
     by = own_name("ctl")
     answer = None
     if zenoh is None:

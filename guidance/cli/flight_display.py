@@ -19,6 +19,7 @@ from guidance.extras import how_to_add
 from guidance.files import private_file
 from guidance.flight import State
 from guidance.screen import pairs, redraws
+from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
 from guidance.session.linked_flight import Stopped
 from guidance.session.mission import Progress
@@ -152,6 +153,12 @@ def tell_dropped(console: Console, result: FlightResult) -> None:
     """Say so where the disk was too slow for the record."""
     if result.record_dropped:
         console.print(f"[yellow]the disk was too slow: {result.record_dropped} messages are not in the record[/yellow]")
+
+
+def tell_endpoint(console: Console, endpoint: str) -> None:
+    """Say how this flight is ordered, where another flight or daemon has the usual control endpoint."""
+    if endpoint != ENDPOINT:
+        console.print(f"orders   guidance ctl ORDER --endpoint {endpoint}", soft_wrap=True, highlight=False)
 
 
 def _number(value: float, digits: int, unit: str = "") -> str:

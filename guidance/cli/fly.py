@@ -103,7 +103,12 @@ def fly(
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with contextlib.ExitStack() as closing:
         viewer = _viewer(closing) if view else None
-        pages = _panel(closing, out) if panel else None
+        pages: list[PanelBeside] = []
+
+        def on_control(endpoint: str) -> None:
+            if panel:
+                pages.append(_panel(closing, endpoint, out))
+
         watch = (lambda _: None) if viewer is None else viewer.start
         try:
             from guidance.cli.fly_scenario import fly_scenario  # noqa: PLC0415 - zenoh, mavsdk take a second
@@ -120,14 +125,14 @@ def fly(
                 out=out,
                 seed=seed,
                 on_record=watch,
-                control=None if pages is None else pages.endpoint,
+                on_control=on_control,
                 as_json=as_json,
             )
         except KeyboardInterrupt:
             ended = "the mock was ended, and the record so far can be read" if vehicle is None else "nothing was armed"
             typer.echo(f"interrupted: {ended}", err=True)
             raise typer.Exit(128 + signal.SIGINT) from None
-        _stay([one for one in (viewer, pages) if one is not None])
+        _stay([*pages] if viewer is None else [viewer, *pages])
     raise typer.Exit(code)
 
 
@@ -156,10 +161,9 @@ def _stay(beside: "list[ViewerBeside | PanelBeside]") -> None:
             one.wait()
 
 
-def _panel(closing: contextlib.ExitStack, out: Path | None) -> "PanelBeside":
-    from guidance.session.control_bus import free_endpoint  # noqa: PLC0415
+def _panel(closing: contextlib.ExitStack, endpoint: str, out: Path | None) -> "PanelBeside":
     from guidance.viz.subprocesses import PanelBeside, options_of  # noqa: PLC0415
 
-    beside = PanelBeside(free_endpoint(), *options_of(None, Path("flights") if out is None else out.parent))
+    beside = PanelBeside(endpoint, *options_of(None, Path("flights") if out is None else out.parent))
     closing.callback(beside.close)
     return beside

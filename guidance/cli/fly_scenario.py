@@ -10,9 +10,10 @@ from typing import Final, NoReturn
 
 from rich.console import Console
 
-from guidance.cli.flight_display import live_line, report
+from guidance.cli.flight_display import live_line, report, tell_endpoint
 from guidance.errors import FlightError
 from guidance.screen import console as screen
+from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import next_folder
 from guidance.session.fly_mock import fly_mock
 from guidance.session.fly_vehicle import Asked, fly_url, left_out
@@ -35,7 +36,7 @@ def fly_scenario(
     out: Path | None,
     seed: int | None,
     on_record: Callable[[Path], None] = lambda _: None,
-    control: str | None = None,
+    on_control: Callable[[str], None] = lambda _: None,
     as_json: bool = False,
 ) -> int:
     """Fly a scenario; return the exit code: 0 when the game ended as it should have.
@@ -49,7 +50,7 @@ def fly_scenario(
         out: Folder for the record and the picture.
         seed: In place of the scenario's.
         on_record: Is told of the record once it is being written.
-        control: Endpoint where people may look on and order meanwhile; None lets nobody in.
+        on_control: Is told the endpoint where people may order and look on; not called in virtual time.
         as_json: Print the outcome row as JSON, and what is for people on standard error.
 
     Raises:
@@ -60,10 +61,15 @@ def fly_scenario(
         scenario = scenario.model_copy(update={"seed": seed})
     console = screen(stderr=as_json)
     folder = out if out is not None else next_folder(Path("flights"), path.stem)
+
+    def heard_at(endpoint: str) -> None:
+        tell_endpoint(console, endpoint)
+        on_control(endpoint)
+
     title = f"[bold]{scenario.title}[/bold]  ({path.name}"
     if asked is not None:
         console.print(f"{title}, {asked.link}, {asked.url})", highlight=False)
-        return _fly_url(name, scenario, asked, console, folder, on_record, control, as_json=as_json)
+        return _fly_url(name, scenario, asked, console, folder, on_record, heard_at, as_json=as_json)
     console.print(f"{title}, {'virtual time' if fast else link})")
     with live_line(console) as show, noted_ctrl_c() as check:
 
@@ -71,7 +77,18 @@ def fly_scenario(
             check()
             show(progress)
 
-        result = fly_mock(scenario, folder, look, fast=fast, link=link, port=port, on_record=on_record, control=control)
+        control = None if fast else ENDPOINT
+        result = fly_mock(
+            scenario,
+            folder,
+            look,
+            fast=fast,
+            link=link,
+            port=port,
+            on_record=on_record,
+            control=control,
+            on_control=heard_at,
+        )
     return _report(console, result, "fast" if fast else "live", folder, as_json=as_json)
 
 
@@ -103,7 +120,7 @@ def _fly_url(
     console: Console,
     folder: Path,
     on_record: Callable[[Path], None],
-    control: str | None,
+    on_control: Callable[[str], None],
     *,
     as_json: bool,
 ) -> int:
@@ -111,7 +128,9 @@ def _fly_url(
         console.print(f"{what}: only a mock can have that; the vehicle flies without")
     try:
         with live_line(console) as show:
-            result, hand_over = fly_url(scenario, asked, folder, show, on_record=on_record, control=control)
+            result, hand_over = fly_url(
+                scenario, asked, folder, show, on_record=on_record, control=ENDPOINT, on_control=on_control
+            )
     except FlightError as error:
         raise FlightError(f"{asked.url}: {error}{_advice(name, asked, str(error))}") from error
     code = _report(console, result, "vehicle", folder, as_json=as_json)

@@ -129,7 +129,8 @@ def _row_table(rows: Sequence[TeamOutcome]) -> Sheet:
 def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
     if run.way == "maths":
         return play([scenario])[0]
-    from guidance.cli.flight_display import live_line, tell_dropped  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.cli.flight_display import live_line, tell_dropped, tell_endpoint  # noqa: PLC0415 - zenoh and mavsdk take a second
+    from guidance.session.control_socket import ENDPOINT  # noqa: PLC0415
     from guidance.session.flight_files import RECORD, next_folder  # noqa: PLC0415
     from guidance.session.fly_mock import fly_mock  # noqa: PLC0415
     from guidance.session.result import outcome_of_flight  # noqa: PLC0415
@@ -159,6 +160,8 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
             link=run.link or "mavsdk",
             port=run.port or 0,
             over=run.over or "zenoh",
+            control=None if fast else ENDPOINT,
+            on_control=lambda endpoint: tell_endpoint(console, endpoint),
         )
     tell_dropped(console, result)
     say(f"record   {out / RECORD}")

@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from guidance.errors import FlightError
-
-ENDPOINT: Final = "tcp/127.0.0.1:7448"
-"""The default control endpoint of a daemon."""
+from guidance.session.control_socket import ENDPOINT, ask_here, own_name
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
 _OPTIONS: Final = frozenset({"--endpoint", "--token-file", "--name"})
@@ -32,8 +30,6 @@ def short_order(arguments: Sequence[str]) -> int | None:
     options = dict(zip(arguments[2::2], arguments[3::2], strict=True))
     if not options.keys() <= _OPTIONS:
         return None
-    from guidance.session.control_socket import ask_here, own_name  # noqa: PLC0415 - other commands do without
-
     token = options.get("--token-file")
     answer = ask_here(
         arguments[1],

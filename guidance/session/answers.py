@@ -12,7 +12,6 @@ from guidance.messages import Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.preflight import Finding, Verdict, advice, refusals
 from guidance.session.control_socket import STATUS, WORDS
 from guidance.session.orders import Answer
-from guidance.session.vehicle_file import Config
 from guidance.vehicle import VehicleState
 
 _WHY: Final[Mapping[State, str]] = {
@@ -276,13 +275,19 @@ def rounded(value: Any) -> Any:  # noqa: ANN401 - plain values
 
 
 class StartupResponder:
-    """Answers every order while the wire is opened and the vehicle's first HEARTBEAT is waited for."""
+    """Answers every order before the loop runs.
 
-    def __init__(self, config: Config, clock: Clock) -> None:
-        vehicle = config.vehicle
-        self._name = config.name
-        self._for = f"a HEARTBEAT of system {vehicle.system_id}, component {vehicle.component_id} at {vehicle.url}"
-        self._limit_s = vehicle.connect_timeout_s
+    Args:
+        name: The vehicle's.
+        waiting_for: What is waited for, in words.
+        limit_s: How long at most.
+        clock: The process's.
+    """
+
+    def __init__(self, name: str, waiting_for: str, limit_s: float, clock: Clock) -> None:
+        self._name = name
+        self._for = waiting_for
+        self._limit_s = limit_s
         self._clock = clock
         self._since_s = clock.now_s()
 

@@ -9,7 +9,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -219,30 +219,43 @@ def _hosted(endpoint: str, token_file: Path | None) -> tuple["zenoh.Session", Co
     return session, control_token.publish(drawn, path)
 
 
-class Onlookers(NamedTuple):
-    """Where their orders come in, and what they hear a flight by; None where nobody can be there."""
+@contextlib.contextmanager
+def opened(
+    name: str, mailbox: Mailbox, endpoint: str | None, on_open: Callable[[str], None] = lambda _: None
+) -> Iterator[ControlBus | None]:
+    """Take orders at an endpoint, or at a free one if another process listens there.
 
-    mailbox: Mailbox
-    broadcast: Broadcast | None = None
+    Args:
+        name: The vehicle's.
+        mailbox: Where orders go.
+        endpoint: The wanted one; None takes no orders.
+        on_open: Is told the endpoint that was had.
+
+    Raises:
+        OutputError: If the token or the socket cannot be written.
+        LinkError: If no endpoint can be had.
+    """
+    if endpoint is None:
+        yield None
+        return
+    try:
+        control = ControlBus(name, mailbox, endpoint=endpoint, host=True)
+    except LinkError:
+        endpoint = free_endpoint()
+        control = ControlBus(name, mailbox, endpoint=endpoint, host=True)
+    with contextlib.closing(control):
+        on_open(endpoint)
+        yield control
 
 
 @contextlib.contextmanager
-def admitted(name: str, metadata: Mapping[str, str], endpoint: str | None) -> Iterator[Onlookers]:
-    """Let onlookers in at an endpoint, whoever can read its token; nobody where there is no endpoint.
-
-    Raises:
-        OutputError: If the token cannot be written.
-        LinkError: If the endpoint cannot be had.
-    """
-    mailbox = Mailbox()
-    if endpoint is None:
-        yield Onlookers(mailbox)
+def broadcasting(name: str, control: ControlBus | None, metadata: Mapping[str, str]) -> Iterator[Broadcast | None]:
+    """Broadcast a flight on its control bus, if it has one."""
+    if control is None:
+        yield None
         return
-    with (
-        contextlib.closing(ControlBus(name, mailbox, endpoint=endpoint, host=True)) as control,
-        contextlib.closing(Broadcast(name, control.session, metadata)) as broadcast,
-    ):
-        yield Onlookers(mailbox, broadcast)
+    with contextlib.closing(Broadcast(name, control.session, metadata)) as broadcast:
+        yield broadcast
 
 
 def free_endpoint() -> str:

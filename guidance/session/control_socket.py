@@ -25,6 +25,9 @@ STATUS, RESET, ALIVE = "status", "reset", "alive"
 WORDS: Final = ("abort", "engage", "hold", "land", "return", "start", RESET, STATUS, ALIVE)
 """What may be asked of a daemon."""
 
+ENDPOINT: Final = "tcp/127.0.0.1:7448"
+"""Where a daemon or a flight takes orders if nothing else is configured."""
+
 TIMEOUT_S: Final = 4.0
 ANSWER_LIMIT_S: Final = 2.0
 LONGEST_NAME: Final = 64

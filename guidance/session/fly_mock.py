@@ -8,12 +8,13 @@ from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
 from guidance.log.writer import BackgroundRecorder
-from guidance.session.control_bus import admitted
+from guidance.session.control_bus import broadcasting, opened
 from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
 from guidance.session.linked_flight import Stopped
 from guidance.session.loop import World
 from guidance.session.mission import Progress
+from guidance.session.orders import Mailbox
 from guidance.session.result import FlightResult
 from guidance.sim.live import OVER, ZENOH
 from guidance.sim.mock_files import check_faults
@@ -31,6 +32,7 @@ def fly_mock(
     over: str = ZENOH,
     on_record: Callable[[Path], None] = lambda _: None,
     control: str | None = None,
+    on_control: Callable[[str], None] = lambda _: None,
 ) -> FlightResult:
     """Fly a scenario against the mock, with the record in a folder.
 
@@ -43,7 +45,8 @@ def fly_mock(
         port: Of the mock's Zenoh session, or its first UDP port; 0 is any.
         over: What the live mock is reached over.
         on_record: Is told of the record once it is being written.
-        control: Endpoint where people may look on and order meanwhile; None lets nobody in.
+        control: Endpoint for orders and onlookers; a free one is taken if it is in use. None lets nobody in.
+        on_control: Is told the endpoint that was had.
 
     Raises:
         GuidanceError: For everything that the user can mend.
@@ -59,11 +62,12 @@ def fly_mock(
     metadata = flight_metadata(scenario, None, None if fast else clock)
     with recording(folder / RECORD, metadata, real_time=not fast) as record:
         on_record(folder / RECORD)
+        mailbox = Mailbox()
         with (
             _mock(scenario, clock, fast=fast, link=link, port=port, over=over) as world,
-            admitted(PURSUER, metadata, control) as onlookers,
+            opened(PURSUER, mailbox, control, on_control) as bus,
+            broadcasting(PURSUER, bus, metadata) as broadcast,
         ):
-            mailbox, broadcast = onlookers
             result = fly(scenario, world, clock, record, show, mailbox=mailbox, broadcast=broadcast)
     if record.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, record.failed)

@@ -19,8 +19,9 @@ from guidance.links.port import Wire
 from guidance.links.wires.udp import UdpWire
 from guidance.log.broadcast import Broadcast
 from guidance.messages import Home
+from guidance.session.answers import StartupResponder
 from guidance.session.checkup import Checkup
-from guidance.session.control_bus import Onlookers, admitted
+from guidance.session.control_bus import broadcasting, opened
 from guidance.session.discovery import identify, wait_until_placed
 from guidance.session.flight_files import RECORD, flight_metadata, recording
 from guidance.session.fly import fly
@@ -33,7 +34,7 @@ from guidance.session.process import Notifier
 from guidance.session.result import FlightResult
 from guidance.session.vehicle_file import Config, load_vehicle
 from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
-from guidance.sim.scenario import EVADER, EVADER_ID, Scenario, Site, Wind
+from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Scenario, Site, Wind
 from guidance.sim.stepped import EvaderHere
 
 FOUND_WITHIN_S: Final = 15.0
@@ -99,10 +100,9 @@ def fly_vehicle(
         if not engage:
             say("waiting for a person: `guidance ctl start`, then `guidance ctl engage`")
         conduct = Conduct(engage, hand_over=hand_over)
-        broadcast = Broadcast(own.name, control.session, flight_metadata(scenario, own, clock))
-        closing.callback(broadcast.close)
-        onlookers = Onlookers(mailbox, broadcast)
-        return _conducted(scenario, Reached(own, world, clock), plan, conduct, out, onlookers, signals)
+        metadata = flight_metadata(scenario, own, clock)
+        broadcast = closing.enter_context(broadcasting(own.name, control, metadata))
+        return _conducted(scenario, Reached(own, world, clock), plan, conduct, out, mailbox, broadcast, signals)
 
 
 def fly_url(
@@ -113,6 +113,7 @@ def fly_url(
     *,
     on_record: Callable[[Path], None] = lambda _: None,
     control: str | None = None,
+    on_control: Callable[[str], None] = lambda _: None,
 ) -> tuple[FlightResult, str]:
     """Fly a scenario with the vehicle that runs at a URL; its evader is simulated here.
 
@@ -122,7 +123,8 @@ def fly_url(
         folder: For the record.
         show: Is told how it goes.
         on_record: Is told the record's path before the flight begins.
-        control: Endpoint where people may look on and order meanwhile; None lets nobody in.
+        control: Endpoint for orders and onlookers; a free one is taken if it is in use. None lets nobody in.
+        on_control: Is told the endpoint that was had.
 
     Returns:
         What the flight came to, and what an interruption hands the vehicle to.
@@ -134,7 +136,12 @@ def fly_url(
     """
     for_whom = f"a HEARTBEAT at {asked.url}, {FOUND_WITHIN_S:g} s at most"
     show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom))
-    with reach(scenario, asked) as (own, world, clock, radio):
+    mailbox = Mailbox()
+    mailbox.meanwhile(StartupResponder(PURSUER, for_whom, FOUND_WITHIN_S, MonotonicClock()).answer)
+    with (
+        opened(PURSUER, mailbox, control, on_control) as bus,
+        reach(scenario, asked) as (own, world, clock, radio),
+    ):
         began_s = time.perf_counter()
         home, frame = wait_until_placed(world.link, autopilot_named(own.vehicle.autopilot), clock, show)
         laid = laid_about(scenario, home, frame, own.vehicle.autopilot)
@@ -147,8 +154,10 @@ def fly_url(
         conduct = Conduct(engage=True, end_with=ORDER_OF[asked.end], hand_over=hand_over)
         reached = Reached(own, world, clock, radio)
         plan = plan_of(own, laid)
-        with signals.installed(), admitted(own.name, flight_metadata(laid, own, clock), control) as onlookers:
-            result = _conducted(laid, reached, plan, conduct, folder, onlookers, signals, show)
+        metadata = flight_metadata(laid, own, clock)
+        with signals.installed(), broadcasting(own.name, bus, metadata) as broadcast:
+            mailbox.meanwhile(None)
+            result = _conducted(laid, reached, plan, conduct, folder, mailbox, broadcast, signals, show)
         result.wall_s = time.perf_counter() - began_s
     return result, own.flight.on_terminate
 
@@ -159,7 +168,8 @@ def _conducted(
     plan: FlightPlan,
     conduct: Conduct,
     folder: Path,
-    onlookers: Onlookers,
+    mailbox: Mailbox,
+    broadcast: Broadcast | None,
     signals: Signals,
     show: Show = lambda _: None,
 ) -> FlightResult:
@@ -180,8 +190,8 @@ def _conducted(
             plan=plan,
             conduct=conduct,
             name=own.name,
-            mailbox=onlookers.mailbox,
-            broadcast=onlookers.broadcast,
+            mailbox=mailbox,
+            broadcast=broadcast,
             log=log,
             notifier=notifier,
             signals=signals,

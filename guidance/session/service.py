@@ -48,12 +48,13 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         closing.callback(log.close)
         notifier = Notifier.from_environment(os.environ, os.getpid())
         closing.callback(notifier.close)
-        mailbox.meanwhile(StartupResponder(config, clock).answer)
+        wanted = config.vehicle
+        waiting_for = f"a HEARTBEAT of system {wanted.system_id}, component {wanted.component_id} at {wanted.url}"
+        mailbox.meanwhile(StartupResponder(config.name, waiting_for, wanted.connect_timeout_s, clock).answer)
         control = open_control(config, mailbox)
         closing.callback(control.close)
         if config.metrics.port is not None:
             closing.callback(MetricsServer(metrics, config.metrics.port).close)
-        wanted = config.vehicle
         log.say(
             logging.INFO,
             "waiting for a HEARTBEAT",

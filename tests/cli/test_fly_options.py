@@ -76,9 +76,12 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
     def panels():
         return [one for one in psutil.Process().children() if "panel" in one.cmdline()]
 
-    def flown(scenario, asked, *, control, **_):
+    control = "tcp/127.0.0.1:7499"
+
+    def flown(scenario, asked, *, on_control, **_):
+        on_control(control)
         (panel,) = panels()
-        seen.append((scenario, asked is not None, control, panel.cmdline()[3:]))
+        seen.append((scenario, asked is not None, panel.cmdline()[3:]))
         panel.terminate()  # as a person does who has seen enough
         return 0
 
@@ -86,7 +89,7 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
     monkeypatch.setattr("signal.signal", lambda *_: None)
     done = CliRunner().invoke(app, ["fly", "pe", "--panel", *vehicle, "--out", str(tmp_path / "pe-001")])
     assert done.exit_code == 0
-    ((scenario, on_vehicle, control, command),) = seen
+    ((scenario, on_vehicle, command),) = seen
     assert (scenario, on_vehicle) == ("pe", bool(vehicle))
     assert command == ["panel", "--endpoint", control, "--port", "0", "--records", str(tmp_path), "--with-parent"]
     assert panels() == []

@@ -1,5 +1,6 @@
 """Orders, answers and ownership over a real Zenoh session on loopback."""
 
+import contextlib
 import json
 import socket
 import threading
@@ -11,7 +12,7 @@ import zenoh
 from guidance.errors import ConfigError, LinkError
 from guidance.session import control_bus as buses
 from guidance.session import control_socket
-from guidance.session.control_bus import ControlBus, OwnerToken
+from guidance.session.control_bus import ControlBus, OwnerToken, opened
 from guidance.session.control_client import ask, control_key
 from guidance.session.control_client import join_session as open_session
 from guidance.session.control_socket import ANSWER_LIMIT_S, TIMEOUT_S, ask_here
@@ -145,3 +146,20 @@ def test_idle_connections_of_others_do_not_block_an_order(daemon, endpoint):
     finally:
         for one in idle:
             one.close()
+
+
+def test_two_flights_at_once_both_take_orders_the_second_at_an_endpoint_of_its_own(endpoint):
+    heard = []
+    with contextlib.ExitStack() as closing:
+        for name in ("uav1", "uav2"):
+            mailbox = Mailbox()
+            closing.callback(AnsweringLoop(mailbox, name).close)
+            closing.enter_context(opened(name, mailbox, endpoint, heard.append))
+        assert heard[0] == endpoint != heard[1]
+        names = [ask_here("hold", endpoint=one, name=None)["name"] for one in heard]
+    assert names == ["uav1", "uav2"]
+
+
+def test_a_flight_without_an_endpoint_lets_nobody_in():
+    with opened("uav1", Mailbox(), None) as control:
+        assert control is None

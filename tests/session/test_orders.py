@@ -1,10 +1,8 @@
 """Orders' mailbox: an order is answered once, by whom it was asked, before the loop runs and when it hangs."""
 
 from guidance.clock import VirtualClock
-from guidance.config import parse
 from guidance.session.answers import StartupResponder
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, Mailbox
-from guidance.session.vehicle_file import Config
 
 
 def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
@@ -17,16 +15,16 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
     assert question.wait(0.0) == {"accepted": True}
 
 
-def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for(vehicle_document):
+def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
     clock, mailbox = VirtualClock(), Mailbox()
-    mailbox.meanwhile(StartupResponder(parse(Config, vehicle_document(), source="test"), clock).answer)
+    mailbox.meanwhile(StartupResponder("uav1", "a HEARTBEAT of system 1 at udp://", 30.0, clock).answer)
     clock.sleep_until(2.5)
     status = mailbox.ask("status").wait(0.0)
     assert (status["accepted"], status["name"], status["state"], status["waited_s"]) == (True, "uav1", "waiting", 2.5)
-    assert status["waiting_for"] == "a HEARTBEAT of system 1, component 1 at udpin://127.0.0.1:14540"
+    assert status["waiting_for"] == "a HEARTBEAT of system 1 at udp://"
     engage = mailbox.ask("engage").wait(0.0)
     assert not engage["accepted"]
-    assert engage["reason"].endswith("at udpin://127.0.0.1:14540, 2.5 s so far")
+    assert engage["reason"].endswith("at udp://, 2.5 s so far")
     assert mailbox.ask("jump").wait(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
     assert list(mailbox.orders()) == list(mailbox.queries()) == []
     mailbox.meanwhile(None)
