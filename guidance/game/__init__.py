@@ -15,8 +15,6 @@ Its answer:
     solve: both players' optimal play, for one state or a million, as a `Solution`.
     solve_state: the same of one state in plain numbers, as a `StateSolution`.
     Winner, Reason: who wins, and why there is an answer or none, as numbers with names.
-    value_gradient: what a metre of either player is worth, as a `Gradient`.
-    hji_residual: by how much a value function misses the Hamilton-Jacobi-Isaacs equation.
     apollonius_circle, apollonius_sphere: the points that both reach at the same time, as an `Apollonius`.
     barrier: the paper's line between both players' wins.
 
@@ -41,7 +39,6 @@ from guidance.game.game import (
     Winner,
     guaranteed_age_s,
 )
-from guidance.game.gradient import Gradient, hji_residual, value_gradient
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.rollout import End, Exact, Paper, Rollout, rollout
 from guidance.game.solution import Solution, StateSolution, solve, solve_state
@@ -56,7 +53,6 @@ __all__ = [
     "End",
     "Exact",
     "Game",
-    "Gradient",
     "Paper",
     "Policy",
     "Reason",
@@ -70,9 +66,7 @@ __all__ = [
     "apollonius_sphere",
     "barrier",
     "guaranteed_age_s",
-    "hji_residual",
     "rollout",
     "solve",
     "solve_state",
-    "value_gradient",
 ]

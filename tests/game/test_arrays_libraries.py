@@ -14,13 +14,11 @@ from guidance.game import (
     StandOff,
     apollonius_circle,
     apollonius_sphere,
-    hji_residual,
     rollout,
     solve,
-    value_gradient,
 )
 from guidance.game.arrays import codes, constant, spread, vectors
-from guidance.game.gradient import automatic_gradient
+from tests.game.gradient import automatic_gradient, hji_residual, value_gradient
 
 pytestmark = pytest.mark.arrays
 NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Game, hji_residual, solve, value_gradient
-from guidance.game.gradient import finite_differences
+from guidance.game import Ball, Game, solve
+from tests.game.gradient import finite_differences, hji_residual, value_gradient
 from tests.harness.examples import drawn
 
 few = settings(max_examples=drawn(2), deadline=None)

@@ -20,13 +20,12 @@ from guidance.game import (
     apollonius_circle,
     apollonius_sphere,
     barrier,
-    hji_residual,
     rollout,
     solve,
-    value_gradient,
 )
 from guidance.game.records import is_zero
 from guidance.strategies.navigation import proportional_navigation
+from tests.game.gradient import hji_residual, value_gradient
 
 PAPER = Game(Ball(2.0), 1.0)
 WHOLE = ([3, 4, 10], [0, 0, 0], [30, 1, 0])

@@ -20,9 +20,9 @@ from guidance.game import (
     Winner,
     solve,
     solve_state,
-    value_gradient,
 )
 from guidance.game import solution as solving
+from tests.game.gradient import value_gradient
 from tests.harness.examples import drawn
 
 

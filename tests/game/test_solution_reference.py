@@ -22,11 +22,10 @@ from guidance.game import (
     apollonius_circle,
     apollonius_sphere,
     barrier,
-    hji_residual,
     rollout,
     solve,
-    value_gradient,
 )
+from tests.game.gradient import hji_residual, value_gradient
 
 KEPT = Path(__file__).parents[1] / "data" / "games_reference.npz"
 DISC = StandOff(3.0, 2.0)
