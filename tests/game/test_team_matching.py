@@ -254,15 +254,29 @@ def test_hysteresis_keeps_a_pair_that_is_nearly_as_good():
     assert match_teams(PAPER, P, other, previous=match_teams(PAPER, P, one)).first.tolist() == [1, 0]
 
 
-def test_hysteresis_never_costs_a_capture():
+@pytest.mark.parametrize("tad", [True, False])
+@pytest.mark.parametrize("hysteresis", [0.0, 1e6])
+def test_every_team_that_still_wins_is_kept_or_improved(tad, hysteresis):
     rng = np.random.default_rng(4)
-    P, E = states(4, 3, 3, 200)
-    before = match_teams(PAPER, P, E + rng.normal(0.0, 4.0, E.shape) * [1, 1, 0], T)
-    fresh = match_teams(PAPER, P, E, T)
-    kept = match_teams(PAPER, P, E, T, previous=before, hysteresis=1e6)
-    np.testing.assert_array_equal(kept.guaranteed, fresh.guaranteed)
-    assert (kept.first != fresh.first).any()
-    assert (match_teams(PAPER, P, E, T, previous=before).first == fresh.first).all()
+    P, E = states(4, 4, 3, 100)
+    goal = T if tad else None
+    before = match_teams(PAPER, P, E + rng.normal(0.0, 4.0, E.shape) * [1, 1, 0], goal)
+    kept = match_teams(PAPER, P, E, goal, previous=before, hysteresis=hysteresis)
+    promised = 0
+    for row, j in np.ndindex(before.first.shape):
+        team = [i for i in (before.first[row, j], before.second[row, j]) if i >= 0]
+        if not team or not kept.beats[row, team, j].any():
+            continue
+        promised += 1
+        value = solve_team(PAPER, P[row, team], E[row, j], goal).value
+        assert kept.winner[row, j] == Winner.PURSUER
+        if tad:
+            assert kept.value[row, j] >= value - 1e-9
+        else:
+            assert kept.value[row, j] <= value + 1e-9
+        if hysteresis:
+            assert kept.first[row, j] == before.first[row, j]
+    assert promised > 100
 
 
 def test_a_second_pursuer_that_is_kept_stays():

@@ -236,7 +236,7 @@ def test_a_row_without_an_answer_ends_at_once():
     [
         ({"pursuer_policy": "clever"}, "pursuer_policy = 'clever': must be one of optimal"),
         ({"evader_policy": ["optimal", "clever"]}, "evader_policy = 'clever'"),
-        ({"evader_policy": ["optimal"]}, "evader_policy: has 1 policies for 2 players"),
+        ({"evader_policy": ["optimal"]}, "evader_policy: 1 policies for 2 players"),
         ({"step_s": 0.0}, "step_s = 0.0"),
         ({"duration_s": np.inf}, "duration_s"),
         ({"capture_m": -1.0}, r"capture_m = -1.0"),

@@ -42,14 +42,15 @@ class Discs(NamedTuple):
         return Discs(*(part[..., index] for part in self))
 
 
-class Projection(NamedTuple):
-    """The point of an intersection closest to another.
+class Meeting(NamedTuple):
+    """A point of an intersection: the one closest to a target, or the one farthest from the evader.
 
     Attributes:
         point: (...), x and y from the evader, m.
-        distance: (...), from the point that was projected, m.
+        distance: (...), from the target, or from the evader, m.
         first: (...), number of a disc that binds.
-        second: (...), number of the other, or the same again where one binds alone.
+        second: (...), number of the other, or the same again where one binds alone. Both are named where the farthest
+            point of the first lies on the rim of the second.
     """
 
     point: Point
@@ -58,24 +59,11 @@ class Projection(NamedTuple):
     second: Array
 
 
-class Farthest(NamedTuple):
-    """A point of an intersection far from the evader.
-
-    Attributes:
-        point: (...), x and y from the evader, m.
-        distance: (...), from the evader, m.
-        first: (...), number of a disc that binds.
-        second: (...), number of the other, or the same again where it is the first disc's own farthest point.
-            Where that heading is as good as any other of the second disc, whose rim is met on it, both are named.
-    """
-
-    point: Point
-    distance: Array
-    first: Array
-    second: Array
+FEW = 8
+"""The most discs of which every corner is tried."""
 
 
-def project(discs: Discs, target: Point, nearest: Point, distance: Array) -> Projection:
+def project(discs: Discs, target: Point, nearest: Point, distance: Array) -> Meeting:
     """Project a point on the intersection of discs.
 
     In the plane no more than two discs bind (the normal cone at a point has two edges), so the distance from the
@@ -102,19 +90,55 @@ def project(discs: Discs, target: Point, nearest: Point, distance: Array) -> Pro
     best = np.argmax(every, axis=-1)
     point = tuple(taken(np.concatenate(parts, axis=-1), best) for parts in zip(nearest, corner, strict=True))
     first, second = _numbers(distance.shape[-1], i, j)
-    return Projection((point[0], point[1]), taken(every, best), first[best], second[best])
+    return Meeting((point[0], point[1]), taken(every, best), first[best], second[best])
 
 
-def farthest(discs: Discs, headings: Point, reach: Array) -> Farthest:
+def farthest(discs: Discs, headings: Point, reach: Array) -> Meeting:
     """Find the farthest point of an intersection of discs from the evader.
 
-    It lies where a disc's own farthest point is inside all others, or at a corner of two. Along every such heading the
-    intersection is followed to its edge, so that what is returned is a point of it whatever rounding does.
+    It is a disc's own farthest point if that is inside all others, or else a corner of two. All corners of a few discs
+    are tried. Of many discs only a few matter: begin with the one that reaches least far, and add the disc that cuts
+    the found point off most, until none does.
 
     Args:
         discs: the discs, (..., n).
         headings: directions to each disc's own farthest point, (..., n), of length 1.
         reach: and how far that is from the evader, (..., n), m.
+    """
+    count = reach.shape[-1]
+    if count <= FEW:
+        return _farthest_corner(discs, headings, reach)
+    chosen = np.argmin(reach, axis=-1)[..., None]
+    found = _of_chosen(discs, headings, reach, chosen)
+    while chosen.shape[-1] < count:
+        x, y = (part[..., None] / found.distance[..., None] for part in found.point)
+        edge = rim(discs, (x, y))
+        np.put_along_axis(edge, chosen, np.inf, axis=-1)
+        worst = np.argmin(edge, axis=-1)
+        cut = taken(edge, worst) < found.distance * (1.0 - 1e-13)
+        if not cut.any():
+            break
+        chosen = np.concatenate([chosen, np.where(cut, worst, chosen[..., 0])[..., None]], axis=-1)
+        again = _of_chosen(discs, headings, reach, chosen)
+        point = tuple(np.where(cut, one, other) for one, other in zip(again.point, found.point, strict=True))
+        rest = (np.where(cut, one, other) for one, other in zip(again[1:], found[1:], strict=True))
+        found = Meeting((point[0], point[1]), *rest)
+    return found
+
+
+def _of_chosen(discs: Discs, headings: Point, reach: Array, chosen: Array) -> Meeting:
+    """Return the farthest point of the intersection of some discs, whose numbers are (..., k)."""
+    some = Discs(*(np.take_along_axis(part, chosen, axis=-1) for part in discs))
+    to = [np.take_along_axis(part, chosen, axis=-1) for part in headings]
+    found = _farthest_corner(some, (to[0], to[1]), np.take_along_axis(reach, chosen, axis=-1))
+    return found._replace(first=taken(chosen, found.first), second=taken(chosen, found.second))
+
+
+def _farthest_corner(discs: Discs, headings: Point, reach: Array) -> Meeting:
+    """Try every disc's own farthest point and every corner.
+
+    Along each such heading the intersection is followed to its edge, so that what is returned is a point of it despite
+    rounding. Of points that are equally far, the one with the larger y, then the larger x is taken.
     """
     count = reach.shape[-1]
     i, j = np.triu_indices(count, 1)
@@ -125,16 +149,55 @@ def farthest(discs: Discs, headings: Point, reach: Array) -> Farthest:
     own = np.arange(count)
     along[..., own, own] = reach
     edge = np.min(along, axis=-1)
-    best = np.argmax(np.where(np.isfinite(edge), edge, -np.inf), axis=-1)
+    edge = np.where(np.isfinite(edge), edge, -np.inf)
+    tied = edge == np.max(edge, axis=-1, keepdims=True)
+    north = np.where(tied, y, -2.0)
+    tied = north == np.max(north, axis=-1, keepdims=True)
+    best = np.argmax(np.where(tied, x, -2.0), axis=-1)
     length = taken(edge, best)
     first, second = _numbers(count, i, j, times=2)
     met = taken(np.argmin(along, axis=-1), best)
-    return Farthest(
-        (length * taken(x, best), length * taken(y, best)),
-        length,
-        first[best],
-        np.where(best < count, met, second[best]),
-    )
+    point = length * taken(x, best), length * taken(y, best)
+    return Meeting(point, length, first[best], np.where(best < count, met, second[best]))
+
+
+def multipliers(
+    discs: Discs, speeds: tuple[Array, Array], goal: Point | None, point: Point, binds: tuple[Array, Array]
+) -> Array:
+    """Return by how much the value changes for each second that a pursuer starts late, (..., n).
+
+    X* maximises the evader's time t_E (PE), or minimises its distance from the target (TAD), among the points with
+    t_E(X) ≤ tᵢ(X) for every pursuer. The multipliers λᵢ of that problem solve
+
+        Σ λᵢ ∇(t_E − tᵢ) = ∇t_E  (PE),    Σ λᵢ ∇(t_E − tᵢ) = −∇‖X − T‖  (TAD).
+
+    Args:
+        discs: the discs, (..., n).
+        speeds: of the pursuers and the evader, (..., n), m/s.
+        goal: the target, (...), from the evader, m; None in PE.
+        point: X*, (...), from the evader, m.
+        binds: numbers of the two pursuers that decide it, (...), or of one, twice.
+    """
+    (u, v), (x, y) = speeds, point
+    run = _unit(point)
+    along = run if goal is None else _unit((goal[0] - x, goal[1] - y))
+    q = []
+    for who in binds:
+        px, py, pz = (taken(part, who) for part in discs[1:])
+        dx, dy = x - px, y - py
+        away = np.sqrt(dx * dx + dy * dy + pz * pz) * taken(u, who)
+        slow = taken(v, who)
+        q.append((run[0] / slow - dx / away, run[1] / slow - dy / away))
+    pull = (along[0] / v[..., 0], along[1] / v[..., 0]) if goal is None else along
+    turn = _cross(q[0], q[1])
+    single = binds[0] == binds[1]
+    own = (pull[0] * q[0][0] + pull[1] * q[0][1]) / (q[0][0] * q[0][0] + q[0][1] * q[0][1])
+    first = np.where(single, own, _cross(pull, q[1]) / turn)
+    second = np.where(single, own, _cross(q[0], pull) / turn)
+    every = np.arange(u.shape[-1])
+    found = np.where(every == binds[1][..., None], second[..., None], 0.0)
+    found = np.where(every == binds[0][..., None], first[..., None], found)
+    return np.where(np.isfinite(found), np.maximum(found, 0.0), 0.0)
 
 
 def excess(discs: Discs, point: Point) -> Array:
@@ -183,7 +246,9 @@ def crossings(one: Discs, other: Discs) -> tuple[Point, Point]:
 
 def taken(array: Array, index: Array) -> Array:
     """Take one element along the last axis, (..., n) → (...)."""
-    return np.take_along_axis(array, index[..., None], axis=-1)[..., 0]
+    rows = index.size
+    flat = np.broadcast_to(array, (*index.shape, array.shape[-1])) if array.ndim <= index.ndim else array
+    return np.asarray(flat.reshape(rows, -1)[np.arange(rows), index.reshape(rows)].reshape(index.shape))
 
 
 def _nearer(goal: Point, corners: tuple[Point, Point]) -> tuple[Point, Array]:

@@ -1,30 +1,50 @@
 """Many pursuers against many evaders: who plays against whom, and how many captures are guaranteed.
 
-TAD: an edge is a pursuer that beats an evader alone. A pair of pursuers beats an evader only if one of the two does, as
-the target is out of the intersection of two discs only where it is out of one; and more than two never bind. So a
-maximum matching of single pursuers, of size m, is the most that can be guaranteed by teams for an evader each. It
-guarantees m captures, because the L of each of its pairs never falls, and matching again never lowers m (Chen, Zhou &
-Tomlin, ACC 2014). Among the maximum matchings the one with the largest sum of L is taken: a linear assignment. Pursuers
-that are left then join the first of an evader, one each, so that the sum of what they add to L is largest. That keeps
-the guarantees, since the L of a pair never falls either.
+TAD: an edge is a pursuer that beats an evader alone. A pair of pursuers beats an evader only if one of the two does,
+and more than two never bind. So a maximum matching of single pursuers, of size m, is the most that teams can guarantee.
+Its m captures stay guaranteed in play, because the L of each pair never falls (Chen, Zhou & Tomlin, ACC 2014). Among
+the maximum matchings the one with the largest sum of L is taken: a linear assignment. The remaining pursuers join the
+first pursuer of an evader, one each, so that the sum of what they add to L is largest.
 
 PE: as many pursuers as there are evaders are assigned so that the sum of their capture times is least. Each time is a
-guarantee and an upper bound of the game's value; `lower_bound` is what the evader surely has against all of them.
+guarantee. `lower_bound` is the time that the evader has at least against all pursuers.
 
-Pursuers that are left still go where they come closest to a capture of their own, and guarantee nothing there.
+A matching keeps the promises of the one before it. An evader that was promised keeps its team, unless another pursuer
+alone keeps it as far from its target, or captures it as soon. A second pursuer leaves its team only if the value stays.
+A promise ends with the capture, or when the team no longer wins (the pursuers did not play their part).
+
+Pursuers that remain go where they come closest to a capture of their own, and guarantee nothing there.
 """
 
+from __future__ import annotations
+
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game import Game, Reason, Solution, Winner, solve
-from guidance.game.team.assignment import assigned_rows
-from guidance.game.team.discs import Array
-from guidance.game.team.several import TeamSolution, fitting, solve_team, speeds, spoiled, vectors, with_speeds
+from guidance.extras import how_to_add
+from guidance.game.game import Game, Reason, Winner
+from guidance.game.records import require
+from guidance.game.solution import solve
+from guidance.game.team.discs import Array, Meeting, taken
+from guidance.game.team.several import (
+    Team,
+    TeamSolution,
+    chase,
+    defence,
+    fitting,
+    meeting_of,
+    speeds,
+    spoiled,
+    team_of,
+    vectors,
+    with_speeds,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class Matching(NamedTuple):
@@ -43,7 +63,7 @@ class Matching(NamedTuple):
         winner: `Winner`, (..., m): 1 where the capture is guaranteed, −1 where it is not, 0 out of play.
         value: TAD: distance from its target that an evader is kept at, (..., m), m; 0 where nobody keeps it. PE: time
             in which it is captured at the latest, s; infinite where nobody is assigned. NaN out of play.
-        lower_bound: TAD: the value again. PE: the time that the evader surely has, (..., m), s.
+        lower_bound: TAD: the value again. PE: the time that the evader has at least, (..., m), s.
         meeting_point_m: where each evader ends, (..., m, 3), m: X*, or its target.
         pursuer_velocity_m_s: (..., n, 3), m/s; zero where no evader is left.
         evader_velocity_m_s: (..., m, 3), m/s; zero out of play.
@@ -85,28 +105,25 @@ def match_teams(
         evaders: positions, (..., m, 3), m.
         target: position of each evader's target, (..., m, 3), or of the one target of all, (3,), m; None for PE.
         in_play: which evaders are still to be captured, (..., m); all of them by default.
-        previous: the matching so far.
-        hysteresis: what a new pair must be better by, m in TAD and s in PE, than one that is kept from `previous`.
-            Guarantees do not need it; without it, pursuers between two matchings of the same sum dither.
+        previous: the matching so far, whose promises are kept.
+        hysteresis: what a new pair must be better by than one of `previous`, m in TAD and s in PE.
 
     Raises:
-        ConfigError: as `solve_team`.
+        ConfigError: as `solve_team`; `in_play` holds something other than true and false, or `hysteresis` is not a
+            finite number, zero or more.
     """
-    if not (np.isfinite(hysteresis) and hysteresis >= 0):
-        raise ConfigError(f"hysteresis = {hysteresis!r}: must be a finite number, zero or more")
+    require("hysteresis", hysteresis, zero_allowed=True)
     table = _table(game, pursuers, evaders, target, in_play)
-    alone = table.alone
     with np.errstate(all="ignore"):
-        latest = np.max(alone.value, axis=(-2, -1), keepdims=True)
-        profit = latest - alone.value if target is None else alone.value
-        beats = (alone.winner > 0) & table.present[..., None, :]
-        first = _assigned(np.where(beats, profit, -np.inf), None if previous is None else previous.first, hysteresis)
+        kept = None if previous is None else _kept(table, previous)
+        first = _firsts(table, kept, hysteresis)
         if target is None:
-            second, played = np.full_like(first, -1), _all_against_each(table)
+            answer = _chased(table, first)
         else:
-            second = _seconds(table, first, None if previous is None else previous.second, hysteresis)
-            played = _teams(table, np.stack([first, np.where(second < 0, first, second)], axis=-1))
-        return _judged(_assembled(table, beats, first, second, played), table)
+            pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else _pairs(table, first)
+            second = _seconds(table, pairs, first, kept, hysteresis)
+            answer = _defended(table, pairs, first, second)
+    return _judged(Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer)), table)
 
 
 def each_speed(game: Game) -> tuple[Any, Any]:
@@ -126,16 +143,43 @@ def each_speed(game: Game) -> tuple[Any, Any]:
 
 
 class _Table(NamedTuple):
-    """Everybody against everybody: positions (..., n, 3) and (..., m, 3), speeds, and each pair solved by itself."""
+    """Everybody against everybody, with the leading axes made one, b.
 
-    game: Game
-    u: Array
-    v: Array
-    pursuers: Array
+    Attributes:
+        shape: the leading axes.
+        evaders: positions, (b, m, 3), m.
+        target: of each, (b, m, 3), m; None in PE.
+        present: which are in play, (b, m).
+        all: each pair by itself, the pursuers along the last axis: (b, m, n).
+        worth: of each pair, larger is better, (b, m, n): L, m, in TAD; minus the capture time, s, in PE.
+        beats: whether a pursuer captures an evader that is in play alone, (b, m, n).
+    """
+
+    shape: tuple[int, ...]
     evaders: Array
     target: Array | None
     present: Array
-    alone: Solution
+    all: Team
+    worth: Array
+    beats: Array
+
+
+class _Kept(NamedTuple):
+    """What is left of an earlier matching's promises.
+
+    Attributes:
+        first: of its teams that still win, (b, m); −1 for none.
+        second: the pursuer beside it; −1 for none.
+        worth: what the team is worth now.
+        asked: of all its teams.
+        pairs: in TAD, these with each pursuer beside them, (b, m, n).
+    """
+
+    first: Array
+    second: Array
+    worth: Array
+    asked: Array
+    pairs: Meeting | None
 
 
 def _table(
@@ -145,148 +189,209 @@ def _table(
     u, v = each_speed(game)
     P, E = vectors("pursuers", pursuers, "(..., n, 3)"), vectors("evaders", evaders, "(..., m, 3)")
     T = None if target is None else vectors("target", target, "(..., 3)")
-    present = np.ones(E.shape[-2], dtype=bool) if in_play is None else np.asarray(in_play, dtype=bool)
-    if present.shape[-1:] != E.shape[-2:-1]:
-        raise ConfigError(f"in_play = {in_play!r}: must say for each of {E.shape[-2]} evaders whether it is in play")
+    n, m = P.shape[-2], E.shape[-2]
+    present = _in_play(in_play, m)
     evader_axes = {"evaders": E.shape[:-1], "in_play": present.shape, "evader_speed_m_s": np.shape(v)}
     whole = fitting(evader_axes | ({} if T is None else {"target": T.shape[:-1]}))
     shape = fitting({"pursuers": P.shape[:-2], "speed_m_s": np.shape(u)[:-1], "evaders and what they have": whole[:-1]})
-    n, m = P.shape[-2], E.shape[-2]
-    P, E = np.broadcast_to(P, (*shape, n, 3)), np.broadcast_to(E, (*shape, m, 3))
-    T = None if T is None else np.broadcast_to(T, (*shape, m, 3))
-    alone = solve(game, P[..., :, None, :], E[..., None, :, :], None if T is None else T[..., None, :, :])
-    return _Table(game, u, v, P, E, T, np.broadcast_to(present, (*shape, m)), alone)
+    b = math.prod(shape)
+    P, E = (np.broadcast_to(one, (*shape, *one.shape[-2:])).reshape(b, one.shape[-2], 3) for one in (P, E))
+    T = None if T is None else np.broadcast_to(T, (*shape, m, 3)).reshape(b, m, 3)
+    if np.ndim(u) or np.ndim(v):
+        u = np.broadcast_to(u, (*shape, n)).reshape(b, 1, n)
+        game = with_speeds(game, u, np.broadcast_to(v, (*shape, m)).reshape(b, m, 1))
+    present = np.broadcast_to(present, (*shape, m)).reshape(b, m)
+    P, one = P[:, None], E[:, :, None]
+    goal = None if T is None else T[:, :, None]
+    alone = solve(game, P, one, goal)
+    with np.errstate(all="ignore"):
+        each = team_of(game, P, one, goal, alone)
+    worth = alone.value if T is not None else -alone.value
+    return _Table(shape, E, T, present, each, worth, (alone.winner > 0) & present[..., None])
 
 
-def _assigned(profit: Array, kept: Array | None, hysteresis: float) -> Array:
-    """Return the pursuer of each evader, (..., m), −1 for none: as many as can be, and of those the largest profit.
-
-    Args:
-        profit: of each pair, (..., n, m), zero or more; −∞ where there is none.
-        kept: who had been assigned before, (..., m).
-        hysteresis: what it is worth to keep a pair.
-    """
-    n, m = profit.shape[-2:]
-    if kept is not None:
-        same = np.arange(n)[:, None] == kept[..., None, :]
-        profit = np.where(same, profit + hysteresis, profit)
-    edges = np.isfinite(profit)
-    # One pair more is worth more than any profit; a share of it for the evaders and pursuers is never used up.
-    one = 1.0 + min(n, m) * np.max(np.where(edges, profit, 0.0), axis=(-2, -1), keepdims=True)
-    worth = np.where(edges, one + profit, 0.0)
-    found = assigned_rows(worth)
-    return np.where((found >= 0) & _of_pair(edges, found), found, -1)
+def _in_play(given: ArrayLike | None, m: int) -> Array:
+    """Return which evaders are in play, as truths."""
+    if given is None:
+        return np.ones(m, dtype=bool)
+    try:
+        present = np.asarray(given)
+    except ValueError:  # lists of different lengths
+        present = np.empty(0)
+    if isinstance(given, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not np.isin(present, (0, 1)).all():
+        raise ConfigError(
+            f"in_play = {given!r}: must say for each of {m} evaders whether it is in play, by true or false"
+        )
+    return present.astype(bool)
 
 
-def _seconds(table: _Table, first: Array, kept: Array | None, hysteresis: float) -> Array:
-    """Return who joins the first of each evader, (..., m), −1 for nobody."""
-    n = table.pursuers.shape[-2]
-    matched = first >= 0
-    busy = (np.arange(n)[:, None] == first[..., None, :]).any(axis=-1)
+def _kept(table: _Table, previous: Matching) -> _Kept:
+    """Return the teams of an earlier matching that still win, and what they are worth now."""
+    b, m, n = table.worth.shape
+    first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in (previous.first, previous.second))
+    first = np.where((first < n) & table.present, first, -1)
+    second = np.where((second < n) & (first >= 0), second, -1)
+    worth, wins, pairs = _of(table.worth, first), _of(table.beats, first), None
+    if table.target is not None:
+        pairs = _pairs(table, first)
+        worth = np.where(second < 0, worth, _of(pairs.distance, second))
+        wins |= (second >= 0) & _of(table.beats, second)
+    stays = (first >= 0) & wins
+    return _Kept(np.where(stays, first, -1), np.where(stays, second, -1), worth, first, pairs)
+
+
+def _firsts(table: _Table, kept: _Kept | None, hysteresis: float) -> Array:
+    """Return who guarantees the capture of each evader, (b, m), −1 for nobody."""
+    every = np.arange(table.worth.shape[-1])
+    least = np.min(np.where(table.beats, table.worth, np.inf), axis=(1, 2), keepdims=True)
+    profit = table.worth - np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
+    if kept is None:
+        return _assigned(np.where(table.beats, profit, -np.inf))
+    promised = (kept.first >= 0)[..., None]
+    old = promised & (every == kept.first[..., None])
+    needed = kept.second >= 0
+    needed &= _of(table.worth, kept.first) < kept.worth
+    partner = needed[..., None] & (every == kept.second[..., None])
+    as_good = ~promised | (table.worth >= kept.worth[..., None] + hysteresis)
+    free = ~partner.any(axis=1)[:, None] | partner
+    edges = old | (table.beats & as_good & free)
+    profit = np.where(old, profit + (kept.worth[..., None] - table.worth) + hysteresis, profit)
+    return _assigned(np.where(edges, np.maximum(profit, 0.0), -np.inf), first=kept.first >= 0)
+
+
+def _pairs(table: _Table, first: Array) -> Meeting:
+    """Return where the first of each evader meets it together with each other pursuer, (b, m, n)."""
+    b, m, n = table.worth.shape
+    who = np.empty((b, m, n, 2), dtype=np.intp)
+    who[..., 0], who[..., 1] = np.maximum(first, 0)[..., None], np.arange(n)
+    return meeting_of(table.all, (np.arange(b)[:, None, None, None], np.arange(m)[:, None, None], who))
+
+
+def _seconds(table: _Table, pairs: Meeting, first: Array, kept: _Kept | None, hysteresis: float) -> Array:
+    """Return who joins the first of each evader, (b, m), −1 for nobody."""
+    every, matched = np.arange(table.worth.shape[-1]), first >= 0
+    busy = (every == first[..., None]).any(axis=1)
     if busy.all() or not matched.any():
         return np.full_like(first, -1)
-    beside = np.broadcast_arrays(first[..., None, :], np.arange(n)[:, None])
-    pairs = _teams(table, np.stack(beside, axis=-1))
-    gain = pairs.value - _of_pair(table.alone.value, first)[..., None, :]
-    useful = matched[..., None, :] & ~busy[..., None] & (gain > 0)
-    return _assigned(np.where(useful, gain, -np.inf), kept, hysteresis)
+    gain = pairs.distance - _of(table.worth, first)[..., None]
+    useful = matched[..., None] & ~busy[:, None] & (gain > 0)
+    if kept is None:
+        return _assigned(np.where(useful, gain, -np.inf))
+    old = every == kept.second[..., None]
+    promised = (first == kept.first) & (useful & old).any(axis=-1)
+    as_good = gain >= _of(gain, kept.second)[..., None] + hysteresis
+    useful &= old | as_good | ~promised[..., None]
+    return _assigned(np.where(useful, gain + np.where(old, hysteresis, 0.0), -np.inf), promised)
 
 
-def _teams(table: _Table, who: Array) -> TeamSolution:
-    """Solve a team of pursuers `who` against each evader, (..., m, k), or several beside each other, (..., n, m, k)."""
-    beside = who.ndim - table.evaders.ndim
-    axes = (..., *[None] * beside, slice(None))
-    lead = table.pursuers.shape[:-2]
-    flat = np.maximum(who, 0).reshape(*lead, math.prod(who.shape[len(lead) :]))
-    P = np.take_along_axis(table.pursuers, flat[..., None], axis=-2).reshape(*who.shape, 3)
-    u, v = table.u, table.v
-    if np.ndim(u):
-        u = np.take_along_axis(np.broadcast_to(u, table.pursuers.shape[:-1]), flat, axis=-1).reshape(who.shape)
-    if np.ndim(v):
-        v = np.broadcast_to(v, table.present.shape)[axes][..., None]
-    T = table.target
-    E, T = table.evaders[(*axes, slice(None))], None if T is None else T[(*axes, slice(None))]
-    return solve_team(with_speeds(table.game, u, v), P, E, T)
+def _assigned(profit: Array, first: Array | None = None) -> Array:
+    """Return the pursuer of each evader, (b, m), −1 for none: as many as can be, and of those the largest profit.
+
+    Args:
+        profit: of each pair, (b, m, n), zero or more; −∞ where there is none.
+        first: which evaders come first, (b, m), where not all can be matched.
+    """
+    try:
+        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - only teams need it, and it loads slowly
+    except ImportError:
+        raise ConfigError(f"match_teams: {how_to_add('sim')}") from None
+    b, m, n = profit.shape
+    edges = profit > -np.inf
+    # One pair more is worth more than all profits together.
+    one = 1.0 + min(n, m) * np.max(np.where(edges, profit, 0.0), axis=(1, 2), keepdims=True)
+    worth = one + profit if first is None else one * (1.0 + first[..., None]) + profit
+    worth = np.where(edges, worth, 0.0)
+    found = np.full((b, m), -1)
+    for row in np.flatnonzero(np.isfinite(worth).all(axis=(1, 2))):
+        evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
+        found[row, evader] = pursuer
+    return np.where((found >= 0) & _of(edges, found), found, -1)
 
 
-def _all_against_each(table: _Table) -> TeamSolution:
-    """Solve the game of all pursuers against each evader."""
-    u = table.u[..., None, :] if np.ndim(table.u) else table.u
-    v = table.v[..., None] if np.ndim(table.v) else table.v
-    return solve_team(with_speeds(table.game, u, v), table.pursuers[..., None, :, :], table.evaders, table.target)
+def _chased(table: _Table, first: Array) -> Matching:
+    """Put the answer in PE together, (b, ...)."""
+    guarded = first >= 0
+    played, _ = chase(table.all, table.evaders, bracket=False)
+    value = np.where(guarded, -_of(table.worth, first), np.inf)
+    return _answer(table, first, np.full_like(first, -1), played._replace(value=value))
 
 
-def _assembled(table: _Table, beats: Array, first: Array, second: Array, played: TeamSolution) -> Matching:
-    """Put the answer together."""
-    alone, present, guarded = table.alone, table.present, first >= 0
+def _defended(table: _Table, pairs: Meeting, first: Array, second: Array) -> Matching:
+    """Put the answer in TAD together, (b, ...)."""
+    b, m, _ = table.worth.shape
+    row, evader, guarded = np.arange(b)[:, None], np.arange(m), first >= 0
+    beside = np.maximum(np.where(second < 0, first, second), 0)
+    team = table.all.pick((row[..., None], evader[:, None], np.stack([np.maximum(first, 0), beside], axis=-1)))
+    x, y = (part[row, evader, beside] for part in pairs.point)
+    found = Meeting((x, y), *(part[row, evader, beside] for part in pairs[1:]))
+    played = defence(team, table.evaders, found)
+    value = np.where(guarded, played.value, 0.0)
+    nearest = np.argmax(table.all.alone.margin_s, axis=-1)
+    played = played._replace(
+        value=value,
+        lower_bound=value,
+        meeting_point_m=np.where(guarded[..., None], played.meeting_point_m, table.target),
+        evader_velocity_m_s=np.where(guarded[..., None], played.evader_velocity_m_s, _to_target(table)),
+        reason=np.where(guarded, played.reason, taken(table.all.alone.reason, nearest)),
+    )
+    return _answer(table, first, second, played)
+
+
+def _answer(table: _Table, first: Array, second: Array, played: TeamSolution) -> Matching:
+    """Put the answer together, (b, ...), from what is played with each evader; in TAD by its own two pursuers."""
+    alone, present, guarded = table.all.alone, table.present, first >= 0
     there = np.where(present, 0.0, np.nan)
-    if table.target is None:
-        value = np.where(guarded, _of_pair(alone.value, first), np.inf)
-        lower, meeting, run, lost = played.lower_bound, played.meeting_point_m, played.evader_velocity_m_s, 0
-        reason = played.reason
-    else:
-        value = lower = np.where(guarded, played.value, 0.0)
-        meeting = np.where(guarded[..., None], played.meeting_point_m, table.target)
-        run = np.where(guarded[..., None], played.evader_velocity_m_s, _straight(table, table.target))
-        nearest = np.argmax(alone.margin_s, axis=-2)
-        lost, reason = int(Winner.EVADER), np.where(guarded, played.reason, _of_pair(alone.reason, nearest))
     evader_of = _evader_of(table, first, second)
+    flown = _of(alone.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
+    flown = np.where((evader_of < 0)[..., None], 0.0 * flown, flown)
+    lost = 0
+    if table.target is not None:
+        lost = int(Winner.EVADER)
+        for slot, who in enumerate((first, second)):
+            row, evader = np.nonzero(who >= 0)
+            flown[row, who[row, evader]] = played.pursuer_velocity_m_s[row, evader, slot]
     return Matching(
         guaranteed=np.count_nonzero(guarded, axis=-1),
-        total=_summed(np.where(guarded, value, 0.0)),
+        total=_summed(np.where(guarded, played.value, 0.0)),
         first=first,
         second=second,
         evader_of=evader_of,
-        beats=beats,
-        alone=alone.value + there[..., None, :],
+        beats=table.beats.swapaxes(1, 2),
+        alone=(alone.value + there[..., None]).swapaxes(1, 2),
         winner=np.where(guarded, int(Winner.PURSUER), np.where(present, lost, 0)).astype(np.int8),
-        value=value + there,
-        lower_bound=lower + there,
-        meeting_point_m=meeting + there[..., None],
-        pursuer_velocity_m_s=_flown(table, first, second, evader_of, played),
-        evader_velocity_m_s=np.where(present[..., None], run, 0.0 * run),
-        reason=reason,
+        value=played.value + there,
+        lower_bound=played.lower_bound + there,
+        meeting_point_m=played.meeting_point_m + there[..., None],
+        pursuer_velocity_m_s=flown,
+        evader_velocity_m_s=np.where(present[..., None], played.evader_velocity_m_s, 0.0),
+        reason=played.reason,
     )
 
 
 def _evader_of(table: _Table, first: Array, second: Array) -> Array:
     """Return whom each pursuer plays against: its own evader, or else the one it is closest to capturing."""
-    n = np.arange(table.pursuers.shape[-2])[:, None]
-    mine = (n == first[..., None, :]) | (n == second[..., None, :])
+    every = np.arange(table.worth.shape[-1])
+    mine = (every == first[..., None]) | (every == second[..., None])
     left = table.present & (first < 0)
-    pool = np.where(left.any(axis=-1, keepdims=True), left, table.present)[..., None, :]
-    score = -table.alone.value if table.target is None else table.alone.margin_s
-    closest = np.argmax(np.where(pool, score, -np.inf), axis=-1)
-    own = np.where(mine.any(axis=-1), np.argmax(mine, axis=-1), closest)
-    return np.where(table.present.any(axis=-1, keepdims=True), own, -1)
+    pool = np.where(left.any(axis=1, keepdims=True), left, table.present)[..., None]
+    score = table.worth if table.target is None else table.all.alone.margin_s
+    closest = np.argmax(np.where(pool, score, -np.inf), axis=1)
+    own = np.where(mine.any(axis=1), np.argmax(mine, axis=1), closest)
+    return np.where(table.present.any(axis=1, keepdims=True), own, -1)
 
 
-def _flown(table: _Table, first: Array, second: Array, evader_of: Array, played: TeamSolution) -> Array:
-    """Return the pursuers' velocities: in TAD those of a pair together, else each its own game's."""
-    place = np.maximum(evader_of, 0)
-    own = np.take_along_axis(table.alone.pursuer_velocity_m_s, place[..., None, None], axis=-2)[..., 0, :]
-    flown = np.where((evader_of < 0)[..., None], 0.0 * own, own)
-    if table.target is None:
-        return flown
-    n = np.arange(table.pursuers.shape[-2])
-    for slot, who in enumerate((first, second)):
-        chosen = np.take_along_axis(who, place, axis=-1) == n
-        together = np.take_along_axis(played.pursuer_velocity_m_s[..., slot, :], place[..., None], axis=-2)
-        flown = np.where(chosen[..., None], together, flown)
-    return flown
+def _of(table: Array, who: Array) -> Array:
+    """Take from a table (b, m, n) or (b, m, n, 3) what belongs to one pursuer of each evader, (b, m)."""
+    b, m = who.shape
+    return np.asarray(table[np.arange(b)[:, None], np.arange(m), np.maximum(who, 0)])
 
 
-def _straight(table: _Table, target: Array) -> Array:
-    """Return the velocities of evaders that run straight to their targets, (..., m, 3), m/s."""
-    x, y = (target[..., axis] - table.evaders[..., axis] for axis in (0, 1))
-    length = np.sqrt(x * x + y * y)
-    rate = np.where(length > 0, table.v / length, 0.0 * length)
-    return np.stack([rate * x, rate * y, 0.0 * rate], axis=-1)
-
-
-def _of_pair(table: Array, who: Array) -> Array:
-    """Take from a table (..., n, m) what belongs to one pursuer for each evader, (..., m)."""
-    return np.take_along_axis(table, np.maximum(who, 0)[..., None, :], axis=-2)[..., 0, :]
+def _to_target(table: _Table) -> Array:
+    """Return the velocities of evaders that run straight to their targets, (b, m, 3), m/s."""
+    to = (table.target - table.evaders) * [1.0, 1.0, 0.0]
+    length = np.sqrt(to[..., 0] * to[..., 0] + to[..., 1] * to[..., 1])
+    rate = np.where(length > 0, table.all.v[..., 0] / length, 0.0 * length)
+    return np.asarray(rate[..., None] * to)
 
 
 def _summed(parts: Array) -> Array:
@@ -296,8 +401,8 @@ def _summed(parts: Array) -> Array:
 
 def _judged(answer: Matching, table: _Table) -> Matching:
     """Spoil the rows without an answer, or refuse a single state that has none."""
-    worst = np.max(table.alone.reason, axis=(-2, -1))
-    sound = np.asarray(worst < int(Reason.NOT_FINITE))
+    worst = np.max(table.all.alone.reason, axis=(1, 2)).reshape(table.shape)
+    sound = worst < int(Reason.NOT_FINITE)
     if sound.all():
         return answer
     if sound.ndim == 0:

@@ -1,35 +1,44 @@
 """Teams played to the end of the game: all players as point masses, each evader until it is captured or arrives.
 
-Everybody keeps a velocity for a step, and a step is never longer than the least time in which something could end, so
-that no end is stepped over; the steps close in on it until it is a nanosecond away. Whoever has ended stays where it
-is, and its pursuers are matched again.
+All players keep a velocity for a step. A step is never longer than the least time in which an evader could be captured
+or arrive, so that no end is missed; the steps shorten until the end is a nanosecond away. An evader that has ended
+stays where it is, and its pursuers are matched again. Promises of the first matching are kept: an evader ends no closer
+to its target than promised, or no later, with an error of up to 2 (u + v) `step_s` because velocities are held.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game, Policy, Reason
-from guidance.game.team.discs import Array
+from guidance.game.game import Game, Reason
+from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
+from guidance.game.records import require
+from guidance.game.rollout import NANOSECOND_S, End
 from guidance.game.team.matching import Matching, each_speed, match_teams
 from guidance.game.team.several import with_speeds
 
-NANOSECOND_S = 1e-9
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from guidance.game.team.discs import Array
+
+    Policies = str | Policy | Sequence[str | Policy]
+    """One policy for all players of a side, or one for each."""
+
 SPARE_STEPS = 10_000
-"""Steps that a game may take to close in on its ends, beyond those of its duration."""
+"""Steps that a game may take beyond those of its duration, to close in on its ends."""
 
 OPTIMAL = "optimal"
 
-Policies = str | Policy | Sequence[str | Policy]
-"""How a team plays: all alike, or each player its own way."""
-
 
 class TeamSample(NamedTuple):
-    """A moment of a batch of games: the time (...), positions, how each evader ended (..., m), and who plays whom."""
+    """A moment of a batch of games: time (...), positions, how each evader has ended (..., m), and the matching."""
 
     time_s: Array
     pursuers_m: Array
@@ -63,7 +72,7 @@ class TeamRollout(NamedTuple):
 
 
 class _Sides(NamedTuple):
-    """What does not change while a batch is played: speeds (..., n) and (..., m), targets, and how they play."""
+    """What stays the same while a batch is played: speeds (..., n) and (..., m), targets, and policies."""
 
     game: Game
     u: Array
@@ -94,23 +103,21 @@ def rollout_teams(
         pursuers: initial positions, (..., n, 3), m.
         evaders: initial positions, (..., m, 3), m.
         target: each evader's target, (..., m, 3), or the one of all, (3,), m; None for PE.
-        pursuer_policy: "optimal" is the play of `match_teams`; any other policy of `PURSUER_POLICIES`, or a function
+        pursuer_policy: "optimal" is the play of `match_teams`. Any other name in `PURSUER_POLICIES`, or a function
             like them, is played by each pursuer against the evader that it is matched with.
-        evader_policy: likewise of `EVADER_POLICIES`, against the nearest pursuer.
+        evader_policy: "optimal", or a name in `EVADER_POLICIES` or a function, played against the nearest pursuer.
         capture_m: distance that counts as captured, m.
-        step_s: longest step.
-        duration_s: when to stop at the latest.
+        step_s: longest step, s.
+        duration_s: when to stop at the latest, s.
         hysteresis: as `match_teams`.
         keep_path: whether to keep every sample.
 
     Raises:
         ConfigError: as `match_teams`; an unknown policy; or a number that is out of range.
     """
-    for name, value in (("step_s", step_s), ("duration_s", duration_s)):
-        if not (math.isfinite(value) and value > 0):
-            raise ConfigError(f"{name} = {value!r}: must be a finite number above 0")
-    if not (math.isfinite(capture_m) and capture_m >= 0):
-        raise ConfigError(f"capture_m = {capture_m!r}: must be a finite number, zero or more")
+    require("step_s", step_s)
+    require("duration_s", duration_s)
+    require("capture_m", capture_m, zero_allowed=True)
     first = match_teams(game, pursuers, evaders, target)
     shape, (n, m) = first.guaranteed.shape, first.beats.shape[-2:]
     u, v = each_speed(game)
@@ -155,7 +162,7 @@ def rollout_teams(
 
 
 def _ahead(team: _Sides, P: Array, E: Array, capture_m: float) -> tuple[Array, Array]:
-    """Return the least times, s, in which each pursuer could capture each evader, and an evader be at its target."""
+    """Return the least times, s, in which a pursuer could capture an evader, and an evader arrive at its target."""
     w = P[..., :, None, :] - E[..., None, :, :]
     height = w[..., 2] - team.game.standoff.height_m
     gap = np.sqrt(w[..., 0] ** 2 + w[..., 1] ** 2 + height**2) - capture_m
@@ -206,7 +213,7 @@ def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Polic
         if isinstance(policy, str) and policy not in catalogue:
             raise ConfigError(f"{name} = {policy!r}: must be one of {', '.join(catalogue)}")
     if len(each) != count:
-        raise ConfigError(f"{name}: has {len(each)} policies for {count} players; give one, or one for each")
+        raise ConfigError(f"{name}: {len(each)} policies for {count} players; give one for all, or one for each")
     return each
 
 

@@ -1,30 +1,42 @@
 """Several pursuers against one evader.
 
-TAD: the evader owns the points that it reaches before every pursuer, the intersection of the discs of `discs`. That is
-convex, so that one point X* of it is closest to the target, and the value of the game is
+TAD: the evader reaches the points of the intersection of the discs of `discs` before any pursuer. The intersection is
+convex, so one point X* of it is closest to the target, and the value of the game is
 
     L = dist(T, ∩ᵢ discᵢ).
 
-The team wins as soon as one pursuer wins alone: T is out of the intersection only where it is out of a disc. A second
-pursuer makes L larger, and more than two never bind. Those that bind fly straight to X*; then L never falls, whatever
-the evader does, since the multipliers of X* that weigh what the pursuers gain weigh what the evader gains, too. Those
-that do not bind are free, and fly to X* here.
+The team wins if one pursuer wins alone, because T is outside the intersection only if it is outside one disc. A second
+pursuer increases L, and at most two discs decide X*. The pursuers that decide it fly straight to X*; then L never
+falls, whatever the evader does. The others are free and fly to X* too.
 
-PE: no value in closed form is known. What is known is given: the team captures no later than the best of its pursuers
-alone (`value`), and no sooner than the evader is at the farthest point of the intersection (`lower_bound`), a play that
-Von Moll et al. (2019) find optimal in open loop only. Every pursuer plays its own game here, so that each keeps its own
-guarantee, and the evader runs to that point.
+PE with two pursuers ("two cutters": Szots & Harmati, arXiv 2403.15188; Von Moll et al., arXiv 2407.19954): the value is
+the evader's time to the point X* of the intersection that is farthest from it. The evader and both pursuers go straight
+to X*. With λᵢ as in `TeamSolution.multipliers`, the value changes at the rate
+
+    −Σ λᵢ + (Σ λᵢ − 1) n·e ≤ −1    for every heading e of the evader, n the direction to X*, since Σ λᵢ ≥ 1.
+
+PE with three or more: the farthest point of the intersection is only a lower bound, because Σ λᵢ may be less than 1.
+The best pair is an upper bound: it captures in its own value alone. `TeamSolution` gives both.
+
+Where two points are equally far (a dispersal surface), any of them is optimal, and the evader may choose. Of points
+that are equally far to the last bit, `solve_team` takes the one with the larger y, then the larger x. Near such a
+surface each new solution decides anew; what the pursuers lose by that is less than the distance of one step.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Game, Reason, Solution, solve
-from guidance.game.team.discs import Array, Discs, Point, farthest, project, taken
+from guidance.game.game import Ball, Game, Reason
+from guidance.game.solution import Solution, solve
+from guidance.game.team.discs import Array, Discs, Meeting, Point, farthest, multipliers, project, taken
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 ALLOWED: dict[str, Any] = {
     "capture_radius_m": 0.0,
@@ -33,31 +45,9 @@ ALLOWED: dict[str, Any] = {
     "target_velocity_m_s": (0.0, 0.0),
     "evader_space": "plane",
 }
-"""What a team's game leaves as it is."""
+"""The settings of a team's game that have one allowed value."""
 
-_NO_DISC = "whose closed form intersects discs: with anything else what the evader reaches first is no disc"
-
-
-class _Team(NamedTuple):
-    """A state by components: speeds, the evader's position, and the discs of the pursuers, all (..., n)."""
-
-    u: Array
-    v: Array
-    evader: tuple[Array, Array, Array]
-    discs: Discs
-
-
-class _Meeting(NamedTuple):
-    """Where the evader ends, from where it is, and which two pursuers decide it, or one alone, twice."""
-
-    point: Point
-    first: Array
-    second: Array
-
-    @property
-    def alone(self) -> Array:
-        """Whether one decides alone."""
-        return np.asarray(self.first == self.second)
+_NO_DISC = "because only then the points that an evader reaches first form a disc"
 
 
 class TeamSolution(NamedTuple):
@@ -68,13 +58,17 @@ class TeamSolution(NamedTuple):
     Attributes:
         winner: `Winner`: 1 the team, −1 the evader, 0 neither (the barrier itself, or no answer).
         value: TAD: distance of the evader from its target at the capture, m, or, where the evader wins, the distance
-            that the nearest pursuer is short of a capture then, m. PE: the time in which the team captures at the
-            latest, s; an upper bound of the game's value, which its best pursuer keeps alone.
-        lower_bound: TAD: the value again. PE: the time that the evader surely has, s.
+            that the nearest pursuer is short of a capture then, m. PE: time to the capture, s. For three pursuers or
+            more it is an upper bound of the value, and the pursuers' play keeps it.
+        lower_bound: TAD, and PE with one or two pursuers: the value again. PE with three or more: the time that the
+            evader has at least, s.
         margin_s: how much sooner a pursuer can guard the target than the evader can be there, s; infinite in PE.
-        meeting_point_m: where the evader is when the game ends, (..., 3), m: X*; in PE the point that it runs to.
+        meeting_point_m: where the evader is when the game ends, (..., 3), m: X*. PE with three or more: the point that
+            gives `lower_bound`.
         meeting_time_s: when it is there, from now, s.
-        binds: which pursuers decide that point, (..., n): one, or two.
+        binds: which pursuers decide the value, (..., n): one, or two.
+        multipliers: by how much the value changes for each second that a pursuer starts late, (..., n): in PE λᵢ s
+            more, in TAD λᵢ m less. Zero for pursuers that do not bind, and where the evader wins.
         pursuer_velocity_m_s: velocities of the pursuers, (..., n, 3), m/s.
         evader_velocity_m_s: velocity of the evader, (..., 3), m/s.
         reason: `Reason`: solved, a degenerate state, or why there is no answer.
@@ -87,9 +81,39 @@ class TeamSolution(NamedTuple):
     meeting_point_m: Array
     meeting_time_s: Array
     binds: Array
+    multipliers: Array
     pursuer_velocity_m_s: Array
     evader_velocity_m_s: Array
     reason: Array
+
+
+class Team(NamedTuple):
+    """Every pursuer's game against the evader, (..., n), and what the games of several are made of.
+
+    Attributes:
+        u: speeds of the pursuers, m/s.
+        v: speed of the evader, m/s.
+        discs: the points that the evader reaches before each pursuer.
+        guide: TAD: each disc's point closest to the target, from the evader, m. PE: the direction of its farthest.
+        measure: TAD: the distance of that point from the target, m; zero if the target is in the disc. PE: from the
+            evader, m.
+        goal: the target from the evader, (...), m; None in PE.
+        alone: each pursuer's own game.
+    """
+
+    u: Array
+    v: Array
+    discs: Discs
+    guide: Point
+    measure: Array
+    goal: Point | None
+    alone: Solution
+
+    def pick(self, index: Any) -> Team:  # noqa: ANN401 - whatever indexes an array
+        """Return the team of some pursuers: those that an index takes from arrays (..., n)."""
+        discs, alone = Discs(*(part[index] for part in self.discs)), Solution(*(part[index] for part in self.alone))
+        guide = self.guide[0][index], self.guide[1][index]
+        return Team(self.u[index], self.v[index], discs, guide, self.measure[index], self.goal, alone)
 
 
 def solve_team(
@@ -126,10 +150,19 @@ def solve_team(
     shape = fitting(axes | {name: one.shape[:-1] for name, one in rest.items()})
     P = np.broadcast_to(P, (*shape, *P.shape[-2:]))
     lone = {name: np.broadcast_to(one, (*shape, 3))[..., None, :] for name, one in rest.items()}
-    alone = solve(game, P, lone["evader"], lone.get("target"), evader_velocity_m_s=lone.get("evader_velocity_m_s"))
+    E, T = lone["evader"], lone.get("target")
+    alone = solve(game, P, E, T, evader_velocity_m_s=lone.get("evader_velocity_m_s"))
     with np.errstate(all="ignore"):
-        team = _taken_apart(game, P, lone["evader"])
-        answer = _pursuit(team, alone) if target is None else _defence(team, alone, lone["target"])
+        team, place = team_of(game, P, E, T, alone), E[..., 0, :]
+        if T is None:
+            answer, best = chase(team, place)
+            won = np.True_
+        else:
+            best = meeting_of(team)
+            answer = defence(team, place, best)
+            won = (answer.winner > 0)[..., None]
+        late = multipliers(team.discs, (team.u, team.v), team.goal, best.point, (best.first, best.second))
+        answer = answer._replace(multipliers=np.where(won, late, 0.0))
         return _judged(answer, alone, {"pursuers": P, **rest})
 
 
@@ -141,12 +174,16 @@ def speeds(game: Game) -> tuple[Any, Any]:
     """
     if not isinstance(game.pursuer, Ball):
         raise ConfigError(f"pursuer = {game.pursuer!r}: must be a Ball in a game of teams, {_NO_DISC}")
-    given = {name: (getattr(game, name), allowed) for name, allowed in ALLOWED.items()}
-    for name, (value, allowed) in {**given, "standoff.radius_m": (game.standoff.radius_m, 0.0)}.items():
-        if any(map(np.ndim, value if isinstance(value, tuple) else (value,))) or value != allowed:
+    for name, allowed in ALLOWED.items():
+        value = getattr(game, name)
+        varies = any(map(np.ndim, value if isinstance(value, tuple) else (value,)))
+        if varies or value != allowed:
             raise ConfigError(f"{name} = {value!r}: must be {allowed!r} in a game of teams, {_NO_DISC}")
-    if np.ndim(game.standoff.height_m):
-        raise ConfigError(f"standoff.height_m = {game.standoff.height_m!r}: must be one number in a game of teams")
+    radius_m, height_m = game.standoff.radius_m, game.standoff.height_m
+    if np.ndim(radius_m) or radius_m != 0.0:
+        raise ConfigError(f"standoff.radius_m = {radius_m!r}: must be 0.0 in a game of teams, {_NO_DISC}")
+    if np.ndim(height_m):
+        raise ConfigError(f"standoff.height_m = {height_m!r}: must be one number in a game of teams")
     return game.pursuer.speed_m_s, game.evader_speed_m_s
 
 
@@ -159,12 +196,16 @@ def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     """Return an argument as an array of real numbers.
 
     Raises:
-        ConfigError: If it does not have as many axes as its shape says, at least, its last one is not of length 3, or
-            it holds no player where its shape says how many.
+        ConfigError: If it is not an array of numbers of this shape, has masked elements, or holds no player.
     """
-    found = np.asarray(array)
+    try:
+        found = np.asarray(array)
+    except ValueError:  # lists of different lengths
+        found = np.empty(0)
     axes = shape.count(",")
     nobody = axes > 1 and 0 in found.shape[-2:-1]
+    if isinstance(array, np.ma.MaskedArray):
+        raise ConfigError(f"{name} = {array!r}: must not be a masked array; leave those players out")
     if found.ndim < axes or nobody or found.shape[-1:] != (3,) or found.dtype.kind not in "fiu":
         raise ConfigError(f"{name} = {array!r}: must be an array of numbers of shape {shape}")
     return found if found.dtype.kind == "f" else found.astype(np.float64)
@@ -204,84 +245,156 @@ def _judged(answer: TeamSolution, alone: Solution, given: dict[str, Array]) -> T
     return TeamSolution(**parts)._replace(reason=np.where(sound, answer.reason, fault).astype(answer.reason.dtype))
 
 
-def _taken_apart(game: Game, P: Array, E: Array) -> _Team:
-    w, shape = P - E, P.shape[:-1]
-    u, v = (np.broadcast_to(np.asarray(speed, dtype=w.dtype), shape) for speed in speeds(game))
-    curvature = (u - v) * (u + v) / (v * v)
-    evader = np.broadcast_to(E, P.shape)
-    discs = Discs(curvature, w[..., 0], w[..., 1], w[..., 2] - game.standoff.height_m)
-    return _Team(u, v, (evader[..., 0], evader[..., 1], evader[..., 2]), discs)
+def team_of(game: Game, P: Array, E: Array, T: Array | None, alone: Solution) -> Team:
+    """Return the team whose pursuers are along the last axis but one of P.
+
+    Args:
+        game: what is played.
+        P: positions of the pursuers, (..., n, 3), m.
+        E: position of the evader, (..., 1, 3), m.
+        T: position of its target, (..., 1, 3), m, or None for PE.
+        alone: each pursuer's own game, (..., n).
+    """
+    w = P - E
+    u, v = (np.broadcast_to(np.asarray(speed, dtype=w.dtype), w.shape[:-1]) for speed in speeds(game))
+    discs = Discs((u - v) * (u + v) / (v * v), w[..., 0], w[..., 1], w[..., 2] - game.standoff.height_m)
+    if T is None:
+        run = alone.evader_velocity_m_s
+        return Team(u, v, discs, (run[..., 0] / v, run[..., 1] / v), alone.value * v, None, alone)
+    wins, to = alone.winner > 0, T - E
+    own = np.where(wins[..., None], alone.meeting_point_m - E, to)
+    measure = np.where(wins, alone.value, 0.0 * alone.value)
+    return Team(u, v, discs, (own[..., 0], own[..., 1]), measure, (to[..., 0, 0], to[..., 0, 1]), alone)
 
 
-def _defence(team: _Team, alone: Solution, T: Array) -> TeamSolution:
-    """Play TAD."""
-    winner, wins = np.max(alone.winner, axis=-1), alone.winner > 0
+def meeting_of(team: Team, index: Any = ...) -> Meeting:  # noqa: ANN401 - whatever indexes an array
+    """Return where the evader is closest to its target, or else farthest from where it is, before all of a team.
+
+    Args:
+        team: the pursuers.
+        index: which of them, as in `Team.pick`.
+    """
+    discs, measure = Discs(*(part[index] for part in team.discs)), team.measure[index]
+    guide = team.guide[0][index], team.guide[1][index]
+    if team.goal is None:
+        return farthest(discs, guide, measure)
+    beside = (..., *[None] * (measure.ndim - 1 - team.goal[0].ndim))
+    return project(discs, (team.goal[0][beside], team.goal[1][beside]), guide, measure)
+
+
+def defence(team: Team, evader: Array, found: Meeting) -> TeamSolution:
+    """Play TAD: see `solve_team`.
+
+    Args:
+        team: the pursuers.
+        evader: position of the evader, (..., 3), m.
+        found: `meeting_of` this team.
+    """
+    alone = team.alone
+    winner = np.max(alone.winner, axis=-1)
     won = winner > 0
-    target = T[..., 0] - team.evader[0], T[..., 1] - team.evader[1]
-    own = alone.meeting_point_m[..., 0] - team.evader[0], alone.meeting_point_m[..., 1] - team.evader[1]
-    nearest = np.where(wins, own[0], target[0]), np.where(wins, own[1], target[1])
-    found = project(
-        team.discs, (target[0][..., 0], target[1][..., 0]), nearest, np.where(wins, alone.value, 0.0 * alone.value)
-    )
-    # Nobody stops the evader: the pursuer that comes least short counts, or one that is there at the same instant.
+    # If nobody stops the evader, the pursuer counts that comes least short, or that is there at the same instant.
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
     first, second = np.where(won, found.first, least), np.where(won, found.second, least)
-    meeting = _Meeting(found.point, first, second)
     value = np.where(won, found.distance, taken(alone.value, least))
-    return _assembled(team, alone, meeting, first)._replace(
-        winner=winner, value=value, lower_bound=value, pursuer_velocity_m_s=_flown(team, alone, meeting, won)
+    found = Meeting(found.point, value, first, second)
+    flown = np.where(won[..., None, None], _straight(team, found), alone.pursuer_velocity_m_s)
+    return _assembled(team, evader, found, found, flown)
+
+
+def chase(team: Team, evader: Array, *, bracket: bool = True) -> tuple[TeamSolution, Meeting]:
+    """Play PE: see `solve_team`. The meeting is that of the pursuers that decide the value.
+
+    Args:
+        team: the pursuers.
+        evader: position of the evader, (..., 3), m.
+        bracket: whether to look for the best pair of three pursuers or more; else `value` is the lower bound.
+    """
+    alone, v = team.alone, team.v[..., 0]
+    soonest, least = np.argmin(alone.value, axis=-1), np.min(alone.value, axis=-1)
+    found = meeting_of(team)
+    caught = least <= 0
+    found = found._replace(
+        distance=np.where(found.first == found.second, taken(alone.value, found.first), found.distance / v),
+        first=np.where(caught, soonest, found.first),
+        second=np.where(caught, soonest, found.second),
+    )
+    best = _best_pair(team, found, soonest) if bracket and alone.value.shape[-1] > 2 else found
+    both = best.first != best.second
+    every = np.arange(alone.value.shape[-1])
+    flies = both[..., None] & ((every == best.first[..., None]) | (every == best.second[..., None]))
+    flown = np.where(flies[..., None], _straight(team, best), alone.pursuer_velocity_m_s)
+    return _assembled(team, evader, found, best, flown), best
+
+
+def _best_pair(team: Team, found: Meeting, soonest: Array) -> Meeting:
+    """Return the meeting of the two pursuers, or the one, that capture soonest without the others.
+
+    Args:
+        team: three pursuers or more.
+        found: the meeting with all of them; where two decide it, it is that of the best pair.
+        soonest: number of the pursuer that captures soonest alone.
+    """
+    i, j = np.triu_indices(team.measure.shape[-1], 1)
+    pairs = meeting_of(team, (..., np.stack([i, j], axis=-1)))
+    time = pairs.distance / team.v[..., :1]
+    time = np.where(pairs.first == pairs.second, np.inf, time)
+    which = np.argmin(time, axis=-1)
+    point = taken(pairs.point[0], which), taken(pairs.point[1], which)
+    alone, pair = taken(team.alone.value, soonest), taken(time, which)
+    single = alone <= pair
+    own = [taken(part, soonest) * taken(team.measure, soonest) for part in team.guide]
+    best = np.where(single, alone, pair)
+    exact = found.distance >= best * (1.0 - 1e-12)
+    x, y = (
+        np.where(exact, of_all, np.where(single, of_one, of_two))
+        for of_all, of_one, of_two in zip(found.point, own, point, strict=True)
+    )
+    return Meeting(
+        (x, y),
+        np.maximum(best, found.distance),
+        np.where(exact, found.first, np.where(single, soonest, i[which])),
+        np.where(exact, found.second, np.where(single, soonest, j[which])),
     )
 
 
-def _pursuit(team: _Team, alone: Solution) -> TeamSolution:
-    """Play PE."""
-    soonest, value = np.argmin(alone.value, axis=-1), np.min(alone.value, axis=-1)
-    heading = alone.evader_velocity_m_s[..., 0] / team.v, alone.evader_velocity_m_s[..., 1] / team.v
-    found = farthest(team.discs, heading, alone.value * team.v)
-    caught = value <= 0
-    first, second = np.where(caught, soonest, found.first), np.where(caught, soonest, found.second)
-    answer = _assembled(team, alone, _Meeting(found.point, first, second), soonest)
-    bound = np.where(answer.meeting_time_s < value, answer.meeting_time_s, value)
-    return answer._replace(value=value, lower_bound=bound, pursuer_velocity_m_s=alone.pursuer_velocity_m_s)
-
-
-def _assembled(team: _Team, alone: Solution, meeting: _Meeting, lead: Array) -> TeamSolution:
-    """Put together what follows from where the evader ends; what one pursuer alone decides is its own answer."""
-    (x, y), first, second = meeting
-    single = meeting.alone
-    v = team.v[..., 0]
+def _assembled(team: Team, evader: Array, found: Meeting, best: Meeting, flown: Array) -> TeamSolution:
+    """Put an answer together, without multipliers: where the evader goes, who decides the value, what they fly."""
+    alone, (x, y), first = team.alone, found.point, found.first
+    single, v = found.first == found.second, team.v[..., 0]
     run = np.sqrt(x * x + y * y)
-    end = x + team.evader[0][..., 0], y + team.evader[1][..., 0], team.evader[2][..., 0]
+    end = evader + np.stack([x, y, np.zeros_like(x)], axis=-1)
+    rate = v / np.where(run > 0, run, 1.0)
     every = np.arange(alone.value.shape[-1])
-    value = taken(alone.value, lead)
     return TeamSolution(
         winner=np.max(alone.winner, axis=-1),
-        value=value,
-        lower_bound=value,
+        value=best.distance,
+        lower_bound=found.distance,
         margin_s=np.max(alone.margin_s, axis=-1),
-        meeting_point_m=_vector(single, alone.meeting_point_m, first, end),
+        meeting_point_m=_own_or(single, alone.meeting_point_m, first, end),
         meeting_time_s=np.where(single, taken(alone.meeting_time_s, first), run / v),
-        binds=(every == first[..., None]) | (every == second[..., None]),
-        pursuer_velocity_m_s=alone.pursuer_velocity_m_s,
-        evader_velocity_m_s=_vector(
-            single, alone.evader_velocity_m_s, first, (v * (x / run), v * (y / run), 0.0 * run)
+        binds=(every == best.first[..., None]) | (every == best.second[..., None]),
+        multipliers=np.zeros(alone.value.shape),
+        pursuer_velocity_m_s=flown,
+        evader_velocity_m_s=_own_or(
+            single, alone.evader_velocity_m_s, first, np.stack([rate * x, rate * y, np.zeros_like(x)], axis=-1)
         ),
-        reason=np.where(single, taken(alone.reason, lead), np.int8(Reason.SOLVED)),
+        reason=np.where(single, taken(alone.reason, first), np.int8(Reason.SOLVED)),
     )
 
 
-def _flown(team: _Team, alone: Solution, meeting: _Meeting, won: Array) -> Array:
-    """Return the velocities of a team that wins, straight to X*, or of one that does not, each its own."""
-    x, y = (part[..., None] for part in meeting.point)
+def _straight(team: Team, found: Meeting) -> Array:
+    """Return the velocities of pursuers that fly straight to the meeting point; who decides it alone plays its own."""
+    x, y = (part[..., None] for part in found.point)
     to = x - team.discs.x, y - team.discs.y, 0.0 - team.discs.z
     length = np.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
     rate = np.where(length > 0, team.u / length, 0.0 * length)
-    own = (np.arange(alone.value.shape[-1]) == meeting.first[..., None]) & meeting.alone[..., None]
-    straight = np.stack([rate * part for part in to], axis=-1)
-    return np.where((own | ~won[..., None])[..., None], alone.pursuer_velocity_m_s, straight)
+    every, single = np.arange(team.u.shape[-1]), found.first == found.second
+    own = single[..., None] & (every == found.first[..., None])
+    return np.where(own[..., None], team.alone.pursuer_velocity_m_s, np.stack([rate * part for part in to], axis=-1))
 
 
-def _vector(single: Array, own: Array, first: Array, parts: tuple[Array, Array, Array]) -> Array:
-    """Return a pursuer's own vector where it decides alone, else the one of these components."""
+def _own_or(single: Array, own: Array, first: Array, other: Array) -> Array:
+    """Return a pursuer's own vector where it decides alone, else another."""
     picked = np.take_along_axis(own, first[..., None, None], axis=-2)[..., 0, :]
-    return np.where(single[..., None], picked, np.stack(np.broadcast_arrays(*parts), axis=-1))
+    return np.where(single[..., None], picked, other)

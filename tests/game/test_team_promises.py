@@ -1,0 +1,103 @@
+"""What a matching promises at the start holds at the end, for each evader, whatever the evaders play."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from guidance.game import Ball, End, Game
+from guidance.game.team import match_teams, rollout, rollout_teams, solve_team
+
+STEP_S = 0.1
+T = np.zeros(3)
+HEADINGS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+SIZES = list(itertools.product(range(1, 5), range(2, 5)))
+
+
+class Searching:
+    """Evaders that try 24 headings at every step and know what the pursuers fly.
+
+    Each takes the heading after which its own team is worth least. One that has no team runs to the target.
+    """
+
+    def __init__(self, monkeypatch, game, target):
+        self.game, self.target = game, target
+        monkeypatch.setattr(rollout, "match_teams", self.watching)
+
+    def watching(self, game, P, E, target=None, **rest):
+        self.seen = match_teams(game, P, E, target, **rest)
+        self.places = np.asarray(P, dtype=float)
+        return self.seen
+
+    def __call__(self, game, pursuer, evader, target=None, evader_velocity_m_s=None):
+        first, second = np.maximum(self.seen.first, 0), self.seen.second
+        who = np.stack([first, np.where(second < 0, first, second)], axis=-1)
+        row = np.arange(len(who))[:, None, None]
+        later = (self.places + STEP_S * self.seen.pursuer_velocity_m_s)[row, who]
+        v = self.game.evader_speed_m_s
+        runs = np.stack([np.cos(HEADINGS), np.sin(HEADINGS), 0.0 * HEADINGS], axis=-1)
+        tried = evader + STEP_S * v * runs[:, None, None]
+        if self.target is None:
+            cost = -solve_team(self.game, later[..., :1, :], tried).value
+        else:
+            after = solve_team(self.game, later, tried, self.target)
+            cost = np.where(after.winner > 0, after.value, -after.value)
+        best = v * runs[np.argmin(cost, axis=0)]
+        return np.where((self.seen.first >= 0)[..., None], best, self.seen.evader_velocity_m_s)
+
+
+def states(seed, n, m, count):
+    rng = np.random.default_rng(seed)
+    P, E = rng.uniform(-18.0, 18.0, (count, n, 3)), rng.uniform(-18.0, 18.0, (count, m, 3))
+    P[..., 2] = np.abs(P[..., 2]) * rng.choice([0.0, 0.5, 1.0], (count, 1))
+    E[..., 2] = 0.0
+    return P, E
+
+
+def broken(monkeypatch, game, n, m, count, *, tad, seed, evaders="mixed"):
+    """Play random states; return how many promises were made, and by how much the worst was missed, m or s."""
+    P, E = states(seed, n, m, count)
+    target = T if tad else None
+    searching = Searching(monkeypatch, game, target)
+    kinds = [searching, "optimal", "pure_evade", searching, *(["task_oriented"] if tad else []), "hold"]
+    policy = [kinds[(seed + j) % len(kinds)] for j in range(m)] if evaders == "mixed" else evaders
+    played = rollout_teams(game, P, E, target, evader_policy=policy, step_s=STEP_S, capture_m=0.02)
+    promised, value = played.first.first >= 0, played.first.value
+    missed = np.where(played.end == End.CAPTURED, 0.0, np.inf)
+    if tad:
+        reached = np.where(played.end == End.TIME_UP, 0.0, played.distance_m)
+        missed = value - reached
+    else:
+        missed += played.time_s - value
+    return np.count_nonzero(promised), np.max(missed, where=promised, initial=0.0)
+
+
+def allowed(game):
+    return 2.0 * (game.pursuer.speed_m_s + game.evader_speed_m_s) * STEP_S
+
+
+@pytest.mark.parametrize("tad", [True, False])
+@pytest.mark.parametrize(("n", "m"), [(1, 2), (2, 3), (4, 3)])
+def test_every_promise_made_at_the_start_is_kept(monkeypatch, n, m, tad):
+    game = Game(Ball(2.0), 1.0)
+    promises, worst = broken(monkeypatch, game, n, m, 6, tad=tad, seed=10 * n + m)
+    assert promises >= 4
+    assert worst <= allowed(game)
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("tad", [True, False])
+@pytest.mark.parametrize("ratio", [2.0, 1.3])
+@pytest.mark.parametrize(("n", "m"), SIZES)
+def test_two_thousand_states_keep_every_promise(monkeypatch, n, m, ratio, tad):
+    game = Game(Ball(ratio), 1.0)
+    _, worst = broken(monkeypatch, game, n, m, 2000 // (4 * len(SIZES)) + 1, tad=tad, seed=100 * n + m)
+    assert worst <= allowed(game)
+
+
+def test_an_evader_that_was_promised_is_not_left_for_one_that_runs_away():
+    P, E = [[-12.43, -7.9, 2.71]], [[17.38, -5.95, 0.0], [12.0, -12.3, 0.0]]
+    played = rollout_teams(Game(Ball(2.0), 1.0), P, E, T, evader_policy=["optimal", "pure_evade"])
+    assert played.first.winner.tolist() == [1, -1]
+    assert played.end[0] == End.CAPTURED
+    assert played.distance_m[0] == pytest.approx(played.first.value[0], abs=1e-6)
