@@ -247,8 +247,8 @@ def crossings(one: Discs, other: Discs) -> tuple[Point, Point]:
 def taken(array: Array, index: Array) -> Array:
     """Take one element along the last axis, (..., n) → (...)."""
     rows = index.size
-    flat = np.broadcast_to(array, (*index.shape, array.shape[-1])) if array.ndim <= index.ndim else array
-    return np.asarray(flat.reshape(rows, -1)[np.arange(rows), index.reshape(rows)].reshape(index.shape))
+    flat = array.reshape(rows, array.shape[-1])
+    return np.asarray(flat[np.arange(rows), index.reshape(rows)].reshape(index.shape))
 
 
 def _nearer(goal: Point, corners: tuple[Point, Point]) -> tuple[Point, Array]:

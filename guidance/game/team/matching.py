@@ -117,12 +117,13 @@ def match_teams(
     with np.errstate(all="ignore"):
         kept = None if previous is None else _kept(table, previous)
         first = _firsts(table, kept, hysteresis)
-        if target is None:
+        if table.target is None:
             answer = _chased(table, first)
         else:
-            pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else _pairs(table, first)
+            pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else None
+            pairs = pairs or _pairs(table, first)
             second = _seconds(table, pairs, first, kept, hysteresis)
-            answer = _defended(table, pairs, first, second)
+            answer = _defended(table, table.target, pairs, first, second)
     return _judged(Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer)), table)
 
 
@@ -316,7 +317,7 @@ def _chased(table: _Table, first: Array) -> Matching:
     return _answer(table, first, np.full_like(first, -1), played._replace(value=value))
 
 
-def _defended(table: _Table, pairs: Meeting, first: Array, second: Array) -> Matching:
+def _defended(table: _Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
     b, m, _ = table.worth.shape
     row, evader, guarded = np.arange(b)[:, None], np.arange(m), first >= 0
@@ -330,8 +331,8 @@ def _defended(table: _Table, pairs: Meeting, first: Array, second: Array) -> Mat
     played = played._replace(
         value=value,
         lower_bound=value,
-        meeting_point_m=np.where(guarded[..., None], played.meeting_point_m, table.target),
-        evader_velocity_m_s=np.where(guarded[..., None], played.evader_velocity_m_s, _to_target(table)),
+        meeting_point_m=np.where(guarded[..., None], played.meeting_point_m, target),
+        evader_velocity_m_s=np.where(guarded[..., None], played.evader_velocity_m_s, _to_target(table, target)),
         reason=np.where(guarded, played.reason, taken(table.all.alone.reason, nearest)),
     )
     return _answer(table, first, second, played)
@@ -386,9 +387,9 @@ def _of(table: Array, who: Array) -> Array:
     return np.asarray(table[np.arange(b)[:, None], np.arange(m), np.maximum(who, 0)])
 
 
-def _to_target(table: _Table) -> Array:
+def _to_target(table: _Table, target: Array) -> Array:
     """Return the velocities of evaders that run straight to their targets, (b, m, 3), m/s."""
-    to = (table.target - table.evaders) * [1.0, 1.0, 0.0]
+    to = (target - table.evaders) * [1.0, 1.0, 0.0]
     length = np.sqrt(to[..., 0] * to[..., 0] + to[..., 1] * to[..., 1])
     rate = np.where(length > 0, table.all.v[..., 0] / length, 0.0 * length)
     return np.asarray(rate[..., None] * to)

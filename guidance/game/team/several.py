@@ -156,11 +156,10 @@ def solve_team(
         team, place = team_of(game, P, E, T, alone), E[..., 0, :]
         if T is None:
             answer, best = chase(team, place)
-            won = np.True_
         else:
             best = meeting_of(team)
             answer = defence(team, place, best)
-            won = (answer.winner > 0)[..., None]
+        won = (answer.winner > 0)[..., None]
         late = multipliers(team.discs, (team.u, team.v), team.goal, best.point, (best.first, best.second))
         answer = answer._replace(multipliers=np.where(won, late, 0.0))
         return _judged(answer, alone, {"pursuers": P, **rest})
