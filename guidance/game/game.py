@@ -113,6 +113,9 @@ class Reason(Code):
     """A parameter of this row is negative, zero where it must not be, or not finite."""
     OVERFLOW = 13
     """The numbers are too large for their precision: their squares, or what those become, are infinite."""
+    NO_REGION = 14
+    """TAD with an evader's position older than `guaranteed_age_s`: the points that the evader reaches first form no
+    convex region, and no value is known. Play `Game.within_spread`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

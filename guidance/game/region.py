@@ -6,8 +6,7 @@ end is a point of the region's edge (`headings`). The region is convex while the
 (`guaranteed_age_s`), so that the distance from T has one minimum along its edge. Newton's method finds that by the
 first and second derivative of the capture time, a few steps from the closest point of a circle that touches the edge.
 Few rows need more, or the bracket that holds the minimum; they get both. Beyond the guaranteed age the region can have
-a dent before the pursuer, and a minimum on either side of it: the one beside the best of nine headings is taken, nearly
-always the better one (not in 4 of 6,240 states a few metres from the pursuer).
+a dent in front of the pursuer and several minima; `solve` gives no value there (`Reason.NO_REGION`).
 """
 
 from typing import Any, NamedTuple
@@ -23,13 +22,12 @@ from guidance.game.arrays import (
     Truth,
     dot2,
     half_of_digits,
-    is_array,
     norm2,
     select,
     select2,
     unit2,
 )
-from guidance.game.game import STILL, Game, guaranteed_age_s
+from guidance.game.game import STILL, Game
 from guidance.game.headings import Aim, Hunt, Way, across, bounded, follow, hunt_for, in_plane, judge, turned
 from guidance.game.pe import Geometry
 from guidance.game.records import is_zero
@@ -51,9 +49,6 @@ DISC_STEPS = 5
 
 TRACED_STEPS = 12
 """As many for the libraries that cannot ask a row how far it is."""
-
-FAN = tuple(index / 4.0 - 1.0 for index in range(9))
-"""Headings from −90° to 90°, exact in binary."""
 
 
 class Closest(NamedTuple):
@@ -91,15 +86,14 @@ def closest_point(xp: Library, game: Game, state: Geometry, to_target: Plane, go
     if wanted is False:
         return Closest(to_target, 0.0, 0.0)
     hunt = hunt_for(xp, game, state, to_target, goal)
-    old = game.information_age_s > guaranteed_age_s(game)
     if not isinstance(wanted, np.ndarray) or wanted.all():
-        return _closest(xp, hunt, old)
+        return _closest(xp, hunt)
     rows = np.nonzero(wanted)
-    found = _closest(xp, _rows(hunt, wanted.shape, rows), _rows(old, wanted.shape, rows))
+    found = _closest(xp, _rows(hunt, wanted.shape, rows))
     return Closest(*_put((to_target, 0.0, 0.0), wanted.shape, rows, tuple(found)))
 
 
-def _closest(xp: Library, hunt: Hunt, old: Truth) -> Closest:
+def _closest(xp: Library, hunt: Hunt) -> Closest:
     """Find it: by Newton's method where the run is not stopped by the pursuer's height alone."""
     met = hunt.to_target if hunt.drift is None else _plus(hunt.to_target, hunt.met_s, hunt.drift)
     far = norm2(xp, met)
@@ -109,7 +103,11 @@ def _closest(xp: Library, hunt: Hunt, old: Truth) -> Closest:
     if hunt.wind is not None:
         y = _plus(y, -hunt.met_s, hunt.wind)
     within = dot2(y, y) <= hunt.met_m * hunt.met_m
-    way = follow(xp, hunt, _search(xp, hunt, old, within))
+    if not (xp is np or xp is FLOATS):
+        # The search means nothing in the rows within: there it gets a state whose derivatives are finite.
+        beyond = hunt.met_m + hunt.lag + hunt.v * hunt.met_s + 1.0
+        hunt = hunt._replace(to_evader=select2(xp, within, (beyond, 0.0 * beyond), hunt.to_evader))
+    way = follow(xp, hunt, _search(xp, hunt, within))
     run = (way.rho * way.n[0], way.rho * way.n[1])
     return Closest(
         select2(xp, within, (rho * straight[0], rho * straight[1]), run),
@@ -118,25 +116,21 @@ def _closest(xp: Library, hunt: Hunt, old: Truth) -> Closest:
     )
 
 
-def _search(xp: Library, hunt: Hunt, old: Truth, within: Truth) -> Aim:
+def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     """Return the heading that ends closest to the target, for the rows that are not `within`."""
     start = _touch(xp, hunt)
-    reach: Real = 2.0
-    if is_array(old) or old:
-        start = _best_of_fan(xp, hunt, start, old)
-        reach = select(xp, old, FAN[1] - FAN[0], reach)
     if not (xp is np or xp is FLOATS):
-        return _bracket(xp, hunt, start, reach, TRACED_STEPS)
+        return _bracket(xp, hunt, start, TRACED_STEPS)
     steps = STEPS - 1 if _is_bare(hunt) else STEPS
     aim, there = _newton(xp, hunt, start, within, steps, NEWTON_STEPS)
-    there = within | (there & (abs(aim.s - start.s) <= reach))
+    there = within | (there & (abs(aim.s - start.s) <= 2.0))
     if not isinstance(there, np.ndarray):
-        return aim if there else _bracket(xp, hunt, start, reach, MORE_STEPS)
+        return aim if there else _bracket(xp, hunt, start, MORE_STEPS)
     if there.all():
         return aim
     shape, rows = there.shape, np.nonzero(~there)
-    hunt, start, reach = (_rows(part, shape, rows) for part in (hunt, start, reach))
-    found: Aim = _put(aim, shape, rows, _bracket(xp, hunt, start, reach, MORE_STEPS))
+    hunt, start = (_rows(part, shape, rows) for part in (hunt, start))
+    found: Aim = _put(aim, shape, rows, _bracket(xp, hunt, start, MORE_STEPS))
     return found
 
 
@@ -230,23 +224,10 @@ def _plus(a: Plane, factor: Real, b: Plane) -> Plane:
     return a[0] + factor * b[0], a[1] + factor * b[1]
 
 
-def _best_of_fan(xp: Library, hunt: Hunt, start: Aim, old: Truth) -> Aim:
-    """Begin with the best heading of a fan instead, where the region may have a dent."""
-    best, least = start, None
-    for s in FAN:
-        aim = Aim(s + 0.0 * start.s, start.disc)
-        aim, way = _settled(xp, hunt, aim, DISC_STEPS)
-        left = dot2(way.left, way.left)
-        better = old if least is None else old & (left < least)
-        least = left if least is None else select(xp, better, left, least)
-        best = Aim(select(xp, better, aim.s, best.s), select2(xp, better, aim.disc, best.disc))
-    return best
-
-
-def _bracket(xp: Library, hunt: Hunt, start: Aim, reach: Real, steps: int) -> Aim:
+def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
     """Find the heading by Newton's method within a bracket, which a step that would leave it halves instead."""
     aim, before, done, ends = start, 2.0, start.s != start.s, xp is np or xp is FLOATS
-    low, high = bounded(xp, start.s - reach), bounded(xp, start.s + reach)
+    low, high = 0.0 * start.s - 1.0, 0.0 * start.s + 1.0
     for _ in range(steps):
         _, way = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
         turn, slope, sound = judge(hunt, way)

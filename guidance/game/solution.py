@@ -190,7 +190,8 @@ def solve_state(
         play = _play(FLOATS, game, *known)
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
         return _row_of_one(game, known)
-    if not _is_sound(game, play, squares, contested=target is not None):
+    contested = target is not None
+    if not _is_sound(game, play, squares, contested=contested) or (contested and _has_no_region(game, play)):
         return _row_of_one(game, known)
     (x, y, z), (px, py, pz), (ex, ey, ez) = play.meeting, play.pursuer, play.evader
     return StateSolution(
@@ -247,11 +248,20 @@ def _fault(xp: Library, game: Game, given: dict[str, Array], play: Play) -> Real
     contested = "target" in given
     sound = _is_sound(game, play, _most_squares(given) if xp is np else _squares(given), contested=contested)
     fault: Real = int(Reason.SOLVED)
+    lost = contested and _has_no_region(game, play)
+    if lost is not False:
+        fault = select(xp, lost, int(Reason.NO_REGION), fault)
     if xp is not np or not np.all(sound):
         sound = _is_sound(game, play, _squares(given), contested=contested)
         zero = sum(0.0 * part for array in given.values() for part in components(array))
         fault = select(xp, sound, fault, select(xp, zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
     return refused_rows(xp, game, fault) if game.varies else fault
+
+
+def _has_no_region(game: Game, play: Play) -> Truth:
+    """Say whether the evader of a TAD game that the pursuer wins was seen too long ago for its region to be convex."""
+    old = game.information_age_s > guaranteed_age_s(game)
+    return old if old is False else old & (play.winner > 0) & (play.reason != int(Reason.CAPTURED))
 
 
 def _is_sound(game: Game, play: Play, squares: Real, *, contested: bool) -> Truth:

@@ -149,6 +149,15 @@ def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name
         np.testing.assert_allclose(np.asarray(chase.pursuer)[:, 2], 1.0 / np.sqrt(3.0), rtol=1e-12)
 
 
+def test_a_cylinder_horizontally_inside_the_disc_gains_by_its_height_alone(library):
+    game = Game(Cylinder(2.0, 0.7, 1.0), 1.0, standoff=StandOff(3.0, 2.0))
+    P, E, T = (library.array([place]) for place in ([0.5, 0.2, 9.0], [0.0, 0.0, 0.0], [9.0, 0.0, 0.0]))
+    chase = automatic_gradient(lambda P, E, T: solve(game, P, E, T).value, P, E, None)
+    assert np.asarray(chase.pursuer).tolist() == [[0.0, 0.0, 1.0]]
+    race = automatic_gradient(lambda P, E, T: solve(game, P, E, T).value, P, E, T)
+    np.testing.assert_allclose(np.asarray(race.pursuer), [[0.0, 0.0, -1.0]], atol=1e-12)
+
+
 def test_a_target_abeam_of_the_wind_has_its_derivative_too(library):
     """Where a linear coefficient is zero its size has a corner, and the root that is taken has none."""
     game = Game(Ball(2.0), 1.0, wind_m_s=(0.5, 0.0))

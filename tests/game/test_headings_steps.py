@@ -10,7 +10,6 @@ from guidance.game.headings import bounded
 
 STEPS = {
     "capture_radius": (0, 3, 0.00069),
-    "age": (315, 4, 0.0044),
     "ball_standoff": (103, 4, 0.00165),
     "wind": (81, 4, 0.01),
     "ball_everything": (369, 4, 0.0122),

@@ -294,7 +294,9 @@ def test_all_three_on_one_line_in_space_no_velocity_is_beyond_its_bound():
     rng = np.random.default_rng(6)
     E, way = rng.uniform(-20.0, 20.0, (300, 3)), rng.normal(size=(300, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    solution = solve(Game(Ball(2.0), 1.0, information_age_s=1.0, evader_space="space"), E + way, E, E + 5.0 * way)
+    game = Game(Ball(2.0), 1.0, 1.0, information_age_s=1.0, evader_space="space")
+    solution = solve(game, E + way, E, E + 5.0 * way)
+    assert np.isfinite(solution.value).all()
     assert np.linalg.norm(solution.pursuer_velocity_m_s, axis=1).max() <= 2.0 + 1e-12
     assert np.linalg.norm(solution.evader_velocity_m_s, axis=1).max() <= 1.0 + 1e-12
 

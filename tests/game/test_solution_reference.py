@@ -33,7 +33,7 @@ GAMES = {
     "paper": Game(Ball(2.0), 1.0),
     "fast": Game(Ball(3.7), 1.3),
     "radius": Game(Ball(2.0), 1.0, capture_radius_m=1.5),
-    "age": Game(Ball(2.0), 1.0, information_age_s=1.0),
+    "age": Game(Ball(2.0), 1.0, standoff=StandOff(1.5, 0.0), information_age_s=1.0),
     "disc": Game(Ball(2.0), 1.0, standoff=DISC, capture_radius_m=0.5),
     "wind": Game(Ball(2.0), 1.0, wind_m_s=(0.3, -0.4)),
     "all": Game(Ball(2.0), 1.0, wind_m_s=(0.3, -0.4), standoff=DISC, information_age_s=0.5, capture_radius_m=0.2),
