@@ -81,8 +81,8 @@ def _arm_now(commander: ArduPilot, *, forced: bool) -> Answers:
     if state.armed:
         return ACCEPTED
     reasons = [] if forced else safety.refusals(state, commander.by_name[commander.mode])
-    for reason in reasons:
-        state.say(Severity.CRITICAL, f"Arm: {reason}")
+    for text in (*safety.warnings(state.parameters), *reasons):
+        state.say(Severity.CRITICAL, f"Arm: {text}")
     if reasons:
         return FAILED
     state.arm()
@@ -224,7 +224,7 @@ def _prearm(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """RUN_PREARM_CHECKS: reports failing checks as texts."""
     if commander.state.armed:
         return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
-    for reason in safety.failing(commander.state):
+    for reason in (*safety.warnings(commander.state.parameters), *safety.failing(commander.state)):
         commander.state.say(Severity.CRITICAL, f"PreArm: {reason}")
     return ACCEPTED
 

@@ -10,7 +10,8 @@ from sitl_mock.ardupilot.flight import DECIDE_S, IDLING
 from sitl_mock.ardupilot.legs import Legs
 from sitl_mock.ardupilot.maneuvers import circle_from
 from sitl_mock.ardupilot.modes import COPTER_MODES, Firmware
-from sitl_mock.ardupilot.plans import refuge
+from sitl_mock.ardupilot.plans import return_target
+from sitl_mock.ardupilot.safety import just_down
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.dynamics.shaping import root_law
 from sitl_mock.missions import Leg
@@ -107,13 +108,14 @@ def _land(commander: ArduPilot) -> Setpoint:
 
 
 def _return(commander: ArduPilot) -> Setpoint:
-    """Climb to RTL_ALT, fly home or to a rally point, wait RTL_LOIT_TIME, land."""
+    """Climb, fly home or to a rally point, wait RTL_LOIT_TIME, land. Just after touchdown it climbs again."""
     state, flight = commander.state, commander.flight
-    if state.on_ground:
+    climbs = flight.stage == "climb" or (not flight.stage and just_down(state))
+    if state.on_ground and not climbs:
         return IDLING
     if not flight.stage:
         flight.stage, flight.stage_s = "climb", state.now_s
-        flight.goal_m, flight.legs = refuge(state, commander.plans), Legs()
+        flight.goal_m, flight.legs = return_target(state, commander.plans), Legs()
         flight.entered_m = flight.legs.begin(state)
     home = flight.goal_m
     height_m = min(home[2], flight.entered_m[2])

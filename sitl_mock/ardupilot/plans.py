@@ -31,21 +31,28 @@ if TYPE_CHECKING:
 
 
 _GLOBAL_RELATIVE: Final = 3
+_LEAST_RETURN_M, _LEAST_SLOPE = 2.0, 0.5
 
 
-def refuge(state: VehicleState, plans: PlanStore) -> Vector:
+def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     """Return RTL's destination (north, east) and the down coordinate of the flight there.
 
-    The height is RTL_ALT above home, or that of the rally point if it is higher. Rally points beyond RALLY_LIMIT_KM do
-    not count; home counts with RALLY_INCL_HOME, or without rally points.
+    The height is RTL_ALT above home, or that of the rally point if it is higher. Close to the destination it is limited
+    by a cone (RTL_CONE_SLOPE), but not below the vehicle, nor below 2 m. Rally points beyond RALLY_LIMIT_KM do not
+    count; home counts with RALLY_INCL_HOME, or without rally points.
     """
-    home = state.home_m or state.position_m
-    height_m = float(state.parameters["RTL_ALT"]) * 0.01
+    parameters, home = state.parameters, state.home_m or state.position_m
     places = list(_rally_points(state, plans, home))
-    if not places or int(state.parameters["RALLY_INCL_HOME"]):
-        places.append((home[0], home[1], height_m))
-    north, east, above_m = min(places, key=lambda place: _away_m(state, place))
-    return north, east, home[2] - max(height_m, above_m)
+    if not places or int(parameters["RALLY_INCL_HOME"]):
+        places.append((home[0], home[1], 0.0))
+    north, east, above_m = nearest = min(places, key=lambda place: _away_m(state, place))
+    climb_m = max(0.0, float(parameters["RTL_CLIMB_MIN"]) * 0.01)
+    least_m = max(_LEAST_RETURN_M, home[2] - state.position_m[2] + climb_m)
+    height_m = max(above_m, float(parameters["RTL_ALT"]) * 0.01, least_m)
+    slope = float(parameters["RTL_CONE_SLOPE"])
+    if slope >= _LEAST_SLOPE:
+        height_m = min(height_m, max(_away_m(state, nearest) * slope, least_m))
+    return north, east, home[2] - height_m
 
 
 def _rally_points(state: VehicleState, plans: PlanStore, home: Vector) -> Iterator[Vector]:

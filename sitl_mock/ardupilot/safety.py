@@ -60,6 +60,11 @@ class FailsafeLatch:
         self.acting = False
 
 
+def just_down(state: VehicleState) -> bool:
+    """True if touchdown was too recent to count as a landing."""
+    return state.armed and state.flew and state.standing_s < _LANDED_S
+
+
 def disarms_by_itself(state: VehicleState, mode: str, *, taking_off: bool) -> bool:
     """True if a copter on the ground disarms: after a commanded landing, or after DISARM_DELAY."""
     if not state.on_ground:
@@ -103,22 +108,28 @@ def failing(state: VehicleState) -> list[str]:
         reasons.append("Need Position Estimate")
     if state.battery.remaining < _LOW_CELL_SHARE and int(state.parameters["BATT_FS_LOW_ACT"]):
         reasons.append("Battery 1 low voltage failsafe")
-    if int(state.parameters["ARMING_CHECK"]) & _CHECK_PARAMETERS:
-        reasons += _bad_parameters(state.parameters)
-    return reasons
+    return [*reasons, *_bad_parameters(state.parameters)]
+
+
+def _checks_parameters(parameters: Mapping[str, float]) -> bool:
+    is_copter = "ANGLE_MAX" in parameters
+    return is_copter and bool(int(parameters["ARMING_CHECK"]) & _CHECK_PARAMETERS)
+
+
+def warnings(parameters: Mapping[str, float]) -> list[str]:
+    """Return texts of the pre-arm checks that do not refuse arming."""
+    removed = _checks_parameters(parameters) and int(parameters["FS_GCS_ENABLE"]) == _GCS_CONTINUE
+    return ["FS_GCS_ENABLE=2 removed, see FS_OPTIONS"] if removed else []
 
 
 def _bad_parameters(parameters: Mapping[str, float]) -> Iterator[str]:
-    """Yield ArduCopter's complaints about parameters: it stops at the first one that makes it return."""
-    if "ANGLE_MAX" not in parameters:  # a rover
+    """Yield the first parameter that ArduCopter's checks refuse."""
+    if not _checks_parameters(parameters):
         return
-    trigger_us = parameters["FS_THR_VALUE"]
-    if int(parameters["FS_THR_ENABLE"]) and not _PULSE_NONE_US <= trigger_us < parameters["RC3_MIN"] - _PULSE_MARGIN_US:
+    least_us, most_us = _PULSE_NONE_US, parameters["RC3_MIN"] - _PULSE_MARGIN_US
+    if int(parameters["FS_THR_ENABLE"]) and not least_us <= parameters["FS_THR_VALUE"] < most_us:
         yield "Check FS_THR_VALUE"
-        return
-    if int(parameters["FS_GCS_ENABLE"]) == _GCS_CONTINUE:
-        yield "FS_GCS_ENABLE=2 removed, see FS_OPTIONS"
-    if not _LEAST_LEAN_CDEG <= parameters["ANGLE_MAX"] <= _MOST_LEAN_CDEG:
+    elif not _LEAST_LEAN_CDEG <= parameters["ANGLE_MAX"] <= _MOST_LEAN_CDEG:
         yield "Check ANGLE_MAX"
     elif any(parameters[balance] > parameters[gain] for balance, gain in _ACRO_BALANCES):
         yield "Check ACRO_BAL_ROLL/PITCH"

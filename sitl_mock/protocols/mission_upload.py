@@ -72,6 +72,11 @@ ARDUPILOT_MISSION_RULES: Final = MissionRules(
 
 
 KINDS: Final = frozenset(PlanKind)
+_WARNING: Final = 4  # MAV_SEVERITY
+_REFUSED: Final[tuple[Reply, ...]] = tuple(
+    ("STATUSTEXT", _WARNING, text, 0, 0) for text in ("Non-positive circle radius", "Fence validation failed")
+)
+"""ArduPilot's texts for a fence with a circle of no radius."""
 
 
 @dataclass(slots=True)
@@ -206,7 +211,8 @@ class MissionUpload:
         if fault is MissionResult.ACCEPTED:
             self._plans.set_plan(transfer.kind, whole)
             self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)
-        return [acknowledge(transfer.partner, fault, transfer.kind)]
+        texts = _REFUSED if fault is MissionResult.ERROR else ()
+        return [*texts, acknowledge(transfer.partner, fault, transfer.kind)]
 
     def _end(self) -> None:
         if self._plans.uploader is self:

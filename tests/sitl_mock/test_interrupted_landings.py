@@ -87,7 +87,7 @@ def test_return_interrupts_a_landing_and_lands_at_home(fly, name, ned_velocity):
         ("px4", RETURN, 0.1),
         ("px4", RETURN, 3.5),
         ("arducopter", HOLD, 0.1),
-        ("arducopter", RETURN, 0.1),
+        ("arducopter", RETURN, 1.2),
     ],
 )
 def test_a_vehicle_that_has_landed_stays_down_and_disarms(fly, name, order, after_s):
@@ -117,3 +117,17 @@ def test_px4_stays_armed_when_hold_comes_before_it_has_detected_the_touchdown(fl
     assert flight.height < 1.0
     assert flight.command(21) == [0]
     flight.until(lambda: not flight.vehicle.armed, 8.0)
+
+
+def test_arducopter_climbs_to_two_metres_when_a_return_comes_just_after_touchdown(fly):
+    """As ArduCopter 4.5.7: it climbs to RTL's least height, waits, lands and disarms."""
+    flight = fly.airborne("arducopter", height=3.0)
+    flight.command(21)
+    flight.until(lambda: flight.vehicle.truth.on_ground, 30.0)
+    assert ordered(flight, RETURN) == [0]
+    highest_m = 0.0
+    while flight.vehicle.armed:
+        flight.run(0.5)
+        highest_m = max(highest_m, flight.height)
+        assert flight.now_s < 120.0
+    assert highest_m == pytest.approx(2.0, abs=0.3)

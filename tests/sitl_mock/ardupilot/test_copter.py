@@ -273,7 +273,6 @@ def test_prearm_checks_are_told_on_request(fly):
     [
         ({"ANGLE_MAX": 100}, "Check ANGLE_MAX"),
         ({"FS_THR_VALUE": 900}, "Check FS_THR_VALUE"),
-        ({"FS_GCS_ENABLE": 2}, "FS_GCS_ENABLE=2 removed, see FS_OPTIONS"),
         ({"ACRO_BAL_ROLL": 9}, "Check ACRO_BAL_ROLL/PITCH"),
         ({"PILOT_SPEED_UP": 0}, "Check PILOT_SPEED_UP"),
     ],
@@ -289,6 +288,29 @@ def test_prearm_checks_name_a_bad_parameter_and_arming_is_refused(fly, parameter
     flight.vehicle.autopilot.parameters.set("ARMING_CHECK", 0)
     assert flight.command(400, 1.0) == [0]
     assert flight.command(401) == [1], "refused while armed"
+
+
+def test_a_removed_value_of_fs_gcs_enable_is_reported_but_does_not_refuse_arming(fly):
+    flight = fly("arducopter").run(1.0)
+    flight.vehicle.autopilot.parameters.set("FS_GCS_ENABLE", 2)
+    assert flight.command(401) == [0]
+    assert flight.texts()[-1] == "PreArm: FS_GCS_ENABLE=2 removed, see FS_OPTIONS"
+    assert flight.command(400, 1.0) == [0]
+    assert "Arm: FS_GCS_ENABLE=2 removed, see FS_OPTIONS" in flight.texts()
+
+
+@pytest.mark.parametrize(("north_m", "highest_m"), [(0.0, 6.0), (3.0, 9.0), (20.0, 15.0)])
+def test_close_to_home_the_return_climbs_by_the_cone_of_rtl_cone_slope(fly, north_m, highest_m):
+    flight = fly.airborne("arducopter", height=6.0)
+    flight.send("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 0x0DF8, north_m, 0.0, -6.0, *[0] * 8)
+    flight.run(20.0)
+    assert flight.command(20) == [0]
+    highest = 0.0
+    while flight.vehicle.armed:
+        flight.run(0.2)
+        highest = max(highest, flight.height)
+        assert flight.now_s < 200.0
+    assert highest == pytest.approx(highest_m, abs=0.6)
 
 
 def test_the_estimators_flags_are_those_that_ardupilots_tests_wait_for(fly):

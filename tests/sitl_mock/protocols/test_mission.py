@@ -327,7 +327,11 @@ def test_a_polygon_with_a_stray_vertex_or_a_gap_is_invalid(wire, vehicle):
 def test_px4_takes_a_fence_circle_of_any_radius_and_ardupilot_refuses_the_plan(wire, vehicle, radius_m):
     circle = [waypoint(0, frame=0, command=5003, p1=radius_m)]
     acked(upload(wire(vehicle()), circle, FENCE), MissionResult.ACCEPTED, FENCE)
-    acked(upload(wire(vehicle(ARDUPILOT_MISSION_RULES)), circle, FENCE), MissionResult.ERROR, FENCE)
+    client = wire(vehicle(ARDUPILOT_MISSION_RULES))
+    client.send("MISSION_COUNT", 1, 1, 1, FENCE)
+    *texts, ack = send_item(client, circle[0], FENCE)
+    assert [text.text for text in texts] == ["Non-positive circle radius", "Fence validation failed"]
+    acked(ack, MissionResult.ERROR, FENCE)
 
 
 def test_an_item_beyond_the_count_is_an_invalid_sequence_and_an_early_one_is_waited_for(wire, vehicle):
