@@ -16,7 +16,6 @@ from sitl_mock.protocols import (
     HomeProtocol,
     LogProtocol,
     MissionProtocol,
-    ModeEntry,
     ParameterProtocol,
     Reply,
     Result,
@@ -188,7 +187,8 @@ class Link:
         if message_id == _AUTOPILOT_VERSION:
             return [autopilot.identity.autopilot_version()]
         if message_id == _AVAILABLE_MODES:
-            return available_modes(mode_entries(autopilot.flavour), argument)
+            modes = autopilot.flavour.modes.modes
+            return available_modes([(mode.name.capitalize(), mode.number) for mode in modes], argument)
         spec = SPEC_BY_ID.get(message_id)
         if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
             return []
@@ -206,11 +206,6 @@ class Link:
 def prepared(flavour: str) -> dict[str, tuple[Callable[[Report], tuple[Any, ...] | None], MessageSpec]]:
     """Return builder and packing of each message that a flavour can send."""
     return {name: (build, SPEC_BY_NAME[name]) for name, build in builders_of(flavour).items()}
-
-
-def mode_entries(flavour: Flavour) -> list[ModeEntry]:
-    """Return the flavour's modes for AVAILABLE_MODES."""
-    return [ModeEntry(mode.name.capitalize(), mode.number) for mode in flavour.modes.modes]
 
 
 _REQUESTS: Final[dict[int, Callable[[Link, float, Command], Result]]] = {

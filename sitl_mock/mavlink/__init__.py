@@ -2,7 +2,7 @@
 
 from sitl_mock.mavlink.decoder import MAX_FRAME, Counts, Decoder
 from sitl_mock.mavlink.dialect import SPEC_BY_ID, SPEC_BY_NAME, EncodeError, FieldValue, Message, MessageSpec, spec_of
-from sitl_mock.mavlink.encoder import Encoder, values_of
+from sitl_mock.mavlink.encoder import Encoder
 from sitl_mock.mavlink.signing import Signing, Verdict
 
 __all__ = [
@@ -19,5 +19,4 @@ __all__ = [
     "Signing",
     "Verdict",
     "spec_of",
-    "values_of",
 ]

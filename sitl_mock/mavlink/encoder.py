@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from fastcrc.crc16 import mcrf4xx
 
-from sitl_mock.mavlink.dialect import SPEC_BY_ID, SPEC_BY_NAME, EncodeError, FieldValue, Message, spec_of
+from sitl_mock.mavlink.dialect import SPEC_BY_NAME, EncodeError, FieldValue, spec_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,10 +21,7 @@ _UNFIT = (struct.error, TypeError, ValueError, IndexError, OverflowError)
 
 
 class Encoder:
-    """One sender on one link.
-
-    ``pack`` is the fast way (no message object is built); ``encode`` takes a pymavlink message.
-    """
+    """One sender on one link; frames are packed from values, without a message object."""
 
     __slots__ = ("component_id", "link_id", "sequence", "signing", "system_id")
 
@@ -73,17 +70,3 @@ class Encoder:
         body = _HEADER(len(payload), 1, sequence, self.system_id, self.component_id, spec.id_bytes) + payload
         frame = b"\xfd" + body + _CRC(mcrf4xx(body + spec.crc_extra))
         return frame + signing.block(frame, self.link_id)
-
-    def encode(self, message: Message) -> bytes:
-        """Return one frame for a pymavlink message object.
-
-        Raises:
-            EncodeError: The object holds a value out of its field's range.
-        """
-        return self.pack(message.msgname, *values_of(message))
-
-
-def values_of(message: Message) -> tuple[FieldValue, ...]:
-    """Return a pymavlink message's fields in declaration order, with texts as their original bytes."""
-    held = message.__dict__
-    return tuple(held.get(f"_{name}_raw", held[name]) for name in SPEC_BY_ID[message.get_msgId()].field_names)

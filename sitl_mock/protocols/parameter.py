@@ -226,11 +226,6 @@ class ParameterProtocol:
         self._next_index: int | None = None
         self._next_s = 0.0
 
-    @property
-    def listing(self) -> bool:
-        """True if a list is in progress."""
-        return self._next_index is not None
-
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take PARAM_REQUEST_READ, PARAM_REQUEST_LIST or PARAM_SET."""
         kind = message.get_type()

@@ -7,7 +7,6 @@ unsigned SETUP_SIGNING.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -25,45 +24,22 @@ class TimeProtocol:
 
     Args:
         clock: Converts the caller's time to the vehicle's clock (seconds since boot), as used in telemetry.
-
-    Attributes:
-        offset_s: Peer's clock minus own, from its last answer; None before.
-        round_trip_s: Round trip of that answer.
     """
 
     def __init__(self, clock: Callable[[float], float] = lambda now_s: now_s) -> None:
         self._clock = clock
-        self._asked_ns: int | None = None
-        self.offset_s: float | None = None
-        self.round_trip_s: float | None = None
-
-    def ask(self, now_s: float) -> Reply:
-        """Return the vehicle's own TIMESYNC question."""
-        self._asked_ns = int(self._clock(now_s) * NS)
-        return ("TIMESYNC", 0, self._asked_ns)
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take TIMESYNC or PING."""
         kind = message.get_type()
-        if kind == "TIMESYNC":
-            return self._timesync(now_s, message)
+        if kind == "TIMESYNC" and message.tc1 == 0:
+            return [("TIMESYNC", int(self._clock(now_s) * NS), message.ts1)]
         if kind == "PING" and message.target_system == 0 and message.target_component == 0:
             return [("PING", message.time_usec, message.seq, *source_of(message))]
         return []
 
-    def _timesync(self, now_s: float, message: Message) -> list[Reply]:
-        if message.tc1 == 0:
-            return [("TIMESYNC", int(self._clock(now_s) * NS), message.ts1)]
-        if message.ts1 == self._asked_ns:  # the answer to our last question, not to another vehicle's
-            self._asked_ns = None
-            now_s = self._clock(now_s)
-            self.round_trip_s = now_s - message.ts1 / NS
-            self.offset_s = message.tc1 / NS - (now_s + message.ts1 / NS) / 2.0
-        return []
-
 
 HIGHEST_M: Final = 100_000.0
-NO_ROTATION: Final = (1.0, 0.0, 0.0, 0.0)
 
 
 class Place(NamedTuple):
@@ -81,17 +57,6 @@ class Place(NamedTuple):
 
 
 SetPlace = Callable[[float, Place], bool]
-
-
-def home_position(home: Place, ned_m: tuple[float, float, float], now_s: float) -> Reply:
-    """Return HOME_POSITION; ``ned_m`` is home in the local frame."""
-    unknown = (math.nan,) * 3
-    return ("HOME_POSITION", *_integers(home), *ned_m, NO_ROTATION, *unknown, int(now_s * 1e6))
-
-
-def gps_global_origin(origin: Place, now_s: float) -> Reply:
-    """Return GPS_GLOBAL_ORIGIN."""
-    return ("GPS_GLOBAL_ORIGIN", *_integers(origin), int(now_s * 1e6))
 
 
 class HomeProtocol:
@@ -117,17 +82,15 @@ class HomeProtocol:
         if kind == "SET_HOME_POSITION":
             self._set_home(now_s, place)
             return []
-        return [gps_global_origin(place, now_s)] if self._set_origin(now_s, place) else []
+        if not self._set_origin(now_s, place):
+            return []
+        return [("GPS_GLOBAL_ORIGIN", message.latitude, message.longitude, message.altitude, int(now_s * 1e6))]
 
 
 def on_earth(place: Place) -> bool:
     """True if a position is finite and within valid ranges."""
     latitude_deg, longitude_deg, altitude_m = place
     return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0 and abs(altitude_m) <= HIGHEST_M
-
-
-def _integers(place: Place) -> tuple[int, int, int]:
-    return (round(place.latitude_deg * 1e7), round(place.longitude_deg * 1e7), round(place.altitude_m * 1e3))
 
 
 class SigningSetup:

@@ -86,11 +86,6 @@ class Streams:
             names.append(name)
         return names
 
-    def rate_hz(self, name: str) -> float:
-        """Return the present rate of a message; 0 if it is silent."""
-        interval_s = self._interval_s.get(name)
-        return 0.0 if interval_s is None else 1.0 / interval_s
-
     def interval_us(self, message_id: int) -> int:
         """Return the interval for MESSAGE_INTERVAL: microseconds, -1 for a silent message, 0 for an unknown one."""
         name = self._offered_name(message_id)
