@@ -8,10 +8,10 @@ moment, not how the flight would have continued.
 import csv
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from guidance.certificate import Certificate
 from guidance.errors import ConfigError, OutputError
@@ -201,20 +201,16 @@ def _without_echo(inputs: Inputs) -> Inputs:
     return inputs._replace(messages=messages)
 
 
-def _differing(row: CycleEntry, outputs: Outputs) -> Iterator[str]:
+def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
-    recorded, present = decided(row), decided(cycle_entry(row.flight_inputs, outputs))
-    for name in COMPARED:
-        if name == "by" and row.by is None:
-            continue
-        if json.dumps(recorded.get(name)) != json.dumps(present.get(name)):
-            yield name
-
-
-def decided(row: CycleEntry) -> Mapping[str, Any]:
-    """Return the compared part of a cycle as its record has it."""
-    written: Mapping[str, Any] = CYCLE.plain(row._replace(inputs=_NO_INPUTS, certificate=None, alarm=None, timing=None))
-    return written
+    recorded, present = (
+        CYCLE.encode(one._replace(inputs=_NO_INPUTS, certificate=None, alarm=None, timing=None))
+        for one in (row, cycle_entry(row.flight_inputs, outputs))
+    )
+    if recorded == present:
+        return []
+    before, now = json.loads(recorded), json.loads(present)
+    return [name for name in COMPARED if json.dumps(before.get(name)) != json.dumps(now.get(name))]
 
 
 def _velocities(certificate: Certificate | None, setpoint: Setpoint | None) -> tuple[object, ...]:

@@ -92,7 +92,7 @@ def test_a_small_file_that_expands_to_gigabytes_is_refused_at_once(tmp_path, kin
     before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     began_s = time.process_time()
     result = CliRunner().invoke(app, given)
-    assert time.process_time() - began_s < 5.0
+    assert time.process_time() - began_s < 10.0
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib < 100 * 1024
     assert isinstance(result.exception, ConfigError)
     assert "no flight wrote it" in str(result.exception)
