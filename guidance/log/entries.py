@@ -21,6 +21,9 @@ BEGUN: Final = "flight begins"
 RELOADED: Final = "configuration read again"
 """Event of a configuration reload; the detail is the new configuration as JSON."""
 
+FLIGHT_OVER: Final = "flight over"
+"""Last event of a broadcast. Its detail is JSON: how it `ended`, the `record` and its name in the records' `replay`."""
+
 ORDERED: Final = "ordered"
 """Event of an operator order: order, operator and reply."""
 

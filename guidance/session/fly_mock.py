@@ -7,6 +7,7 @@ from pathlib import Path
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.links.opening import KINDS
+from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import BackgroundRecorder
 from guidance.session.control_bus import broadcasting, opened
 from guidance.session.flight_files import RECORD, flight_metadata, recording
@@ -15,7 +16,7 @@ from guidance.session.linked_flight import Stopped
 from guidance.session.loop import World
 from guidance.session.mission import Progress
 from guidance.session.orders import Mailbox
-from guidance.session.result import FlightResult
+from guidance.session.result import FlightResult, closing_detail
 from guidance.sim.live import OVER, ZENOH
 from guidance.sim.mock_files import check_faults
 from guidance.sim.scenario import PURSUER, Scenario
@@ -69,6 +70,8 @@ def fly_mock(
             broadcasting(PURSUER, bus, metadata) as broadcast,
         ):
             result = fly(scenario, world, clock, record, show, mailbox=mailbox, broadcast=broadcast)
+            if broadcast is not None:
+                broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, "fast" if fast else "live", folder))
     if record.failed is not None and result.record_stopped is None:
         result.record_stopped = Stopped(result.duration_s, record.failed)
     result.record_dropped = record.dropped if isinstance(record, BackgroundRecorder) else 0

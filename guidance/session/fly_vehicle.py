@@ -18,6 +18,7 @@ from guidance.links.opening import KINDS, find_autopilot, open_wire
 from guidance.links.port import Wire
 from guidance.links.wires.udp import UdpWire
 from guidance.log.broadcast import Broadcast
+from guidance.log.entries import FLIGHT_OVER
 from guidance.messages import Home
 from guidance.session.answers import StartupResponder
 from guidance.session.checkup import Checkup
@@ -31,7 +32,7 @@ from guidance.session.mission import Conduct, Progress
 from guidance.session.orders import ORDER_OF, Mailbox
 from guidance.session.plan import FlightPlan, config_of, plan_of
 from guidance.session.process import Notifier
-from guidance.session.result import FlightResult
+from guidance.session.result import FlightResult, closing_detail
 from guidance.session.vehicle_file import Config, load_vehicle
 from guidance.session.vehicle_world import VehicleWorld, open_all, open_control
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, Scenario, Site, Wind
@@ -158,6 +159,8 @@ def fly_url(
         with signals.installed(), broadcasting(own.name, bus, metadata) as broadcast:
             mailbox.meanwhile(None)
             result = _conducted(laid, reached, plan, conduct, folder, mailbox, broadcast, signals, show)
+            if broadcast is not None:
+                broadcast.event(clock.now_s(), FLIGHT_OVER, closing_detail(result, "vehicle", folder))
         result.wall_s = time.perf_counter() - began_s
     return result, own.flight.on_terminate
 

@@ -4,9 +4,11 @@ The predicted value is solved again where the game really began, to the set that
 an autopilot holds the speed over the ground against the wind, and the pursuer knows of none.
 """
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.frames import Vector
 from guidance.game import solve
 from guidance.monitor import Alarm
+from guidance.session.flight_files import RECORD
 from guidance.session.linked_flight import Stopped
 from guidance.session.sequencer import MissionSequencer
 from guidance.sim.batch import stack
@@ -157,6 +160,13 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         events=dict.fromkeys(str(each.event) for each in since_engagement),
         reason=ending.reason,
     )
+
+
+def closing_detail(result: FlightResult, way: str, folder: Path) -> str:
+    """Return the detail of a broadcast's last event, as `guidance.log.entries.FLIGHT_OVER` describes it."""
+    ended = "interrupted" if result.interrupted else ending_words(outcome_of_flight(result, way))
+    replay = f"{folder.absolute().name}/{RECORD}"
+    return json.dumps({"ended": f"{ended}; {result.ended}", "record": str(folder / RECORD), "replay": replay})
 
 
 def ending_words(outcome: Outcome) -> str:

@@ -1,6 +1,7 @@
 """What `guidance run` does: open everything, run, and close everything again."""
 
 import contextlib
+import json
 import logging
 import os
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from guidance.clock import MonotonicClock
 from guidance.config import find
 from guidance.errors import ConfigError
 from guidance.log.broadcast import Broadcast
+from guidance.log.entries import FLIGHT_OVER
 from guidance.session.answers import StartupResponder
 from guidance.session.daemon import Daemon
 from guidance.session.flight_files import daemon_recording, flight_metadata
@@ -95,6 +97,7 @@ def run_vehicle(name: str, on_config: Callable[[Config], None] = lambda _: None)
         )
         mailbox.meanwhile(None)
         run(daemon, world, clock, signals=signals, record=record)
+        broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
         log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 
 

@@ -234,6 +234,8 @@ def from_start_to_landed(browser, page):
     assert page.evaluate(flown_m_s) > 1.0  # what the charts draw
     stands(page, "landed")
     stands(other, "landed")
+    page.locator("#buttons button:disabled").nth(3).wait_for()  # nothing is left to end
+    assert "the flight is over" in page.locator("[data-order=hold]").get_attribute("title")
     other.close()
 
 

@@ -14,7 +14,7 @@ from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.game import Ball, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
-from guidance.log.entries import CYCLE_TOPIC, EVENT_TOPIC, RELOADED
+from guidance.log.entries import BEGUN, CYCLE_TOPIC, EVENT_TOPIC, FLIGHT_OVER, RELOADED
 from guidance.log.reader import Item
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
@@ -188,7 +188,7 @@ def test_a_page_that_joins_is_told_everything_and_then_only_what_is_new(told, re
     (first,) = told.read()["daemons"]
     assert {"scene", "status", "snapshot", "events", "history"} <= first.keys()
     (again,) = told.read()["daemons"]
-    assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact"}
+    assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact", "over"}
     # A daemon that comes, or comes again, while pages are open is told of as to a page that joins.
     told.tell(Joined("uav1", metadata_of(record), items[-1]), Joined("uav2", metadata_of(record), items[-1]))
     for one in told.read()["daemons"]:
@@ -202,6 +202,25 @@ def test_what_happened_before_a_page_came_is_told_once(told):
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["events"] == [event]
     assert "events" not in told.read()["daemons"][0]
+
+
+def test_a_flight_that_is_over_says_how_it_ended_until_the_next_one(told, record):
+    closing = {"ended": "captured; landed", "record": "/flights/pe-001/record.mcap", "replay": "pe-001/record.mcap"}
+    for event, detail, over in (
+        (FLIGHT_OVER, json.dumps(closing), closing),
+        (
+            FLIGHT_OVER,
+            json.dumps({"ended": "the daemon ended; ready"}),
+            {"ended": "the daemon ended; ready", "record": "", "replay": ""},
+        ),
+        (FLIGHT_OVER, "no JSON", {"ended": "the daemon ended; ready", "record": "", "replay": ""}),
+        (BEGUN, "", None),
+    ):
+        data = {"now_s": 2.0, "event": event, "detail": detail}
+        told.tell(Arrived("uav1", 100.0, Item(0.0, EVENT_TOPIC, "json", json.dumps(data).encode())))
+        assert told.read()["daemons"][0]["over"] == over
+    told.tell(Joined("uav1", metadata_of(record), None))
+    assert told.read()["daemons"][0]["over"] is None
 
 
 def test_the_history_is_of_five_minutes_however_long_a_flight_lasts(told, record):

@@ -13,6 +13,7 @@ from typing import Any, Final, Protocol
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.log import CycleEntry, EventEntry, Item, SettingsOf
+from guidance.log.entries import BEGUN, FLIGHT_OVER
 from guidance.viz.panel.bus import Joined, News, Said
 from guidance.viz.panel.levels import of_age, of_operator
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
@@ -69,10 +70,12 @@ class Watched:
         self._events: deque[Plain] = deque(maxlen=MOST_EVENTS)
         self._history: deque[Sequence[float | None]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_EVERY_S))
         self._heard_s = now_s
+        self._over: Plain | None = None
 
     def join(self, joined: Joined) -> None:
         """Begin anew with what a daemon says it flies."""
         self._fold, self._scene_told, self._begun_new = None, 0, True
+        self._over = None
         self._history.clear()
         with contextlib.suppress(*_SENSELESS):  # of another version: its status is shown nevertheless
             self._fold = SnapshotFold(self._settings_of, joined.metadata, self.key)
@@ -98,7 +101,14 @@ class Watched:
                 self._remember(entry.now_s)
 
     def _note(self, event: EventEntry) -> None:
-        said = {"now_s": round(event.now_s, 2), "event": event.event, "detail": event.detail[:300]}
+        detail = event.detail
+        if event.event == FLIGHT_OVER:
+            over = json.loads(detail)
+            self._over = {name: str(over.get(name, "")) for name in ("ended", "record", "replay")}
+            detail = self._over["ended"]
+        elif event.event == BEGUN:
+            self._over = None
+        said = {"now_s": round(event.now_s, 2), "event": event.event, "detail": detail[:300]}
         self._events.append(said)
         self._events_new.append(said)
         del self._events_new[:-MOST_EVENTS]
@@ -117,7 +127,7 @@ class Watched:
         silent_s = max(0.0, now_s - self._heard_s)
         contact = of_age(silent_s, NO_CONTACT_S)
         said: Plain = {"key": self.key, "name": self.name, "endpoint": self.bus.endpoint}
-        said |= {"silent_s": round(silent_s, 1), "contact": str(contact)}
+        said |= {"silent_s": round(silent_s, 1), "contact": str(contact), "over": self._over}
         if whole or self._status_new:
             said["status"] = self._status
             said["operator"] = of_operator(self._status)

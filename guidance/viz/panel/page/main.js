@@ -5,7 +5,7 @@ import { Glance, lamp } from "./glance.js";
 import { Orders } from "./orders.js";
 import { Plan } from "./plan.js";
 import { Profile } from "./profile.js";
-import { Records } from "./records.js";
+import { Records, link } from "./records.js";
 import { Replay } from "./replay.js";
 import { Space } from "./space.js";
 import { forgetInks } from "./surface.js";
@@ -43,7 +43,8 @@ class Pictures {
 }
 
 class Live {
-  constructor(pictures, lookOnly) {
+  constructor(pictures, lookOnly, records) {
+    this.records = records;
     this.chosen = null;
     this.waiting = false;
     this.lostFor = "";
@@ -78,6 +79,7 @@ class Live {
 
   lost(reason) {
     this.lostFor = reason;
+    this.orders.lose(TEXTS.noContact);
     this.banner();
   }
 
@@ -107,7 +109,8 @@ class Live {
       this.shownTabs = shown;
       at("daemons").replaceChildren(...daemons.map((one, index) => this.tab(one, words[index], one === daemon)));
     }
-    if (daemon) lamp(at("contact"), daemon.contact, TEXTS.contact[daemon.contact]);
+    if (daemon?.over) lamp(at("contact"), "unknown", TEXTS.isOver);
+    else if (daemon) lamp(at("contact"), daemon.contact, TEXTS.contact[daemon.contact]);
     else lamp(at("contact"), "unknown", TEXTS.noDaemon);
     document.title = daemon ? `${daemon.name} · ${TEXTS.title}` : TEXTS.title;
   }
@@ -129,15 +132,21 @@ class Live {
   banner() {
     const { daemon } = this;
     let words = "";
+    const over = daemon?.over;
     if (this.lostFor) words = this.lostFor === "closed" ? TEXTS.panelClosed : TEXTS.panelGone;
     else if (!daemon) words = this.feed.buses.map((bus) => TEXTS.looking(bus.endpoint, bus.reason)).join(" ");
+    else if (over) words = TEXTS.over(over.ended, over.record);
     else if (daemon.contact === "warning") words = TEXTS.daemonGone(Math.round(daemon.silent_s));
     if (this.lostFor) lamp(at("contact"), "warning", TEXTS.contact.warning);
     const banner = at("banner");
     banner.hidden = !words;
-    if (banner.textContent !== words) banner.textContent = words;
-    banner.className = daemon || this.lostFor ? "warning" : "unknown";
-    document.body.classList.toggle("old", Boolean(this.lostFor) || daemon?.contact === "warning");
+    if (banner.dataset.words !== words) {
+      banner.dataset.words = words;
+      banner.textContent = words;
+      if (over?.replay && !this.lostFor && this.records) banner.append(link(TEXTS.replayIt, "/replay", over.replay));
+    }
+    banner.className = (daemon && !over) || this.lostFor ? "warning" : "unknown";
+    document.body.classList.toggle("old", Boolean(this.lostFor) || (!over && daemon?.contact === "warning"));
   }
 }
 
@@ -189,7 +198,7 @@ label();
 const { look, records, tiles } = await (await fetch("/alive")).json();
 document.documentElement.dataset.tiles = tiles;
 const pictures = new Pictures();
-const page = record === null ? new Live(pictures, look) : new Replay(pictures, record);
+const page = record === null ? new Live(pictures, look, records) : new Replay(pictures, record);
 if (records && record === null) new Records(at("records"), at("records-button"));
 else at("records-button").hidden = true;
 dress(() => page.draw());

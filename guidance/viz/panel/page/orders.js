@@ -22,7 +22,8 @@ export class Orders {
     this.shown = "";
     this.pressed = ""; // the order whose button is held down: it stays where it is meanwhile
     if (lookOnly) return;
-    element.querySelector("#buttons").append(...ALWAYS.map((order) => this.button(order)));
+    this.always = ALWAYS.map((order) => this.button(order));
+    element.querySelector("#buttons").append(...this.always);
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
@@ -30,9 +31,12 @@ export class Orders {
     this.daemon = daemon;
     const state = daemon.snapshot?.state ?? daemon.status.state ?? "connecting";
     const status = daemon.status;
-    const order = NEXT[state];
+    const gone = lost(daemon);
+    this.always?.forEach((button) => disable(button, gone || refusal(daemon, state, button.dataset.order)));
+    const order = gone ? undefined : NEXT[state];
     const reason = status.refused_orders?.[order] ?? status.reason ?? "";
-    const about = TEXTS.about[state]?.(daemon.snapshot, TEXTS.after[status.after_capture] ?? TEXTS.after.hold) ?? "";
+    const after = TEXTS.after[status.after_capture] ?? TEXTS.after.hold;
+    const about = gone || (TEXTS.about[state]?.(daemon.snapshot, after) ?? "");
     const what = JSON.stringify([daemon.key, state, order, reason, status.to_do, status.waiting_for, about]);
     if (what === this.shown) return;
     const blocked = order !== "reset" && (reason || !status.refused_orders);
@@ -45,6 +49,13 @@ export class Orders {
     else parts.push(said("p", about));
     if (order === "start") parts.push(...this.listed(status.to_do, "warn", TEXTS.advised, "caution"));
     this.next.replaceChildren(...parts);
+  }
+
+  // The panel itself is gone: nothing can be ordered until it tells something again.
+  lose(reason) {
+    this.always?.forEach((button) => disable(button, reason));
+    this.next.querySelectorAll("button").forEach((button) => disable(button, reason));
+    this.shown = "";
   }
 
   // What stands against an order, and what to do about it, in place of its button.
@@ -143,6 +154,28 @@ export class Orders {
     this.answer.className = level;
     this.answer.textContent = `${TEXTS.shapes[level]} ${words}`;
   }
+}
+
+// Why no order can be given at all; empty where the daemon is there.
+function lost(daemon) {
+  if (daemon.over) return TEXTS.isOver;
+  return daemon.contact === "warning" ? TEXTS.noContact : "";
+}
+
+// Why the daemon would refuse an order; empty where it would accept it, or its answer is of another state.
+function refusal(daemon, state, order) {
+  const { status } = daemon;
+  if (status.refused_orders && status.state !== state) return "";
+  return status.refused_orders ? status.refused_orders[order] ?? "" : status.reason ?? status.waiting_for ?? "";
+}
+
+function disable(button, reason) {
+  button.disabled = Boolean(reason);
+  button.title = reason;
+  const small = button.querySelector("small");
+  small.dataset.words ??= small.innerHTML;
+  if (reason) small.textContent = reason;
+  else small.innerHTML = small.dataset.words;
 }
 
 function said(tag, words) {

@@ -64,7 +64,7 @@ function outcome(row) {
   return [words.filter(Boolean).join(", "), row.torn && TEXTS.torn].filter(Boolean).join(" ");
 }
 
-function link(words, path, record) {
+export function link(words, path, record) {
   const made = element("a", words);
   made.href = `${path}?record=${encodeURIComponent(record)}`;
   made.target = "_blank";
