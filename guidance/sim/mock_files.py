@@ -33,6 +33,8 @@ def fleet(scenario: Scenario) -> dict[str, Any]:
     own = _vehicle(PURSUER, autopilot.mock, PURSUER_ID, (home_y, home_x, 0.0))
     if parameters := autopilot.mock_speeds(pursuer.speeds):
         own["parameters"] = dict(parameters)
+    rover = _vehicle(EVADER, "rover", EVADER_ID, (ey, ex, -evader.height_m))
+    rover["parameters"] = {"ATC_ACCEL_MAX": evader.acceleration_m_s2}
     return {
         "seed": scenario.seed,
         "home": {
@@ -40,7 +42,7 @@ def fleet(scenario: Scenario) -> dict[str, Any]:
             "lon_deg": site.longitude_deg,
             "alt_amsl_m": site.altitude_amsl_m,
         },
-        "vehicle": [own, _vehicle(EVADER, "rover", EVADER_ID, (ey, ex, -evader.height_m))],
+        "vehicle": [own, rover],
     }
 
 

@@ -99,6 +99,8 @@ class Evader(Player):
         None, gt=0.0, le=30.0, description="top speed that it declares to the pursuer; default: speed_m_s"
     )
 
+    acceleration_m_s2: float = Field(2.0, gt=0.0, le=10.0, description="how fast the simulated rover gains speed")
+
     @property
     def believed_speed_m_s(self) -> float:
         """The top speed that the pursuer assumes."""

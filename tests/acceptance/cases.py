@@ -45,8 +45,9 @@ WON_AS_SOLVED = Wanted("predicted: pursuer", column("predicted_winner"), lambda 
 class Case:
     """One flight.
 
-    `meddling` is what is done to it in flight: "pilot", "kill" or "refuse". `fence_m` is what the vehicle's distance
-    from its home never exceeds. `autopilots` are those that fly it in the stand-in without a URL.
+    `meddling` is what is done to it in flight: "pilot", "kill", "refuse", "hold" or "interrupt". `fence_m` is what the
+    vehicle's distance from its home never exceeds. `prompt` also asks how soon after the order it was engaged.
+    `autopilots` are those that fly it in the stand-in without a URL.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Case:
     wanted: tuple[Wanted, ...] = ()
     meddling: str = ""
     fence_m: float | None = None
+    prompt: bool = False
     autopilots: tuple[str, ...] = ("px4", "arducopter")
 
 
@@ -102,6 +104,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
         for link, flown in (("mavsdk", ("px4",)), ("pymavlink", ("arducopter",)))
     ]
     going = made("goes on", away_m=80.0)
+    sudden = {"acceleration_m_s2": 10.0}  # at its speed within 0.5 s, where the rover otherwise takes 1.5 s and more
     return [
         *both,
         Case(
@@ -109,6 +112,22 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             "mavsdk",
             made("a chase, u 8 v 4", u=8.0, v=4.0, height_m=height_m),
             (ends("captured"), ratio(fast), KEEPS_OFF),
+            autopilots=("arducopter",),
+        ),
+        Case(
+            "at full speed at once, u 6 v 3",
+            "mavsdk",
+            made("at once, u 6 v 3", height_m=height_m, evader=sudden),
+            (ends("captured"), ratio(1.03), KEEPS_OFF),
+            prompt=True,
+            autopilots=("px4",),
+        ),
+        Case(
+            "at full speed at once, u 8 v 4",
+            "mavsdk",
+            made("at once, u 8 v 4", u=8.0, v=4.0, height_m=height_m, evader=sudden),
+            (ends("captured"), ratio(1.20 if px4 else 1.09), KEEPS_OFF),
+            prompt=True,
             autopilots=("arducopter",),
         ),
         Case(
@@ -169,6 +188,8 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             meddling="pilot",
             autopilots=("px4",),
         ),
+        Case("an order to hold", "mavsdk" if px4 else "pymavlink", going, meddling="hold"),
+        Case("orders while landing and returning", "pymavlink" if px4 else "mavsdk", going, meddling="interrupt"),
         Case("the service killed (-9)", "mavsdk" if px4 else "pymavlink", going, meddling="kill"),
         Case("a failed preflight", "mavsdk", going, meddling="refuse", autopilots=("arducopter",)),
     ]

@@ -23,7 +23,13 @@ ENGAGED_WITHIN_S = 150.0
 FLOWN_WITHIN_S = 420.0
 MEDDLED_AFTER_S = 3.0
 YIELDED_WITHIN_S = 2.5
+SILENT_WITHIN_S = 1.0
+ENGAGED_AFTER_ORDER_S = 1.7
+HELD_S = 30.0
+KEPT_S = 5.0
+MODE_WITHIN_S = 3.0
 LEFT_WITHIN_S = 3.0
+LANDED_WITHIN_S = 120.0
 STOPPED_WITHIN_S = 8.0
 _STILL_M_S = 0.6
 _UNSAFE = {"px4": ("GF_MAX_VER_DIST", 0.0), "arducopter": ("GUID_TIMEOUT", 5.0)}
@@ -47,6 +53,7 @@ class Flown:
 
     process: subprocess.Popen[str]
     folder: Path
+    environment: dict[str, str]
     said: list[tuple[float, str]] = field(default_factory=list)
 
     def read(self) -> None:
@@ -58,6 +65,17 @@ class Flown:
     def at_s(self, words: str) -> float | None:
         """When a line first ended with these words, or with these and the reason for them."""
         return next((at_s for at_s, line in self.said if line.partition(": ")[0].endswith(words)), None)
+
+    def order(self, word: str) -> bool:
+        """Give an order as an operator does; return whether it was accepted."""
+        told = [line.split()[-1] for _, line in self.said if line.startswith("orders ")]
+        endpoint = ("--endpoint", told[-1]) if told else ()
+        command = [GUIDANCE, "ctl", word, *endpoint]
+        done = subprocess.run(
+            [*map(str, command)], env=self.environment, capture_output=True, text=True, timeout=20, check=False
+        )
+        self.said.append((time.monotonic(), f"ctl {word}: {(done.stdout + done.stderr).strip()}"))
+        return done.returncode == 0
 
     def row(self) -> dict[str, object]:
         """The outcome row, empty where there is none."""
@@ -76,14 +94,18 @@ def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flo
     (folder / "outcome.json").unlink(missing_ok=True)  # of an earlier run into the same folder
     (folder / "scenario.toml").write_text(toml(case.scenario), encoding="utf-8")
     command = [GUIDANCE, "fly", folder / "scenario.toml", "--vehicle", relay.client_url, "--link", case.link]
+    # Its own folder for the token and the socket: vehicles in other network namespaces have the same endpoint.
+    (folder / "runtime").mkdir(exist_ok=True)
+    runtime = {"XDG_RUNTIME_DIR": str(folder / "runtime")}
+    environment = {**os.environ, **runtime, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(
         [*map(str, command), "--end", end, "--out", str(folder)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env={**os.environ, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"},
+        env=environment,
     )
-    flown = Flown(process, folder)
+    flown = Flown(process, folder, environment)
     reader = threading.Thread(target=flown.read, daemon=True)
     reader.start()
     try:
@@ -110,12 +132,17 @@ def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
             if not engaged or flown.at_s("engaged") is None:
                 return [line("engaged", flown.last_words(), held=False)]
             time.sleep(MEDDLED_AFTER_S)
-            return list({"pilot": _pilot, "kill": _killed}[case.meddling](case, relay, flown, line))
+            return list(MEDDLING[case.meddling](case, relay, flown, line))
         wait(lambda: _over(flown), FLOWN_WITHIN_S)
     row = flown.row()
     if not row:
         return [line("a flight", flown.last_words(), held=False)]
     lines = [line(one.words, one.got(row), held=one.held(one.got(row))) for one in case.wanted]
+    if case.prompt:
+        entered_s, engaged_s = flown.at_s("entering"), flown.at_s("engaged")
+        took_s = math.inf if entered_s is None or engaged_s is None else engaged_s - entered_s
+        words = f"engaged ≤ {ENGAGED_AFTER_ORDER_S:g} s after the order"
+        lines.append(line(words, f"{took_s:.2f} s", held=took_s <= ENGAGED_AFTER_ORDER_S))
     if case.fence_m is not None:
         out_m = _farthest_m(relay, flown)
         lines.append(line(f"within the fence of {case.fence_m:g} m", f"{out_m:.1f} m", held=out_m <= case.fence_m))
@@ -140,9 +167,56 @@ def _pilot(case, relay, flown, line):
     after = sum(one > (yielded_s or at_s) + 0.1 for one in relay.seen.setpoints_s)
     yield line("silent from then on", f"{after} setpoints", held=after == 0)
     mode = relay.mode()
+    last_s = max(relay.seen.setpoints_s, default=at_s) - at_s
+    yield line(f"silent ≤ {SILENT_WITHIN_S:g} s after the switch", f"{last_s:.2f} s", held=last_s <= SILENT_WITHIN_S)
     yield line("the pilot's mode stays", str(mode), held=mode is Mode.HOLD)
     for one in case.wanted:
         yield line(one.words, one.got(row), held=one.held(one.got(row)))
+
+
+def _held(case, relay, flown, line):
+    """HOLD in the game, kept until LAND is ordered: neither the mission nor a time limit ends it."""
+    accepted = flown.order("hold")
+    at_s = time.monotonic()
+    yield line("HOLD accepted", "accepted" if accepted else flown.last_words(), held=accepted)
+    held = wait(lambda: relay.mode() is Mode.HOLD, MODE_WITHIN_S)
+    yield line(f"in its hold within {MODE_WITHIN_S:g} s", str(relay.mode()), held=held)
+    silent_s = time.monotonic()
+    left = wait(lambda: relay.mode() is not Mode.HOLD or _over(flown), at_s + HELD_S - time.monotonic())
+    kept_s = time.monotonic() - at_s
+    yield line(f"held for {HELD_S:g} s", f"{relay.mode()} after {kept_s:.1f} s", held=not left)
+    after = sum(one > silent_s + 0.5 for one in relay.seen.setpoints_s)
+    yield line("silent while held", f"{after} setpoints", held=after == 0)
+    said = any("held by operator" in words for _, words in flown.said)
+    yield line("the terminal says so", "held by operator" if said else "not said", held=said)
+    yield from _landed(relay, flown, line)
+
+
+def _interrupted(case, relay, flown, line):
+    """A person stands below: LAND and RETURN are given up for HOLD, and LAND for RETURN."""
+    for order, mode, kept_s in (
+        ("land", Mode.LAND, 1.0),
+        ("hold", Mode.HOLD, KEPT_S),
+        ("return", Mode.RETURN, 1.0),
+        ("hold", Mode.HOLD, KEPT_S),
+        ("land", Mode.LAND, 1.0),
+        ("return", Mode.RETURN, 1.0),
+    ):
+        before = relay.mode()
+        accepted = flown.order(order)
+        there = accepted and wait(lambda mode=mode: relay.mode() is mode, MODE_WITHIN_S)
+        kept = there and not wait(lambda mode=mode: relay.mode() is not mode, kept_s)
+        got = f"{relay.mode()}" if accepted else flown.last_words()
+        yield line(f"{order.upper()} in {before}, kept {kept_s:g} s", got, held=kept)
+    yield from _landed(relay, flown, line)
+
+
+def _landed(relay, flown, line):
+    accepted = flown.order("land")
+    yield line("LAND accepted", "accepted" if accepted else flown.last_words(), held=accepted)
+    down = wait(lambda: not relay.armed, LANDED_WITHIN_S)
+    yield line("landed and disarmed", "disarmed" if down else "armed", held=down)
+    wait(lambda: _over(flown), 20.0)
 
 
 def _killed(case, relay, flown, line):
@@ -167,6 +241,9 @@ def _killed(case, relay, flown, line):
     last_s = max(relay.seen.setpoints_s, default=-math.inf)
     late_s = last_s - at_s
     yield line("no setpoint after", f"last {max(0.0, late_s):.2f} s after", held=late_s < 0.1)
+
+
+MEDDLING = {"pilot": _pilot, "kill": _killed, "hold": _held, "interrupt": _interrupted}
 
 
 def _refused(case, relay, folder, line):
