@@ -1,19 +1,18 @@
-"""The `guidance` command. An order goes the short way; everything else is a command of `guidance.cli.program`."""
+"""The `guidance` command. Orders take a fast path; all other commands are in `guidance.cli.program`."""
 
 import sys
 from typing import Any
 
 from guidance.cli.short_order import short_order
-from guidance.cli.streams import open_outlets
+from guidance.cli.streams import open_outlets, printable
 from guidance.errors import GuidanceError, OutputError
-from guidance.screen import printable
 
 FAULT = 70
-"""Exit code where guidance itself is at fault (EX_SOFTWARE of sysexits.h)."""
+"""Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, which is not imported for an order
-    """Return `app`, the whole program, imported when it is asked for."""
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, imported lazily
+    """Return `app`, which is imported only when needed."""
     if name == "app":
         from guidance.cli.program import app  # noqa: PLC0415
 
@@ -22,10 +21,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - typer.Typer, which is not i
 
 
 def main() -> None:
-    """Run the command line. What the user can mend ends with one message and an exit code, not with a traceback.
-
-    The exit codes are those of `docs/exit-codes.md`.
-    """
+    """Run the command line. Errors that the user can fix end with a message and an exit code (`docs/exit-codes.md`)."""
     open_outlets()
     try:
         _run()
@@ -35,10 +31,10 @@ def main() -> None:
         place = f"{error.filename}: " if error.filename is not None else ""
         _end(f"{place}{error.strerror or error}", OutputError.exit_code)
     except Exception:
-        import traceback  # noqa: PLC0415 - takes a twentieth of a second
+        import traceback  # noqa: PLC0415 - slow import
 
         traceback.print_exc()
-        _end("this is a fault of guidance itself: please report it, with the lines above", FAULT)
+        _end("internal error of guidance: please report it with the lines above", FAULT)
 
 
 def _run() -> None:
@@ -54,6 +50,6 @@ def _run() -> None:
 
 
 def _end(words: str, code: int) -> None:
-    lines = "\n".join(map(printable, words.splitlines()))  # a message may quote a stranger's file
-    print(f"error: {lines}", file=sys.stderr)  # noqa: T201 - the last word of a command
+    lines = "\n".join(map(printable, words.splitlines()))  # the message may quote an untrusted file
+    print(f"error: {lines}", file=sys.stderr)  # noqa: T201
     sys.exit(code)

@@ -1,4 +1,4 @@
-"""`guidance init` and `schema`: a first vehicle file, and the keys of every file as JSON Schema."""
+"""`guidance init` and `schema`: writes a vehicle file, and prints the JSON Schema of every file."""
 
 import json
 import sys
@@ -14,33 +14,33 @@ if TYPE_CHECKING:
 
 def init(
     url: Annotated[
-        str | None, typer.Argument(help="URL of the autopilot, which is read and not changed; asked for if not given.")
+        str | None, typer.Argument(help="URL of the autopilot, which is only read; asked for if missing.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="The file to write; one that is there is never overwritten.")] = Path(
+    out: Annotated[Path, typer.Option(help="The file to write; existing files are not overwritten.")] = Path(
         "vehicle.toml"
     ),
     name: Annotated[
-        str | None, typer.Option(help="Of the vehicle, in orders and records; the file's by default.")
+        str | None, typer.Option(help="Name of the vehicle in orders and records; default: the file's name.")
     ] = None,
     autopilot: Annotated[
         str | None,
-        typer.Option(help="px4 or arducopter; found by HEARTBEAT at a URL, and needed where there is no vehicle yet."),
+        typer.Option(help="px4 or arducopter; default: from HEARTBEAT. Needed without a URL."),
     ] = None,
 ) -> None:
-    """Write a commented vehicle file for the autopilot at a URL, with its present limits, and say what comes next.
+    """Write a commented vehicle file for the autopilot at a URL, and print the next steps.
 
-    The autopilot is found by its HEARTBEAT, and its limits of speed, height and distance are read; nothing is set and
-    nothing is ordered. The file's own limits are never looser than what was read.
+    Reads the autopilot's limits of speed, height and distance; sets and orders nothing. The file's limits are never
+    looser than the autopilot's.
 
     - `guidance init udpin://127.0.0.1:14540`: PX4's SITL, or `sitl-mock run --udp 14540`
     - `guidance init serial:///dev/ttyACM0:921600 --out uav1.toml`: an autopilot on a serial port
-    - `guidance init --autopilot px4`: before there is a vehicle
+    - `guidance init --autopilot px4`: without a vehicle
     """
-    from guidance.errors import ConfigError  # noqa: PLC0415 - NumPy takes a moment
+    from guidance.errors import ConfigError  # noqa: PLC0415 - slow import
     from guidance.session.new_vehicle_file import vehicle_file, write_new  # noqa: PLC0415
 
     if out.exists():
-        raise ConfigError(f"--out {out}: is there already, and is not overwritten; choose another name")
+        raise ConfigError(f"--out {out}: exists and is not overwritten; choose another name")
     if url is None and autopilot is None:
         url, autopilot = _asked()
     surveyed = None if url is None else _surveyed(url, autopilot)
@@ -54,11 +54,11 @@ def _asked() -> tuple[str | None, str | None]:
     from guidance.errors import ConfigError  # noqa: PLC0415
 
     if not sys.stdin.isatty():
-        raise ConfigError("which autopilot? give its URL, or --autopilot px4 or arducopter to read none")
-    url = typer.prompt("Where is the autopilot? (a URL; nothing, if there is none yet)", default="", show_default=False)
+        raise ConfigError("no autopilot given: give its URL, or --autopilot px4 or arducopter")
+    url = typer.prompt("URL of the autopilot (empty if there is none yet)", default="", show_default=False)
     if url:
         return url, None
-    return None, typer.prompt("Which one will it be? (px4 or arducopter)", default="px4")
+    return None, typer.prompt("Autopilot (px4 or arducopter)", default="px4")
 
 
 def _surveyed(url: str, autopilot: str | None) -> "Surveyed":
@@ -68,7 +68,7 @@ def _surveyed(url: str, autopilot: str | None) -> "Surveyed":
     from guidance.session.fly_vehicle import FOUND_WITHIN_S  # noqa: PLC0415
     from guidance.session.new_vehicle_file import READ_WITHIN_S, survey  # noqa: PLC0415
 
-    parse(url)  # which is wrong before anybody waits
+    parse(url)  # report a wrong URL before waiting
     with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", FOUND_WITHIN_S + READ_WITHIN_S):
         surveyed = survey(url, autopilot)
     count = len(autopilot_named(surveyed.autopilot).bounds)
@@ -81,19 +81,19 @@ def _surveyed(url: str, autopilot: str | None) -> "Surveyed":
 
 def _next(out: Path) -> str:
     return f"""next
-  1. say in {out} where the evader's reports come from ([evader]) and how large your field is ([limits])
-  2. guidance doctor {out}      is this computer ready: clock, ports, rights, disk
-  3. guidance check {out}       is the autopilot set up; --apply sets what is refused, after asking
-  4. guidance run {out}         the daemon: it waits, and arms nothing by itself
+  1. edit {out}: the source of evader reports ([evader]) and the size of your field ([limits])
+  2. guidance doctor {out}      checks this computer: clock, ports, rights, disk
+  3. guidance check {out}       checks the autopilot; --apply sets refused parameters, after asking
+  4. guidance run {out}         the daemon; it waits for orders
   5. guidance ctl start         in another terminal, then: guidance ctl engage"""
 
 
 def schema(
     kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")],
 ) -> None:
-    """Print the JSON Schema of a file, for editors that complete and check TOML by it (Even Better TOML, Taplo).
+    """Print the JSON Schema of a file, for editors that complete and check TOML (Even Better TOML, Taplo).
 
-    Every key has its meaning, its range and, where names are allowed, the names; its unit is the end of its name.
+    It gives the meaning, range and allowed names of every key. The end of a key's name is its unit.
 
     - `guidance schema vehicle > vehicle.schema.json`
     """
@@ -105,13 +105,13 @@ def schema(
 
 
 def _vehicle() -> dict[str, Any]:
-    from guidance.session.vehicle_file import Config  # noqa: PLC0415 - pydantic takes a moment
+    from guidance.session.vehicle_file import Config  # noqa: PLC0415 - slow import
 
     return _titled("Vehicle", Config.model_json_schema())
 
 
 def _scenario() -> dict[str, Any]:
-    from guidance.sim.scenario_file import json_schema  # noqa: PLC0415 - as above
+    from guidance.sim.scenario_file import json_schema  # noqa: PLC0415 - slow import
 
     return json_schema()
 
@@ -120,7 +120,7 @@ def _sweep() -> dict[str, Any]:
     from guidance.extras import require  # noqa: PLC0415
 
     require("schema sweep", "sim")
-    from guidance.sweeps.sweep_file import Sweep  # noqa: PLC0415 - as above
+    from guidance.sweeps.sweep_file import Sweep  # noqa: PLC0415 - slow import
 
     return _titled("Sweep", Sweep.model_json_schema())
 

@@ -1,4 +1,4 @@
-"""`guidance paper`: the published tables and figures, computed again."""
+"""`guidance paper`: recomputes the published tables and figures."""
 
 import json
 from pathlib import Path
@@ -17,11 +17,11 @@ def paper(
     figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the tables as JSON.")] = False,
 ) -> None:
-    """Compute the paper's tables and figures again; exit with 1 if a published digit differs."""
+    """Recompute the paper's tables and figures; the exit code is 1 if a published digit differs."""
     from guidance.extras import require  # noqa: PLC0415
     from guidance.files import writing  # noqa: PLC0415
     from guidance.paper import tables  # noqa: PLC0415 - numpy takes a moment
-    from guidance.screen import Sheet, console  # noqa: PLC0415
+    from guidance.screen import console, sheet  # noqa: PLC0415
 
     if figures:
         require("the figures (--no-figures leaves them out)", "plot")
@@ -40,7 +40,7 @@ def paper(
                 (*case.strategies, case.published, case.stepped, case.exact, "✓" if case.matches else "✗")
                 for case in table.cases
             ]
-            there.print(Sheet(headings, rows, left=(0, 1), title=f"{table.title}; {table.quantity}"))
+            there.print(sheet(headings, rows, left=(0, 1), title=f"{table.title}; {table.quantity}"))
         there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
     if figures:
         from guidance.paper.figures import draw_figures  # noqa: PLC0415 - matplotlib takes a second

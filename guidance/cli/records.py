@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from guidance.cli.arguments import CommandGroup
+from guidance.cli.streams import printable
 from guidance.extras import require
-from guidance.screen import printable
 
 if TYPE_CHECKING:
     from guidance.log import Comparison, ReplayedCycle

@@ -1,4 +1,4 @@
-"""`guidance scenario`: scenario files, run in mathematics, in mocked flight or on a vehicle."""
+"""`guidance scenario`: runs, lists and explains scenario files."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ scenario = typer.Typer(
     cls=CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
 )
 
-Name = Annotated[str, typer.Argument(help="A scenario file, or the name of one that comes along.")]
+Name = Annotated[str, typer.Argument(help="A scenario file, or the name of a bundled one.")]
 
 
 @scenario.command()
@@ -21,16 +21,16 @@ def run(
     way: Annotated[
         str, typer.Option("--as", help="maths, fast (virtual time), live (real time) or vehicle (needs --config).")
     ] = "maths",
-    config: Annotated[Path | None, typer.Option(help="Vehicle configuration, with --as vehicle.")] = None,
+    config: Annotated[Path | None, typer.Option(help="The vehicle file, with --as vehicle.")] = None,
     engage: Annotated[
         bool,
         typer.Option(
             "--engage",
-            help="With --as vehicle: THE VEHICLE IS ARMED, takes off and engages at once, without `guidance ctl start` "
+            help="With --as vehicle: ARMS THE VEHICLE, takes off and engages at once, without `guidance ctl start` "
             "and `guidance ctl engage`.",
         ),
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="With --engage: do not ask before the vehicle is armed.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --engage: do not ask before arming.")] = False,
     link: Annotated[
         str | None, typer.Option(help="With --as live: mavsdk or pymavlink.", show_default="mavsdk")
     ] = None,
@@ -45,23 +45,23 @@ def run(
         Path | None,
         typer.Option(help="New folder for a flight's record.", show_default="flights/SCENARIO-NUMBER"),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenario's.")] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the outcome row here as JSON; - is standard output.")
+        Path | None, typer.Option("--json", help="Write the outcome row to this JSON file; - is standard output.")
     ] = None,
 ) -> None:
-    """Run one scenario; show what it came to beside what the game's value promised.
+    """Run one scenario and show the outcome beside the game's value.
 
-    The columns are the same for every way, so that mathematics, mock and vehicle can be compared (`guidance compare`).
-    A scenario is also a test: where an expectation of its `[expect]` does not hold, the command ends with exit code 1.
+    The columns are the same for mathematics, mock and vehicle, so `guidance compare` can compare them. A scenario is
+    also a test: if an expectation in `[expect]` fails, the exit code is 1.
 
     - `guidance scenario run pe`: the paper's game between point masses
-    - `guidance scenario run pe --as fast`: the same file flown against the mock autopilot in virtual time
+    - `guidance scenario run pe --as fast`: the same file, flown by the mock in virtual time
     - `guidance scenario run pe --as live`: in real time over Zenoh, or with `--over udp` over UDP
-    - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, once a
-      person orders `guidance ctl start` and `guidance ctl engage`; with `--engage` it is **armed** without
+    - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, after
+      the orders `guidance ctl start` and `guidance ctl engage`; `--engage` **arms** without them
     """
-    from guidance.cli.scenario_run import STANDARD_OUTPUT, Run, run_scenario  # noqa: PLC0415 - `guidance --help` is to be quick
+    from guidance.cli.scenario_run import STANDARD_OUTPUT, Run, run_scenario  # noqa: PLC0415 - slow import
     from guidance.screen import console  # noqa: PLC0415
 
     asked = Run(way, config, engage, yes, link, port, out, seed, json_file, over)
@@ -70,9 +70,9 @@ def run(
 
 @scenario.command(name="list")
 def list_all(
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON list, with what each expects.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON list with the expectations.")] = False,
 ) -> None:
-    """List the scenarios that come along, a line each; `guidance scenario show NAME` explains one and draws it."""
+    """List the bundled scenarios; `guidance scenario show NAME` explains one."""
     from guidance.cli.scenario_catalogue import listed, listing  # noqa: PLC0415
     from guidance.screen import console  # noqa: PLC0415
 
@@ -86,12 +86,10 @@ def list_all(
 @scenario.command()
 def show(
     name: Name,
-    out: Annotated[Path | None, typer.Option(help="Picture to write.", show_default="NAME.png here")] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the facts as JSON; the picture is drawn only with --out.")
-    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Draw a picture into this file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
 ) -> None:
-    """Explain a scenario: who plays what from where, the game's value, and a picture of how mathematics plays it.
+    """Explain a scenario: players, places and the game's value. `--out` draws how the mathematics plays it.
 
     - `guidance scenario show barrier_pursuer`
     - `guidance scenario show my_own.toml --out my_own.png`

@@ -1,14 +1,15 @@
-"""The scenarios that come along, listed and explained: what `guidance scenario list` and `show` print."""
+"""Output of `guidance scenario list` and `show`: the bundled scenarios."""
 
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
+from rich.table import Table
 
 from guidance.config import config_folder
-from guidance.extras import how_to_add, require
-from guidance.screen import Sheet, pairs
+from guidance.extras import require
+from guidance.screen import pairs, sheet
 from guidance.sim.expect import Expectations
 from guidance.sim.maths import opening
 from guidance.sim.outcome import winner_name
@@ -21,12 +22,12 @@ _WIDE: Final = 120
 
 
 def names() -> list[str]:
-    """Return the names of the scenarios that come along."""
+    """Return the names of the bundled scenarios."""
     return sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
 
 
 def listed() -> list[dict[str, str]]:
-    """Return the rows of `guidance scenario list`: name, game, title and what is expected.
+    """Return the rows of `guidance scenario list`: name, game, title and expectations.
 
     Raises:
         ConfigError: If one of the files is wrong.
@@ -39,27 +40,26 @@ def listed() -> list[dict[str, str]]:
     return rows
 
 
-def listing(width: int) -> Sheet:
-    """Return the table of `guidance scenario list`, a line a scenario; what is expected has room from 120 columns on.
+def listing(width: int) -> Table:
+    """Return the table of `guidance scenario list`; expectations are shown from 120 columns on.
 
     Raises:
         ConfigError: If one of the files is wrong.
     """
     shown = ("name", "game", "title", "expected")[: 4 if width >= _WIDE else 3]
-    return Sheet(shown, [[row[column] for column in shown] for row in listed()], left=range(4), cut=True)
+    return sheet(shown, [[row[column] for column in shown] for row in listed()], left=range(4), cut=True)
 
 
 def show(name: str, console: Console, picture: Path | None) -> None:
-    """Explain a scenario and draw it, into `NAME.png` unless said otherwise.
+    """Explain a scenario, and draw it into `picture` if given.
 
     Raises:
-        ConfigError: If there is no such scenario, a key in it is wrong, or --out names a picture that nothing can
-            draw.
+        ConfigError: If there is no such scenario, a key in it is wrong, or the picture's format is unknown.
         OutputError: If the picture cannot be written.
     """
     if picture is not None:
         require(f"--out {picture}", "plot")
-        from guidance.viz.figures import check_picture  # noqa: PLC0415 - matplotlib takes a second
+        from guidance.viz.figures import check_picture  # noqa: PLC0415 - slow import
 
         check_picture(picture)
     path, scenario = load_any(name)
@@ -67,17 +67,13 @@ def show(name: str, console: Console, picture: Path | None) -> None:
     console.print(" ".join(scenario.description.split()))
     console.print()
     console.print(pairs(_facts(scenario)))
-    advice = how_to_add("plot")
-    if advice is not None:
-        console.print(f"picture  {advice}", soft_wrap=True, highlight=False, markup=False)
-        return
-    drawn = picture if picture is not None else Path(f"{path.stem}.png")
-    _draw(scenario, drawn)
-    console.print(f"picture  {drawn}", soft_wrap=True, highlight=False)
+    if picture is not None:
+        _draw(scenario, picture)
+        console.print(f"picture  {picture}", soft_wrap=True, highlight=False)
 
 
 def explained(name: str) -> dict[str, Any]:
-    """Return what `show` says of a scenario as plain values.
+    """Return the content of `show` as plain values.
 
     Raises:
         ConfigError: If there is no such scenario, or a key in it is wrong.
@@ -95,7 +91,7 @@ def _facts(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
 
 
 def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:
-    from guidance.viz.scenario_picture import draw_scenario  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.viz.scenario_picture import draw_scenario  # noqa: PLC0415 - slow import
     from guidance.viz.team_picture import draw_teams  # noqa: PLC0415
 
     if isinstance(scenario, TeamScenario):
@@ -105,7 +101,7 @@ def _draw(scenario: Scenario | TeamScenario, path: Path) -> None:
 
 
 def facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield what is to be known of a scenario, by name."""
+    """Yield the facts of a scenario by name."""
     pursuer, evader, disc = scenario.pursuer, scenario.evader, scenario.standoff
     speeds = f"{pursuer.speed_m_s:g} m/s"
     if pursuer.speed_set == "cylinder":
@@ -130,7 +126,7 @@ def facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def team_facts(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
-    """Yield what is to be known of a scenario of teams, by name."""
+    """Yield the facts of a team scenario by name."""
     yield "game", {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}[scenario.game] + ", of teams"
     for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
         for group in groups:
@@ -146,13 +142,13 @@ def team_facts(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
 
 
 def team_expected(scenario: TeamScenario) -> str:
-    """Say in one line what a scenario of teams expects."""
+    """Return the expectations of a team scenario in one line."""
     wanted = ((column, getattr(scenario.expect, column)) for column in type(scenario.expect).model_fields)
     return ", ".join(f"{column} {value}" for column, value in wanted if value is not None)
 
 
 def expected(scenario: Scenario) -> str:
-    """Say in one line what a scenario expects."""
+    """Return the expectations of a scenario in one line."""
     parts = [*_said(scenario.expect)]
     for run in ("maths", "flown"):
         said = ", ".join(_said(getattr(scenario.expect, run)))
@@ -173,7 +169,7 @@ def _value(scenario: Scenario) -> str:
     first = opening([scenario])
     value, winner = float(first.value[0]), winner_name(int(first.winner[0]))
     if winner == "evader":
-        return f"the evader wins: the pursuer comes {value:.2f} m short"
+        return f"the evader wins: the pursuer misses by {value:.2f} m"
     return f"{value:.2f} s to capture" if scenario.game == "pe" else f"{value:.2f} m from the target, {winner} wins"
 
 

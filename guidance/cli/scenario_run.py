@@ -1,4 +1,4 @@
-"""One scenario, run in any of the four ways, and held against what it expects: what `guidance scenario run` does."""
+"""Runs one scenario as mathematics, mock or vehicle, and checks its expectations."""
 
 import json
 import sys
@@ -13,7 +13,7 @@ from rich.text import Text
 from guidance.cli.arguments import agree, refuse_others
 from guidance.errors import ConfigError
 from guidance.files import private_file, writing
-from guidance.screen import Cell, Sheet, pairs
+from guidance.screen import Cell, pairs, sheet
 from guidance.sim.expect import CheckedExpectation
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome, outcome_json
@@ -30,13 +30,13 @@ _NUMBERS: Final = ("predicted", "achieved", "regret")
 
 
 REPORTED: Final = "reported"
-"""The evader's policy in the row of a run `--as vehicle`: it was only heard of."""
+"""Evader policy in the row of a run `--as vehicle`, where the evader is only reported."""
 
 STANDARD_OUTPUT: Final = Path("-")
 
 
 class Run(NamedTuple):
-    """How a scenario is to be run; see `guidance scenario run --help`."""
+    """Options of `guidance scenario run`."""
 
     way: str
     config: Path | None = None
@@ -51,15 +51,15 @@ class Run(NamedTuple):
 
 
 def run_scenario(name: str, run: Run, console: Console) -> int:
-    """Run a scenario, show its outcome; return 0, or 1 if something that the scenario expects did not hold.
+    """Run a scenario and show its outcome; return 0, or 1 if an expectation fails.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For every error that the user can fix.
     """
     if run.way not in WAYS:
         raise ConfigError(f"--as {run.way}: allowed are {', '.join(WAYS)}")
     if run.config is None and run.way == "vehicle":
-        raise ConfigError("--config: needed with --as vehicle; it says whom to talk to")
+        raise ConfigError("--config: missing; --as vehicle needs a vehicle file")
     _refuse_others(run)
     path, scenario = load_any(name)
     if run.seed is not None:
@@ -68,7 +68,7 @@ def run_scenario(name: str, run: Run, console: Console) -> int:
     if isinstance(scenario, TeamScenario):
         return _run_teams(scenario, path, run, console)
     if run.way == "maths" and scenario.fault:
-        console.print("faults are an autopilot's: mathematics plays without them")
+        console.print("the mathematics ignores faults")
     outcome = _run(scenario, path.stem, run, console)
     verdicts = scenario.expect.of(outcome._asdict())
     console.print(_outcome_table(outcome))
@@ -101,7 +101,7 @@ def _refuse_others(run: Run) -> None:
 
 def _run_teams(scenario: TeamScenario, path: Path, run: Run, console: Console) -> int:
     if run.way != "maths":
-        raise ConfigError(f"--as {run.way}: {path.name} has teams, which only mathematics plays yet; use --as maths")
+        raise ConfigError(f"--as {run.way}: {path.name} has teams, which only the mathematics plays; use --as maths")
     rows = play_teams([scenario])[0]
     console.print(_row_table(rows))
     summary = summary_of(rows)
@@ -116,14 +116,14 @@ def _run_teams(scenario: TeamScenario, path: Path, run: Run, console: Console) -
     return 0 if all(verdict.held for verdict in verdicts) else 1
 
 
-def _row_table(rows: Sequence[TeamOutcome]) -> Sheet:
-    """Lay out the rows of a game of teams, an evader each."""
+def _row_table(rows: Sequence[TeamOutcome]) -> Table:
+    """Return the table of a team game, one row per evader."""
     shown = ("evader", "end", "first", "second", "captor", "game_time_s", "predicted", "achieved", "regret")
     cells = []
     for row in rows:
         values = row._asdict()
         cells.append(["-" if values[name] == -1 else _said(values[name], "") for name in shown])
-    return Sheet(shown, cells, left=(1,))
+    return sheet(shown, cells, left=(1,))
 
 
 def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
@@ -169,7 +169,7 @@ def _run(scenario: Scenario, stem: str, run: Run, console: Console) -> Outcome:
 
 
 def _may_arm(config: Path) -> None:
-    """Ask before the vehicle of a file is armed: one on loopback may be real too, behind a router."""
+    """Ask before arming. A vehicle on loopback may be real, too, behind a router."""
     from guidance.config import find  # noqa: PLC0415
     from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
@@ -192,12 +192,12 @@ def _said(value: Any, unit: str) -> str:  # noqa: ANN401 - any column
     return str(value) or "-"
 
 
-def _expectation_table(verdicts: Sequence[CheckedExpectation]) -> Sheet:
+def _expectation_table(verdicts: Sequence[CheckedExpectation]) -> Table:
     rows: list[Sequence[Cell]] = []
     for verdict in verdicts:
         held = Text("holds", "green") if verdict.held else Text("FAILS", "red")
         rows.append([verdict.column, verdict.expected, _said(verdict.value, ""), held])
-    return Sheet(("column", "expected", "came out", "verdict"), rows, left=range(4), title="expected")
+    return sheet(("column", "expected", "came out", "verdict"), rows, left=range(4), title="expected")
 
 
 def _write(path: Path, content: Any) -> None:  # noqa: ANN401 - plain values

@@ -1,6 +1,6 @@
-"""Where a command writes: in letters that the terminal knows, and with one meaning for each way of failing to write.
+"""Standard output of the commands: replaces characters that the terminal lacks, and handles write errors.
 
-Output that ends early (`| head`) ends the command in silence, as SIGPIPE would; a full disk ends it with a message.
+A closed pipe (`| head`) ends the command silently, as SIGPIPE would. A full disk ends it with a message.
 """
 
 import codecs
@@ -15,7 +15,7 @@ from typing import Final
 from guidance.errors import OutputError
 
 PIPE_CLOSED: Final = 128 + signal.SIGPIPE if hasattr(signal, "SIGPIPE") else 141
-"""The exit code of a command whose reader went away."""
+"""Exit code when the reader of the output is gone."""
 
 _PLAIN: Final = {
     "δ": "delta", "τ": "tau", "Δ": "Delta", "σ": "sigma", "π": "pi", "μ": "u", "×": "x", "·": "*", "°": " deg",
@@ -23,11 +23,16 @@ _PLAIN: Final = {
     "≈": "~", "✓": "yes", "✗": "no", "•": "*", "●": "*", "“": '"', "”": '"', "‘": "'", "’": "'", "²": "^2",
     "─": "-", "━": "-", "│": "|", "┃": "|", "\u00a0": " ",
 }  # fmt: skip
-"""What is written for a letter that an encoding does not have."""
+"""Replacements for characters that an encoding lacks."""
+
+
+def printable(text: str) -> str:
+    """Escape control characters of untrusted text, which could command the terminal."""
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 
 def plain(text: str) -> str:
-    """Return text in ASCII, as close to it as that can be."""
+    """Return text in ASCII."""
     return "".join(letter if letter.isascii() else _plain(letter) for letter in text)
 
 
@@ -48,11 +53,11 @@ codecs.register_error("plain-letters", _in_plain_letters)
 
 
 class Outlet(io.TextIOWrapper):
-    """A text stream over another's buffer; see the module.
+    """A text stream over another stream's buffer.
 
     Raises:
-        OutputError: Where it cannot be written, from every write and flush.
-        SystemExit: Where nobody reads any more.
+        OutputError: From write and flush, if the output cannot be written.
+        SystemExit: From write and flush, if the reader is gone.
     """
 
     def write(self, text: str) -> int:
@@ -63,25 +68,25 @@ class Outlet(io.TextIOWrapper):
             raise self._ended(error) from None
 
     def flush(self) -> None:
-        """Hand what waits to the system."""
+        """Flush the buffer."""
         try:
             super().flush()
         except OSError as error:
             raise self._ended(error) from None
 
     def _ended(self, error: OSError) -> BaseException:
-        # What waits in the buffer is written when the process ends: into nothing, or it would fail again.
+        # The rest of the buffer is written when the process ends; send it to /dev/null, or it would fail again.
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, self.fileno())
         os.close(nothing)
         if error.errno == errno.EPIPE:
             return SystemExit(PIPE_CLOSED)
         name = str(self.name).strip("<>")
-        return OutputError(f"{name}: cannot be written ({error.strerror}); send it somewhere else")
+        return OutputError(f"{name}: cannot be written ({error.strerror}); redirect it elsewhere")
 
 
 def open_outlets() -> None:
-    """Put an outlet in the place of standard output, and let both streams write letters that their encoding lacks."""
+    """Replace standard output by an `Outlet`, and let both streams replace unknown characters."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="plain-letters")

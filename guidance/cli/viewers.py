@@ -1,4 +1,4 @@
-"""`guidance view` and `panel`: a flight to look at, live or from its record, and the page of the operator."""
+"""`guidance view` and `panel`: the viewer and the operator's page."""
 
 import signal
 import threading
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 def view(
     file: Annotated[
-        Path | None, typer.Argument(help="A record.mcap that a flight wrote or is writing; none with --live.")
+        Path | None, typer.Argument(help="A record.mcap, finished or still growing; not with --live.")
     ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Look at a daemon (`guidance run`) instead of a record.")
-    ] = False,
-    follow: Annotated[bool, typer.Option("--follow", help="The record is still being written: go on with it.")] = False,
-    save: Annotated[Path | None, typer.Option(help="Write FILE.rrd for Rerun's viewer instead of serving.")] = None,
+    live: Annotated[bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")] = False,
+    follow: Annotated[bool, typer.Option("--follow", help="Follow a record that is still being written.")] = False,
+    save: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")] = None,
     endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = "tcp/127.0.0.1:7448",
-    name: Annotated[str | None, typer.Option(help="With --live: the vehicle; not needed if there is one.")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="With --live: the vehicle's name; not needed if there is only one.")
+    ] = None,
     token_file: Annotated[Path | None, typer.Option(help="With --live: the daemon's control.token_file.")] = None,
     zenoh: Annotated[
         Path | None,
-        typer.Option(help="With --live and a router's endpoint (tls/…): our file of `guidance zenoh keys`."),
+        typer.Option(help="With --live and a router's endpoint (tls/…): our file from `guidance zenoh keys`."),
     ] = None,
     port: Annotated[int, typer.Option(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
     web_port: Annotated[int, typer.Option(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
@@ -35,14 +35,14 @@ def view(
 ) -> None:
     """Show a flight in Rerun: both vehicles, stand-off disc, isochron, meeting point, fence, plots and events.
 
-    Serves a page on 127.0.0.1 and nowhere else, until Ctrl-C. It is a process of its own: a flight that is looked at
-    flies on when it hangs or dies. Needs the extra `viz`.
+    Serves a page on 127.0.0.1 until Ctrl-C. The viewer is a separate process: the flight continues if it hangs or dies.
+    Needs the extra `viz`.
 
-    - `guidance view flights/pe-001/record.mcap`: a flight that is over
-    - `guidance view FILE --save flight.rrd`: for Rerun's own viewer, nothing is served
+    - `guidance view flights/pe-001/record.mcap`: a finished flight
+    - `guidance view FILE --save flight.rrd`: a file for Rerun's viewer
     - `guidance view --live`: the daemon on this computer
     """
-    from guidance.errors import ConfigError  # noqa: PLC0415 - with numpy, for this only
+    from guidance.errors import ConfigError  # noqa: PLC0415 - slow import
     from guidance.session.flight_files import recorded_settings  # noqa: PLC0415
     from guidance.viz.subprocesses import end_with_parent  # noqa: PLC0415
     from guidance.viz.view import Destination, RecordFile  # noqa: PLC0415
@@ -69,7 +69,7 @@ def view(
 
 def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path | None) -> "LiveFlight":
     from guidance.links.wires.zenoh_access import read_credentials  # noqa: PLC0415
-    from guidance.log.broadcast import LiveFlight  # noqa: PLC0415 - Zenoh takes a second
+    from guidance.log.broadcast import LiveFlight  # noqa: PLC0415 - slow import
     from guidance.session.control_client import join_session  # noqa: PLC0415
 
     return LiveFlight(join_session(endpoint, token_file, read_credentials(zenoh)), name)
@@ -78,42 +78,38 @@ def _live(endpoint: str, name: str | None, token_file: Path | None, zenoh: Path 
 def panel(
     endpoint: Annotated[
         list[str] | None,
-        typer.Option(
-            help="A daemon's control endpoint; may be given several times.", show_default="tcp/127.0.0.1:7448"
-        ),
+        typer.Option(help="A daemon's control endpoint; may be repeated.", show_default="tcp/127.0.0.1:7448"),
     ] = None,
     port: Annotated[int, typer.Option(help="TCP port of the page; 0 picks a free one.")] = 8088,
     host: Annotated[
-        str, typer.Option(help="Where it is served. Anything else than loopback needs TLS and a password.")
+        str, typer.Option(help="Address of the page. Other addresses than loopback need TLS and a password.")
     ] = "127.0.0.1",
-    look: Annotated[bool, typer.Option("--look", help="Look on only: no order is taken.")] = False,
-    records: Annotated[Path, typer.Option(help="Folder of the flights that are over, to look at again.")] = Path(
-        "flights"
-    ),
+    look: Annotated[bool, typer.Option("--look", help="Show only; no orders.")] = False,
+    records: Annotated[Path, typer.Option(help="Folder of finished flights, for replay.")] = Path("flights"),
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM.")] = None,
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
     password_file: Annotated[
-        Path | None, typer.Option(help="The password, in a file's first line that only you can read.")
+        Path | None, typer.Option(help="A file with the password in its first line, readable only by you.")
     ] = None,
     tiles: Annotated[
-        str, typer.Option(help="Map tiles under the plan view, as https://HOST/{z}/{x}/{y}.png: asked of that host.")
+        str, typer.Option(help="Map tiles under the plan view, as https://HOST/{z}/{x}/{y}.png; loaded from that host.")
     ] = "",
     with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
 ) -> None:
-    """Serve the operator's page: where everything is, what guidance is about to do and why not, and the orders.
+    """Serve the operator's page: map, state, checks, reasons and orders.
 
-    Shows every daemon (`guidance run`, or a flight begun with --panel) at the endpoints, and waits for those that are
-    not there yet. It is a process of its own: a flight flies on when it hangs or dies. Open the address that it prints;
-    the token in it lets whoever has it order. Needs the extra `panel`.
+    Shows every daemon (`guidance run`, or a flight with --panel) at the endpoints, also those that start later. It is a
+    separate process: the flight continues if it hangs or dies. Open the printed address. Its token allows orders, so
+    keep it secret. Needs the extra `panel`.
 
     - `guidance panel`: the daemons on this computer
     - `guidance panel --look`: without orders
     - `guidance panel --host 192.168.1.7 --certificate cert.pem --key key.pem --password-file password`: for a tablet
     """
-    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415 - with numpy, for this only
-    from guidance.viz.panel import PanelOptions, serve_panel  # noqa: PLC0415 - zenoh takes a moment
+    from guidance.session.flight_files import recorded_settings  # noqa: PLC0415 - slow import
+    from guidance.viz.panel import PanelOptions, serve_panel  # noqa: PLC0415 - slow import
 
     endpoints = endpoint or ["tcp/127.0.0.1:7448"]
     options = PanelOptions(

@@ -12,10 +12,11 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
+from rich.table import Table
 
 from guidance.errors import ConfigError
 from guidance.log.codec import plain
-from guidance.screen import Sheet, console
+from guidance.screen import console, sheet
 from guidance.sweeps.folder import Folder, read_folder
 from guidance.sweeps.pairing import pair_numbers, paired, rows_pair
 from guidance.sweeps.plan import ROW
@@ -255,12 +256,12 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
         there.print(table)
 
 
-def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Sheet:
+def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Table:
     rows = [(name, *(_said(values[part]) for part in ("a", "b", "difference"))) for name, values in compared.items()]
-    return Sheet(("column", "A", "B", "B − A"), rows)
+    return sheet(("column", "A", "B", "B − A"), rows)
 
 
-def _sweeps(compared: Mapping[str, Any]) -> list[Sheet]:
+def _sweeps(compared: Mapping[str, Any]) -> list[Table]:
     tables = []
     words = "paired rows" if compared["paired"] else "rows that do not pair: what is swept differs"
     for group in compared["groups"]:
@@ -272,7 +273,7 @@ def _sweeps(compared: Mapping[str, Any]) -> list[Sheet]:
             reach = f"{_said(apart['low'])} to {_said(apart['high'])}"
             shown = "share captured" if name == CAPTURED else name
             rows.append((shown, _said(values["a"]), _said(values["b"]), _said(apart["estimate"]), reach))
-        tables.append(Sheet(("mean of", "A", "B", "B − A", "95 %"), rows, title=f"{policies}: {count} {words}"))
+        tables.append(sheet(("mean of", "A", "B", "B − A", "95 %"), rows, title=f"{policies}: {count} {words}"))
     if compared["largest"]:
         column = compared["largest"][0]["column"]
         headings = ("row in A", "row in B", "end in A", "end in B", f"{column} in A", "in B", "B − A")
@@ -283,7 +284,7 @@ def _sweeps(compared: Mapping[str, Any]) -> list[Sheet]:
             )
             for row in compared["largest"]
         ]
-        tables.append(Sheet(headings, largest, title="the rows that differ most"))
+        tables.append(sheet(headings, largest, title="the rows that differ most"))
     return tables
 
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from guidance.errors import OutputError
 from guidance.files import private_folder
 from guidance.log.codec import plain
-from guidance.screen import Sheet, console
+from guidance.screen import console, sheet
 from guidance.sweeps.drawing import draw_all
 from guidance.sweeps.folder import Folder, read_folder, write_whole
 from guidance.sweeps.statistics import mean, share
@@ -127,8 +127,8 @@ def _show(there: Console, folder: Folder, tallies: Sequence[Tally], unit: str) -
         quantiles = [_short(value) for value in tally.quantiles()] or ["-"] * len(QUANTILES)
         regrets.append((*policies, _short(regret.estimate), reach, *quantiles))
     headings = ("pursuer", "evader", "mean regret", "95 %", *(_percent(one) for one in QUANTILES))
-    there.print(Sheet(("pursuer", "evader", "games", "captured", "95 %", "other rows"), ends, left=(0, 1)))
-    there.print(Sheet(headings, regrets, left=(0, 1)))
+    there.print(sheet(("pursuer", "evader", "games", "captured", "95 %", "other rows"), ends, left=(0, 1)))
+    there.print(sheet(headings, regrets, left=(0, 1)))
 
 
 def _short(value: float) -> str:

@@ -1,4 +1,4 @@
-"""How flights and games are drawn: the shapes, which anything can draw, and the figures, which need matplotlib.
+"""Drawings of flights and games: shapes as arrays, and figures with matplotlib.
 
 `shapes` knows arrays only, so that a live view imports no matplotlib; `figures` is the one place that does.
 """

@@ -1,4 +1,4 @@
-"""How every picture looks: its figure, its lines, its axes, and what of a game is drawn in it. Matplotlib lives here.
+"""Common style of all pictures: figures, axes, and the elements of a game. Only this package imports matplotlib.
 
 Lines are told apart by dashes and markers, not by colour alone. Axes are in space (3D) or seen from above (2D); what is
 drawn in either takes the number of its dimensions. A flight is drawn the same in every picture: both tracks, what the
@@ -32,13 +32,13 @@ MEETING: Final = {"color": "black", "marker": "*", "markersize": 11, "linestyle"
 TARGET: Final = {"color": "black", "marker": "X", "markersize": 9, "linestyle": "none"}
 
 MOST_POINTS: Final = 3000
-"""A curve has no more points than this: a picture is looked at, not measured."""
+"""Largest number of points of a curve."""
 
 
 class _Figure(Figure):
-    """A figure in which every text is read as it is written: a dollar sign in somebody's title begins no formula."""
+    """A figure without formula syntax: a dollar sign in a title stays a dollar sign."""
 
-    def draw(self, renderer: Any) -> None:  # noqa: ANN401 - Matplotlib has no word for it
+    def draw(self, renderer: Any) -> None:  # noqa: ANN401
         for text in self.findobj(Text):
             text.set_parse_math(False)
         super().draw(renderer)
@@ -54,7 +54,7 @@ def figure_of(width: float, height: float) -> Figure:
 def space_and_plan() -> tuple[Figure, Any, Any]:
     """Return a figure with axes in space and, beside them, axes seen from above."""
     figure = figure_of(12.0, 6.4)
-    grid = figure.add_gridspec(1, 3, width_ratios=[1.0, 0.06, 0.9])  # room for the label of the height
+    grid = figure.add_gridspec(1, 3, width_ratios=[1.0, 0.06, 0.9])  # space for the height's label
     return figure, figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[2])
 
 
@@ -72,7 +72,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Refuse a picture's name before anything is drawn for it.
+    """Refuse an unknown picture format before drawing.
 
     Raises:
         ConfigError: If its ending is of no format that can be drawn.
@@ -83,7 +83,7 @@ def check_picture(path: Path) -> None:
 
 
 def thinned(values: Array) -> Array:
-    """Leave out points of a long curve evenly, keeping both ends."""
+    """Thin out a long curve evenly, keeping both ends."""
     if len(values) <= MOST_POINTS:
         return values
     kept: Array = values[np.linspace(0, len(values) - 1, MOST_POINTS).round().astype(int)]
@@ -91,12 +91,12 @@ def thinned(values: Array) -> Array:
 
 
 def lifted(curve: Array, height_m: float, dimensions: int) -> list[Array]:
-    """Return the coordinates of a plane curve (n, 2), with its height where it is drawn in space."""
+    """Return the coordinates of a plane curve (n, 2), with its height for 3D axes."""
     return [*curve.T, *([np.full(len(curve), height_m)] * (dimensions - 2))]
 
 
 def draw_standoff(axes: Any, standoff: StandOff, evader_m: Vector, dimensions: int, label: str) -> None:  # noqa: ANN401
-    """Draw the rim of the stand-off disc about an evader.
+    """Draw the rim of the stand-off disc around an evader.
 
     Args:
         axes: In the plane or in space.
@@ -110,7 +110,7 @@ def draw_standoff(axes: Any, standoff: StandOff, evader_m: Vector, dimensions: i
 
 
 def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: int, label: str) -> None:  # noqa: ANN401
-    """Mark one place, as `MEETING` or `TARGET` does.
+    """Mark a place in a style such as `MEETING` or `TARGET`.
 
     Args:
         axes: In the plane or in space.
@@ -123,36 +123,36 @@ def draw_place(axes: Any, place_m: Vector, style: dict[str, Any], dimensions: in
 
 
 def label_space(axes: Any, zoom: float = 0.95) -> None:  # noqa: ANN401
-    """Label axes in space and give them equal scales."""
+    """Label 3D axes and give them equal scales."""
     axes.set(xlabel="x east, m", zlabel="z up, m")
     axes.set_ylabel("y north, m", labelpad=10.0)
     axes.locator_params(nbins=5)
     axes.set_zlim(bottom=min(0.0, axes.get_zlim3d()[0]))
     spans = [high - low for low, high in (axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d())]
-    axes.set_box_aspect(spans, zoom=zoom)  # equal scales, and room for the labels
+    axes.set_box_aspect(spans, zoom=zoom)  # equal scales, with space for the labels
     axes.view_init(elev=22.0, azim=-60.0)
 
 
 def label_plan(axes: Any, title: str = "from above", adjustable: str = "datalim") -> None:  # noqa: ANN401
-    """Label axes seen from above and give them equal scales."""
+    """Label plan axes and give them equal scales."""
     axes.set(xlabel="x east, m", ylabel="y north, m", title=title)
     axes.set_aspect("equal", adjustable=adjustable)
     axes.grid(visible=True, linewidth=0.3)
 
 
 def legend_below(figure: Figure, axes: Any, columns: int = 4) -> None:  # noqa: ANN401
-    """Explain the lines of `axes` below the whole figure."""
+    """Put the legend of `axes` below the figure."""
     lines = axes.get_legend_handles_labels()
     figure.legend(*lines, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
 
 
 def legend_beside(axes: Any) -> None:  # noqa: ANN401
-    """Put the legend outside, where it covers nothing."""
+    """Put the legend beside the axes."""
     axes.legend(loc="upper left", bbox_to_anchor=(1.005, 1.0), borderaxespad=0.0, frameon=False, fontsize=9)
 
 
 def panels(figure: Figure, count: int) -> list[Any]:
-    """Return axes above each other on one time axis, with a thin grid."""
+    """Return stacked axes with a common time axis and a thin grid."""
     axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
     for one in axes:
         one.grid(visible=True, linewidth=0.3)
@@ -162,7 +162,7 @@ def panels(figure: Figure, count: int) -> list[Any]:
 
 
 class Chase(NamedTuple):
-    """What is drawn of a flight, game frame, m; None or empty where there was none of it.
+    """The drawn elements of a flight, game frame, m; missing ones are None or empty.
 
     Attributes:
         before: The pursuer's stretches outside the game, (n, 3) each.
@@ -192,7 +192,7 @@ class Chase(NamedTuple):
 
 
 def draw_chase(axes: Any, chase: Chase, dimensions: int) -> None:  # noqa: ANN401 - 2D or 3D axes
-    """Draw tracks, isochrons, stand-off disc, meeting point and target; the fence is `draw_fence`'s."""
+    """Draw tracks, isochrons, stand-off disc, meeting point and target."""
     for number, part in enumerate(chase.before):
         axes.plot(*thinned(part)[:, :dimensions].T, **BEFORE, label=None if number else "pursuer before and after")
     _draw_run(axes, chase.pursuer, dimensions, "pursuer", PURSUER, "os")
@@ -221,7 +221,7 @@ def _draw_run(axes: Any, track: Array, dimensions: int, name: str, style: dict[s
 
 
 def draw_fence(axes: Any, edges: Sequence[Array], height_m: float, dimensions: int, *, whole: bool = False) -> None:  # noqa: ANN401
-    """Draw a fence's edges as far as they are in view: a wide fence would make all else small.
+    """Draw the visible part of a fence's edges, so that a wide fence does not shrink the rest.
 
     Args:
         axes: In space or from above; what else is drawn is there, and gives the view.
@@ -239,7 +239,7 @@ def draw_fence(axes: Any, edges: Sequence[Array], height_m: float, dimensions: i
             continue
         if dimensions == 2:
             axes.plot(x, y, **FENCE, label=label, scalex=whole, scaley=whole)
-        else:  # axes in space clip nothing
+        else:  # 3D axes do not clip
             axes.plot(*lifted(np.where(inside[:, None], edge, np.nan), height_m, 3), **FENCE, label=label)
             axes.set(xlim=(west, east), ylim=(south, north))
         label = None

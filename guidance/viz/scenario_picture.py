@@ -1,4 +1,4 @@
-"""A scenario as a picture: before anything flies, as mathematics plays it, and after a flight, as it was flown."""
+"""Pictures of a scenario: as the mathematics plays it, and as it was flown."""
 
 import contextlib
 import math
@@ -63,7 +63,7 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
 
 
 def played(scenario: Scenario) -> tuple[float, Array, Array]:
-    """Play a scenario as mathematics; return for how many s, and the tracks of pursuer and evader, (n, 3) each, m."""
+    """Play a scenario as mathematics; return the duration (s) and both tracks, (n, 3), m."""
     points = [(moment.now_s[0], moment.pursuer_m[0], moment.evader_m[0]) for moment in moments([scenario])]
     return float(points[-1][0]), np.array([point[1] for point in points]), np.array([point[2] for point in points])
 

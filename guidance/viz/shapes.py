@@ -1,4 +1,4 @@
-"""What is drawn around a flight, in the game frame (m, x east, y north): discs, isochrons, the fence. Arrays only."""
+"""Shapes around a flight as arrays in the game frame (m, x east, y north): discs, isochrons, the fence."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def circle(centre: Vector, radius_m: float, points: int = 181) -> Array:
 
 
 def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181) -> Array:
-    """Points (points, 2) where an evader running straight at full speed is caught, one for each heading, m.
+    """Capture points (points, 2) of an evader that runs straight at full speed, one for each heading, m.
 
     The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in
     each heading ends where that heading's run ends.
@@ -40,15 +40,15 @@ def isochron(game: Game, pursuer_m: Vector, evader_m: Vector, points: int = 181)
 
 
 def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
-    """The isochron (points, 2) of the game that was played at this cycle: its meeting point lies on it."""
+    """The isochron (points, 2) of the cycle's game. It contains the meeting point."""
     bound_m_s = float(settings.speed_set.horizontal_m_s) / certificate.speed_ratio
     game, _ = game_played(settings, bound_m_s, certificate.evader_age_s)
-    game = replace(game, target_velocity_m_s=(0.0, 0.0))  # whoever runs straight runs so whatever its target does
+    game = replace(game, target_velocity_m_s=(0.0, 0.0))  # a straight run does not depend on the target
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
 
 
 def fence_edges(envelope: Envelope, home_m: Vector) -> list[Array]:
-    """Every edge of the fence about home as a closed curve (n, 2); none where there is no fence."""
+    """The fence's edges as closed curves (n, 2)."""
     edges = []
     if envelope.fence_radius_m is not None:
         edges.append(circle(home_m, envelope.fence_radius_m))

@@ -1,6 +1,6 @@
-"""A command of ours beside a flight, as a process of its own: the flight does not know of it, and it ends with us.
+"""Runs our commands (page, viewer) as child processes of a flight, which does not depend on them.
 
-It ends with us however we end, since its standard input is then closed. One that hangs or dies is not noticed.
+A child ends when its standard input closes, so it ends with its parent.
 """
 
 import os
@@ -20,22 +20,22 @@ class CommandBeside:
     """Runs `guidance ARGUMENTS` until it is closed.
 
     Args:
-        arguments: Of the command line, the command's name first. The command ends with its parent.
-        stdout: Where it speaks to, as `subprocess` has it; None for where we do.
+        arguments: Command name, then its arguments.
+        stdout: As in `subprocess`; None inherits ours.
     """
 
     def __init__(self, *arguments: str, stdout: int | None = None) -> None:
-        # A session of its own: Ctrl-C is for us.
+        # A separate session, so that Ctrl-C reaches only the parent.
         self.child: Final = subprocess.Popen(
             command(arguments), stdin=subprocess.PIPE, stdout=stdout, start_new_session=True
         )
 
     def wait(self) -> None:
-        """Wait until it ends by itself."""
+        """Wait until it ends."""
         self.child.wait()
 
     def close(self) -> None:
-        """End it: politely, then not. May be called twice."""
+        """End it, by force after `STOP_LIMIT_S`. May be called twice."""
         if self.child.stdin is not None:
             self.child.stdin.close()
         try:
@@ -46,28 +46,28 @@ class CommandBeside:
 
 
 def command(arguments: Sequence[str]) -> list[str]:
-    """Return the command line of a command of ours that ends with its parent."""
-    return [sys.executable, "-c", "from guidance.cli import main; main()", *arguments, "--with-parent"]
+    """Return the command line of a child command. `-P` keeps the current folder off the import path."""
+    return [sys.executable, "-P", "-c", "from guidance.cli import main; main()", *arguments, "--with-parent"]
 
 
 def end_with_parent(end: Callable[[], object]) -> None:
-    """In the child: call `end` on a thread of its own when the parent is gone."""
+    """In the child: call `end` from a thread when the parent is gone."""
     threading.Thread(target=_read_to_the_end, args=(end,), name="parent", daemon=True).start()
 
 
 def _read_to_the_end(end: Callable[[], object]) -> None:
-    # By its number: a thread that waits in a buffered reader keeps the interpreter from ending.
+    # os.read, because a thread that waits in a buffered reader would keep the interpreter from ending.
     while os.read(0, 1024):
         pass
     end()
 
 
 class PanelBeside(CommandBeside):
-    """Starts `guidance panel` for the daemon at an endpoint; it says itself where it can be opened.
+    """Starts `guidance panel` for the daemon at an endpoint. The command prints its address.
 
     Args:
-        endpoint: The daemon's.
-        options: More of the panel's options.
+        endpoint: The daemon's control endpoint.
+        options: Further options of the panel.
 
     Raises:
         ConfigError: If aiohttp is not installed.
@@ -80,7 +80,7 @@ class PanelBeside(CommandBeside):
 
 
 def options_of(token_file: Path | None, records: Path | None) -> Sequence[str]:
-    """Return the panel's options for a daemon whose token and records lie there, on a free port."""
+    """Return the panel's options for a daemon's token and records, on a free port."""
     token = () if token_file is None else ("--token-file", str(token_file))
     return ("--port", "0", *token, *(() if records is None else ("--records", str(records))))
 
@@ -89,8 +89,8 @@ class ViewerBeside:
     """Starts `guidance view --follow` on a record.
 
     Args:
-        options: Of that command.
-        say: Is told every line that it says, on a thread of its own: a flight's live line stays whole.
+        options: Options of the command.
+        say: Receives every line of its output, on a separate thread.
 
     Raises:
         ConfigError: If Rerun is not installed.
@@ -103,7 +103,7 @@ class ViewerBeside:
         self._beside: CommandBeside | None = None
 
     def start(self, record: Path) -> None:
-        """Look at a record that is being written from now on."""
+        """Start the viewer on a growing record."""
         self._beside = CommandBeside("view", str(record), "--follow", *self._options, stdout=subprocess.PIPE)
         threading.Thread(target=self._relay, args=(self._beside.child.stdout,), name="view", daemon=True).start()
 

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from guidance.cli.flight_display import LiveLine
 from guidance.flight import State
-from guidance.screen import Sheet, Wait, waiting
+from guidance.screen import Wait, sheet, waiting
 from guidance.session.mission import Progress
 
 
@@ -15,7 +15,7 @@ def test_a_wait_says_for_what_since_when_and_until_when(monkeypatch):
     monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     wait = Wait("a HEARTBEAT", 60.0)
     now_s[0] = 22.0
-    assert wait.__rich__().plain == "waiting for a HEARTBEAT: 12 s of 60 s at most"
+    assert wait.__rich__().plain == "waiting for a HEARTBEAT: 12 s of 60 s"
     wait.what = ""
     assert wait.__rich__().plain == ""
 
@@ -24,7 +24,7 @@ def test_where_nothing_can_be_redrawn_a_wait_is_said_once():
     written = io.StringIO()
     with waiting(Console(file=written, width=80), "a HEARTBEAT", 60.0) as wait:
         wait.what = "parameters"
-    assert written.getvalue() == "waiting for a HEARTBEAT, 60 s at most\n"
+    assert written.getvalue() == "waiting for a HEARTBEAT, at most 60 s\n"
 
 
 def test_a_live_line_of_a_loop_that_stands_still_says_so(monkeypatch):
@@ -39,18 +39,22 @@ def test_a_live_line_of_a_loop_that_stands_still_says_so(monkeypatch):
     assert line.__rich__().plain.startswith("NO NEWS for 4 s; last    5.0 s  climbing")
 
 
-def lines(sheet, width):
+def lines(table, width):
     written = io.StringIO()
-    Console(file=written, width=width).print(sheet)
+    Console(file=written, width=width).print(table)
     return [line.rstrip() for line in written.getvalue().splitlines()]
 
 
-def test_a_sheet_is_a_table_where_it_fits_and_a_paragraph_a_row_where_not():
-    sheet = Sheet(("name", "how to set it", "value"), [("MPC_XY_VEL_MAX", "param set …", "12.5")], left=(0, 1))
-    assert lines(sheet, 60) == ["name            how to set it  value", "MPC_XY_VEL_MAX  param set …     12.5"]
-    assert lines(sheet, 30) == ["name           MPC_XY_VEL_MAX", "how to set it  param set …", "value          12.5"]
+def test_long_cells_wrap_within_their_column():
+    table = sheet(("name", "how to fix it", "value"), [("MPC_XY_VEL_MAX", "param set to 12", "12.5")], left=(0, 1))
+    assert lines(table, 60) == ["name            how to fix it    value", "MPC_XY_VEL_MAX  param set to 12   12.5"]
+    narrow = lines(table, 34)
+    assert len(narrow) == 3
+    assert narrow[1].startswith("MPC_XY_VEL_MAX  param")
+    assert narrow[1].endswith("12.5")
+    assert narrow[2].strip() == "to 12"
 
 
 def test_only_the_last_column_of_a_list_is_cut():
-    sheet = Sheet(("name", "title"), [("a_rather_long_name", "What it is about, at length")], left=(0, 1), cut=True)
-    assert lines(sheet, 32) == ["name                title", "a_rather_long_name  What it is …"]
+    table = sheet(("name", "title"), [("a_rather_long_name", "What it is about, at length")], left=(0, 1), cut=True)
+    assert lines(table, 32) == ["name                title", "a_rather_long_name  What it is …"]

@@ -1,4 +1,4 @@
-"""A flight as one page: pictures and a summary of its record.
+"""The report: one HTML page with pictures and a summary of a record.
 
 What it offers:
     write_report: writes the page and its PICTURES.

@@ -34,7 +34,7 @@ _SHADES = ("0.96", "0.86", "0.91", "0.82")
 def tracks(story: Story) -> Figure:
     """Draw the flight in space, from above, and from above with the whole fence."""
     figure = figure_of(13.0, 5.8)
-    grid = figure.add_gridspec(1, 4, width_ratios=[1.15, 0.08, 1.0, 0.7])  # room for the label of the height
+    grid = figure.add_gridspec(1, 4, width_ratios=[1.15, 0.08, 1.0, 0.7])  # space for the height's label
     space = figure.add_subplot(grid[0], projection="3d")
     plan, whole = figure.add_subplot(grid[2]), figure.add_subplot(grid[3])
     chase = chase_of(story)
@@ -54,7 +54,7 @@ def tracks(story: Story) -> Figure:
 
 
 def chase_of(story: Story) -> Chase:
-    """Return what is drawn of a recorded flight."""
+    """Return the shapes of a recorded flight."""
     settings = story.settings.cycle
     pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
     begin = len(pursuer) if story.engaged is None else story.engaged
@@ -80,7 +80,7 @@ def chase_of(story: Story) -> Chase:
 
 
 def _box(story: Story, chase: Chase) -> tuple[Array, Array]:
-    """Return the corners of what was flown, and of what the evader could reach, with a margin."""
+    """Return the corners of the flown area and of the evader's reachable area, with a margin."""
     points = [story.column("pursuer_m"), story.column("evader_m")]
     if chase.isochron is not None:
         points.append(np.column_stack([chase.isochron, np.zeros(len(chase.isochron))]))
@@ -94,7 +94,7 @@ def _box(story: Story, chase: Chase) -> tuple[Array, Array]:
 
 
 def game(story: Story) -> Figure:
-    """Draw range, time to go and what the vehicle promises: t + time needed never rises in PE, its L never falls."""
+    """Draw range, time to go and guarantee: t + time needed never rises in PE, and L never falls in TAD."""
     figure = figure_of(11.0, 7.0)
     distance, value, guarantee = axes = panels(figure, 3)
     span = playing_span(story)
@@ -130,7 +130,7 @@ def game(story: Story) -> Figure:
 
 
 def velocities(story: Story) -> Figure:
-    """Draw what was flown, commanded and wanted, by axis."""
+    """Draw the flown, commanded and desired velocity, by axis."""
     figure = figure_of(11.0, 7.0)
     axes = panels(figure, 3)
     span = playing_span(story)
@@ -152,7 +152,7 @@ def velocities(story: Story) -> Figure:
 
 
 def ages(story: Story) -> Figure:
-    """Draw how old what was known was, how long a question and its answer took, and how the loop kept time."""
+    """Draw ages of data, round-trip times and the loop's delays."""
     figure = figure_of(11.0, 6.4)
     known, trips, loop = axes = panels(figure, 3)
     now_s = story.column("now_s")
@@ -178,7 +178,7 @@ def ages(story: Story) -> Figure:
 
 
 def events(story: Story) -> Figure:
-    """Draw the states as a band and every event below it, all on one time axis."""
+    """Draw the states as a band with the events below."""
     shown = story.events[:_MOST_EVENTS]
     figure = figure_of(11.0, 1.4 + 0.27 * len(shown))
     axes = figure.subplots()
@@ -212,7 +212,7 @@ def events(story: Story) -> Figure:
 
 
 def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
-    """Return the seconds in which something is known, and the largest value in each: a sawtooth as a line."""
+    """Return the seconds with data and the largest value in each, which turns a sawtooth into a line."""
     known = np.isfinite(values)
     seconds, starts = np.unique(np.floor(now_s[known]), return_index=True)
     worst = np.maximum.reduceat(values[known], starts) if len(starts) else np.zeros(0)
@@ -230,7 +230,7 @@ def _from_zero(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def mark_moments(axes: list[Any], story: Story) -> None:
-    """Draw where the game began and where the disc was reached, named above the first panel."""
+    """Mark the start of the game and the capture, with names above the first panel."""
     for cycle, name in ((story.engaged, "engaged"), (story.captured, "captured")):
         if cycle is None:
             continue
@@ -241,7 +241,7 @@ def mark_moments(axes: list[Any], story: Story) -> None:
 
 
 def playing_span(story: Story) -> slice:
-    """The cycles from a little before the game to a little after the capture; all, where there was no game."""
+    """The cycles from just before the game to just after the capture; all cycles without a game."""
     if story.engaged is None:
         return slice(None)
     last = max(number for number, one in enumerate(story.certificates) if one is not None)

@@ -1,4 +1,4 @@
-"""One HTML page that needs nothing else: the pictures are inside it, and there is no script."""
+"""The report as one self-contained HTML page without scripts."""
 
 import base64
 from collections.abc import Callable, Mapping
@@ -19,7 +19,7 @@ from guidance.viz.report.story import Story, story_of, summary
 
 
 class Picture(NamedTuple):
-    """One picture of a report: its heading, what it shows, and what draws it."""
+    """A picture of a report: heading, caption and drawing function."""
 
     heading: str
     caption: str
@@ -69,7 +69,7 @@ td { overflow-wrap: anywhere; }
 
 
 def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path]:
-    """Write `report.html` and one PNG a picture into `folder`; return the files, the page first.
+    """Write `report.html` and one PNG per picture into `folder`; return the files, the page first.
 
     Raises:
         ConfigError: If the record cannot be read.
@@ -84,7 +84,7 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path
         for name, figure in figures.items():
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=130)
-            figure.set_layout_engine(None)  # it is laid out now: as SVG it is the same picture
+            figure.set_layout_engine(None)  # keep this layout for the SVG
         text = page_of(story, {name: svg_of(figure) for name, figure in figures.items()})
         private_file(page).write_text(text, encoding="utf-8")
     except OSError as error:
@@ -93,7 +93,7 @@ def write_report(path: Path, folder: Path, settings_of: SettingsOf) -> list[Path
 
 
 def svg_of(figure: Figure) -> bytes:
-    """Draw a figure as SVG, the same bytes for the same figure."""
+    """Return a figure as SVG, reproducible byte for byte."""
     stream = BytesIO()
     with mpl.rc_context({"svg.hashsalt": "report"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
@@ -101,7 +101,7 @@ def svg_of(figure: Figure) -> bytes:
 
 
 def page_of(story: Story, pictures: Mapping[str, bytes]) -> str:
-    """Lay out the page around pictures in SVG."""
+    """Return the page."""
     title = escape(story.title)
     rows = "\n".join(
         f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in summary(story)

@@ -1,8 +1,7 @@
-"""A flight to look at, live or from its record, in a process of its own. Needs the extra `viz`.
+"""The viewer (Rerun), live or from a record. Needs the extra `viz`.
 
-What it offers:
-    view: shows a `FlightSource`, of which `RecordFile` is one, at a `Destination`.
-    ViewerBeside: does so in a process beside a flight.
+view: shows a `FlightSource`, for example a `RecordFile`, at a `Destination`.
+ViewerBeside: runs the viewer in a child process.
 """
 
 from guidance.viz.subprocesses import ViewerBeside

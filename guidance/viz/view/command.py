@@ -1,4 +1,4 @@
-"""What `guidance view` does: take a flight from where it comes, paint it, serve that on loopback until it is ended."""
+"""`guidance view`: reads a flight from a source, draws it in Rerun, and serves it on loopback."""
 
 import contextlib
 import os
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 APPLICATION: Final = "guidance"
 REDRAWN_EVERY_S: Final = 0.1
 NICE: Final = 10
-"""A live view gives way to the loop that it looks at."""
+"""Niceness of a live viewer, so that the flight's loop has priority."""
 
 
 class Destination(NamedTuple):
-    """Where the picture goes: into a file, or to a page, on two ports of loopback (0 picks a free one)."""
+    """A file, or a page on two loopback ports (0 picks a free one)."""
 
     save: Path | None = None
     port: int = 9876
@@ -33,32 +33,32 @@ class Destination(NamedTuple):
 
 
 class FlightSource(Protocol):
-    """Where a flight's items come from: `RecordFile`, or `guidance.log.broadcast.LiveFlight`."""
+    """A source of a flight's items: `RecordFile` or `guidance.log.broadcast.LiveFlight`."""
 
     @property
     def name(self) -> str:
-        """Named where an item cannot be read."""
+        """Name of the source, for errors."""
 
     @property
     def live(self) -> bool:
-        """Whether it lasts: the view then gives way to the loop that it looks at."""
+        """Whether the flight is still going on."""
 
     @property
     def trusted(self) -> bool:
-        """Whether an item that cannot be read ends the view; anybody on a bus may say anything."""
+        """Whether an unreadable item is an error. On a bus it is ignored, because anyone can publish."""
 
     def metadata(self, idle: Idle) -> Mapping[str, str]:
-        """As the record's; waited for with `idle`."""
+        """Return the flight's metadata; call `idle` while waiting."""
 
     def items(self, idle: Idle) -> Iterator[Item]:
-        """Yield what there is, and what comes, until `idle` ends it."""
+        """Yield items, also new ones, until `idle` returns True."""
 
     def close(self) -> None:
-        """Take no more from it. May be called twice."""
+        """Close the source. May be called twice."""
 
 
 class RecordFile:
-    """A record, or one that is still being written (`follow`)."""
+    """A record; `follow` reads one that is still being written."""
 
     trusted = True
 
@@ -68,7 +68,7 @@ class RecordFile:
         self._path = path
 
     def metadata(self, idle: Idle) -> Mapping[str, str]:
-        """What was written at the start."""
+        """Return the record's metadata."""
         return metadata_of(self._path, idle if self.live else None)
 
     def items(self, idle: Idle) -> Iterator[Item]:
@@ -76,7 +76,7 @@ class RecordFile:
         return scan(self._path, idle=idle if self.live else None)
 
     def close(self) -> None:
-        """Nothing: the file is closed where its reading ends."""
+        """Do nothing; `scan` closes the file."""
 
 
 def view(
@@ -86,14 +86,14 @@ def view(
     say: Callable[[str], None],
     ended: threading.Event,
 ) -> int:
-    """Show a flight until `ended` is set; where it is saved, until all is written. Return how many cycles were shown.
+    """Show a flight until `ended` is set, or save it. Return the number of cycles.
 
     Args:
-        source: Where the flight comes from; closed at the end.
-        destination: Where its picture goes.
-        settings_of: Makes the flight's settings of its metadata.
-        say: Told where the picture can be seen.
-        ended: Ends the view.
+        source: The flight; closed at the end.
+        destination: A file or a page.
+        settings_of: Returns the flight's settings for its metadata.
+        say: Receives the page's address.
+        ended: Ends the viewer.
 
     Raises:
         ConfigError: If Rerun is not installed, or the record cannot be read.
@@ -110,7 +110,7 @@ def view(
         for item in source.items(_idle(ended, painter)):
             with contextlib.suppress(*(() if source.trusted else (ConfigError, KeyError, TypeError))):
                 painter.take(item)
-            if ended.is_set() and not source.live:  # of a live one, what has come is shown to the end
+            if ended.is_set() and not source.live:  # a live flight is shown to its end
                 break
         painter.flush()
         if destination.save is None:
@@ -119,7 +119,7 @@ def view(
 
 
 def require_rerun() -> None:
-    """See that the extra is installed.
+    """Check that the extra is installed.
 
     Raises:
         ConfigError: If it is not.
@@ -128,7 +128,7 @@ def require_rerun() -> None:
 
 
 def _idle(ended: threading.Event, painter: "Painter | None" = None) -> Idle:
-    """What to do while nothing comes: show what has come, wait a little, and say whether to end."""
+    """Return a function for idle times: it draws pending items, waits briefly, and says whether to end."""
 
     def idle() -> bool:
         if painter is not None:
@@ -146,22 +146,8 @@ def _opened(
     say: Callable[[str], None],
     closing: contextlib.ExitStack,
 ) -> "Painter":
-    """Open a recording and say where it can be seen.
-
-    Args:
-        metadata: Of the record or of the flight that lasts.
-        settings_of: Makes a flight's settings of it.
-        source: Named in errors.
-        place: A file, or where it is served.
-        say: Is told where it can be seen.
-        closing: Closes the recording in the end.
-
-    Raises:
-        ConfigError: If the metadata has no settings, or a port is none.
-        OutputError: If the file cannot be written.
-        LinkError: If a port is in use.
-    """
-    import rerun as rr  # noqa: PLC0415 - takes a second
+    """Open a Rerun recording and return its painter."""
+    import rerun as rr  # noqa: PLC0415 - slow import
 
     from guidance.viz.view.layout import layout  # noqa: PLC0415
     from guidance.viz.view.painter import Painter  # noqa: PLC0415
@@ -180,7 +166,7 @@ def _file(path: Path) -> "rr.FileSink":
 
     try:
         private_folder(path.parent)
-        private_file(path)  # Rerun would only say in its log that it cannot
+        private_file(path)  # Rerun only logs a failure
     except OSError as error:
         raise OutputError(f"--save {path}: cannot be written ({error.strerror}); choose another file") from error
     return rr.FileSink(path)
@@ -196,6 +182,6 @@ def _served(place: Destination, say: Callable[[str], None], closing: contextlib.
     sink = recording_server(port)
     page = WebPage(web_port, sink.uri, port)
     closing.callback(page.close)
-    say(f"look at  {page.url}")
-    say(f"or with  rerun --connect {sink.uri}")
+    say(f"view     {page.url}")
+    say(f"or       rerun --connect {sink.uri}")
     return sink

@@ -1,4 +1,4 @@
-"""Where everything is in a recording of Rerun, and how the viewer's window shows it.
+"""Entity paths of a Rerun recording, and the layout of the viewer's window.
 
 The game in space, the plots beside it, the events below.
 """
@@ -23,7 +23,7 @@ STATE: Final = "state"
 EVENTS: Final = "events"
 
 COLUMN: Final[Mapping[str, str]] = {PURSUER: "pursuer_m", EVADER: "evader_m"}
-"""Which of a cycle's numbers says where it is."""
+"""Column of a cycle with the entity's position."""
 
 TIMELINE: Final = "flight"
 
@@ -40,7 +40,7 @@ COLOURS: Final[Mapping[str, Colour]] = {
 
 
 class Curve(NamedTuple):
-    """One number of every cycle; NaN is not drawn."""
+    """A number of every cycle; NaN is not drawn."""
 
     label: str
     colour: Colour
@@ -96,7 +96,7 @@ PLOTS: Final = (
 
 
 def layout(*, with_target: bool) -> rrb.Blueprint:
-    """Return the blueprint; `with_target` names the guarantee's unit."""
+    """Return the blueprint; `with_target` selects the guarantee's unit."""
     until_now = rrb.VisibleTimeRanges(
         timeline=TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
     )

@@ -1,4 +1,4 @@
-"""Lays a flight out for Rerun, item by item as they come from a file, a file that grows, or a daemon."""
+"""Draws a flight in Rerun, item by item."""
 
 import math
 from collections.abc import Mapping
@@ -32,23 +32,23 @@ from guidance.viz.view.layout import (
 )
 
 DRAWN_EVERY_S: Final = 0.2
-"""How often the circle, the isochron and the meeting point are drawn anew."""
+"""Period of drawing the disc, the isochron and the meeting point."""
 
 MOST_AT_ONCE: Final = 250
-"""Cycles that are kept back at most, to be handed over together: one by one they would take the viewer's time."""
+"""Largest number of cycles that are sent to the viewer together; sending each one would be slow."""
 
 _POINTS: Final = 73
 _WARNINGS: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
 
 
 class Painter:
-    """Draws one flight after the other into one recording of Rerun.
+    """Draws flights into one Rerun recording.
 
     Args:
-        recording: Where to; its sinks are the caller's.
-        settings_of: Makes the flight's settings of its metadata.
-        metadata: The flight's.
-        source: Named where an item cannot be read.
+        recording: The recording; the caller owns its sinks.
+        settings_of: Returns the flight's settings for its metadata.
+        metadata: The flight's metadata.
+        source: Name of the source, for errors.
     """
 
     def __init__(
@@ -69,10 +69,10 @@ class Painter:
         self._still()
 
     def take(self, item: Item) -> None:
-        """Take one item; others than cycles and events are passed over.
+        """Draw one item. Only cycles and events are drawn.
 
         Raises:
-            ConfigError: If it is one of another version.
+            ConfigError: If another version wrote it.
         """
         if item.topic == EVENT_TOPIC:
             event = entry_of(EVENT, item, self._source)
@@ -89,7 +89,7 @@ class Painter:
                 self.flush()
 
     def flush(self) -> None:
-        """Hand over what was kept back."""
+        """Send the pending cycles."""
         told, self._cycles = self._cycles, []
         if not told:
             return
@@ -104,7 +104,7 @@ class Painter:
         self._plot(f"{GUARANTEE}/value", now_s, np.array(list(map(self._guaranteed, cycles, certificates))))
 
     def _begin(self, now_s: float) -> None:
-        """A flight begins: what was known in one before it is known no more."""
+        """Start a flight and forget the previous one."""
         self.flush()
         self._aggregator = Aggregator(self._settings)
         self._tails.clear()
@@ -129,7 +129,7 @@ class Painter:
             self._game(row.now_s, certificate)
 
     def _guaranteed(self, cycle: Cycle, certificate: Certificate | None) -> float:
-        """V + t of PE since engagement, s, or L of TAD, m: what a perfect pursuer never loses of."""
+        """Return V + t since engagement (PE, s), or L (TAD, m): what a perfect pursuer never loses."""
         if certificate is None or certificate.winner != Winner.PURSUER:
             return math.nan
         if self._settings.cycle.target_game_m is not None:
@@ -137,7 +137,7 @@ class Painter:
         return certificate.value + cycle.now_s - (self._engaged_s or 0.0)
 
     def _still(self) -> None:
-        """What holds for all times: axes, colours, names, the target."""
+        """Send what never changes: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for name in (PURSUER, EVADER):
             points = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=[name.split("/")[1]])
@@ -184,7 +184,7 @@ class Painter:
         self._log(now_s, EVENTS, rr.TextLog(text, level="WARN" if warned else "INFO"))
 
     def _track(self, name: str, now_s: Array, positions: Array) -> None:
-        """The place at every cycle, and the line to here from where the last one ended."""
+        """Send the position at every cycle, and the line from the last position."""
         known = np.isfinite(positions).all(axis=-1)
         if not known.any():
             return
@@ -209,5 +209,5 @@ class Painter:
 
 
 def lifted(curve: Array, height_m: float) -> Array:
-    """A curve (n, 2) at a height: (n, 3)."""
+    """Lift a curve (n, 2) to a height: (n, 3)."""
     return np.column_stack([curve, np.full(len(curve), height_m)])

@@ -1,9 +1,7 @@
-"""The viewer's servers, all on loopback: the recording over gRPC from here, the page's files from a child process.
+"""The viewer's servers on loopback: the recording over gRPC, and the page's files from a child process.
 
-Rerun's own functions for this listen on all interfaces, so they are not used. The page that the browser gets is
-Rerun's, with the word that it may speak to nobody but this computer: by itself it asks the internet for news of Rerun
-and reports on its use. A content security policy in the page's own headers is what a browser keeps to, whatever the
-page's program wants.
+Rerun's own functions listen on all interfaces, so they are not used. Rerun's page would contact the internet for news
+and usage reports; a content security policy in the page's headers restricts it to this computer.
 """
 
 import contextlib
@@ -31,11 +29,11 @@ _LIMIT_S: Final = 20.0
 _PASSED_ON: Final = ("Content-Type", "Content-Encoding", "Cache-Control", "ETag")
 
 MEMORY_LIMIT: Final = "512MB"
-"""What the server keeps for those who look in later; then the oldest is dropped."""
+"""Memory limit of the server, for late viewers; the oldest data are dropped first."""
 
 START_LIMIT_S: Final = 30.0
 STOP_LIMIT_S: Final = 3.0
-# Linux ends the child when we are gone, however that comes about (PR_SET_PDEATHSIG, SIGTERM); elsewhere we must do it.
+# On Linux, PR_SET_PDEATHSIG ends the child with its parent; elsewhere `close` does.
 _UNTIL_WE_END: Final = """
 import ctypes, os, sys
 if sys.platform == "linux":
@@ -45,7 +43,7 @@ os.execv(sys.argv[1], sys.argv[1:])
 
 
 def policy(recording_port: int) -> str:
-    """Return the content security policy: this page's own files, and the recording's server."""
+    """Return the content security policy: the page's own files and the recording's server."""
     ours = f"http://{LOOPBACK}:{recording_port}"
     return "; ".join((
         "default-src 'none'",
@@ -62,7 +60,7 @@ def policy(recording_port: int) -> str:
 
 
 class Front:
-    """Passes on, on one port of loopback, what another port serves.
+    """Serves the content of another loopback port.
 
     Raises:
         OSError: If the port is in use.
@@ -78,11 +76,11 @@ class Front:
 
     @property
     def port(self) -> int:
-        """Where it is served, for port 0."""
+        """The port, also if 0 was given."""
         return self._server.server_port
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop the server."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
@@ -100,7 +98,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
-        """Fetch the file behind and pass it on; who asks for another host was led here by a name that is not ours."""
+        """Fetch the file and pass it on. Requests for another host name are refused (DNS rebinding)."""
         if self.headers.get("Host", "") not in self.server.hosts:
             self._pass_on(HTTPStatus.MISDIRECTED_REQUEST, {}, b"")
             return
@@ -125,11 +123,11 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, *_: object) -> None:
-        """Nothing."""
+        """Log nothing."""
 
 
 class WebPage:
-    """The viewer as a web page: Rerun's own program serves it, and `Front` passes it on.
+    """The viewer's web page. Rerun's program serves it, and `Front` passes it on.
 
     Raises:
         LinkError: If the port is in use.
@@ -153,7 +151,7 @@ class WebPage:
 
     def _start(self, port: int, recording_url: str) -> "subprocess.Popen[bytes]":
         program = Path(rerun_cli.__file__).with_name("rerun")
-        # Rerun counts its users unless told not to; told so in a folder of ours, the user's own choice stays as it is.
+        # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
         folder = self._closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
         environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
         nothing = subprocess.DEVNULL
@@ -167,7 +165,7 @@ class WebPage:
         )
         serve = [program, "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), recording_url]
         child = subprocess.Popen(
-            [sys.executable, "-c", _UNTIL_WE_END, *map(str, serve)],
+            [sys.executable, "-P", "-c", _UNTIL_WE_END, *map(str, serve)],
             env=environment,
             stdin=nothing,
             stdout=nothing,
@@ -177,7 +175,7 @@ class WebPage:
         return child
 
     def _wait_until_served(self, port: int) -> None:
-        """Wait until the page can be fetched.
+        """Wait until the page is available.
 
         Raises:
             LinkError: If it cannot in time.
@@ -216,7 +214,7 @@ def recording_server(port: int) -> rr.GrpcServerSink:
 
 
 def free_port() -> int:
-    """Return a port of loopback that nobody listens on."""
+    """Return a free loopback port."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
