@@ -6,7 +6,7 @@ import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Final
 
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -36,27 +36,21 @@ def sheet(
     *,
     left: Collection[int] = (0,),
     title: str | None = None,
-    cut: bool = False,
 ) -> Table:
-    """Return a table. Where it is too wide, long cells wrap within their column.
+    """Return a table. In a narrow terminal, cells with several words wrap within their column.
 
     Args:
         headings: Of the columns.
         rows: One cell per heading.
         left: Numbers of the text columns; the others are right-aligned numbers, which do not wrap.
         title: Title above the table.
-        cut: Whether to cut the last column instead of wrapping it.
     """
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table, lines = Table(title=title, title_justify="left", box=None, pad_edge=False), list(rows)
     for place, heading in enumerate(headings):
-        number, last = place not in left, place == len(headings) - 1
-        table.add_column(
-            heading,
-            justify="right" if number else "left",
-            no_wrap=number or (cut and last),
-            overflow="ellipsis" if cut and last else "fold",
-        )
-    for row in rows:
+        words = place in left and any(" " in str(row[place]) for row in lines)
+        justify: JustifyMethod = "left" if place in left else "right"
+        table.add_column(heading, justify=justify, no_wrap=not words, overflow="fold")
+    for row in lines:
         table.add_row(*row)
     return table
 

@@ -47,7 +47,13 @@ def listing(width: int) -> Table:
         ConfigError: If one of the files is wrong.
     """
     shown = ("name", "game", "title", "expected")[: 4 if width >= _WIDE else 3]
-    return sheet(shown, [[row[column] for column in shown] for row in listed()], left=range(4), cut=True)
+    rows = [[row[column] for column in shown] for row in listed()]
+    others = sum(
+        max(map(len, (heading, *column))) + 2 for heading, *column in list(zip(shown, *rows, strict=True))[:-1]
+    )
+    room = max(8, width - others)
+    cut = [[*row, last if len(last) <= room else f"{last[: room - 1]}…"] for *row, last in rows]
+    return sheet(shown, cut, left=range(4))
 
 
 def show(name: str, console: Console, picture: Path | None) -> None:

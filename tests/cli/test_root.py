@@ -59,7 +59,7 @@ def test_a_full_disk_under_standard_output_is_a_message():
         done = run(full, *PAPER)
     assert done.returncode == errors.OutputError.exit_code
     assert done.stderr.decode() == (
-        "error: stdout: cannot be written (No space left on device); send it somewhere else\n"
+        "error: stdout: cannot be written (No space left on device); redirect it elsewhere\n"
     )
 
 
@@ -118,7 +118,7 @@ def test_what_nobody_foresaw_is_said_to_be_our_fault(main, monkeypatch, capfd):
 
     monkeypatch.setattr(program, "app", broken)
     assert main() == cli.FAULT
-    assert "a fault of guidance itself: please report it" in capfd.readouterr().err
+    assert "internal error of guidance: please report it" in capfd.readouterr().err
 
 
 STATES = "pursuer_x_m,pursuer_y_m,pursuer_z_m,evader_x_m,evader_y_m\n8,1.42,9.41,7.92,9.6\n"

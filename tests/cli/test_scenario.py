@@ -48,7 +48,7 @@ def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
     ("arguments", "message"),
     [
         (["--as", "fats"], "--as fats: allowed are maths, fast, live, vehicle"),
-        (["--as", "vehicle"], "--config: needed with --as vehicle"),
+        (["--as", "vehicle"], "--config: missing; --as vehicle needs a vehicle file"),
         (["--config", "px4.toml"], "--config: only with --as vehicle, not with --as maths"),
         (["--link", "mavsdk"], "--link: only with --as live, not with --as maths"),
         (["--as", "fast", "--over", "udp"], "--over: only with --as live, not with --as fast"),
@@ -56,7 +56,7 @@ def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
         (["--engage"], "--engage: only with --as vehicle, not with --as maths"),
         (["--out", "here"], "--out: only with --as fast or live or vehicle, not with --as maths"),
         (["--as", "vehicle", "--config", "px4", "--yes"], "--yes: only with --engage, which arms"),
-        (["--as", "vehicle", "--config", "px4", "--engage"], "nobody answered: nothing was done; --yes"),
+        (["--as", "vehicle", "--config", "px4", "--engage"], "no answer to the question: nothing was done; --yes"),
         (["--as", "live", "--over", "smoke"], "--over smoke: allowed are zenoh, udp"),
     ],
 )

@@ -1,11 +1,13 @@
+import io
 import re
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from guidance.cli import app
-from guidance.cli.scenario_catalogue import expected, facts, names, team_expected
+from guidance.cli.scenario_catalogue import expected, facts, listing, names, team_expected
 from guidance.errors import OutputError
 from guidance.sim.maths import opening, play
 from guidance.sim.scenario_file import load_any, load_scenario
@@ -64,5 +66,16 @@ def test_what_is_told_of_a_scenario_names_its_faults_its_sensor_and_who_wins():
     takeover = dict(facts(load_scenario("pilot_takeover")[1]))
     assert takeover["fault"] == "pilot_mode of the pursuer 3 s after engagement, mode = POSCTL"
     assert "rate_hz = 1.0" in dict(facts(load_scenario("slow_reports")[1]))["sensor"]
-    assert dict(facts(load_scenario("barrier_evader")[1]))["value"].startswith("the evader wins: the pursuer comes 1.6")
+    assert dict(facts(load_scenario("barrier_evader")[1]))["value"].startswith(
+        "the evader wins: the pursuer misses by 1.6"
+    )
     assert "declares 1)" in dict(facts(load_scenario("faster_than_declared")[1]))["evader"]
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_the_list_has_one_line_per_scenario_at_every_width(width):
+    written = io.StringIO()
+    Console(file=written, width=width).print(listing(width))
+    lines = written.getvalue().splitlines()
+    assert len(lines) == 1 + len(names())
+    assert all(len(line) <= width for line in lines)

@@ -191,7 +191,7 @@ def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
         assert not [row for row in json.loads(set_up.stdout) if row["verdict"] == "refuse"]
         again = guidance("check", *at, "--apply")
     assert again.returncode == 0
-    assert "no parameter is to be set" in again.stdout
+    assert "no parameter needs to be set" in again.stdout
     assert "nothing is refused" in again.stdout
 
 
@@ -200,7 +200,7 @@ def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
     [
         (("check",), "give a vehicle file, or --vehicle URL"),
         (("check", "px4", "--yes"), "only with --apply"),
-        (("check", "px4", "--apply", "--json"), "only where nothing is asked: add --yes"),
+        (("check", "px4", "--apply", "--json"), "asks a question with --apply; add --yes"),
         (("check", "nonsense", "--vehicle", "udpin://127.0.0.1:14540"), "no scenario 'nonsense'"),
     ],
 )
