@@ -3,13 +3,24 @@
 Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
 """
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from guidance.certificate import Acceleration, Certificate, Players, answer, certify, certify_no_game
-from guidance.control import AltitudeHold, Envelope, LimitMemory, Situation, hold_altitude, limit
+from guidance.certificate import Certificate, Players, Vehicle, answer, certify, certify_no_game
+from guidance.control import (
+    Acceleration,
+    AltitudeHold,
+    Envelope,
+    LimitMemory,
+    Situation,
+    SpeedMemory,
+    hold_altitude,
+    limit,
+    observe_speed,
+)
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
 from guidance.control.follow import (
     Following,
@@ -23,7 +34,7 @@ from guidance.control.follow import (
 from guidance.control.hold import NorthEast, keep_station
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, GameFrame, Vector, game_from_ned, ned_from_game
-from guidance.game import Game, Reason, SpeedSet, StandOff, guaranteed_age_s
+from guidance.game import Ball, Game, Reason, SpeedSet, StandOff, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
@@ -109,6 +120,7 @@ class CycleMemory(NamedTuple):
     place: NorthEast | None = None
     strategy: StrategyMemory = StrategyMemory()
     optimal_game_m_s: Vector | None = None
+    speed: SpeedMemory = SpeedMemory()
 
 
 class CycleOutput(NamedTuple):
@@ -138,22 +150,27 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.standoff)
     fence = measure_fence(here.position_ned_m, envelope) if fence is None else fence
     try:
-        game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s)
+        game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
         refused = certify_no_game(players, gaps, output.setpoint, evader_age_s=evader.age_s)
         return output._replace(certificate=refused)
-    answered = answer(game, players, settings.acceleration, memory.optimal_game_m_s)
+    vehicle = Vehicle(settings.acceleration, envelope, memory.speed.shown)
+    answered = answer(game, players, vehicle, memory.optimal_game_m_s)
     optimal = answered.solution.pursuer_velocity_m_s
     asked = optimal
     if settings.strategy.name != OPTIMAL:
         asked = _pursue(settings.strategy, game, players, memory.strategy, dt_s)
-    asked_ned_m_s = keep_inside(ned_from_game(asked), fence, envelope)
+    nominal = _at_nominal_speed(asked, game, settings)
+    asked_ned_m_s = keep_inside(ned_from_game(nominal), fence, envelope)
     most = envelope.speed_m_s / settings.ground_speed_m_s
     held_back = memory.limits is not None and memory.limits.held_back
     followed = follow(
         asked_ned_m_s, here, gaps, settings.following, memory.follow, most=most, dt_s=dt_s, held_back=held_back
     )
+    unslowed = followed.unslowed and not held_back and asked_ned_m_s[:2] == ned_from_game(nominal)[:2]
+    flown = less_drift(here.velocity_ned_m_s, followed.memory.drift)
+    speed = observe_speed(memory.speed, asked_ned_m_s, flown, at_full_speed=unslowed, dt_s=dt_s)
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     led = settings.following is not None
@@ -177,32 +194,55 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         yaw_rad,
         strategy=played,
         optimal_game_m_s=optimal,
+        speed=speed,
     )
     return CycleOutput(limited.setpoint, certificate, kept)
 
 
-def game_played(settings: CycleSettings, evader_speed_m_s: float, evader_age_s: float) -> tuple[Game, bool]:
-    """Return the game that a cycle plays, and whether what is known of the evader is too old for a guarantee.
+def game_played(
+    settings: CycleSettings, evader_speed_m_s: float, evader_age_s: float, speed_share: float = 1.0
+) -> tuple[Game, bool]:
+    """Return the game that a cycle plays, and whether the evader's last report is too old for a guarantee.
 
     Args:
         settings: Of the cycle.
-        evader_speed_m_s: The bound of the evader's speed at that cycle.
-        evader_age_s: Age of what its position rests on: it is the estimate for now, and the evader may have been
-            running elsewhere for so long.
+        evader_speed_m_s: Bound of the evader's speed in this cycle.
+        evader_age_s: Age of the evader's last report; the evader may have run elsewhere for so long.
+        speed_share: Share of the configured speed that this vehicle reaches.
 
     Raises:
         ConfigError: If the evader is too fast for this vehicle.
     """
     age_s = min(max(evader_age_s, 0.0), settings.evader_timeout_s)
-    game = settings.game.against(evader_speed_m_s, age_s)
+    whole = settings.game if speed_share == 1.0 else _slower(settings.game, speed_share)
+    game = whole.against(evader_speed_m_s, age_s)
     too_old = age_s > guaranteed_age_s(game)
     if settings.target_game_m is not None:
         # With age the value can be beaten in TAD. Of the laws that tests/bench/bench_game_age.py sets against a worst
         # evader, this one loses least: a pursuer that keeps to the disc about an old place lets the evader out of it.
         game = game.within_spread()
     elif too_old:
-        game = settings.game.against(evader_speed_m_s, 0.0)
+        game = whole.against(evader_speed_m_s, 0.0)
     return game, too_old
+
+
+def _slower(game: Game, share: float) -> Game:
+    """Return the same game with a share of the pursuer's speed over the ground."""
+    pursuer = game.pursuer
+    reached_m_s = max(share, 1e-3) * pursuer.horizontal_m_s
+    slower = Ball(reached_m_s) if isinstance(pursuer, Ball) else replace(pursuer, horizontal_m_s=reached_m_s)
+    return replace(game, pursuer=slower)
+
+
+def _at_nominal_speed(asked: Vector, game: Game, settings: CycleSettings) -> Vector:
+    """Scale a velocity of a slower game up to the configured speed, which shows whether the vehicle can fly faster."""
+    reached_m_s, nominal_m_s = game.pursuer.horizontal_m_s, settings.ground_speed_m_s
+    if reached_m_s == nominal_m_s:
+        return asked
+    ball, scale, (x, y, z) = isinstance(game.pursuer, Ball), nominal_m_s / reached_m_s, asked
+    if math.hypot(x, y, z if ball else 0.0) < reached_m_s * (1.0 - 1e-6):
+        return asked  # it keeps up with the evader
+    return (scale * x, scale * y, scale * z if ball else z)
 
 
 def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
@@ -216,7 +256,9 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, fence=inputs.fence)
     begun = memory.strategy.velocity_m_s is not None
     paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
-    kept = CycleMemory(FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused)
+    kept = CycleMemory(
+        FollowMemory(drift=drift), limited.memory, held.memory, yaw_rad, place, paused, speed=memory.speed
+    )
     return CycleOutput(limited.setpoint, None, kept)
 
 

@@ -1,20 +1,20 @@
-"""The value monitor: what was promised, watched in flight.
+"""The value monitor: compares the promises of the certificate with those made before.
 
-Under optimal play V + t never rises and L never falls, for the game's pursuer; for a vehicle that has to accelerate
-first it is the certificate's `time_needed_s` and `assured_distance_m` that hold. If they do not, an assumption is
-violated: the evader is faster than its bound, the vehicle slower than the game's, or what is known of the evader is
-stale. It is reported, never acted upon. Crossing the barrier, after which the other player wins, is reported too, and
-an evader of which nothing new is heard.
+Under optimal play V + t never rises and L never falls. For this vehicle that holds of `time_needed_s` and
+`assured_distance_m`. If it does not, an assumption is wrong: the evader is faster than its bound, the vehicle slower
+than the game's pursuer, or the evader's reports are old. Alarms are reported and never acted upon.
 
-An alarm that always rings is none. What a promise moves by without any of that is allowed for:
+A promise may change without any of that. This much is allowed before an alarm:
 
-- twice what accelerating costs by the promise, for a vehicle that has not answered yet, or has little to spare;
-- what estimates scatter by, as the time that it takes to make good: `SCATTER_M` of position, and `SCATTER_M_S` of the
-  evader's speed for as long as the game lasts, both over the closing speed;
-- what lasts no longer than `LASTING_S`: the bound on the evader's speed jumps about by some per cent, which near the
-  barrier decides who wins;
-- the last `ARRIVAL_S`, in which the vehicle brakes to the evader's speed, as the game's pursuer does not;
-- a source that is always so slow: an age of the last report that is not much more than any before it.
+- the certificate's own `allowance`: a vehicle that has just been ordered to accelerate has not answered yet;
+- estimation errors, `SCATTER_M` of position and `SCATTER_M_S` of the evader's speed for the rest of the game, divided
+  by the closing speed;
+- changes that last less than `LASTING_S`: the bound on the evader's speed varies by some per cent;
+- the last `ARRIVAL_S` before the meeting, in which the vehicle brakes to the evader's speed;
+- reports that are always late: an age not much larger than the largest before.
+
+A vehicle that does not reach its configured speed is reported once, and the promise starts anew with the speed that it
+reaches. In TAD the barrier is reported: lost when the game's pursuer would lose, won when this vehicle wins.
 """
 
 import math
@@ -32,56 +32,76 @@ STALE_S: Final = 1.0
 STALER: Final = 1.5
 """A report is stale from `STALE_S` on, and from this many times the largest age before."""
 
+SLOWER: Final = 0.02
+"""Share by which the reachable speed must fall before the promise starts anew."""
+
 
 class Violation(StrEnum):
-    """What of the promise did not hold."""
+    """Which promise or assumption does not hold."""
 
     CAPTURE_LATER = "guarantee: the time of capture has risen"
     EVADER_CLOSER = "guarantee: the evader's final distance to its target has fallen"
     BARRIER_LOST = "barrier: the evader can now reach its target"
     BARRIER_WON = "barrier: the evader can no longer reach its target"
     STALE = "guarantee: nothing new is heard of the evader"
-
-
-_UNITS: Final = {
-    Violation.CAPTURE_LATER: "s",
-    Violation.EVADER_CLOSER: "m",
-    Violation.STALE: "s",
-}
+    TOO_SLOW = "vehicle: slower than game.speed_m_s"
 
 
 class Alarm(NamedTuple):
-    """What was broken and by how much: s of the time of capture or of age, m of L, nothing for the barrier."""
+    """What is wrong and by how much.
+
+    `amount` is in s for the time of capture and for an age, in m for L, in m/s for a speed; 0 at the barrier. `of` is
+    the configured speed where the vehicle is too slow.
+    """
 
     violation: Violation
     amount: float
+    of: float = math.nan
 
     @property
     def by(self) -> str:
-        """By how much, with its unit; empty for the barrier."""
-        unit = _UNITS.get(self.violation)
-        return "" if unit is None else f"{self.amount:.2f} {unit}"
+        """The amount with its unit; empty at the barrier."""
+        match self.violation:
+            case Violation.CAPTURE_LATER | Violation.STALE:
+                return f"{self.amount:.2f} s"
+            case Violation.EVADER_CLOSER:
+                return f"{self.amount:.2f} m"
+            case Violation.TOO_SLOW:
+                return f"this vehicle reaches {self.amount:.1f} of {self.of:g} m/s; set speed_m_s accordingly"
+        return ""
 
     @property
     def words(self) -> str:
-        """What and by how much, in one line."""
+        """What is wrong and by how much, in one line."""
         return f"{self.violation}, {self.by}" if self.by else str(self.violation)
 
 
 class MonitorMemory(NamedTuple):
-    """Memory of the watch.
+    """Memory of the monitor.
 
     Attributes:
-        best: The best promise since the last alarm: least time, or largest L turned around.
-        winner: Who was winning.
-        since_s: Since when less than that is promised, or the other one wins; None while all is well.
-        oldest_s: The largest age of a report that has been said.
+        best: The best promise since the last alarm: smallest time, or largest L with its sign changed.
+        lost: Whether the evader was winning; None before the first certificate.
+        since_s: Since when the promise is worse than allowed, or the barrier is crossed; None if neither.
+        oldest_s: Largest age of a report that was reported.
+        reachable_m_s: Largest reachable speed since the promise started.
+        told_slow: Whether it was reported that the vehicle is too slow.
     """
 
     best: float = math.nan
-    winner: int | None = None
+    lost: bool | None = None
     since_s: float | None = None
     oldest_s: float = 0.0
+    reachable_m_s: float = 0.0
+    told_slow: bool = False
+
+    def restarted(self) -> "MonitorMemory":
+        """Return the memory without a promise."""
+        return self._replace(best=math.nan, since_s=None)
+
+    def anew(self) -> "MonitorMemory":
+        """Return the memory for the next chase: that the vehicle is too slow is not reported again."""
+        return MonitorMemory(told_slow=self.told_slow)
 
 
 def watch(
@@ -93,49 +113,73 @@ def watch(
     speed_m_s: float,
     slack_s: float,
 ) -> tuple[MonitorMemory, Alarm | None]:
-    """Compare this cycle's certificate with the best before it.
+    """Compare this cycle's certificate with the best promise before it.
 
     Args:
         memory: From the last call; `MonitorMemory()` at engagement.
         now_s: Time of the injected clock.
-        certificate: This cycle's; one without a game is passed over.
+        certificate: Of this cycle; one without a game is ignored.
         with_target: Whether the game is TAD.
-        speed_m_s: The pursuer's in the game, over ground.
-        slack_s: How much may be lost besides what is allowed for, s; in TAD, the evader's way in that time. After an
-            alarm the count starts anew.
+        speed_m_s: The configured speed over the ground.
+        slack_s: How much may be lost besides the allowances above, s; in TAD, the distance that the evader covers in
+            that time. After an alarm the count starts anew.
 
     Returns:
-        The memory for the next call and the alarm, if there is one.
+        The memory for the next call, and the alarm if there is one.
     """
     if certificate.winner == Winner.UNDECIDED or math.isnan(certificate.value):
         return memory, None
     age_s = certificate.evader_age_s
     if age_s > max(STALE_S, STALER * memory.oldest_s):
         return memory._replace(oldest_s=age_s), Alarm(Violation.STALE, age_s)
-    if certificate.reason == Reason.TOO_OLD:  # no guarantee to watch: that begins anew with news
-        memory, certificate = MonitorMemory(oldest_s=memory.oldest_s), certificate._replace(meeting_time_s=0.0)
-    if with_target and memory.winner not in {None, certificate.winner}:
-        return _crossed(memory, now_s, certificate.winner)
-    memory = memory._replace(winner=certificate.winner)
-    if (with_target and certificate.winner == Winner.EVADER) or certificate.meeting_time_s < ARRIVAL_S:
+    if certificate.reason == Reason.TOO_OLD:  # nothing is promised: the promise starts anew with the next report
+        memory = memory.restarted()._replace(lost=None)
+        certificate = certificate._replace(meeting_time_s=0.0)
+    memory, alarm = _reach(memory, certificate, speed_m_s)
+    if alarm is None and with_target:
+        memory, alarm = _cross(memory, now_s, certificate)
+    if alarm is not None or (with_target and (memory.lost or certificate.winner == Winner.EVADER)):
+        return memory, alarm
+    return _watch_promise(memory, now_s, certificate, slack_s, with_target=with_target)
+
+
+def _watch_promise(
+    memory: MonitorMemory, now_s: float, certificate: Certificate, slack_s: float, *, with_target: bool
+) -> tuple[MonitorMemory, Alarm | None]:
+    if certificate.meeting_time_s < ARRIVAL_S:
         return memory._replace(since_s=None), None
-    cost, slack = _watched(now_s, certificate, speed_m_s, slack_s, with_target=with_target)
+    cost, slack = _cost(now_s, certificate, slack_s, with_target=with_target)
     memory, lost = _compare(memory, now_s, cost, slack)
     if lost is None:
         return memory, None
     return memory, Alarm(Violation.EVADER_CLOSER if with_target else Violation.CAPTURE_LATER, lost)
 
 
-def _crossed(memory: MonitorMemory, now_s: float, winner: int) -> tuple[MonitorMemory, Alarm | None]:
+def _reach(memory: MonitorMemory, certificate: Certificate, speed_m_s: float) -> tuple[MonitorMemory, Alarm | None]:
+    """Report once that the vehicle is too slow; start the promise anew whenever its reachable speed falls."""
+    reachable_m_s, largest_m_s = certificate.reachable_speed_m_s, memory.reachable_m_s
+    if not reachable_m_s < (1.0 - SLOWER) * (largest_m_s or speed_m_s):
+        return memory._replace(reachable_m_s=max(reachable_m_s, largest_m_s)), None
+    told, memory = memory.told_slow, memory.restarted()._replace(reachable_m_s=reachable_m_s, told_slow=True)
+    return memory, None if told else Alarm(Violation.TOO_SLOW, reachable_m_s, speed_m_s)
+
+
+def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tuple[MonitorMemory, Alarm | None]:
+    """Report the barrier: lost by the ideal game's verdict, won by this vehicle's."""
+    losing = certificate.winner == Winner.EVADER
+    if memory.lost is None:
+        return memory._replace(lost=losing), None
+    if not (certificate.vehicle_winner == Winner.PURSUER if memory.lost else losing):
+        return memory if not memory.lost else memory._replace(since_s=None), None
     memory = _since(memory, now_s)
     if not _lasts(memory, now_s):
         return memory, None
-    violation = Violation.BARRIER_LOST if winner == Winner.EVADER else Violation.BARRIER_WON
-    return MonitorMemory(winner=winner, oldest_s=memory.oldest_s), Alarm(violation, 0.0)
+    violation = Violation.BARRIER_WON if memory.lost else Violation.BARRIER_LOST
+    return memory.restarted()._replace(lost=not memory.lost), Alarm(violation, 0.0)
 
 
 def _compare(memory: MonitorMemory, now_s: float, cost: float, slack: float) -> tuple[MonitorMemory, float | None]:
-    """Hold a cost against the best before it; return what was lost once more than the slack is, for long enough."""
+    """Compare a cost with the best before it; return what was lost if that is more than the slack for long enough."""
     lost = cost - memory.best
     if not lost > slack:
         return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
@@ -151,16 +195,14 @@ def _lasts(memory: MonitorMemory, now_s: float) -> bool:
     return memory.since_s is not None and now_s - memory.since_s >= LASTING_S
 
 
-def _watched(
-    now_s: float, certificate: Certificate, speed_m_s: float, slack_s: float, *, with_target: bool
-) -> tuple[float, float]:
-    """Return what must not rise, with what accelerating costs taken twice, and how much of that may be lost.
+def _cost(now_s: float, certificate: Certificate, slack_s: float, *, with_target: bool) -> tuple[float, float]:
+    """Return what must not rise, allowance included, and how much of it may be lost.
 
-    It is the time of capture, s; or, in m, L turned around, and for each second the evader's way in it.
+    PE: the time of capture, s. TAD: L with its sign changed, m; a second of slack is the evader's way in it.
     """
-    evader_m_s = speed_m_s / certificate.speed_ratio
+    evader_m_s = certificate.reachable_speed_m_s / certificate.speed_ratio
     scatter_m = SCATTER_M + SCATTER_M_S * certificate.meeting_time_s
-    slack_s += scatter_m / (speed_m_s - evader_m_s)
+    slack_s += scatter_m / (certificate.reachable_speed_m_s - evader_m_s)
     if with_target:
-        return certificate.value - 2.0 * certificate.assured_distance_m, slack_s * evader_m_s
-    return 2.0 * certificate.time_needed_s - certificate.value + now_s, slack_s
+        return certificate.allowance - certificate.assured_distance_m, slack_s * evader_m_s
+    return certificate.time_needed_s + certificate.allowance + now_s, slack_s

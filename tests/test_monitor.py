@@ -13,9 +13,12 @@ FAST = 1e6  # against an evader of 1 m/s: what estimates scatter by is made good
 
 def certificate(value, winner=Winner.PURSUER, *, accelerating=0.0, to_go_s=100.0):
     """The value of the game, and what accelerating costs of it: s later, or m nearer."""
-    known = dict.fromkeys(Certificate._fields, 0.0) | {"winner": int(winner), "value": value}
+    known = dict.fromkeys(Certificate._fields, 0.0) | {"winner": int(winner), "vehicle_winner": int(winner)}
     promised = {"time_needed_s": value + accelerating, "assured_distance_m": value - accelerating}
-    return Certificate(**known | promised | {"meeting_time_s": to_go_s, "speed_ratio": FAST})
+    speeds = {"speed_ratio": FAST, "reachable_speed_m_s": FAST}
+    return Certificate(
+        **known | promised | speeds | {"value": value, "allowance": accelerating, "meeting_time_s": to_go_s}
+    )
 
 
 def watched(memory, now_s, says, *, with_target=False, speed_m_s=FAST, slack=0.5):
@@ -98,8 +101,30 @@ def test_the_barrier_is_reported_when_it_is_crossed(first, then, broken):
     assert alarms([4.0] * 20, with_target=True, winners=flickering) == [None] * 20
 
 
+def test_the_barrier_is_won_only_once_this_vehicle_wins():
+    memory, found = MonitorMemory(), []
+    for index, verdict in enumerate([Winner.EVADER] + [Winner.UNDECIDED] * 20 + [Winner.PURSUER] * 10):
+        ideal = Winner.EVADER if index == 0 else Winner.PURSUER
+        says = certificate(4.0, ideal)._replace(vehicle_winner=int(verdict))
+        memory, alarm = watched(memory, 0.1 * index, says, with_target=True)
+        found.append(alarm and alarm.violation)
+    assert [(index, said) for index, said in enumerate(found) if said] == [(26, Violation.BARRIER_WON)]
+
+
+def test_a_vehicle_below_its_speed_is_reported_once_and_its_promise_starts_anew():
+    memory, said = MonitorMemory(), []
+    for index, reachable_m_s in enumerate([10.0] * 10 + [8.5] * 20 + [8.0] * 20):
+        value = 20.0 + 2.0 * (10.0 - reachable_m_s) - 0.1 * index
+        says = certificate(value)._replace(reachable_speed_m_s=reachable_m_s, speed_ratio=2.0)
+        memory, alarm = watched(memory, 0.1 * index, says, speed_m_s=10.0)
+        said.append(alarm)
+    assert [alarm.violation for alarm in said if alarm] == [Violation.TOO_SLOW]
+    assert said[10].words.endswith("this vehicle reaches 8.5 of 10 m/s; set speed_m_s accordingly")
+    assert memory.anew().told_slow
+
+
 def test_a_cycle_without_a_game_is_passed_over():
-    memory = MonitorMemory(7.0, 1)
+    memory = MonitorMemory(7.0, lost=False)
     for nothing in (certificate(math.nan), certificate(3.0, Winner.UNDECIDED)):
         assert watched(memory, 1.0, nothing) == (memory, None)
 
@@ -112,7 +137,7 @@ def test_what_estimates_scatter_by_is_allowed_for_as_the_way_that_makes_it_good(
         memory, found = MonitorMemory(), []
         for index in range(10):
             value = 20.0 + (0.0 if index == 0 else -lost if with_target else lost) - (0 if with_target else 0.1 * index)
-            says = certificate(value, to_go_s=20.0)._replace(speed_ratio=2.0)
+            says = certificate(value, to_go_s=20.0)._replace(speed_ratio=2.0, reachable_speed_m_s=6.0)
             memory, alarm = watched(memory, 0.1 * index, says, with_target=with_target, speed_m_s=6.0)
             found.append(alarm)
         assert any(found) is broken

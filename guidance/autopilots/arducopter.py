@@ -20,8 +20,7 @@ from guidance.autopilots.description import (
     Mode,
 )
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.certificate import Acceleration
-from guidance.control import Approach, CatchUp, Dynamics, Following, ServoGains
+from guidance.control import Acceleration, Approach, CatchUp, Dynamics, Following, ServoGains
 from guidance.frames import LocalFrame, wrap_deg
 
 

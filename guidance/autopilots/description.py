@@ -7,8 +7,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from guidance.autopilots.rules import Parameters, Rule
-from guidance.certificate import Acceleration
-from guidance.control import Dynamics, Following, Speeds
+from guidance.control import Acceleration, Dynamics, Following, Speeds
 from guidance.frames import Projection
 from guidance.messages import Command
 

@@ -10,8 +10,7 @@ from typing import Final
 
 from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Handling, Mode
 from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
-from guidance.certificate import Acceleration
-from guidance.control import Approach, CatchUp, Dynamics, Following, ServoGains, Speeds
+from guidance.control import Acceleration, Approach, CatchUp, Dynamics, Following, ServoGains, Speeds
 from guidance.frames import LocalFrame
 
 

@@ -3,10 +3,14 @@
 Following:
     follow: one cycle of it, with a `FollowMemory`; `Following` says how one vehicle is made to fly a velocity.
     ServoGains, CatchUp, Approach: its parts: the servo, the deficit that is worked off, how the disc is arrived at.
-    Speeds: what it flies over ground, upwards and downwards.
+    Gaps: distances to the disc.
     hold_altitude: keeps a height, with an `AltitudeHold`, and returns what is `Held`.
     keep_station: stops over the ground and stays.
     with_drift, less_drift: a velocity over the ground in an autopilot's own terms, and back.
+
+What the vehicle can do:
+    Acceleration, late_start, time_to_stop_at: what accelerating costs, and the time to be somewhere and stop there.
+    observe_speed: compares the speed asked for with the one flown, in a `SpeedMemory`; `trusted` speeds follow from it.
 
 Limiting, always last:
     limit: makes a setpoint of a command that the envelope allows, `Limited`, with a `LimitMemory`; `start` begins one.
@@ -17,9 +21,17 @@ Limiting, always last:
     Polygon, NorthEast: corners of a fence, and a place, in metres about home.
 """
 
+from guidance.control.capability import (
+    Acceleration,
+    SpeedMemory,
+    late_start,
+    observe_speed,
+    time_to_stop_at,
+    trusted,
+)
 from guidance.control.envelope import Dynamics, Envelope, Limiter, Situation, StandOffLimit
 from guidance.control.fence import FenceGeometry, keep_inside, measure_fence
-from guidance.control.follow import Approach, CatchUp, Following, FollowMemory, follow, less_drift, with_drift
+from guidance.control.follow import Approach, CatchUp, Following, FollowMemory, Gaps, follow, less_drift, with_drift
 from guidance.control.hold import AltitudeHold, Held, NorthEast, hold_altitude, keep_station
 from guidance.control.limits import Limits, Speeds
 from guidance.control.polygon import Polygon
@@ -27,6 +39,7 @@ from guidance.control.servo import ServoGains
 from guidance.control.setpoint_limiter import Limited, LimitMemory, limit, start
 
 __all__ = [
+    "Acceleration",
     "AltitudeHold",
     "Approach",
     "CatchUp",
@@ -35,6 +48,7 @@ __all__ = [
     "FenceGeometry",
     "FollowMemory",
     "Following",
+    "Gaps",
     "Held",
     "LimitMemory",
     "Limited",
@@ -44,15 +58,20 @@ __all__ = [
     "Polygon",
     "ServoGains",
     "Situation",
+    "SpeedMemory",
     "Speeds",
     "StandOffLimit",
     "follow",
     "hold_altitude",
     "keep_inside",
     "keep_station",
+    "late_start",
     "less_drift",
     "limit",
     "measure_fence",
+    "observe_speed",
     "start",
+    "time_to_stop_at",
+    "trusted",
     "with_drift",
 ]

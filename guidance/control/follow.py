@@ -23,7 +23,10 @@ the rest it may close only as fast as it can surely brake (`approach_speed`):
 
 An evader that flees is thus followed at its own speed to the rim, as it has to be if it is to be captured at all. One
 that stops dead there is flown past, above it at the height of the disc: `stand_off_constraints` sees to it that a
-vehicle below that height keeps the distance in which it could stop. What the game wants across the line of sight fades
+vehicle below that height keeps the distance in which it could stop. An evader that runs at the vehicle is waited for
+until it is `RETREAT_M` from the rim. A vehicle that retreated at the evader's speed from further away would keep the
+gap open, and the evader would reach its target uncaptured. The distance that the evader covers while the vehicle brakes
+is taken off. What the game wants across the line of sight fades
 as the closing does, so that at the rim the velocity is the evader's, and inside it the vehicle backs off gently. The
 height is approached by the same law.
 
@@ -41,6 +44,11 @@ from guidance.frames import Vector
 from guidance.game import StandOff
 
 _STILL: Vector = (0.0, 0.0, 0.0)
+
+RETREAT_M = 2.0
+"""Gap below which the vehicle gives way to an evader that comes towards it; at the rim it moves as fast as that."""
+ABOVE_M = 0.5
+"""It gives way from further off where it is more than this below the disc: only above it may the evader pass under."""
 
 SETTLE_S = 1.2
 LARGEST_M_S = 0.6
@@ -228,11 +236,15 @@ def approach(
     down = _vertical(desired_ned_m_s[2], flown_ned_m_s[2], gaps.height_m, settings)
     (north, east, _), (evader_north, evader_east, _) = desired_ned_m_s, evader_ned_m_s
     to_north, to_east = gaps.towards_north, gaps.towards_east
+    coming = max(0.0, -evader_north * to_north - evader_east * to_east)
+    wait = coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M)) if gaps.height_m > -ABOVE_M else 0.0
+    evader_north, evader_east = evader_north + wait * to_north, evader_east + wait * to_east
     relative_north, relative_east = north - evader_north, east - evader_east
     closing = relative_north * to_north + relative_east * to_east
     closing_now = (flown_ned_m_s[0] - evader_north) * to_north + (flown_ned_m_s[1] - evader_east) * to_east
-    left_m = gaps.ground_m - settings.margin_m - settings.lag_s * closing_now
-    allowed = closing_allowed(left_m, settings.braking_m_s2, settings.settle_s, settings.backing_m_s)
+    left_m = gaps.ground_m - settings.margin_m - settings.lag_s * (closing_now + wait)
+    settle_s = settings.settle_s + wait / settings.braking_m_s2
+    allowed = closing_allowed(left_m, settings.braking_m_s2, settle_s, settings.backing_m_s)
     if closing <= allowed:
         return Approached((north, east, down), braking=False)
     across = max(0.0, allowed / closing) if closing > 0.0 else 0.0
@@ -267,12 +279,16 @@ class FollowMemory(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """What to command, before the limits; the velocity desired after the approach; the memory for the next call."""
+    """What to command, before the limits; the velocity desired after the approach; the memory for the next call.
+
+    `unslowed` says that the approach leaves the game's whole speed over the ground.
+    """
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector | None
     desired_ned_m_s: Vector
     memory: FollowMemory
+    unslowed: bool = False
 
 
 def follow(
@@ -314,4 +330,5 @@ def follow(
         served.acceleration_ned_m_s2,
         desired,
         FollowMemory(served.memory, deficit_m, drift),
+        not braking,
     )

@@ -43,9 +43,9 @@ class Playing:
         """Begin a state: a certificate is of the state that it was made in."""
         self.certificate = None
         if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
-            self._memory, self._monitor = CycleMemory(), MonitorMemory()
+            self._memory, self._monitor = CycleMemory(), self._monitor.anew()
         if after is State.ON_STATION:
-            self._monitor = MonitorMemory()  # the promise is kept: an evader that gets away begins a new one
+            self._monitor = self._monitor.anew()  # the promise is kept: an evader that gets away begins a new one
 
     def move(self, by_ned_m: Vector) -> None:
         """Move what is remembered of places (what a hover holds, and the drift's position) with the local frame.

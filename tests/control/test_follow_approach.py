@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
@@ -35,6 +35,7 @@ def across(velocity, evader, gaps):
 
 @given(velocities, velocities, velocities, all_gaps(), settings)
 def test_never_asks_to_close_faster_than_can_be_braked(wanted, flown, evader, gaps, settings):
+    assume(evader[0] * gaps.towards_north + evader[1] * gaps.towards_east >= 0.0)  # it flees
     velocity, _ = approach(wanted, flown, evader, gaps, settings)
     asked = closing(velocity, evader, gaps)
     assert asked <= closing(wanted, evader, gaps) + 1e-9

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
-from guidance.certificate import Acceleration, Certificate
-from guidance.control import Envelope, measure_fence
+from guidance.certificate import Certificate
+from guidance.control import Acceleration, Envelope, measure_fence
 from guidance.cycle import CycleSettings
 from guidance.flight import FlightSettings
 from guidance.flight.detection import EventContext

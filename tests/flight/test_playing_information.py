@@ -66,7 +66,7 @@ def test_what_is_not_guaranteed_is_not_watched():
         assert alarm is None
         assert math.isnan(guarantee.best)
     for reason, expected in ((Reason.TOO_OLD, {None}), (Reason.SOLVED, {None, Violation.BARRIER_LOST})):
-        guarantee, found = MonitorMemory(winner=1), set()
+        guarantee, found = MonitorMemory(lost=False), set()
         for index in range(50):
             lost = said._replace(winner=-1, reason=int(reason))
             guarantee, alarm = watch(guarantee, 0.1 * index, lost, with_target=True, speed_m_s=6.0, slack_s=0.5)

@@ -21,7 +21,7 @@ BEGUN = CycleMemory(
     place=(5.0, 6.0),
     height=AltitudeHold(-31.0, 0.4),
 )
-PROMISED = MonitorMemory(winner=1)
+PROMISED = MonitorMemory(lost=False)
 
 
 def test_what_is_remembered_of_places_moves_with_the_local_frame_and_nothing_else_does():

@@ -86,6 +86,12 @@ class Runner:
         self._next_s = 0.0
         self._due: list[EvaderReport] = []
 
+    def begin(self, place_m: tuple[float, float], *, seed: int) -> None:
+        """Report from another place, x and y of the game frame, with other noise."""
+        east, north = place_m
+        self.place_m, self.silent = (north, east), False
+        self._random.seed(seed)
+
     def advance(self, now_s: float, pursuer_m: tuple[float, float], *, running: bool) -> None:
         """Run on to now."""
         away = [mine - his for mine, his in zip(self.place_m, pursuer_m, strict=True)]

@@ -14,8 +14,9 @@ from guidance.errors import GuidanceError
 from guidance.flight import Event, State
 from guidance.log import EventEntry, metadata_of, record_errors, scan, survey_of, title_of
 from guidance.log.codec import plain
-from guidance.log.entries import BEGUN, EVENT, EVENT_TOPIC
+from guidance.log.entries import EVENT, EVENT_TOPIC
 from guidance.log.reader import Survey, entry_of
+from guidance.monitor import Violation
 from guidance.session.flight_files import recorded_settings
 from guidance.viz.panel.snapshot import HISTORY, SnapshotFold
 
@@ -62,14 +63,8 @@ def _state_after(event: EventEntry) -> str:
 
 
 def _is_alarm(event: EventEntry) -> bool:
-    """Whether an event is none of the flight's and has a number for its detail, as alarms of the guarantee have."""
-    if event.event in set(Event) or event.event == BEGUN:
-        return False
-    try:
-        float(event.detail)
-    except ValueError:
-        return False
-    return True
+    """Whether an event is an alarm of the monitor."""
+    return event.event in set(Violation)
 
 
 def frames_of(path: Path) -> dict[str, Any]:

@@ -1,0 +1,200 @@
+"""Random TAD games flown in virtual time, from hover: the evader is at full speed at once, wind blows, both may win.
+
+The flight to each start is flown once and copied for every game.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from random import Random
+from typing import NamedTuple
+
+from guidance.session.spec import plan_of
+
+from guidance.certificate import Certificate
+from guidance.flight import Event, Outputs, State
+from guidance.game import Winner, solve_state
+from guidance.monitor import LASTING_S, Violation
+from guidance.session.loop import PERIOD_S
+from guidance.sim.scenario import Scenario
+from tests.harness.chase import Chase, hover_chase
+from tests.harness.copies import Flown
+
+LONGEST_S = 60.0
+SETTLED_S = 6.0
+HEARD_S = 2.0
+"""From the evader's first report to the order to engage."""
+
+
+class Setup(NamedTuple):
+    """What all games from one start share. The target is at the zero of the game frame."""
+
+    autopilot: str
+    speeds_m_s: tuple[float, float]
+    start_m: tuple[float, float, float]
+
+
+SETUPS = tuple(
+    Setup(autopilot, speeds, start)
+    for speeds, start in (
+        ((6.0, 3.0), (0.0, 20.0, 20.0)),
+        ((6.0, 2.0), (0.0, 60.0, 15.0)),
+        ((8.0, 4.0), (0.0, 45.0, 20.0)),
+        ((5.0, 3.5), (0.0, 30.0, 15.0)),
+        ((8.0, 3.0), (0.0, 90.0, 25.0)),
+        ((6.0, 4.0), (0.0, 10.0, 12.0)),
+    )
+    for autopilot in ("px4", "arducopter")
+)
+
+
+class Drawn(NamedTuple):
+    """One game.
+
+    Attributes:
+        number: Of the game; seeds its noise.
+        setup: Where the pursuer starts.
+        evader_m: Where the evader starts, x and y.
+        course_m: Places through which it runs, the target last; empty if it plays the game's optimal strategy.
+        wind_m_s: Towards north and east.
+    """
+
+    number: int
+    setup: Setup
+    evader_m: tuple[float, float]
+    course_m: tuple[tuple[float, float], ...]
+    wind_m_s: tuple[float, float]
+
+
+class Guarded(NamedTuple):
+    """How one game ended, and what was claimed meanwhile.
+
+    Attributes:
+        end: "captured", "arrived", or what else ended it; "undecided" after `LONGEST_S`.
+        end_s: When, since engagement.
+        margin_s: The ideal game's margin at engagement.
+        claimed_s: When the vehicle's verdict had been "pursuer" for `LASTING_S` for the first time; NaN if never.
+        reported_s: When the event said so; NaN if never.
+    """
+
+    end: str
+    end_s: float
+    margin_s: float
+    claimed_s: float
+    reported_s: float
+
+
+def draw_game(seed: int, number: int) -> Drawn:
+    """Draw a game; in half of them the ideal margin at engagement is within 3 s, in the others within 12 s."""
+    draw = Random(f"{seed}/{number}")
+    setup = SETUPS[number % len(SETUPS)]
+    game = plan_of(scenario=_scenario(setup)).flight.cycle.game
+    within_s = draw.choice((3.0, 12.0))
+    while True:
+        heading, away_m = draw.uniform(-math.pi, math.pi), draw.uniform(6.0, 80.0)
+        place = (away_m * math.sin(heading), away_m * math.cos(heading))
+        margin_s = solve_state(game, setup.start_m, (*place, 0.0), (0.0, 0.0, 0.0)).margin_s
+        if math.dist(place, setup.start_m[:2]) > 12.0 and abs(margin_s) < within_s:
+            break
+    course = _course(draw, place, setup.start_m)
+    wind_m_s, blows = draw.uniform(0.0, 4.0), draw.uniform(-math.pi, math.pi)
+    return Drawn(number, setup, place, course, (wind_m_s * math.cos(blows), wind_m_s * math.sin(blows)))
+
+
+def _course(
+    draw: Random, place: tuple[float, float], start_m: tuple[float, float, float]
+) -> tuple[tuple[float, float], ...]:
+    kind = draw.choice(("optimal", "straight", "straight", "through places", "through places", "zigzag", "at pursuer"))
+    (x, y), away_m = place, math.hypot(*place)
+    if kind == "optimal":
+        return ()
+    places: list[tuple[float, float]] = []
+    if kind == "through places":
+        places = [(x + draw.gauss(0.0, 12.0), y + draw.gauss(0.0, 12.0)) for _ in range(draw.randint(1, 3))]
+    elif kind == "at pursuer":
+        share = draw.uniform(0.2, 0.9)
+        places = [(x + share * (start_m[0] - x), y + share * (start_m[1] - y))]
+    elif kind == "zigzag":
+        steps, wide = draw.randint(2, 6), draw.uniform(1.0, 6.0) / away_m
+        for step in range(1, steps):
+            share, side = 1.0 - step / steps, wide * (-1) ** step
+            places.append((share * x + side * y, share * y - side * x))
+    return (*places, (0.0, 0.0))
+
+
+def _scenario(setup: Setup) -> Scenario:
+    scenario = hover_chase(setup.autopilot, seed=1, speeds_m_s=setup.speeds_m_s, target_m=(0.0, 0.0))
+    pursuer = scenario.pursuer.model_copy(update={"position_m": setup.start_m})
+    return scenario.model_copy(update={"pursuer": pursuer})
+
+
+class _Game(Chase):
+    """A game that is engaged on demand; its evader runs through places, or optimally if there are none."""
+
+    engaging = False
+    course_m: Sequence[tuple[float, float]] = ()
+
+    def act(self, _orders: Sequence[Event]) -> Outputs:
+        orders = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,) if self.engaging else ()}
+        outputs: Outputs = self.pilot.run(self.now_s, orders.get(self.state, ()))
+        if outputs.certificate is not None and math.isnan(self._engaged_s):
+            self._engaged_s = self.now_s
+        north_m, east_m = self.runner.place_m
+        while len(self.course_m) > 1 and math.dist(self.course_m[0], (east_m, north_m)) < 0.2:
+            self.course_m = self.course_m[1:]
+        if self.course_m:
+            self.runner.goal_m = (self.course_m[0][1], self.course_m[0][0])
+        elif outputs.certificate is not None:
+            east_m, north_m, _ = outputs.certificate.meeting_point_game_m
+            self.runner.goal_m = (north_m, east_m)
+        return outputs
+
+
+_HOVERING = Flown()
+
+
+def _hover(setup: Setup) -> _Game:
+    game = _Game(_scenario(setup))
+    game.runner.silent = True
+    game.run(120.0, lambda: game.state is State.STANDING_BY)
+    return game.run(SETTLED_S)
+
+
+def fly(drawn: Drawn) -> Guarded:
+    """Fly a game to its end."""
+    game = _HOVERING(drawn.setup, lambda: _hover(drawn.setup), Chase.history)
+    game.vehicle.inject("wind_m_s", (*drawn.wind_m_s, 0.0))
+    game.runner.begin(drawn.evader_m, seed=drawn.number)
+    game.course_m = drawn.course_m
+    game.run(HEARD_S)
+    game.engaging = True
+    end, margin_s, claimed_s, reported_s, since_s = "undecided", math.nan, math.nan, math.nan, math.inf
+    for outputs in _cycles(game):
+        certificate, now_s = outputs.certificate, game.since_s
+        end = _end(outputs) or end
+        if certificate is not None:
+            margin_s = certificate.margin_s if math.isnan(margin_s) else margin_s
+            since_s = min(since_s, now_s) if _claims(certificate) else math.inf
+            if math.isnan(claimed_s) and now_s - since_s >= LASTING_S:
+                claimed_s = now_s
+        if outputs.alarm is not None and outputs.alarm.violation is Violation.BARRIER_WON:
+            reported_s = now_s
+        if end != "undecided":
+            break
+    return Guarded(end, game.since_s, margin_s, claimed_s, reported_s)
+
+
+def _cycles(game: _Game) -> Iterator[Outputs]:
+    for _ in range(round((LONGEST_S + HEARD_S) / PERIOD_S)):
+        game.cycle()
+        yield game.outputs.pop()
+
+
+def _claims(certificate: Certificate) -> bool:
+    return certificate.vehicle_winner == Winner.PURSUER
+
+
+def _end(outputs: Outputs) -> str:
+    """Return how the game ended in this cycle; empty if it goes on."""
+    names = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived"}
+    left = [each for each in outputs.happenings if each.before is State.ENGAGED and each.after is not State.ENGAGED]
+    return names.get(left[0].event, str(left[0].event)) if left else ""
