@@ -96,8 +96,8 @@ class Certificate(NamedTuple):
     assured_distance_m: float = math.nan
     reason: int | None = None
     battery_needed: float = math.nan
-    allowance: float = 0.0
-    vehicle_winner: int = 0
+    allowance: float = math.nan
+    vehicle_winner: int | None = None
     vehicle_margin_s: float = math.nan
     reachable_speed_m_s: float = math.nan
 

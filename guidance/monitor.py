@@ -169,7 +169,8 @@ def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tup
     losing = certificate.winner == Winner.EVADER
     if memory.lost is None:
         return memory._replace(lost=losing), None
-    if not (certificate.vehicle_winner == Winner.PURSUER if memory.lost else losing):
+    won = certificate.vehicle_winner == Winner.PURSUER and not losing
+    if not (won if memory.lost else losing):
         return memory if not memory.lost else memory._replace(since_s=None), None
     memory = _since(memory, now_s)
     if not _lasts(memory, now_s):

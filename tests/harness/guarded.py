@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from random import Random
 from typing import NamedTuple
 
-from guidance.session.spec import plan_of
+from guidance.session.plan import plan_of
 
 from guidance.certificate import Certificate
 from guidance.flight import Event, Outputs, State
