@@ -3,7 +3,7 @@
 Following:
     follow: one cycle of it, with a `FollowMemory`; `Following` says how one vehicle is made to fly a velocity.
     ServoGains, CatchUp, Approach: its parts: the servo, the deficit that is worked off, how the disc is arrived at.
-    Gaps: distances to the disc.
+    Gaps: distances to the disc. Speeds: horizontal speed, climb rate and descent rate.
     hold_altitude: keeps a height, with an `AltitudeHold`, and returns what is `Held`.
     keep_station: stops over the ground and stays.
     with_drift, less_drift: a velocity over the ground in an autopilot's own terms, and back.

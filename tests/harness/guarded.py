@@ -8,13 +8,12 @@ from collections.abc import Iterator, Sequence
 from random import Random
 from typing import NamedTuple
 
-from guidance.session.plan import plan_of
-
 from guidance.certificate import Certificate
 from guidance.flight import Event, Outputs, State
 from guidance.game import Winner, solve_state
 from guidance.monitor import LASTING_S, Violation
 from guidance.session.loop import PERIOD_S
+from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario
 from tests.harness.chase import Chase, hover_chase
 from tests.harness.copies import Flown
