@@ -1,17 +1,20 @@
-"""What the core hears from a vehicle and says to it: typed values with units and frames, whatever the wire was.
+"""Messages from and to a vehicle: typed values with units and frames, independent of the wire.
 
-Adapters in `guidance.links` turn MAVLink messages into these and back. Every message carries `received_s`, the time
-of our own clock at which it arrived; `time_boot_s` is the sender's clock where the message has one.
+Adapters in `guidance.links` convert them from and to MAVLink. Every message carries `received_s`, its arrival on our
+clock; `time_boot_s` is the sender's clock if the message has one.
 """
 
+import math
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from guidance.frames import Vector
 
+UNKNOWN_VELOCITY: Final[Vector] = (math.nan, math.nan, math.nan)
+
 
 class Heartbeat(NamedTuple):
-    """HEARTBEAT of the autopilot: the only source of the flight mode that is believed."""
+    """HEARTBEAT of the autopilot: the only trusted source of its flight mode."""
 
     received_s: float
     custom_mode: int
@@ -21,7 +24,7 @@ class Heartbeat(NamedTuple):
 
 
 class LocalPosition(NamedTuple):
-    """LOCAL_POSITION_NED: position about the estimator's origin (not home), metres and m/s, north-east-down."""
+    """LOCAL_POSITION_NED: position from the estimator's origin (not home), m, and velocity, m/s; north-east-down."""
 
     received_s: float
     time_boot_s: float
@@ -92,7 +95,7 @@ class Origin(NamedTuple):
 
 
 class CommandAck(NamedTuple):
-    """COMMAND_ACK: the autopilot's word on a command, a hint only (PX4 accepts modes it then refuses)."""
+    """COMMAND_ACK: only a hint (PX4 accepts modes that it then refuses)."""
 
     received_s: float
     command: int
@@ -108,7 +111,7 @@ class StatusText(NamedTuple):
 
 
 class PositionTarget(NamedTuple):
-    """POSITION_TARGET_LOCAL_NED: what the autopilot believes it was told; shows a second source of setpoints."""
+    """POSITION_TARGET_LOCAL_NED: the setpoint that the autopilot uses; reveals a second source of setpoints."""
 
     received_s: float
     time_boot_s: float
@@ -117,7 +120,7 @@ class PositionTarget(NamedTuple):
 
 
 class Timesync(NamedTuple):
-    """TIMESYNC: `remote_ns` is the answerer's clock, `local_ns` ours when we asked (0 in a request)."""
+    """TIMESYNC: `remote_ns` is the answering clock, `local_ns` ours when we asked (0 in a request)."""
 
     received_s: float
     remote_ns: int
@@ -125,9 +128,9 @@ class Timesync(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """PARAM_VALUE: name and value as a number, whatever the flavour's encoding.
+    """PARAM_VALUE: name and value as a number, independent of the autopilot's encoding.
 
-    `param_type` is MAV_PARAM_TYPE; a record of before it was kept has none.
+    `param_type` is MAV_PARAM_TYPE; None in records of older versions.
     """
 
     received_s: float
@@ -158,7 +161,7 @@ class FenceItem(NamedTuple):
 
 
 class FenceRefused(NamedTuple):
-    """MISSION_ACK to our asking for the uploaded fence: MAV_MISSION_RESULT, why there is none to be had."""
+    """MISSION_ACK to our request for the uploaded fence: MAV_MISSION_RESULT, the reason why it is refused."""
 
     received_s: float
     result: int
@@ -186,7 +189,7 @@ Message = (
 
 
 class Datum(StrEnum):
-    """What an altitude was counted from."""
+    """The zero of an altitude."""
 
     AMSL = "amsl"
     ELLIPSOID = "ellipsoid"
@@ -202,11 +205,23 @@ class AltitudeSaid(NamedTuple):
 
 
 class EvaderReport(NamedTuple):
-    """One report of the evader, from whichever source. NaN velocity means unknown, never zero.
+    """One report of the evader, from any source. Unknown values are NaN, never zero.
 
-    `sent_s` is the sender's clock (NaN where the source has none); `altitude_amsl_m` is above mean sea level, made so
-    from `said`. `timesync` is the sender's own answer to our TIMESYNC, with the first report after it came: it tells
-    its clock from ours. `sequence` is the number of the MAVLink frame, `peer` who sent it where the carrier tells.
+    Attributes:
+        received_s: Arrival on our clock.
+        sent_s: The sender's clock.
+        source: Name of the message or key.
+        latitude_deg: WGS-84.
+        longitude_deg: WGS-84.
+        altitude_amsl_m: Above mean sea level, converted from `said`.
+        velocity_ned_m_s: North, east, down.
+        position_sd_m: Standard deviation, largest axis.
+        velocity_sd_m_s: Standard deviation, largest axis.
+        timesync: The sender's answer to our TIMESYNC, attached to the first report after it.
+        said: The altitude as received.
+        sequence: Number of the MAVLink frame.
+        peer: The sender, if the carrier names it.
+        impostors: Messages in the evader's name from other addresses since the last report; None for none.
     """
 
     received_s: float
@@ -216,16 +231,17 @@ class EvaderReport(NamedTuple):
     longitude_deg: float
     altitude_amsl_m: float
     velocity_ned_m_s: Vector
-    position_sd_m: float
-    velocity_sd_m_s: float
+    position_sd_m: float = math.nan
+    velocity_sd_m_s: float = math.nan
     timesync: Timesync | None = None
     said: AltitudeSaid | None = None
     sequence: int | None = None
     peer: str | None = None
+    impostors: int | None = None
 
 
 class Setpoint(NamedTuple):
-    """One SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. None leaves that part to the autopilot."""
+    """SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. The autopilot chooses what is None."""
 
     velocity_ned_m_s: Vector
     acceleration_ned_m_s2: Vector | None = None
@@ -233,7 +249,7 @@ class Setpoint(NamedTuple):
 
 
 class Command(NamedTuple):
-    """COMMAND_LONG, or COMMAND_INT where `frame` is given (then x, y are degrees here and 1e7 degrees on the wire)."""
+    """COMMAND_LONG, or COMMAND_INT if `frame` is given (then x and y are degrees; on the wire 1e-7 degrees)."""
 
     command: int
     params: tuple[float, float, float, float, float, float, float]
@@ -247,7 +263,7 @@ class ParameterRequest(NamedTuple):
 
 
 class ParameterSet(NamedTuple):
-    """PARAM_SET: `param_type` is MAV_PARAM_TYPE as it was read, since an autopilot refuses any other."""
+    """PARAM_SET: `param_type` is MAV_PARAM_TYPE as read, since an autopilot refuses any other."""
 
     name: str
     value: float
@@ -255,13 +271,13 @@ class ParameterSet(NamedTuple):
 
 
 class FenceRequest(NamedTuple):
-    """MISSION_REQUEST_LIST of the uploaded fence, or with a sequence number MISSION_REQUEST_INT of one item."""
+    """MISSION_REQUEST_LIST of the uploaded fence; with a sequence number MISSION_REQUEST_INT of one item."""
 
     sequence: int | None = None
 
 
 class FenceReceived(NamedTuple):
-    """MISSION_ACK that ends the reading of the uploaded fence."""
+    """MISSION_ACK that ends reading the uploaded fence."""
 
 
 Request = Command | ParameterRequest | ParameterSet | FenceRequest | FenceReceived

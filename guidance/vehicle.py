@@ -105,12 +105,12 @@ class VehicleState(NamedTuple):
 def observe(state: VehicleState, messages: Iterable[Message]) -> VehicleState:
     """Fold messages, oldest first, into the state.
 
-    What cannot be meant is passed over, and local positions that are repeated or older than the one held. So is a home
-    that comes in flight: an autopilot may move it about (PX4, by up to 2 m every two seconds), and heights and fences
-    are counted from where it was when the vehicle armed.
+    The messages must be plausible, as links deliver them. Local positions that are repeated or older than the one held
+    are passed over. So is a home that comes in flight: an autopilot may move it about (PX4, by up to 2 m every two
+    seconds), and heights and fences are counted from where it was when the vehicle armed.
     """
     for message in messages:
-        changed = _told_by(message, state) if is_plausible(message) else None
+        changed = _told_by(message, state)
         if changed is not None:
             state = state._replace(latest={**state.latest, type(message): message}, **changed)
     return state

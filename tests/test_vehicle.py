@@ -28,15 +28,6 @@ def test_the_latest_message_of_each_kind_is_kept_with_its_age():
     assert state.age_s(Heartbeat, 4.0) == 3.0
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-@pytest.mark.parametrize("axis", range(6))
-def test_a_local_position_that_is_not_finite_is_passed_over(bad, axis):
-    numbers = [0.0] * 6
-    numbers[axis] = bad
-    state = observe(VehicleState(), [local(1.0, 1.0), local(1.1, 1.1, tuple(numbers[:3]), tuple(numbers[3:]))])
-    assert state.last(LocalPosition) == local(1.0, 1.0)
-
-
 def test_repeated_and_older_local_positions_are_passed_over():
     state = observe(VehicleState(), [local(1.0, 1.0), local(1.1, 1.0, (9.0, 9.0, 9.0)), local(1.2, 0.9)])
     assert state.last(LocalPosition) == local(1.0, 1.0)

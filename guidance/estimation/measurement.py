@@ -17,10 +17,8 @@ from guidance.estimation.filters import Array
 from guidance.estimation.settings import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.messages import EvaderReport
-from guidance.vehicle import is_plausible
 
 _LARGEST = 1e8
-_NOWHERE: Vector = (math.nan, math.nan, math.nan)
 _LEAST_SD, _LARGEST_SD = 0.01, 1e4
 
 _DRIFT = 2e-4  # two quartz clocks, 100 ppm each
@@ -72,8 +70,6 @@ def measure(report: EvaderReport, frame: LocalFrame, time_s: float, settings: Tr
         settings: For spreads that are not given.
     """
     known = not any(math.isnan(part) for part in report.velocity_ned_m_s)
-    if not is_plausible(report):
-        return Measurement(time_s, report.received_s, _NOWHERE, None, math.nan, math.nan)
     return Measurement(
         time_s,
         report.received_s,

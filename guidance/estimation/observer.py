@@ -13,7 +13,7 @@ import numpy as np
 
 from guidance.estimation.filters import STATES, Array, advance, combine
 from guidance.estimation.measurement import ClockOffset, hear, measure, synchronise, true_at
-from guidance.estimation.rivals import Rivals, listen, told
+from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.settings import TrackSettings
 from guidance.estimation.track import Accepted, ReportOutcome, Track, update
 from guidance.frames import LocalFrame, Vector
@@ -128,12 +128,16 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
     if not measurement.is_usable():
         return Observer(clock, track, observer.rivals)
     apart_s = 0.0 if clock is None else report.received_s - clock.ours(report.sent_s)
-    one = told(
-        report,
-        true_s=measurement.time_s,
-        place_m=measurement.position_ned_m[:2],
-        fits=None if track.outcome is None else _FITS.get(track.outcome),
-        apart_s=apart_s if math.isfinite(apart_s) else 0.0,
+    one = Report(
+        report.received_s,
+        report.sent_s,
+        measurement.time_s,
+        measurement.position_ned_m[:2],
+        None if track.outcome is None else _FITS.get(track.outcome),
+        apart_s if math.isfinite(apart_s) else 0.0,
+        report.sequence,
+        report.peer,
+        report.impostors,
     )
     rivals = listen(
         observer.rivals,

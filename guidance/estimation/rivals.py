@@ -1,17 +1,18 @@
-"""Does one evader speak, or two under one name? What a second one cannot help showing, whatever it claims.
+"""Detects a second source of the evader's reports: a forger, or another vehicle with the same identity.
 
-Somebody who sends reports as the evader (a forger, or another vehicle with its identity) is not heard alone: the
-evader goes on. So what is looked for is two tellings that take turns. They contradict each other
+The true evader keeps reporting, so two sources take turns. They contradict each other
 
-- in *place*: reports that do not fit the estimate, agree with each other, and come between those that fit, from where
-  one evader cannot have got there meanwhile: one that lies about its velocity misses the estimate, but not its own way;
-- by their *clock*: reports whose sender's clock is seconds away from the one believed, between those of that one;
-- in *sequence*: MAVLink's numbers and the sender's time, of which one counts on and the other goes back;
-- by who *sent* them, where the carrier tells (`EvaderReport.peer`);
-- in *rate*, where a report has no time of its own: several times as many as there used to be.
+- in *place*: some reports do not fit the estimate, agree with each other, and alternate with fitting ones from places
+  that one evader cannot reach in between. (A single source with a wrong velocity also misses the estimate, but not its
+  own path.)
+- in *clock*: some senders' clocks are seconds away from the believed one, in alternation with it;
+- in *sequence*: of MAVLink's frame numbers and the sender's time, one increases and the other decreases;
+- in *sender*: the carrier names two senders (`EvaderReport.peer`), or counts messages from another address
+  (`EvaderReport.impostors`), in alternation;
+- in *rate*, if reports have no time of their own: there are several times as many as at first.
 
-One source that is late, doubled, out of order, silent for a while or that jumps once shows none of this. Whoever is
-the wrong one is not to be told from reports.
+One source that is late, duplicated, reordered, silent for a while, or jumps once shows none of these. Reports do not
+tell which of two sources is the wrong one.
 """
 
 import itertools
@@ -19,39 +20,39 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from guidance.messages import EvaderReport
-
 LASTS_S: Final = 2.0
-"""For so long after it was seen last a rival counts as there."""
+"""A second source counts as present for this long after it was last detected."""
 
-_REACH_S: Final = 12.0
-_MOST: Final = 256
-_JUDGED_EVERY_S: Final = 0.2
+_WINDOW_S: Final = 12.0
+_MAX_REPORTS: Final = 256
+_JUDGE_EVERY_S: Final = 0.2
 _TURNS: Final = 3
 _CLOCKS_APART_S: Final = 2.5
 _CLOSE_S: Final = 0.1
 _SAME_S: Final = 1e-3
 _CONTRADICTIONS: Final = 6
-_SENDERS_EACH: Final = 3
+_SENDER_WINDOW_S: Final = 4.0
+_SENDER_CHANGES: Final = 4
 _RATE_WINDOW_S: Final = 2.0
-_RATE_LEARNT_S: Final = 10.0
-_RATE_MORE: Final = 2.5
+_RATE_LEARNED_S: Final = 10.0
+_RATE_FACTOR: Final = 2.5
 _RATE_SPARE: Final = 4
 _RATE_SPREAD: Final = 20
 
 
-class Told(NamedTuple):
-    """One report as it counts here.
+class Report(NamedTuple):
+    """What the detection needs of one report.
 
     Attributes:
-        received_s: On our clock.
-        sent_s: On the sender's; NaN where it has none.
+        received_s: Arrival on our clock.
+        sent_s: The sender's clock; NaN if it has none.
         true_s: When it was true, on our clock.
         place_m: North and east in the local frame.
-        fits: Whether the estimate took it in; None where that says nothing of its place.
-        apart_s: How far its sender's clock is from the one believed.
-        sequence: MAVLink's number, None where there is none.
-        peer: Who sent it; None where the carrier does not tell.
+        fits: Whether the estimate accepted it; None if the outcome says nothing about its place.
+        apart_s: Distance of its sender's clock from the believed one.
+        sequence: MAVLink's frame number, or None.
+        peer: The sender, or None if the carrier does not name it.
+        impostors: Messages from other addresses since the last report.
     """
 
     received_s: float
@@ -62,21 +63,22 @@ class Told(NamedTuple):
     apart_s: float
     sequence: int | None
     peer: str | None
+    impostors: int | None = None
 
 
 class Rivals(NamedTuple):
-    """What is remembered of how the evader's reports came.
+    """The memory of the detection.
 
     Attributes:
-        recent: The last ones.
-        judged_s: When they were last looked at.
-        since_s: When the first one came.
-        usual: How many came in two seconds at most, at the begin.
-        seen_s: When two were last told from each other.
-        why: By what.
+        recent: The last reports.
+        judged_s: When they were last judged.
+        since_s: When the first report arrived.
+        usual: The largest number of reports in two seconds, during the first seconds.
+        seen_s: When two sources were last detected.
+        why: The kind of contradiction, as in the module's list.
     """
 
-    recent: tuple[Told, ...] = ()
+    recent: tuple[Report, ...] = ()
     judged_s: float = -math.inf
     since_s: float = math.nan
     usual: int = 0
@@ -84,67 +86,45 @@ class Rivals(NamedTuple):
     why: str = ""
 
     def there(self, now_s: float) -> bool:
-        """Whether two tell of one evader now."""
+        """Return whether a second source is present."""
         return now_s - self.seen_s <= LASTS_S
 
 
-def told(
-    report: EvaderReport, *, true_s: float, place_m: tuple[float, float], fits: bool | None, apart_s: float
-) -> Told:
-    """Make a report's entry.
+def listen(rivals: Rivals, one: Report, *, speed_m_s: float, margin_m: float, noise_m: float) -> Rivals:
+    """Add one report and judge.
 
     Args:
-        report: As it came.
-        true_s: When it was true, on our clock, s.
-        place_m: North and east in the local frame.
-        fits: Whether the estimate took it in.
-        apart_s: How far its sender's clock is from the one believed, s.
-    """
-    return Told(report.received_s, report.sent_s, true_s, place_m, fits, apart_s, report.sequence, report.peer)
-
-
-def listen(rivals: Rivals, one: Told, *, speed_m_s: float, margin_m: float, noise_m: float) -> Rivals:
-    """Take in one report.
-
-    Args:
-        rivals: What is remembered.
+        rivals: The memory.
         one: The report.
-        speed_m_s: Reports agree whose places one evader of this speed can have been at,
-        margin_m: give or take this.
-        noise_m: Two reports of one place are not further apart.
+        speed_m_s: Two reports agree if one evader of this speed can reach both places,
+        margin_m: with this tolerance.
+        noise_m: Largest distance of two reports of one place.
     """
     now_s = one.received_s
-    kept = (*rivals.recent[-_MOST + 1 :], one)
-    if now_s - kept[0].received_s > _REACH_S:
-        kept = tuple(each for each in kept if now_s - each.received_s <= _REACH_S)
+    kept = (*rivals.recent[-_MAX_REPORTS + 1 :], one)
+    if now_s - kept[0].received_s > _WINDOW_S:
+        kept = tuple(each for each in kept if now_s - each.received_s <= _WINDOW_S)
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     rivals = rivals._replace(recent=kept, since_s=since_s)
-    if now_s - rivals.judged_s < _JUDGED_EVERY_S:
+    if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals
-    rivals = _learnt(rivals._replace(judged_s=now_s), now_s)
+    rivals = _learn_rate(rivals._replace(judged_s=now_s), now_s)
     why = "place" if _in_place(rivals.recent, speed_m_s, margin_m, noise_m) else _why(rivals, now_s)
     return rivals if why is None else rivals._replace(seen_s=now_s, why=why)
 
 
 def _why(rivals: Rivals, now_s: float) -> str | None:
     recent = rivals.recent
-    if _by_clock(recent):
+    if _in_clock(recent):
         return "clock"
     if _in_sequence(recent):
         return "sequence"
-    if _by_sender(recent, now_s):
+    if _in_sender(recent, now_s):
         return "sender"
     return "rate" if _in_rate(rivals, now_s) else None
 
 
-def _turns(marks: Sequence[bool]) -> int:
-    """How often False lies between True and True."""
-    runs = [mark for index, mark in enumerate(marks) if index == 0 or mark is not marks[index - 1]]
-    inner = runs[1:-1] if runs else []
-    return sum(not mark for mark in inner)
-
-
-def _in_place(recent: Sequence[Told], speed_m_s: float, margin_m: float, noise_m: float) -> bool:
+def _in_place(recent: Sequence[Report], speed_m_s: float, margin_m: float, noise_m: float) -> bool:
     if sum(one.fits is False for one in recent) <= _TURNS:
         return False
     ordered = sorted((one for one in recent if one.fits is not None), key=lambda one: one.true_s)
@@ -153,8 +133,8 @@ def _in_place(recent: Sequence[Told], speed_m_s: float, margin_m: float, noise_m
     return agreeing >= _TURNS and _leaps(ordered, speed_m_s, noise_m) >= _TURNS
 
 
-def _leaps(ordered: Sequence[Told], speed_m_s: float, noise_m: float) -> int:
-    """How often the telling goes over to those that do not fit, and back, by a leap at least one way."""
+def _leaps(ordered: Sequence[Report], speed_m_s: float, noise_m: float) -> int:
+    """Count changes to reports that do not fit and back, with an impossible step in at least one direction."""
     leaps, out = 0, None
     for one, other in itertools.pairwise(ordered):
         if one.fits and not other.fits:
@@ -164,23 +144,23 @@ def _leaps(ordered: Sequence[Told], speed_m_s: float, noise_m: float) -> int:
     return leaps
 
 
-def _can_follow(one: Told, other: Told, speed_m_s: float, margin_m: float) -> bool:
+def _can_follow(one: Report, other: Report, speed_m_s: float, margin_m: float) -> bool:
     return math.dist(one.place_m, other.place_m) <= margin_m + speed_m_s * (other.true_s - one.true_s)
 
 
-def _by_clock(recent: Sequence[Told]) -> bool:
-    apart = [one for one in recent if abs(one.apart_s) > _CLOCKS_APART_S]
-    return len(apart) >= _TURNS and _turns([abs(one.apart_s) <= _CLOCKS_APART_S for one in recent]) >= _TURNS
+def _in_clock(recent: Sequence[Report]) -> bool:
+    runs = [apart for apart, _ in itertools.groupby(abs(one.apart_s) > _CLOCKS_APART_S for one in recent)]
+    return sum(runs[1:-1]) >= _TURNS
 
 
-def _in_sequence(recent: Sequence[Told]) -> bool:
+def _in_sequence(recent: Sequence[Report]) -> bool:
     if len({one.sequence for one in recent}) < 2:
-        return False  # a sender whose number never changes does not count at all
+        return False  # the sender does not count
     return sum(itertools.starmap(_contradict, itertools.pairwise(recent))) >= _CONTRADICTIONS
 
 
-def _contradict(one: Told, other: Told) -> bool:
-    """Whether of two reports that came close together numbers and times count in opposite ways."""
+def _contradict(one: Report, other: Report) -> bool:
+    """Return whether frame number and time of two close reports change in opposite directions."""
     if one.sequence is None or other.sequence is None:
         return False
     later_s = other.sent_s - one.sent_s
@@ -192,25 +172,27 @@ def _contradict(one: Told, other: Told) -> bool:
     return on == 0 or (on < 128) is not (later_s > 0.0)
 
 
-def _by_sender(recent: Sequence[Told], now_s: float) -> bool:
-    peers = [one.peer for one in recent if one.peer and now_s - one.received_s <= LASTS_S]
-    return sum(peers.count(peer) >= _SENDERS_EACH for peer in set(peers)) > 1
+def _in_sender(recent: Sequence[Report], now_s: float) -> bool:
+    """Return whether the sender changes to and fro; a sender that restarts changes once."""
+    lately = [one for one in recent if now_s - one.received_s <= _SENDER_WINDOW_S]
+    changes = sum(bool(one.peer and other.peer and one.peer != other.peer) for one, other in itertools.pairwise(lately))
+    return changes >= _SENDER_CHANGES or sum(bool(one.impostors) for one in lately) >= _TURNS
 
 
-def _untimed(recent: Sequence[Told], now_s: float) -> list[float]:
-    """When reports without a time of their own came lately."""
+def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:
+    """Return the arrivals of the latest reports without a time of their own."""
     return [one.received_s for one in recent if now_s - one.received_s < _RATE_WINDOW_S and math.isnan(one.sent_s)]
 
 
-def _learnt(rivals: Rivals, now_s: float) -> Rivals:
-    if now_s - rivals.since_s > _RATE_LEARNT_S:
+def _learn_rate(rivals: Rivals, now_s: float) -> Rivals:
+    if now_s - rivals.since_s > _RATE_LEARNED_S:
         return rivals
     return rivals._replace(usual=max(rivals.usual, len(_untimed(rivals.recent, now_s))))
 
 
 def _in_rate(rivals: Rivals, now_s: float) -> bool:
-    if now_s - rivals.since_s <= _RATE_LEARNT_S or rivals.usual == 0:
+    if now_s - rivals.since_s <= _RATE_LEARNED_S or rivals.usual == 0:
         return False
-    came_s = _untimed(rivals.recent, now_s)
-    spread = 2 * len(set(came_s)) >= min(rivals.usual, _RATE_SPREAD)  # what waited in a queue comes all at once
-    return spread and len(came_s) > _RATE_MORE * rivals.usual + _RATE_SPARE
+    arrivals_s = _untimed(rivals.recent, now_s)
+    spread = 2 * len(set(arrivals_s)) >= min(rivals.usual, _RATE_SPREAD)  # a queue delivers everything at once
+    return spread and len(arrivals_s) > _RATE_FACTOR * rivals.usual + _RATE_SPARE

@@ -1,19 +1,20 @@
-"""Vehicles and evaders over wires: the ports, and adapters of MAVSDK and pymavlink.
+"""Vehicles and evaders over wires: the contracts, and adapters of MAVSDK and pymavlink.
 
-`guidance.links.opening` opens links from URLs; it is imported apart, since it brings every wire library with it.
+`guidance.links.opening` opens links from URLs. It is imported separately because it loads every wire library.
 
-What it offers:
-    VehicleLink: one vehicle, both directions. EvaderSource: where reports of the evader come from.
-    Wire: MAVLink frames to and from somewhere. MemoryWire: two ends of one, for tests.
-    Endpoint: a URL taken apart, by `parse`.
-    SigningKey: the secret that MAVLink 2 signs with.
-    Clock: tells monotonic seconds.
+Contents:
+    VehicleLink: one vehicle, both directions.
+    EvaderSource: reports of the evader.
+    Wire: MAVLink bytes to and from a vehicle. MemoryWire: two connected ends, for tests.
+    Endpoint: a parsed URL, see `parse`.
+    SigningKey: the secret of MAVLink 2 signing.
+    Clock: a function that returns monotonic seconds.
 """
 
-from guidance.links.arrivals import Clock, MemoryWire
 from guidance.links.endpoint import Endpoint, parse
-from guidance.links.port import EvaderSource, VehicleLink, Wire
-from guidance.links.signing import SigningKey
+from guidance.links.frames import SigningKey
+from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire
+from guidance.links.wires.shared import MemoryWire
 
 __all__ = [
     "Clock",

@@ -1,15 +1,15 @@
-"""A vehicle through the MAVSDK client, which sends our HEARTBEAT, commands, parameters and questions for the mission.
+"""A vehicle through the MAVSDK client, which sends our HEARTBEAT, commands, parameter and mission requests.
 
-MAVSDK is given its bytes through its `raw://` connection, over the same wires as the other link, so that the record
-sees both directions. Its own UDP, TCP and serial connections show no bytes to anybody, and
-two of them may share a port without a word. Telemetry is read from the wire, as the other link reads it; MAVSDK sees of
-the vehicle's frames those that it needs to know the vehicle, and the answers to what it sends.
+MAVSDK gets its bytes through its `raw://` connection, over the same wires as the other link, so both directions can be
+recorded. MAVSDK's own UDP, TCP and serial connections show no bytes, and two of them share a port without an error.
+Telemetry is decoded here, as in the other link. MAVSDK gets only the frames that it needs to know the vehicle, and the
+answers to what it sends.
 
-Setpoints and TIMESYNC go on the wire from here, at once: through MAVSDK's threads a frame takes 0.2 ms longer, and more
-while the loop is busy. The Offboard plugin would not do in any case, since it resends the last velocity at 20 Hz by
-itself: a guidance loop that hangs would fly on. Its `send_command` would not do either: it repeats a mode change
-blindly, whatever a pilot does meanwhile. All frames are numbered as one sender's. Nothing is called on MAVSDK
-after it was destroyed, which would be a segmentation fault.
+Setpoints and TIMESYNC are sent from here directly: through MAVSDK's threads a frame takes 0.2 ms longer, and more
+while the loop is busy. MAVSDK's Offboard plugin is not used because it repeats the last velocity at 20 Hz by itself:
+the vehicle would fly on if the guidance loop hung. Its `send_command` is not used because it repeats a mode change
+even after a pilot has taken over. All frames are numbered as those of one sender. Calling a destroyed MAVSDK object
+would crash the process, so none is called after `close`.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ import json
 import logging
 import math
 import threading
-from typing import Any, Final
+from typing import Final
 
 from mavsdk import Configuration, ConnectionResult, Mavsdk
 from mavsdk.cmavsdk_loader import _cmavsdk_lib
@@ -26,15 +26,12 @@ from mavsdk.logging import LogCallback
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Clock
-from guidance.links.conversation import Address, Conversation
-from guidance.links.encode import Station
-from guidance.links.framing import CRC_EXTRA, IDS, Frame, first_frame
-from guidance.links.port import Wire
+from guidance.links.frames import Decoded, FrameReader
+from guidance.links.port import Clock, Wire
+from guidance.links.pymavlink_link import PymavlinkLink
 
 _SHOWN: Final = frozenset(
-    IDS[name]
-    for name in (
+    {
         "HEARTBEAT",
         "AUTOPILOT_VERSION",
         "COMMAND_ACK",
@@ -42,11 +39,12 @@ _SHOWN: Final = frozenset(
         "MISSION_COUNT",
         "MISSION_ITEM_INT",
         "MISSION_ACK",
-    )
+    }
 )
-"""What MAVSDK gets to see."""
+"""Messages that are passed on to MAVSDK."""
 
-_AT_ONCE: Final = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "TIMESYNC"})
+_DIRECT: Final = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "TIMESYNC"})
+"""Messages that do not go through MAVSDK."""
 
 LOGGER: Final = logging.getLogger("guidance.links.mavsdk")
 _LEVELS: Final = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.WARNING)  # one lower: MAVSDK's INFO is chatter
@@ -54,23 +52,23 @@ _LEVELS: Final = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.WARNING)  
 
 def _log(level: int, message: bytes | None, _file: bytes | None, _line: int, _user: ctypes.c_void_p) -> bool:
     LOGGER.log(_LEVELS[min(max(level, 0), 3)], "%s", (message or b"").decode(errors="replace"))
-    return True  # handled: nothing is printed
+    return True  # handled: MAVSDK prints nothing
 
 
 _callback = LogCallback(_log)
 
 
 def route_to_logging() -> None:
-    """Take over MAVSDK's log, for the whole process; calling it again changes nothing.
+    """Send MAVSDK's log to `logging`, for the whole process. Calling it again changes nothing.
 
-    The library's own `log_subscribe` is not used since it prints an error when a vehicle sends text that is not UTF-8.
+    The library's own `log_subscribe` prints an error when a vehicle sends text that is not UTF-8.
     """
     if not any(isinstance(handler, logging.NullHandler) for handler in LOGGER.handlers):
-        LOGGER.addHandler(logging.NullHandler())  # silent unless the program sets logging up
+        LOGGER.addHandler(logging.NullHandler())  # silent unless the program sets up logging
         _cmavsdk_lib.mavsdk_log_subscribe(_callback, None)
 
 
-class MavsdkLink(Conversation):
+class MavsdkLink(PymavlinkLink):
     """`VehicleLink` over MAVSDK 4.1 and a wire."""
 
     def __init__(
@@ -86,18 +84,24 @@ class MavsdkLink(Conversation):
         """Take over a wire, which is closed with the link.
 
         Raises:
-            LinkError: If MAVSDK does not take its connection.
+            LinkError: If MAVSDK refuses its connection.
         """
         route_to_logging()
-        own = Address(own_system_id or system_id, own_component_id)
-        vehicle = Address(system_id, component_id)
-        super().__init__(wire, clock, Station(*own), self._show, vehicle=vehicle, own=own)
+        super().__init__(
+            wire,
+            clock,
+            system_id=system_id,
+            component_id=component_id,
+            own_system_id=own_system_id,
+            own_component_id=own_component_id,
+        )
         self._numbering = threading.Lock()
         self._direct: MavlinkDirect | None = None
-        configuration = Configuration.create_manual(*own, True)
+        self._own_frames = FrameReader()
+        configuration = Configuration.create_manual(*self._own, True)
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
-        # In this order: subscribed before there is a connection, MAVSDK complains of having none.
+        # In this order: MAVSDK logs an error if we subscribe before there is a connection.
         result = self._mavsdk.add_any_connection("raw://")
         self._mavsdk.subscribe_raw_bytes_to_be_sent(self._pass_on)
         if result != ConnectionResult.SUCCESS:
@@ -105,54 +109,56 @@ class MavsdkLink(Conversation):
             raise LinkError(f"raw://: MAVSDK {result.name}; is another program of this process using it?")
 
     def _pass_on(self, data: bytes) -> None:
-        """On MAVSDK's thread: one frame of its own."""
-        frame = first_frame(data, CRC_EXTRA)
+        """Send one frame of MAVSDK's, numbered as our next; called on MAVSDK's thread."""
+        frame = self._own_frames.first(data)
         if frame is not None:
             with self._numbering:
-                self._wire.send(self._station.renumber(frame))
+                self._wire.send(self._station.pack(frame))
 
-    def _show(self, frame: Frame) -> None:
-        if frame.message_id in _SHOWN:
-            self._mavsdk.pass_received_raw_bytes(frame.data)
+    def _heard(self, frame: Decoded, received_s: float) -> None:
+        if frame.get_type() in _SHOWN:
+            self._mavsdk.pass_received_raw_bytes(bytes(frame.get_msgbuf()))
+        super()._heard(frame, received_s)
 
     @property
     def heard(self) -> bool:
-        """Whether a HEARTBEAT of the vehicle was heard, by us and by MAVSDK."""
+        """Whether both we and MAVSDK have received a HEARTBEAT of the vehicle."""
         return self.heartbeats > 0 and self._direct is not None
 
     def poll(self) -> None:
-        """Read the wire and keep what comes for the next `receive`; send what is due."""
+        """Read the wire, keep the messages for the next `receive`, and send what is due."""
         super().poll()
-        self._meet()
+        if self._direct is None and not self._closed and self.heartbeats:
+            self._find_system()
 
-    def _meet(self) -> None:
-        """MAVSDK knows a system some time after it saw its first HEARTBEAT."""
-        if self._direct is not None or self._closed or not self.heartbeats:
-            return
+    def _find_system(self) -> None:
+        """Find the vehicle in MAVSDK, which knows it some time after its first HEARTBEAT."""
         for system in self._mavsdk.get_systems():
             known = self._vehicle.component_id in system.component_ids()
             if known and system.get_system_id() == self._vehicle.system_id:
                 self._direct = MavlinkDirect(system)
                 return
 
-    def _send(self, name: str, fields: dict[str, Any]) -> None:
-        if name in _AT_ONCE:
+    def _send(self, message: Decoded) -> None:
+        if message.get_type() in _DIRECT:
             with self._numbering:
-                super()._send(name, fields)
+                super()._send(message)
             return
         if self._direct is None:
             return
+        fields = message.to_dict()
         plain = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in fields.items()}
+        name = plain.pop("mavpackettype")
         try:
             self._direct.send_message(MavlinkMessage(name, fields_json=json.dumps(plain)))
         except MavlinkDirectError:
             self.counts["unsent"] += 1
 
     def send_heartbeat(self) -> None:
-        """Nothing: MAVSDK sends ours once a second by itself."""
+        """Do nothing: MAVSDK sends ours once a second."""
 
     def close(self) -> None:
-        """First nothing comes in any more and nothing is asked, then MAVSDK goes. May be called twice."""
+        """Close the wire, then destroy MAVSDK. May be called twice."""
         if self._closed:
             return
         super().close()

@@ -1,98 +1,102 @@
-"""The ports between the core and the world: small contracts that every adapter keeps, held by one contract test-suite.
+"""The contracts between the core and the links: `VehicleLink`, `EvaderSource` and `Wire`.
 
-A link never blocks, never resends a setpoint by itself and never interprets: what it hears from the one configured
-system and component comes out of `receive` as typed values in order of arrival, and everything else is dropped and
-counted. It is used from one thread, the loop's; whatever threads its library has stay inside.
+One contract test suite checks every adapter. A link never blocks and never repeats a setpoint. It accepts messages of
+one configured system and component, converts them to typed values in order of arrival, and drops and counts the rest.
+Use a link from one thread only; threads of its libraries stay inside it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from guidance.messages import EvaderReport, Message, Request, Setpoint
+
+Clock = Callable[[], float]
+"""Returns monotonic seconds."""
 
 
 class VehicleLink(Protocol):
     """One vehicle, both directions."""
 
     def receive(self) -> Sequence[Message]:
-        """All messages since the last call, oldest first, each stamped with its arrival on the injected clock.
+        """Return all messages since the last call, oldest first, stamped with their arrival on the injected clock.
 
-        Empty when there is nothing. A bounded number is kept (oldest dropped, counted). Messages whose values cannot
-        be meant (a position that is not finite, latitude and longitude both 0) are dropped and counted. Call it every
-        cycle: what asks is repeated, and TIMESYNC is asked and answered, from in here.
+        The queue is bounded: when it is full, the oldest message is dropped and counted. Implausible messages are
+        dropped and counted too (a position that is not finite, latitude and longitude both 0). Call this every cycle:
+        it also repeats unanswered requests, and sends and answers TIMESYNC.
         """
 
     def wait(self, timeout_s: float) -> None:
-        """Wait until something has arrived, at most this long in real time; what, `receive` says.
-
-        For a loop that answers what it hears at once. One that keeps its own rate has no need of it.
-        """
+        """Block until data has arrived, at most `timeout_s` of real time. For loops without a rate of their own."""
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
-        """Put exactly one SET_POSITION_TARGET_LOCAL_NED frame on the wire, now, and keep nothing.
-
-        If it is not called again, nothing more is sent.
+        """Send one SET_POSITION_TARGET_LOCAL_NED frame now. Nothing is sent again later.
 
         Raises:
             ValueError: If the setpoint is not finite; nothing is sent then.
         """
 
     def request(self, request: Request) -> None:
-        """Send a command or a parameter request; the answer (COMMAND_ACK, PARAM_VALUE) comes back through `receive`.
+        """Send a command or a parameter request. The answer (COMMAND_ACK, PARAM_VALUE) arrives through `receive`.
 
-        What may be repeated (parameters, read or set; the uploaded fence; streams and messages, 511 and 512) is
-        repeated every 0.5 s, 4 times in all, until it is answered, one command of a number at a time. A command that
-        acts on the vehicle is sent exactly once: if it is to be repeated, then by someone who looked at a HEARTBEAT
-        first, lest it is taken back from a pilot.
+        Requests that are safe to repeat (read or set a parameter, read the uploaded fence, commands 511 and 512) are
+        sent up to 4 times, 0.5 s apart, until they are answered. Of each command number only one is in flight. A
+        command that acts on the vehicle is sent once: a blind repeat could take the vehicle back from a pilot. To
+        repeat it, look at a HEARTBEAT first.
 
         Raises:
-            ValueError: If it cannot be sent as it is (an infinite parameter, a latitude that is none).
+            ValueError: If it cannot be encoded (an infinite parameter, a latitude out of range).
         """
 
     def send_heartbeat(self) -> None:
-        """Send our own HEARTBEAT (onboard computer), once; nothing where the library sends them by itself."""
+        """Send our own HEARTBEAT (onboard computer) once. Does nothing if the library sends it."""
 
     def counters(self) -> Mapping[str, int]:
-        """What was received, sent and dropped, by reason, for the log and the metrics."""
+        """Return how many messages were received, sent and dropped, by reason, for log and metrics."""
 
     def close(self) -> None:
-        """Release everything. May be called twice; afterwards nothing is received and nothing is sent."""
+        """Release everything. May be called twice; a closed link neither receives nor sends."""
 
 
 class EvaderSource(Protocol):
-    """Where reports of the evader come from."""
+    """Reports of the evader."""
 
     def receive(self) -> Sequence[EvaderReport]:
-        """All reports since the last call, in order of arrival. Never blocks."""
+        """Return all reports since the last call, in order of arrival. Never blocks.
+
+        Every report must be plausible (`guidance.vehicle.is_plausible`): nothing behind the source checks it again.
+        """
 
     def counters(self) -> Mapping[str, int]:
-        """What was received and what was refused, by reason."""
+        """Return how many reports were received and refused, by reason."""
 
     def close(self) -> None:
         """Release everything. May be called twice."""
 
 
 class Wire(Protocol):
-    """MAVLink frames to and from somewhere: Zenoh, UDP, TCP, serial, or the other side of a test."""
+    """Carries MAVLink bytes: Zenoh, UDP, TCP, serial, or memory in tests."""
 
     @property
     def stream(self) -> bool:
         """Whether a frame may be split between two pieces."""
 
     def receive(self) -> Sequence[tuple[float, bytes]]:
-        """(arrival time, frame or piece of a byte stream) since the last call, oldest first, bounded. Never blocks."""
+        """Return (arrival time, frame or piece of a stream) since the last call, oldest first. Never blocks."""
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait until something has arrived, at most this long in real time. It may return early, with nothing."""
+    def impostors(self) -> Sequence[bytes]:
+        """Return datagrams since the last call that have a pinned system's id but come from another address.
 
-    def send(self, frame: bytes) -> None:
-        """Send one whole frame, from any thread.
-
-        Never blocks and never raises for a peer that is gone: what cannot be sent is counted.
+        They are not part of `receive`. Their rate is bounded. Wires without addresses return none.
         """
 
+    def wait(self, timeout_s: float) -> None:
+        """Block until data has arrived, at most `timeout_s` of real time. May return early without data."""
+
+    def send(self, frame: bytes) -> None:
+        """Send one whole frame, from any thread. Never blocks; frames that cannot be sent are counted, not raised."""
+
     def counters(self) -> Mapping[str, int]:
-        """Frames sent, not sent, and pieces dropped for want of room."""
+        """Return how many frames were sent, not sent, and dropped because the queue was full."""
 
     def close(self) -> None:
         """Release everything. May be called twice."""

@@ -1,25 +1,101 @@
-"""A vehicle through pymavlink, over any wire."""
+"""`VehicleLink` through pymavlink, over any wire. The MAVSDK link is the same, but for what it sends.
 
-from typing import Final
+It listens to one vehicle on one wire. Messages of others are dropped and counted. A STATUSTEXT longer than 50 bytes
+arrives in chunks; they are joined here.
+"""
 
-from guidance.links.arrivals import Clock
-from guidance.links.conversation import Address, Conversation
-from guidance.links.encode import Station
-from guidance.links.port import Wire
-from guidance.links.signing import SigningKey
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
-OWN_HEARTBEAT: Final = {
-    "type": 18,  # MAV_TYPE_ONBOARD_CONTROLLER
-    "autopilot": 8,  # MAV_AUTOPILOT_INVALID: we are none
-    "base_mode": 0,
-    "custom_mode": 0,
-    "system_status": 4,  # MAV_STATE_ACTIVE
-    "mavlink_version": 3,
-}
+from pymavlink.dialects.v20 import common
+
+from guidance.links import codec
+from guidance.links.codec import DECODERS, decode, parameter, plausible
+from guidance.links.frames import Decoded, FrameReader, SigningKey, Station
+from guidance.links.port import Clock, Wire
+from guidance.links.requests import RequestQueue, TimesyncPeer
+from guidance.messages import (
+    CommandAck,
+    FenceCount,
+    FenceItem,
+    FenceRefused,
+    Heartbeat,
+    Message,
+    Request,
+    Setpoint,
+    StatusText,
+)
+
+USED: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
+"""Names of the messages that a link reads."""
+
+QUEUE_LENGTH: Final = 2048
+_TEXT_CHUNK_BYTES: Final = 50
+_TEXT_TIMEOUT_S: Final = 1.0
+_MAX_TEXT_CHUNKS: Final = 16
+_REASONS: Final = ("foreign", "unused", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
+_COUNTED: Final = (*_REASONS, "overflowed", "requests_sent", "setpoints_sent")
 
 
-class PymavlinkLink(Conversation):
-    """`VehicleLink` over a `Wire`. Nothing blocks, and time is only ever the given clock's."""
+class Address(NamedTuple):
+    """MAVLink's ids of a sender."""
+
+    system_id: int
+    component_id: int
+
+
+def own_heartbeat() -> Decoded:
+    """Return the HEARTBEAT of an onboard controller (MAV_TYPE 18) that is no autopilot (8) and active (4)."""
+    return common.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+
+
+class OpenText(NamedTuple):
+    """A text of which the last chunk has not arrived."""
+
+    first_received_s: float
+    message_id: int
+    severity: int
+    chunks: tuple[str, ...]
+    next_sequence: int
+
+    def close(self) -> StatusText:
+        """Return the text so far."""
+        return StatusText(self.first_received_s, self.severity, "".join(self.chunks))
+
+
+def join_text(
+    open_text: OpenText | None, message: Decoded, received_s: float
+) -> tuple[OpenText | None, list[StatusText]]:
+    """Add one STATUSTEXT; return the text that is still open and the texts that are complete.
+
+    A text with `id` 0 has one chunk. A chunk that is not full is the last one. A lost chunk shows as an ellipsis.
+    """
+    done: list[StatusText] = []
+    message_id, sequence, text = message.id, message.chunk_seq, message.text
+    if open_text is not None and not message_id == open_text.message_id != 0:
+        done.append(open_text.close())
+        open_text = None
+    if message_id == 0:
+        return None, [*done, StatusText(received_s, message.severity, text)]
+    if open_text is None:
+        open_text = OpenText(received_s, message_id, message.severity, (), 0)
+    gap = ("…",) if sequence != open_text.next_sequence else ()
+    open_text = open_text._replace(chunks=(*open_text.chunks, *gap, text), next_sequence=sequence + 1)
+    if len(text.encode()) < _TEXT_CHUNK_BYTES or len(open_text.chunks) >= _MAX_TEXT_CHUNKS:
+        return None, [*done, open_text.close()]
+    return open_text, done
+
+
+def expire_text(open_text: OpenText | None, now_s: float) -> tuple[OpenText | None, list[StatusText]]:
+    """Close an open text after a second; return what `join_text` returns."""
+    if open_text is not None and now_s - open_text.first_received_s > _TEXT_TIMEOUT_S:
+        return None, [open_text.close()]
+    return open_text, []
+
+
+class PymavlinkLink:
+    """`VehicleLink` over a `Wire`. Nothing blocks, and all time comes from the given clock."""
 
     def __init__(
         self,
@@ -33,13 +109,183 @@ class PymavlinkLink(Conversation):
         signing_key: SigningKey | None = None,
         unix_s: float = 0.0,
     ) -> None:
-        """Take over a wire, which is closed with the link. `unix_s` is needed for signing only."""
-        own = Address(own_system_id or system_id, own_component_id)
-        station = Station(*own, signing_key=signing_key, clock=clock, unix_s=unix_s)
-        admit = None if signing_key is None else station.doubts
-        super().__init__(wire, clock, station, admit, vehicle=Address(system_id, component_id), own=own)
+        """Take over an open wire, which is closed with the link.
+
+        Args:
+            wire: Where the vehicle sends.
+            clock: Stamps what is sent, and repeats requests.
+            system_id: The vehicle's.
+            component_id: Its autopilot's.
+            own_system_id: Ours; None takes the vehicle's, as its companion computer.
+            own_component_id: Ours. Messages addressed to other stations are dropped.
+            signing_key: Sign what is sent and refuse what is not signed; None does neither.
+            unix_s: The Unix time now, needed for signing only.
+        """
+        self._wire = wire
+        self._clock = clock
+        self._own = Address(own_system_id or system_id, own_component_id)
+        self._vehicle = Address(system_id, component_id)
+        self._to_vehicle = self._vehicle._asdict()
+        self._station = Station(*self._own, signing_key=signing_key, clock=clock, unix_s=unix_s)
+        self._frames = FrameReader()
+        self._inbox: deque[Message] = deque()
+        self._requests = RequestQueue()
+        self._timesync = TimesyncPeer()
+        self._open_text: OpenText | None = None
+        self._closed = False
+        self.autopilot = 0
+        self.heartbeats = 0
+        self.others: set[int] = set()
+        """System ids of other senders, named in an error."""
+        self.counts: Counter[str] = Counter()
+
+    @property
+    def heard(self) -> bool:
+        """Whether a HEARTBEAT of the vehicle has arrived."""
+        return self.heartbeats > 0
+
+    def receive(self) -> Sequence[Message]:
+        """Return all messages of the vehicle since the last call, oldest first."""
+        self.poll()
+        messages = list(self._inbox)
+        self._inbox.clear()
+        return messages
+
+    def wait(self, timeout_s: float) -> None:
+        """Block until data has arrived, at most `timeout_s` of real time."""
+        if not self._inbox and not self._closed:
+            self._wire.wait(timeout_s)
+
+    def poll(self) -> None:
+        """Read the wire, keep the messages for the next `receive`, and send what is due."""
+        if self._closed:
+            return
+        for received_s, data in self._wire.receive():
+            for frame in self._frames.read(data, stream=self._wire.stream):
+                self._take_in(frame, received_s)
+        self._tend(self._clock())
+        while len(self._inbox) > QUEUE_LENGTH:
+            self._inbox.popleft()
+            self.counts["overflowed"] += 1
+
+    def _take_in(self, frame: Decoded, received_s: float) -> None:
+        if (frame.get_srcSystem(), frame.get_srcComponent()) != self._vehicle:
+            self.counts["foreign"] += 1
+            self.others.add(frame.get_srcSystem())
+        elif (problem := self._station.problem(frame)) is not None:
+            self.counts[problem] += 1
+        else:
+            self._heard(frame, received_s)
+
+    def _heard(self, frame: Decoded, received_s: float) -> None:
+        """Take a frame of the vehicle."""
+        if frame.get_type() not in USED:
+            self.counts["unused"] += 1
+            return
+        self.counts["received"] += 1
+        try:
+            self.hear(frame, received_s)
+        except (KeyError, TypeError, ValueError, ArithmeticError):
+            self.counts["invalid"] += 1
+
+    def hear(self, message: Decoded, received_s: float) -> None:
+        """Take one used message of the vehicle.
+
+        Raises:
+            KeyError, TypeError, ValueError, ArithmeticError: If its values are implausible.
+        """
+        name = message.get_type()
+        if not self._is_for_us(message):
+            self.counts["for_others"] += 1
+        elif name == "STATUSTEXT":
+            self._open_text, texts = join_text(self._open_text, message, received_s)
+            self._inbox.extend(texts)
+        elif name == "TIMESYNC":
+            answer, reply = self._timesync.hear(message, received_s)
+            if answer is not None:
+                self._inbox.append(answer)
+            if reply is not None:
+                self._send(reply)
+        elif name == "PARAM_VALUE":
+            value = parameter(message, received_s, autopilot=self.autopilot)
+            self._requests.parameter_came(value.name)
+            self._inbox.append(plausible(value))
+        else:
+            self._note(decode(message, received_s))
+
+    def _is_for_us(self, message: Decoded) -> bool:
+        """Whether it is addressed to us or to all (0); a message without target fields is for all."""
+        system_id, component_id = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
+        return system_id in (0, self._own.system_id) and component_id in (0, self._own.component_id)
+
+    def _note(self, message: Message) -> None:
+        """Keep a message, and note which request it answers."""
+        self._inbox.append(message)
+        if isinstance(message, Heartbeat):
+            self.autopilot = message.autopilot
+            self.heartbeats += 1
+        elif isinstance(message, CommandAck):
+            self._requests.acknowledged(message.command, message.result, message.received_s)
+        elif isinstance(message, FenceCount | FenceItem):
+            self._requests.fence_came(message.sequence if isinstance(message, FenceItem) else None)
+        elif isinstance(message, FenceRefused):
+            self._requests.fence_refused()
+
+    def _tend(self, now_s: float) -> None:
+        """Send what is due: unanswered requests, and our TIMESYNC once the vehicle has been heard."""
+        if self._open_text is not None:
+            self._open_text, texts = expire_text(self._open_text, now_s)
+            self._inbox.extend(texts)
+        for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
+            self._send(codec.request(request, attempt=attempt, autopilot=self.autopilot, **self._to_vehicle))
+            self.counts["requests_sent"] += 1
+        if self.heartbeats and now_s >= self._timesync.next_ask_s:
+            self._send(self._timesync.ask(now_s))
+
+    def request(self, request: Request) -> None:
+        """Send a command once, or a repeatable request until it is answered.
+
+        Raises:
+            ValueError: If it cannot be encoded.
+        """
+        if self._closed:
+            return
+        codec.request(request, attempt=0, autopilot=self.autopilot, **self._to_vehicle)
+        self._requests.add(request)
+        self._tend(self._clock())
+
+    def send_setpoint(self, setpoint: Setpoint) -> None:
+        """Send one setpoint frame now.
+
+        Raises:
+            ValueError: If it is not finite; nothing is sent then.
+        """
+        if not self._closed:
+            self._send(codec.setpoint(setpoint, now_s=self._clock(), **self._to_vehicle))
+            self.counts["setpoints_sent"] += 1
 
     def send_heartbeat(self) -> None:
-        """Send our own HEARTBEAT, once."""
+        """Send our own HEARTBEAT once."""
         if not self._closed:
-            self._send("HEARTBEAT", OWN_HEARTBEAT)
+            self._send(own_heartbeat())
+
+    def _send(self, message: Decoded) -> None:
+        self._wire.send(self._station.pack(message))
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many messages were received, sent and dropped, by reason."""
+        return {
+            **dict.fromkeys(_COUNTED, 0),
+            **self.counts,
+            "garbage_bytes": self._frames.garbage_bytes,
+            "unknown": self._frames.unknown,
+            "requests_unanswered": self._requests.unanswered,
+            "requests_refused": self._requests.refused,
+            **self._wire.counters(),
+        }
+
+    def close(self) -> None:
+        """Close the wire; nothing is received or sent any more. May be called twice."""
+        self._closed = True
+        self._inbox.clear()
+        self._wire.close()

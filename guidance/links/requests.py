@@ -1,29 +1,30 @@
-"""What we ask and what answers it: requests in flight, and TIMESYNC.
+"""Requests in flight and what answers them; TIMESYNC in both directions.
 
-Requests that only ask are repeated every half second, four times in all, until they are answered.
+Requests that are safe to repeat are sent up to four times, half a second apart, until they are answered.
 
-A command that acts on the vehicle (a mode, arming, take-off) is sent once: its acknowledgement may have been lost and a
-pilot may have taken over since, and a blind repeat would take the vehicle back. Whoever wants it repeated has to look
-at a HEARTBEAT first.
+A command that acts on the vehicle (a mode, arming, take-off) is sent once. Its acknowledgement may have been lost and a
+pilot may have taken over since, so a blind repeat could take the vehicle back. To repeat it, look at a HEARTBEAT first.
 
-A COMMAND_ACK names only the command's number. So of one number there is one in flight at a time: stream and message
-requests queue behind each other, while any other command takes the place of its predecessor at once.
+A COMMAND_ACK names only the command's number, so one request per number is in flight. Stream and message requests
+queue; any other command replaces its predecessor at once.
 """
 
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
-from guidance.links.decode import Fields
+from pymavlink.dialects.v20 import common
+
+from guidance.links.frames import Decoded
 from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Timesync
 
 REPEAT_S: Final = 0.5
-MOST_SENDS: Final = 4
-IN_PROGRESS_PATIENCE_S: Final = 10.0
-MOST_QUEUED: Final = 64
+MAX_SENDS: Final = 4
+IN_PROGRESS_TIMEOUT_S: Final = 10.0
+QUEUE_LENGTH: Final = 64
 MAV_RESULT_IN_PROGRESS: Final = 5
-_ASKING: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
+_REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
 
 TIMESYNC_EVERY_S: Final = 1.0
 
@@ -31,7 +32,7 @@ Key = tuple[str, int | str]
 
 
 def key_of(request: Request) -> Key:
-    """What an answer would name: the command's number, or the parameter's name."""
+    """Return the key that an answer will name: a command's number or a parameter's name."""
     match request:
         case ParameterRequest(name):
             return "parameter", name
@@ -44,112 +45,111 @@ def key_of(request: Request) -> Key:
     return "command", request.command
 
 
-def only_asks(request: Request) -> bool:
-    """Whether a repeat can do no harm: parameters, read or set, the fence, streams and messages."""
+def is_repeatable(request: Request) -> bool:
+    """Return whether a repeat is harmless: read or set parameters, the fence, streams and messages."""
     if isinstance(request, Command):
-        return request.command in _ASKING
+        return request.command in _REPEATABLE
     return not isinstance(request, FenceReceived)
 
 
 @dataclass(slots=True)
-class _Flight:
+class _Pending:
     request: Request
-    most_sends: int
+    max_sends: int
     sends: int = 0
     next_send_s: float = float("-inf")
 
 
 @dataclass(slots=True)
 class RequestQueue:
-    """What waits for an answer. `due` yields what to put on the wire now; time is given, never read."""
+    """Requests that wait for an answer. Time is passed in, never read."""
 
-    waiting: dict[Key, deque[_Flight]] = field(default_factory=dict)
+    waiting: dict[Key, deque[_Pending]] = field(default_factory=dict)
     unanswered: int = 0
     refused: int = 0
 
     def add(self, request: Request) -> None:
-        """Take a request; it is due at once, unless it has to queue. One that waits already is not queued twice."""
+        """Add a request. It is due at once, or after those of its key. A request that already waits is not added."""
         lane = self.waiting.setdefault(key_of(request), deque())
-        if not isinstance(request, Command) or not only_asks(request):
+        if not isinstance(request, Command) or not is_repeatable(request):
             lane.clear()
         elif any(waiting.request == request for waiting in lane):
-            return  # it is on its way already
-        if len(lane) >= MOST_QUEUED:
+            return
+        if len(lane) >= QUEUE_LENGTH:
             self.refused += 1
             return
-        lane.append(_Flight(request, MOST_SENDS if only_asks(request) else 1))
+        lane.append(_Pending(request, MAX_SENDS if is_repeatable(request) else 1))
 
     def due(self, now_s: float) -> Iterator[tuple[Request, int]]:
-        """Yield (request, attempt counted from 0) for all that must be sent now; drop what was never answered."""
+        """Yield (request, attempt counted from 0) for all that must be sent now; drop those never answered."""
         for key in list(self.waiting):
             lane = self.waiting[key]
-            while lane and lane[0].sends >= lane[0].most_sends and now_s >= lane[0].next_send_s:
-                self.unanswered += not isinstance(lane.popleft().request, FenceReceived)  # which nobody answers
+            while lane and lane[0].sends >= lane[0].max_sends and now_s >= lane[0].next_send_s:
+                self.unanswered += not isinstance(lane.popleft().request, FenceReceived)  # has no answer
             if not lane:
                 del self.waiting[key]
                 continue
-            flight = lane[0]
-            if now_s >= flight.next_send_s:
-                yield flight.request, flight.sends
-                flight.sends += 1
-                flight.next_send_s = now_s + REPEAT_S
+            pending = lane[0]
+            if now_s >= pending.next_send_s:
+                yield pending.request, pending.sends
+                pending.sends += 1
+                pending.next_send_s = now_s + REPEAT_S
 
     def acknowledged(self, command: int, result: int, now_s: float) -> None:
-        """A COMMAND_ACK came: in progress means wait and do not repeat, everything else is final."""
+        """Note a COMMAND_ACK. "In progress" means wait without repeats; every other result is final."""
         lane = self.waiting.get(("command", command))
         if not lane or lane[0].sends == 0:
             return
         if result == MAV_RESULT_IN_PROGRESS:
-            lane[0].sends = lane[0].most_sends
-            lane[0].next_send_s = now_s + IN_PROGRESS_PATIENCE_S
+            lane[0].sends = lane[0].max_sends
+            lane[0].next_send_s = now_s + IN_PROGRESS_TIMEOUT_S
             return
         lane.popleft()
         if not lane:
             del self.waiting["command", command]
 
     def fence_came(self, sequence: int | None) -> None:
-        """A MISSION_COUNT (None) or a MISSION_ITEM_INT of the fence came."""
+        """Note a MISSION_COUNT (None) or a MISSION_ITEM_INT of the fence."""
         lane = self.waiting.get(("fence", 0))
         if lane and lane[0].request == FenceRequest(sequence):
             del self.waiting["fence", 0]
 
     def fence_refused(self) -> None:
-        """There is no fence to be had."""
+        """Note that the vehicle has no fence to read."""
         self.waiting.pop(("fence", 0), None)
 
     def parameter_came(self, name: str) -> None:
-        """A PARAM_VALUE came."""
+        """Note a PARAM_VALUE."""
         self.waiting.pop(("parameter", name), None)
         self.waiting.pop(("parameter set", name), None)
 
 
-def _nanoseconds(now_s: float) -> int:
-    return round(now_s * 1e9)
-
-
 @dataclass(slots=True)
 class TimesyncPeer:
-    """TIMESYNC both ways: the other side's questions are answered, and ours are asked once a second.
+    """TIMESYNC: answers the other side's questions, and asks our own once a second.
 
-    Times are our injected clock in nanoseconds. An answer counts only if it mirrors one of the last few times that we
-    sent, so that the answers to other companions on the link are left alone.
+    Times are our injected clock in nanoseconds. An answer counts only if it repeats one of our last few questions;
+    answers to other companions on the link are ignored.
     """
 
     asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=8))
     next_ask_s: float = float("-inf")
 
-    def hear(self, fields: Fields, received_s: float) -> tuple[Timesync | None, dict[str, Any] | None]:
-        """(an answer to us, or None; the fields to answer with, or None)."""
-        tc1, ts1 = fields["tc1"], fields["ts1"]
-        if tc1 == 0:
-            return None, {"tc1": _nanoseconds(received_s), "ts1": ts1}
-        if ts1 in self.asked_ns:
-            self.asked_ns.remove(ts1)
-            return Timesync(received_s, remote_ns=tc1, local_ns=ts1), None
+    def hear(self, message: Decoded, received_s: float) -> tuple[Timesync | None, Decoded | None]:
+        """Return an answer to our question or None, and the reply to theirs or None."""
+        if message.tc1 == 0:
+            return None, common.MAVLink_timesync_message(_nanoseconds(received_s), message.ts1)
+        if message.ts1 in self.asked_ns:
+            self.asked_ns.remove(message.ts1)
+            return Timesync(received_s, remote_ns=message.tc1, local_ns=message.ts1), None
         return None, None
 
-    def ask(self, now_s: float) -> dict[str, Any]:
-        """The fields of a question; the next is due at `next_ask_s`. At time 0 it would read as a reply: never 0."""
+    def ask(self, now_s: float) -> Decoded:
+        """Return a question; the next is due at `next_ask_s`. Its time is never 0, which would mark an answer."""
         self.next_ask_s = now_s + TIMESYNC_EVERY_S
         self.asked_ns.append(_nanoseconds(now_s) or 1)
-        return {"tc1": 0, "ts1": self.asked_ns[-1]}
+        return common.MAVLink_timesync_message(0, self.asked_ns[-1])
+
+
+def _nanoseconds(now_s: float) -> int:
+    return round(now_s * 1e9)

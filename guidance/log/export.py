@@ -15,14 +15,11 @@ from pymavlink.dialects.v20 import all as dialect
 
 from guidance.errors import ConfigError, OutputError
 from guidance.extras import require
-from guidance.links.framing import MAGIC_V1, MAGIC_V2, Framer
+from guidance.links.frames import FrameReader, frame_length
 from guidance.log.maps import features_of, write_geojson, write_kml
 from guidance.log.reader import Item, SettingsOf, Survey, metadata_of, scan, title_of
 
 ENCODING: Final = "mavlink"
-_CRC_EXTRA: Final = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
-"""Of all dialects: frames outside common.xml belong in the log too."""
-
 _REORDER_S: Final = 1.0
 """Frames are recorded vehicle by vehicle each cycle, so times within this window may be out of order."""
 
@@ -93,22 +90,19 @@ def started_unix_s(survey: Survey) -> float:
 
 
 def _frames(path: Path, survey: Survey) -> Iterator[tuple[float, bytes]]:
-    framers: dict[str, Framer] = {}
+    readers: dict[str, FrameReader] = {}
     for item in scan(path, survey):
         if item.encoding != ENCODING:
             continue
         if _is_one_frame(item):
             yield item.now_s, item.data
         else:  # a piece of a byte stream
-            framer = framers.setdefault(item.topic, Framer(_CRC_EXTRA))
-            yield from ((item.now_s, frame.data) for frame in framer.feed(item.data))
+            reader = readers.setdefault(item.topic, FrameReader(dialect))  # a log keeps the messages of every dialect
+            yield from ((item.now_s, bytes(frame.get_msgbuf())) for frame in reader.read(item.data))
 
 
 def _is_one_frame(item: Item) -> bool:
-    data = item.data
-    if len(data) < 8 or data[0] not in {MAGIC_V1, MAGIC_V2}:
-        return False
-    return len(data) == (8 + data[1] if data[0] == MAGIC_V1 else 12 + data[1] + 13 * (data[2] & 1))
+    return len(item.data) >= 8 and frame_length(item.data) == len(item.data)
 
 
 def _ordered(frames: Iterator[tuple[float, bytes]]) -> Iterator[tuple[float, bytes]]:

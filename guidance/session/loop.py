@@ -19,7 +19,7 @@ from typing import Final, Protocol
 from guidance.clock import Clock, Timing
 from guidance.flight import Event
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.links.wires.shared import Passed
+from guidance.links.wires.shared import CapturedFrame
 from guidance.log.writer import Record
 from guidance.session.daemon import Daemon
 from guidance.session.plan import FlightPlan
@@ -70,7 +70,7 @@ class World(Protocol):
         """The game has begun: faults that count from engagement do from now on."""
         ...
 
-    def drain(self) -> Sequence[Passed]:
+    def drain(self) -> Sequence[CapturedFrame]:
         """Return the raw frames that passed since the last call, for the record."""
         ...
 

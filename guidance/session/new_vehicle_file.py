@@ -12,7 +12,7 @@ from guidance.autopilots import Autopilot, autopilot_named
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError, OutputError
-from guidance.links.opening import Found, find_autopilot, link_over, open_wire
+from guidance.links.opening import Found, find_autopilot, open_link, open_wire
 from guidance.links.port import VehicleLink
 from guidance.messages import Parameter, ParameterRequest
 from guidance.session.discovery import identify
@@ -54,7 +54,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
     try:
         found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=url)
         profile = identify(found, url, asked)
-        link = link_over(
+        link = open_link(
             wire,
             "pymavlink",
             system_id=found.system_id,

@@ -13,12 +13,11 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.endpoint import parse
-from guidance.links.evaders.opening import EvaderIdentity, open_source
-from guidance.links.opening import link_over, open_wire
+from guidance.links.frames import SigningKey
+from guidance.links.opening import EvaderIdentity, open_link, open_source, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.signing import SigningKey
-from guidance.links.wires.shared import Passed, TappedWire, share
+from guidance.links.wires.shared import CapturedFrame, TappedWire, share
 from guidance.links.wires.zenoh import open_session
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
 from guidance.messages import Command, EvaderReport
@@ -62,7 +61,7 @@ class VehicleWorld:
         """The game begins."""
         self.on_engage()
 
-    def drain(self) -> Sequence[Passed]:
+    def drain(self) -> Sequence[CapturedFrame]:
         """All raw frames since the last call."""
         return [passed for tap in self.taps for passed in tap.drain()]
 
@@ -137,7 +136,16 @@ def _open_wire(config: Config, clock: Clock, credentials: Credentials) -> Wire:
     systems = {vehicle.system_id}
     if evader.url is None and evader.system_id is not None:
         systems.add(evader.system_id)
-    return open_wire(vehicle.url, clock=clock.now_s, systems=systems, credentials=credentials, timeout_s=_WIRE_LIMIT_S)
+    key = _vehicle_key(config)
+    keys = {} if key is None else dict.fromkeys(systems, key)
+    return open_wire(
+        vehicle.url, clock=clock.now_s, systems=systems, keys=keys, credentials=credentials, timeout_s=_WIRE_LIMIT_S
+    )
+
+
+def _vehicle_key(config: Config) -> SigningKey | None:
+    path = config.vehicle.signing_key_file
+    return None if path is None else signing_key(path)
 
 
 def _open_link(
@@ -146,21 +154,20 @@ def _open_link(
     """Open the link; the second is a share of its wire for the evader, where it is wanted and can be had."""
     vehicle = config.vehicle
     now_s = clock.now_s
-    key = None if vehicle.signing_key_file is None else signing_key(vehicle.signing_key_file)
     if taps is not None:
         wire = TappedWire(wire, now_s, config.name)
         taps.append(wire)
     ours, spare = wire, None
     if config.evader.url is None:
         ours, spare = share(wire, 2)
-    link = link_over(
+    link = open_link(
         ours,
         vehicle.link,
         clock=now_s,
         who=f"{vehicle.url}: system {vehicle.system_id}",
         system_id=vehicle.system_id,
         component_id=vehicle.component_id,
-        signing_key=key,
+        signing_key=_vehicle_key(config),
         timeout_s=vehicle.connect_timeout_s,
     )
     return link, spare
@@ -169,14 +176,20 @@ def _open_link(
 def _open_source(config: Config, clock: Clock, credentials: Credentials, spare: Wire | None) -> EvaderSource:
     evader = config.evader
     url = evader.url if evader.url is not None else config.vehicle.url
-    asked = None
+    asked, key = None, _evader_key(config)
     if evader.request_rate_hz is not None and evader.system_id is not None:
         wire = spare
         if wire is None:
             systems = (evader.system_id,)
-            wire = open_wire(url, clock=clock.now_s, systems=systems, credentials=credentials, timeout_s=_WIRE_LIMIT_S)
+            wire = open_wire(
+                url,
+                clock=clock.now_s,
+                systems=systems,
+                keys={} if key is None else {evader.system_id: key},
+                credentials=credentials,
+                timeout_s=_WIRE_LIMIT_S,
+            )
         spare, asked = share(wire, 2)
-    key = _evader_key(config)
     source = open_source(
         evader.kind,
         url,
@@ -222,7 +235,7 @@ def _evader_key(config: Config) -> SigningKey | None:
     """Return the key that reports have to be signed with: on the vehicle's link, its own."""
     evader, vehicle = config.evader, config.vehicle
     if evader.kind not in ON_ZENOH and evader.url is None and vehicle.signing_key_file is not None:
-        return signing_key(vehicle.signing_key_file)
+        return _vehicle_key(config)
     return None if evader.signing_key_file is None else signing_key(evader.signing_key_file, "evader")
 
 

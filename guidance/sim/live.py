@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
-from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
-from guidance.links.opening import link_over, open_wire
+from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.opening import open_link, open_wire
 from guidance.links.port import EvaderSource, VehicleLink, Wire
-from guidance.links.wires.shared import Passed, TappedWire, share
+from guidance.links.wires.shared import CapturedFrame, TappedWire, share
 from guidance.links.wires.zenoh import ZenohWire, open_session
 from guidance.sim.mock_files import check_faults, faults_after, fleet, script
 from guidance.sim.players import EvaderPilot, evader_settings
@@ -73,7 +73,7 @@ class LiveWorld:
             # on a thread of its own: the loop waits for nobody
             threading.Thread(target=_inject, args=(self._mock[PURSUER].zenoh, faults)).start()
 
-    def drain(self) -> Sequence[Passed]:
+    def drain(self) -> Sequence[CapturedFrame]:
         """All frames that passed since the last call, of one vehicle after the other."""
         return [passed for tap in self._taps for passed in tap.drain()]
 
@@ -98,7 +98,7 @@ class LiveWorld:
         now_s = self._clock.now_s
         wire = TappedWire(bare, now_s, name)
         self._taps.append(wire)
-        link = link_over(wire, kind, system_id=system_id, clock=now_s, who=f"the mock's {name}", timeout_s=5.0)
+        link = open_link(wire, kind, system_id=system_id, clock=now_s, who=f"the mock's {name}", timeout_s=5.0)
         self._closing.callback(link.close)
         return link
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Final
 from guidance.clock import Clock
 from guidance.frames import Vector
 from guidance.links import MemoryWire, Wire
-from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires.shared import Passed, TappedWire
+from guidance.links.wires.shared import CapturedFrame, TappedWire
 from guidance.sim.mock_files import faulted_fleet, faults_after
 from guidance.sim.players import EvaderPilot, evader_settings
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
@@ -82,7 +82,7 @@ class SteppedWorld:
         for name, keys in faults_after(self._scenario, "engaged"):
             self.faulted[name].inject(keys)
 
-    def drain(self) -> Sequence[Passed]:
+    def drain(self) -> Sequence[CapturedFrame]:
         """All frames that passed since the last call, of one vehicle after the other."""
         return [passed for mock in self._mocks.values() for passed in mock.wire.drain()]
 

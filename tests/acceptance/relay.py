@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import AUTOPILOTS, AutopilotProfile, Mode
-from guidance.links.framing import CRC_EXTRA, Frame, Framer
+from guidance.links.frames import Decoded, FrameReader
 from guidance.links.opening import Found, find_autopilot, open_wire
 from guidance.links.port import Wire
 from guidance.links.wires.udp import UdpWire
@@ -52,7 +52,7 @@ class Relay:
             one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
         )
         self._client = UdpWire(time.monotonic, host="127.0.0.1", port=client_port, listen=False)
-        self._down, self._up = Framer(CRC_EXTRA), Framer(CRC_EXTRA)
+        self._down, self._up = FrameReader(), FrameReader()
         self._pilot = mavlink.MAVLink(None, *PILOT)
         self._reader = mavlink.MAVLink(None)
         self._lock = threading.Lock()
@@ -70,28 +70,26 @@ class Relay:
                 pass_on(now_s, data)
 
     def _from_vehicle(self, now_s: float, data: bytes) -> None:
-        for frame in self._down.feed(data, stream=self._wire.stream):
-            self._client.send(frame.data)
-            if (frame.system_id, frame.component_id) == self.found[:2]:
+        for frame in self._down.read(data, stream=self._wire.stream):
+            self._client.send(bytes(frame.get_msgbuf()))
+            if (frame.get_srcSystem(), frame.get_srcComponent()) == self.found[:2]:
                 self._note(now_s, frame)
         # What is not in the dialect is passed on too, as far as datagrams keep it whole.
 
     def _from_client(self, now_s: float, data: bytes) -> None:
-        for frame in self._up.feed(data, stream=False):
+        for frame in self._up.read(data, stream=False):
             with self._lock:
-                self._wire.send(frame.data)
-            if frame.message_id == SET_POSITION_TARGET:
+                self._wire.send(bytes(frame.get_msgbuf()))
+            if frame.get_msgId() == SET_POSITION_TARGET:
                 self.seen.setpoints_s.append(now_s)
 
-    def _note(self, now_s: float, frame: Frame) -> None:
-        if frame.message_id not in {HEARTBEAT, LOCAL_POSITION_NED, PARAM_VALUE}:
-            return
-        message = self._reader.decode(bytearray(frame.data))
-        if frame.message_id == HEARTBEAT:
+    def _note(self, now_s: float, message: Decoded) -> None:
+        number = message.get_msgId()
+        if number == HEARTBEAT:
             self.seen.beats.append((now_s, message.custom_mode, bool(message.base_mode & ARMED)))
-        elif frame.message_id == PARAM_VALUE:
+        elif number == PARAM_VALUE:
             self.seen.parameters[message.param_id] = (now_s, message.param_value, message.param_type)
-        else:
+        elif number == LOCAL_POSITION_NED:
             place = (message.x, message.y, message.z)
             self.seen.positions.append((now_s, place, math.hypot(message.vx, message.vy, message.vz)))
 

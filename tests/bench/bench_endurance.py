@@ -38,7 +38,7 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import State
 from guidance.links import MemoryWire
-from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.log import compare
 from guidance.log.entries import CYCLE_TOPIC

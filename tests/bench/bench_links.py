@@ -140,11 +140,12 @@ def url_of(wire: str, port: int) -> str:
 
 def our_end(kind: str, wire: str, port: int) -> None:
     """One setpoint for each position, woken by the arrival, until standard input closes."""
-    from guidance.links.opening import open_vehicle_link
+    from guidance.links.opening import open_link, open_wire
     from guidance.messages import LocalPosition, Setpoint
 
     over = until_closed()
-    link = open_vehicle_link(kind, url_of(wire, port), system_id=1, clock=time.monotonic, timeout_s=10.0)
+    url, now = url_of(wire, port), time.monotonic
+    link = open_link(open_wire(url, clock=now, systems=(1,)), kind, system_id=1, clock=now, who=url)
     setpoint = Setpoint((1.0, 0.0, 0.0), yaw_rad=0.0)
     while not over.is_set():
         link.wait(0.1)

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from guidance.estimation.rivals import LASTS_S, Rivals, Told, listen
+from guidance.estimation.rivals import LASTS_S, Report, Rivals, listen
 
 SPEED_M_S, MARGIN_M, NOISE_M, PERIOD_S = 3.0, 2.0, 1.0, 0.1
 FOR_S = 30.0
@@ -14,7 +14,7 @@ FOR_S = 30.0
 def own(number, **changes):
     """The report of that number: an evader that runs north at ten reports a second, its clock ours."""
     at_s = PERIOD_S * number
-    said = Told(
+    said = Report(
         at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, apart_s=0.0, sequence=number % 256, peer="a"
     )
     return said._replace(**changes)
@@ -91,3 +91,16 @@ def test_a_second_source_is_told_within_two_seconds(by):
     began_s = FOR_S / 2
     soon = [one for one in those() + TWO_SOURCES[by] if one.received_s <= began_s + 2.0]
     assert heard(soon).why == by.split(",")[0]
+
+
+def test_reports_of_another_address_between_those_of_the_pinned_one_are_a_second_source():
+    steady = [own(number, impostors=1) for number in range(50)]
+    assert heard(steady).why == "sender"
+
+
+def test_an_evader_that_moves_to_another_address_once_is_one_source():
+    moved = [own(number, impostors=30 if number == 60 else None) for number in range(200)]
+    moved[61] = moved[61]._replace(impostors=1)  # reordered on the way
+    assert heard(moved).seen_s == -math.inf
+    restarted = [own(number, peer="a" if number < 100 else "b") for number in range(200)]
+    assert heard(restarted).seen_s == -math.inf

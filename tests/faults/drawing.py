@@ -206,6 +206,7 @@ EVADER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
         "clock_s": draw.one(0.0, 0.0, 100.0),
         "north_m_s": draw.between(-60.0, 60.0),
         "east_m_s": draw.between(-60.0, 60.0),
+        "component": 66,  # has an address of its own in tests.harness.pinned_wire
     },
     "loss": lambda draw: {**_shares(draw, 0.1, 0.9), "for_s": draw.between(1.0, 8.0)},
     "corrupt": lambda draw: {**_shares(draw, 0.05, 0.9), "for_s": draw.between(1.0, 8.0)},

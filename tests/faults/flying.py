@@ -14,6 +14,7 @@ from guidance.clock import VirtualClock
 from guidance.control import Polygon
 from guidance.flight import FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
+from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.log.replay import compare
 from guidance.log.writer import Recorder, Records
 from guidance.session.daemon import Daemon
@@ -22,12 +23,13 @@ from guidance.session.loop import PERIOD_S, run
 from guidance.session.mission import Conduct, Mission
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.sim.mock_files import faults_after
-from guidance.sim.scenario import PURSUER
+from guidance.sim.scenario import EVADER_ID, PURSUER
 from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
 from tests.faults.drawing import AUTOPILOTS, Case
 from tests.faults.invariants import Violation, Watch
 from tests.harness.copies import copied
+from tests.harness.pinned_wire import PinnedWire, evader_wire
 
 LEFT_S = 3.5
 """So long a flight is watched after it has been handed over or has ended."""
@@ -59,6 +61,8 @@ class Sortie:
     def __init__(self, case: Case, record: Recorder | None = None) -> None:
         self.clock = VirtualClock()
         self._world = SteppedWorld(case.game, self.clock)
+        wire = PinnedWire(evader_wire(self._world), (EVADER_ID,))
+        self._world.evader_source = MavlinkEvader(wire, GlobalPositionInt(), system_id=EVADER_ID)
         heard = SensedEvader(self._world.evader_source, case.scenario.sensor, case.scenario.seed, self.clock.now_s)
         self._daemon = Daemon(PURSUER, plan(case), self._world.link, heard, record=record)
         self.mission = Mission(case.game, self._daemon, self._world, heard, HOLD_AT_THE_END)

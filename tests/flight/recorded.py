@@ -2,8 +2,9 @@
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
 
-from guidance.links.decode import decode
+from guidance.links.codec import DECODERS
 
 _DATA = Path(__file__).parents[1] / "data"
 _FIELDS = {
@@ -27,4 +28,4 @@ def messages(autopilot, number):
             fields = {"autopilot": number, "vx": 0, "vy": 0, "vz": 0}
             for key, value in zip(_FIELDS[name], values, strict=True):
                 fields[key] = int(value) if key in _INTEGERS else float(value)
-            yield decode(name, fields, float(at_s))
+            yield DECODERS[name](SimpleNamespace(**fields), float(at_s))

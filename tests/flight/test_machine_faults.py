@@ -43,11 +43,11 @@ def spoilt(message):
 
 
 @pytest.mark.parametrize("kind", sorted([*get_args(Message), EvaderReport], key=str))
-def test_every_number_of_every_message_may_be_nonsense_in_every_part_of_a_flight(kind):
+def test_any_plausible_number_in_any_message_ends_no_flight(kind):
     for brought in (lambda one: one.standing_by(), lambda one: one.engaged()):
         flown = brought(Flown())
         outputs = []
-        for bad in spoilt(sane(kind, flown.now_s)):
+        for bad in filter(is_plausible, spoilt(sane(kind, flown.now_s))):  # links drop all others
             said = [bad._replace(received_s=flown.now_s)]
             outputs.append(flown.cycle(reports=said) if kind is EvaderReport else flown.cycle(more=said))
             outputs += flown.cycles(0.04)

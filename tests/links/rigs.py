@@ -9,11 +9,12 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import zenoh
 
 from guidance.links import MemoryWire
-from guidance.links.opening import open_vehicle_link, wait_until_heard
+from guidance.links.opening import open_link, open_wire, wait_until_heard
 from guidance.links.port import VehicleLink
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat, Timesync
@@ -78,11 +79,20 @@ def _drain(read: Callable[[], bytes]) -> list[bytes]:
     return got
 
 
+def opened_link(
+    kind: str, url: str, *, timeout_s: float = 10.0, clock: Callable[[], float], **more: Any
+) -> VehicleLink:
+    """Open a wire for system 1, or the one given, and a link over it."""
+    ids = {"system_id": more.pop("system_id", 1)}
+    wire = open_wire(url, clock=clock, systems=ids.values(), timeout_s=timeout_s)
+    return open_link(wire, kind, clock=clock, who=url, timeout_s=timeout_s, **ids, **more)
+
+
 @contextmanager
 def opened(kind: str, url: str, send: Callable[[bytes], object], receive: Callable[[], list[bytes]]) -> Iterator[Rig]:
     peer = Peer(send)
     with living(peer, receive, heartbeat_every_s=0.05):
-        link = open_vehicle_link(kind, url, system_id=1, clock=clock, timeout_s=5.0 * SPEED)
+        link = opened_link(kind, url, clock=clock, timeout_s=5.0 * SPEED)
         try:
             yield Rig(link, peer)
         finally:

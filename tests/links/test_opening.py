@@ -10,10 +10,10 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError, LinkError
 from guidance.links import SigningKey, parse
-from guidance.links.opening import open_vehicle_link, open_wire
+from guidance.links.opening import open_wire
 from guidance.messages import Setpoint
 from tests.links.peer import Peer, living, until
-from tests.links.rigs import clock, free_port, udp
+from tests.links.rigs import clock, free_port, opened_link, udp
 
 
 class FastClock:
@@ -71,7 +71,7 @@ def test_a_url_says_where(url, parts):
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
 def test_a_bad_url_is_named_with_what_is_allowed(kind, url):
     with pytest.raises(ConfigError) as caught:
-        open_vehicle_link(kind, url, system_id=1, clock=clock)
+        opened_link(kind, url, system_id=1, clock=clock)
     assert repr(url) in str(caught.value)
 
 
@@ -83,13 +83,13 @@ def test_a_url_that_does_not_say_who_calls_is_told_the_two_that_do(scheme):
 
 def test_an_unknown_kind_and_ids_out_of_range_are_refused():
     with pytest.raises(ConfigError, match="link = 'mavros': allowed are mavsdk, pymavlink"):
-        open_vehicle_link("mavros", "udpin://127.0.0.1:14540", system_id=1, clock=clock)
+        opened_link("mavros", "udpin://127.0.0.1:14540", system_id=1, clock=clock)
     for ids in ({"system_id": 0}, {"system_id": 256}, {"system_id": 1, "component_id": 0}):
-        with pytest.raises(ConfigError, match="1 to 255 are allowed"):
-            open_vehicle_link("pymavlink", "udpin://127.0.0.1:14540", clock=clock, **ids)
+        with pytest.raises(ConfigError, match="allowed are 1 to 255"):
+            opened_link("pymavlink", "udpin://127.0.0.1:14540", clock=clock, **ids)
     key = SigningKey(bytes(32))
     with pytest.raises(ConfigError, match="MAVSDK does not sign"):
-        open_vehicle_link("mavsdk", "udpin://127.0.0.1:14540", system_id=1, clock=clock, signing_key=key)
+        opened_link("mavsdk", "udpin://127.0.0.1:14540", system_id=1, clock=clock, signing_key=key)
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
@@ -98,7 +98,7 @@ def test_when_nobody_answers_the_caller_knows_after_its_own_ten_seconds(kind, sc
     now = FastClock()
     url = f"{scheme}://127.0.0.1:{free_port()}"
     with pytest.raises(LinkError, match="no HEARTBEAT") as caught:
-        open_vehicle_link(kind, url, system_id=1, clock=now, sleep=now.sleep, timeout_s=10.0)
+        opened_link(kind, url, system_id=1, clock=now, sleep=now.sleep, timeout_s=10.0)
     assert url in str(caught.value)
     assert 60.0 <= now.now_s <= 60.1
 
@@ -108,7 +108,7 @@ def test_a_zenoh_endpoint_without_anybody_is_a_clear_error_in_bounded_time(kind)
     port = free_port(socket.SOCK_STREAM)
     started_s = time.monotonic()
     with pytest.raises(LinkError, match=rf"zenoh tcp/127.0.0.1:{port}: no session within 0.3 s"):
-        open_vehicle_link(kind, f"zenoh://127.0.0.1:{port}/uav1", system_id=1, clock=clock, timeout_s=0.3)
+        opened_link(kind, f"zenoh://127.0.0.1:{port}/uav1", system_id=1, clock=clock, timeout_s=0.3)
     assert time.monotonic() - started_s < 2.0
 
 
@@ -117,7 +117,7 @@ def test_a_zenoh_session_without_the_vehicle_is_a_clear_error_too(kind, router):
     now = FastClock()
     url = f"zenoh://127.0.0.1:{router.port}/nobody"
     with pytest.raises(LinkError, match="no HEARTBEAT"):
-        open_vehicle_link(kind, url, system_id=1, clock=now, sleep=now.sleep, timeout_s=3.0)
+        opened_link(kind, url, system_id=1, clock=now, sleep=now.sleep, timeout_s=3.0)
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
@@ -125,7 +125,7 @@ def test_a_tcp_port_without_anybody_is_a_link_error(kind):
     now = FastClock()
     url = f"tcpout://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     with pytest.raises(LinkError):
-        open_vehicle_link(kind, url, system_id=1, clock=now, sleep=now.sleep, timeout_s=1.0)
+        opened_link(kind, url, system_id=1, clock=now, sleep=now.sleep, timeout_s=1.0)
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
@@ -134,7 +134,7 @@ def test_a_port_in_use_is_refused_and_named(kind):
         other.bind(("127.0.0.1", 0))
         port = other.getsockname()[1]
         with pytest.raises(LinkError, match=f"{port}.*in use"):
-            open_vehicle_link(kind, f"udpin://127.0.0.1:{port}", system_id=1, clock=clock)
+            opened_link(kind, f"udpin://127.0.0.1:{port}", system_id=1, clock=clock)
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
@@ -144,13 +144,13 @@ def test_the_first_vehicle_heard_is_not_taken_for_ours(kind):
         stranger = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)), system_id=42)
         now = FastClock()
         with living(stranger, list, heartbeat_every_s=0.01), pytest.raises(LinkError, match="no HEARTBEAT"):
-            open_vehicle_link(kind, f"udpin://127.0.0.1:{port}", system_id=7, clock=now, sleep=now.sleep, timeout_s=3.0)
+            opened_link(kind, f"udpin://127.0.0.1:{port}", system_id=7, clock=now, sleep=now.sleep, timeout_s=3.0)
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
 def test_a_serial_device_that_is_not_there_is_a_link_error_of_either_link(kind):
     with pytest.raises(LinkError, match="/dev/ttyNOBODY"):
-        open_vehicle_link(kind, "serial:///dev/ttyNOBODY:57600", system_id=1, clock=clock)
+        opened_link(kind, "serial:///dev/ttyNOBODY:57600", system_id=1, clock=clock)
 
 
 def test_a_serial_device_that_is_not_there_is_a_link_error():
@@ -190,7 +190,7 @@ def test_a_loop_that_waits_is_woken_by_an_arrival(kind):
         peer = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)))
         with living(peer, list, heartbeat_every_s=0.05):
             url = f"udpin://127.0.0.1:{port}"
-            link = open_vehicle_link(kind, url, system_id=1, clock=clock)
+            link = opened_link(kind, url, system_id=1, clock=clock)
         link.receive()
         begun_s = clock()
         link.wait(0.0)
@@ -220,7 +220,7 @@ def test_an_autopilot_that_waits_to_be_called_is_called(kind):
         peer = Peer(lambda data: callers and theirs.sendto(data, callers[-1]))
         with living(peer, receive, heartbeat_every_s=0.02):
             url = f"udpout://127.0.0.1:{theirs.getsockname()[1]}"
-            link = open_vehicle_link(kind, url, system_id=1, clock=time.monotonic, timeout_s=5.0)
+            link = opened_link(kind, url, system_id=1, clock=time.monotonic, timeout_s=5.0)
             link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
             assert until(lambda: len(peer.of("SET_POSITION_TARGET_LOCAL_NED")) == 1)
             link.close()

@@ -10,7 +10,7 @@ from collections import Counter
 import pytest
 from pymavlink.dialects.v20 import common as dialect
 
-from guidance.links.conversation import MOST_KEPT
+from guidance.links.pymavlink_link import QUEUE_LENGTH
 from guidance.messages import (
     Command,
     CommandAck,
@@ -200,7 +200,7 @@ def test_what_is_not_fetched_is_bounded(rig):
             time.sleep(0.001)  # sockets have queues of their own
     time.sleep(0.15)
     got = [message for message in rig.link.receive() if isinstance(message, LocalPosition)]
-    assert 0 < len(got) <= MOST_KEPT
+    assert 0 < len(got) <= QUEUE_LENGTH
     times = [message.time_boot_s for message in got]
     assert times == sorted(times)
     rig.peer.local_position(9999)

@@ -5,8 +5,8 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
 from guidance.links import MemoryWire, SigningKey
+from guidance.links.frames import ticks
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.signing import ticks
 from guidance.messages import LocalPosition, Setpoint
 from tests.links.peer import Peer
 
@@ -122,7 +122,7 @@ def test_a_key_is_64_hexadecimal_digits_and_never_shown():
         with pytest.raises(ConfigError) as caught:
             SigningKey.from_hex(text)
         assert not text or text not in str(caught.value)
-    with pytest.raises(ConfigError, match="32 are needed"):
+    with pytest.raises(ConfigError, match="must have 32"):
         SigningKey(b"short")
     with pytest.raises(ConfigError, match="link_id = 256"):
         SigningKey(KEY, link_id=256)

@@ -1,4 +1,4 @@
-"""Wires alone: bounds, peers that go and come back, ports that are full. No claim of the contract is repeated here."""
+"""Wires alone: bounds, peers that leave and return, full ports. The contract itself is tested in test_port.py."""
 
 import contextlib
 import os
@@ -13,9 +13,8 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import LinkError
 from guidance.links import MemoryWire
-from guidance.links.arrivals import MOST_WAITING, Arrivals
 from guidance.links.wires import udp
-from guidance.links.wires.shared import TappedWire, share
+from guidance.links.wires.shared import QUEUE_LENGTH, Arrivals, TappedWire, share
 from guidance.links.wires.streams import SerialWire, Tail, TcpWire
 from guidance.links.wires.udp import UdpWire
 from guidance.links.wires.zenoh import ZenohWire
@@ -38,29 +37,29 @@ def received(wire, data: bytes) -> bool:
     return until(lambda: got.extend(piece for _, piece in wire.receive()) or data in b"".join(got))
 
 
-def heard_again(say, wire, data: bytes) -> bool:
-    """Whether the wire hears it when it is said again and again (the first may fall on deaf ears)."""
+def received_again(send, wire, data: bytes) -> bool:
+    """Whether the wire receives data that is sent repeatedly (the first may be lost)."""
     got = bytearray()
 
-    def heard() -> bool:
-        say()
+    def arrived() -> bool:
+        send()
         got.extend(b"".join(piece for _, piece in wire.receive()))
         return data in got
 
-    return until(heard, timeout_s=10.0)
+    return until(arrived, timeout_s=10.0)
 
 
 def test_arrivals_keep_the_newest_and_count_the_rest():
-    arrivals = Arrivals[int](lambda: 1.0)
-    for n in range(MOST_WAITING + 5):
+    arrivals = Arrivals[int]()
+    for n in range(QUEUE_LENGTH + 5):
         arrivals.put(n)
-    assert [item for _, item in arrivals.take()] == list(range(5, MOST_WAITING + 5))
+    assert arrivals.take() == list(range(5, QUEUE_LENGTH + 5))
     assert arrivals.dropped == 5
     assert arrivals.take() == []
 
 
 def test_arrivals_from_many_threads_are_all_there():
-    arrivals = Arrivals[int](clock, most=10_000)
+    arrivals = Arrivals[int](length=10_000)
     threads = [threading.Thread(target=lambda: [arrivals.put(n) for n in range(1000)]) for _ in range(4)]
     for thread in threads:
         thread.start()
@@ -70,25 +69,25 @@ def test_arrivals_from_many_threads_are_all_there():
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp", "serial", "zenoh", "memory"])
-def test_whoever_waits_at_a_wire_is_woken_when_something_arrives(kind, router):
+def test_an_arrival_wakes_the_thread_that_waits_at_a_wire(kind, router):
     with contextlib.ExitStack() as stack:
-        wire, say = stack.enter_context(told_by(kind, router))
+        wire, send = stack.enter_context(opened(kind, router))
         wire.wait(0.0)
         assert wire.receive() == []
         for _ in range(3):
             begun_s, got = clock(), []
-            later = threading.Timer(0.02, say, [FRAME])
+            later = threading.Timer(0.02, send, [FRAME])
             later.start()
             while b"".join(data for _, data in got) != FRAME and clock() < begun_s + 20.0:
-                wire.wait(60.0)  # a port may give a frame in two pieces
+                wire.wait(60.0)  # a port may deliver a frame in two pieces
                 got += wire.receive()
             later.join()
             assert begun_s + 0.015 < got[0][0] <= clock() < begun_s + 20.0
 
 
 @contextlib.contextmanager
-def told_by(kind, router):
-    """A wire, and what says something to it."""
+def opened(kind, router):
+    """A wire, and a function that sends to it."""
     with contextlib.ExitStack() as stack:
         if kind == "memory":
             wire, far = MemoryWire.pair(clock)
@@ -116,7 +115,7 @@ def told_by(kind, router):
             yield wire, caller.sendall
 
 
-def test_nobody_waits_where_something_lies_already_or_the_wire_is_closed():
+def test_waiting_ends_at_once_if_data_is_here_or_the_wire_is_closed():
     ours, theirs = MemoryWire.pair(clock)
     datagrams = UdpWire(clock, host="127.0.0.1", port=0, listen=True)
     tapped = TappedWire(ours, clock, "uav1")
@@ -125,7 +124,7 @@ def test_nobody_waits_where_something_lies_already_or_the_wire_is_closed():
     begun_s = clock()
     tapped.wait(60.0)
     assert len(first.receive()) == 1
-    second.wait(60.0)  # what the other has taken lies here for this one
+    second.wait(60.0)  # taken by the other reader, kept for this one
     assert len(second.receive()) == 1
     with closing(datagrams), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caller:
         caller.sendto(FRAME, ("127.0.0.1", datagrams.port))
@@ -138,7 +137,7 @@ def test_nobody_waits_where_something_lies_already_or_the_wire_is_closed():
     assert clock() < begun_s + 10.0
 
 
-def test_the_reader_of_datagrams_comes_back_when_nobody_waits_any_more():
+def test_the_reader_thread_resumes_after_the_loop_has_waited():
     with (
         closing(UdpWire(clock, host="127.0.0.1", port=0, listen=True)) as wire,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caller,
@@ -150,7 +149,7 @@ def test_the_reader_of_datagrams_comes_back_when_nobody_waits_any_more():
         assert wire.receive()[0][0] < said_s + 5.0
 
 
-def test_a_closed_end_of_memory_takes_nothing():
+def test_a_closed_memory_wire_accepts_nothing():
     ours, theirs = MemoryWire.pair(clock)
     ours.send(b"a")
     ours.close()
@@ -161,7 +160,7 @@ def test_a_closed_end_of_memory_takes_nothing():
 
 
 class Port:
-    """A port that takes as many bytes as it has room for."""
+    """A port that accepts as many bytes as it has room for."""
 
     def __init__(self) -> None:
         self.room = 0
@@ -182,30 +181,28 @@ class Port:
 def test_a_full_port_never_sees_half_a_frame_followed_by_another():
     port = Port()
     tail = Tail(port.write)
-    tail.send(b"AAAA")
+    sent = [tail.send(b"AAAA")]
     port.room = 2
-    tail.send(b"BBBB")
-    tail.send(b"CCCC")
+    sent += [tail.send(b"BBBB"), tail.send(b"CCCC")]
     port.room = 100
-    tail.send(b"DDDD")
+    sent.append(tail.send(b"DDDD"))
     assert port.taken == b"BBBBDDDD"
-    assert (tail.sent, tail.unsent) == (2, 2)
+    assert sent == [False, True, False, True]
 
 
-def test_a_port_that_broke_forgets_the_rest_of_its_frame():
+def test_a_broken_port_drops_the_rest_of_its_frame():
     port = Port()
     tail = Tail(port.write)
     port.room = 2
-    tail.send(b"BBBB")
+    assert tail.send(b"BBBB")
     port.broken = True
-    tail.send(b"CCCC")
-    assert (tail.sent, tail.unsent) == (1, 1)
+    assert not tail.send(b"CCCC")
     port.broken, port.room = False, 100
     tail.send(b"DDDD")
     assert port.taken == b"BBDDDD"
 
 
-def test_a_new_peer_begins_with_a_whole_frame():
+def test_a_new_peer_gets_whole_frames_only():
     port = Port()
     tail = Tail(port.write)
     port.room = 2
@@ -216,7 +213,7 @@ def test_a_new_peer_begins_with_a_whole_frame():
     assert port.taken == b"BBCCCC"
 
 
-def test_udp_answers_who_speaks_as_the_vehicle_and_nobody_else():
+def test_udp_answers_the_vehicles_address_only():
     wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
     with closing(wire), contextlib.ExitStack() as stack:
         stranger, vehicle, impostor = (
@@ -230,8 +227,8 @@ def test_udp_answers_who_speaks_as_the_vehicle_and_nobody_else():
         stranger.sendto(b"hello", ("127.0.0.1", wire.port))
         vehicle.sendto(FRAME, ("127.0.0.1", wire.port))
         impostor.sendto(FRAME, ("127.0.0.1", wire.port))
-        vehicle.sendto(b"whatever comes after", ("127.0.0.1", wire.port))
-        assert received(wire, b"whatever comes after")
+        vehicle.sendto(b"any data", ("127.0.0.1", wire.port))
+        assert received(wire, b"any data")
         counters = wire.counters()
         assert (counters["wire_garbage"], counters["wire_impostor"]) == (1, 1)
         wire.send(FRAME)
@@ -241,7 +238,7 @@ def test_udp_answers_who_speaks_as_the_vehicle_and_nobody_else():
                 one.recv(100)
 
 
-def test_udp_out_hears_only_whom_it_called():
+def test_udp_out_receives_only_from_the_address_it_calls():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs, socket.socket(type=socket.SOCK_DGRAM) as stranger:
         theirs.bind(("127.0.0.1", 0))
         with closing(UdpWire(clock, host="127.0.0.1", port=theirs.getsockname()[1], listen=False)) as wire:
@@ -255,7 +252,7 @@ def test_udp_out_hears_only_whom_it_called():
 
 
 class Asleep:
-    """A reader's thread that never gets its turn."""
+    """A reader thread that never runs."""
 
     def __init__(self, read, *, name):
         pass
@@ -264,7 +261,7 @@ class Asleep:
         pass
 
 
-def test_udp_reads_what_came_this_moment_itself_a_bounded_number_and_waits_for_no_thread(monkeypatch):
+def test_udp_receive_reads_the_socket_itself_a_bounded_number_at_once(monkeypatch):
     monkeypatch.setattr(udp, "Reader", Asleep)
     wire = UdpWire(clock, host="127.0.0.1", port=0, listen=True, systems=(1,))
     with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
@@ -275,7 +272,7 @@ def test_udp_reads_what_came_this_moment_itself_a_bounded_number_and_waits_for_n
         assert [len(one) for one in pieces] == [16, 16, 9, 0]
         assert [data for one in pieces for data in one] == said
         vehicle.sendto(FRAME, ("127.0.0.1", wire.port))
-        with wire._reading:  # the other thread's turn
+        with wire._reading:  # the reader thread reads
             assert wire.receive() == []
         assert [data for _, data in wire.receive()] == [FRAME]
 
@@ -292,25 +289,25 @@ def test_udp_keeps_the_order_while_the_loop_and_the_reader_both_read():
             deadline_s = clock() + 2.0
             while len(got) < len(said) and clock() < deadline_s:
                 if burst % 2:
-                    wire.wait(2.0)  # else the reader's thread reads beside us
+                    wire.wait(2.0)  # otherwise the reader thread reads too
                 got += [data for _, data in wire.receive()]
             assert got == said
 
 
-def test_udp_to_a_port_nobody_has_keeps_going():
+def test_udp_to_an_unused_port_keeps_working():
     with closing(UdpWire(clock, host="127.0.0.1", port=free_port(), listen=False)) as wire:
         for _ in range(10):
             wire.send(FRAME)
             time.sleep(0.001)
         assert wire.receive() == []
         with wire._reading:
-            wire._arrivals.put(b"kept by the reader")
+            wire._arrivals.put((clock(), b"kept by the reader"))
             wire.send(FRAME)
-            assert until(lambda: wire._readable.poll(0))  # "refused" is to be read
+            assert until(lambda: wire._readable.poll(0))  # until the kernel reports "refused"
         assert [data for _, data in wire.receive()] == [b"kept by the reader"]
 
 
-def test_tcp_takes_the_next_caller_when_the_last_has_gone():
+def test_tcp_accepts_the_next_caller_after_the_last_has_left():
     with closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True)) as wire:
         wire.send(FRAME)
         assert wire.counters()["wire_unsent"] == 1
@@ -322,7 +319,7 @@ def test_tcp_takes_the_next_caller_when_the_last_has_gone():
                 assert caller.recv(100) == FRAME
 
 
-def test_tcp_calls_again_when_the_other_side_comes_back():
+def test_tcp_calls_again_when_the_other_side_returns():
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         port = server.getsockname()[1]
@@ -373,7 +370,7 @@ def test_a_serial_port_that_is_full_never_blocks():
     os.close(theirs)
 
 
-def test_a_serial_port_that_is_pulled_out_raises_nothing_in_the_loop():
+def test_unplugging_a_serial_port_raises_nothing_in_the_loop():
     ours, theirs = pty.openpty()
     with closing(SerialWire(clock, device=os.ttyname(theirs), baud=57600)) as wire:
         os.write(ours, b"alive")
@@ -384,8 +381,8 @@ def test_a_serial_port_that_is_pulled_out_raises_nothing_in_the_loop():
         assert wire.receive() == []
 
 
-def test_a_serial_port_that_is_plugged_in_again_goes_on(tmp_path):
-    device = tmp_path / "ttyUSB0"  # as udev would: the same name for whatever is plugged in
+def test_a_serial_port_that_is_plugged_in_again_works(tmp_path):
+    device = tmp_path / "ttyUSB0"  # as udev does: the same name for each device
     ours, theirs = pty.openpty()
     device.symlink_to(os.ttyname(theirs))
     with closing(SerialWire(clock, device=str(device), baud=57600)) as wire:
@@ -394,14 +391,14 @@ def test_a_serial_port_that_is_plugged_in_again_goes_on(tmp_path):
         again, its = pty.openpty()
         device.unlink()
         device.symlink_to(os.ttyname(its))
-        assert heard_again(lambda: os.write(again, b"again"), wire, b"again")
+        assert received_again(lambda: os.write(again, b"again"), wire, b"again")
         os.set_blocking(again, False)
         wire.send(FRAME)
         sent = bytearray()
 
         def came() -> bool:
             with contextlib.suppress(BlockingIOError):
-                sent.extend(os.read(again, 1000))  # a terminal's echo of what we said may come before it
+                sent.extend(os.read(again, 1000))  # the terminal may echo our data first
             return FRAME in sent
 
         assert until(came)
@@ -409,21 +406,21 @@ def test_a_serial_port_that_is_plugged_in_again_goes_on(tmp_path):
     os.close(its)
 
 
-def test_a_zenoh_router_that_dies_and_comes_back_is_found_again():
+def test_zenoh_reconnects_to_a_restarted_router():
     port = free_port(socket.SOCK_STREAM)
     with contextlib.ExitStack() as stack:
         with zenoh.open(router_config(port)) as first:
             wire = stack.enter_context(closing(ZenohWire(clock, namespace="v", endpoint=f"tcp/127.0.0.1:{port}")))
-            assert heard_again(lambda: first.put("v/mavlink_raw/out", b"one"), wire, b"one")
+            assert received_again(lambda: first.put("v/mavlink_raw/out", b"one"), wire, b"one")
         before_s = time.perf_counter()
         for _ in range(50):
             wire.send(FRAME)
         assert time.perf_counter() - before_s < 0.5
         with zenoh.open(router_config(port)) as second:
-            assert heard_again(lambda: second.put("v/mavlink_raw/out", b"two"), wire, b"two")
+            assert received_again(lambda: second.put("v/mavlink_raw/out", b"two"), wire, b"two")
 
 
-def test_zenoh_carries_one_frame_a_sample_marked_as_mavlink(router):
+def test_zenoh_carries_one_frame_per_sample_marked_as_mavlink(router):
     with closing(ZenohWire(clock, namespace="q", endpoint=f"tcp/127.0.0.1:{router.port}")) as wire:
         into = router.session.declare_subscriber("q/mavlink_raw/in", zenoh.handlers.FifoChannel(8))
         samples = []
@@ -443,18 +440,13 @@ def test_zenoh_carries_one_frame_a_sample_marked_as_mavlink(router):
         into.undeclare()
 
 
-def test_zenoh_namespaces_are_apart_and_our_own_frames_do_not_come_back(router):
+def test_zenoh_namespaces_are_separate_and_our_frames_do_not_return(router):
     endpoint = f"tcp/127.0.0.1:{router.port}"
     one_wire = ZenohWire(clock, namespace="a", endpoint=endpoint)
     other_wire = ZenohWire(clock, namespace="b", endpoint=endpoint)
     with closing(one_wire) as one, closing(other_wire) as other:
-        assert heard_again(lambda: router.session.put("b/mavlink_raw/out", b"for b"), other, b"for b")
+        assert received_again(lambda: router.session.put("b/mavlink_raw/out", b"for b"), other, b"for b")
         one.send(FRAME)
         time.sleep(0.05)
         assert one.receive() == []
         assert FRAME not in b"".join(data for _, data in other.receive())
-
-
-def test_zenoh_wants_an_endpoint_or_a_session_and_not_both():
-    with pytest.raises(ValueError, match="exactly one"):
-        ZenohWire(clock, namespace="a")

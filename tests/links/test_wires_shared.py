@@ -3,12 +3,12 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.links import MemoryWire
 from guidance.links.evaders import FollowTarget, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires.shared import MOST_WAITING, share
+from guidance.links.wires.shared import QUEUE_LENGTH, share
 from guidance.messages import Heartbeat, Setpoint
 from tests.links.peer import Peer
 
 
-def test_a_vehicle_and_its_evader_are_heard_on_one_wire():
+def test_a_vehicle_and_its_evader_share_a_wire():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
     for_link, for_evader = share(ours, 2)
     link = PymavlinkLink(for_link, lambda: 1.0, system_id=1)
@@ -42,13 +42,13 @@ def test_the_wire_closes_with_its_last_reader():
     assert theirs.counters()["wire_unsent"] == 1
 
 
-def test_a_reader_that_sleeps_loses_the_oldest_and_says_so():
+def test_a_slow_reader_loses_the_oldest_packets_and_counts_them():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
     awake, asleep = share(ours, 2)
-    for n in range(MOST_WAITING + 10):
+    for n in range(QUEUE_LENGTH + 10):
         theirs.send(str(n).encode())
         awake.receive()
     kept = asleep.receive()
-    assert len(kept) == MOST_WAITING
-    assert kept[-1][1] == str(MOST_WAITING + 9).encode()
+    assert len(kept) == QUEUE_LENGTH
+    assert kept[-1][1] == str(QUEUE_LENGTH + 9).encode()
     assert asleep.counters()["share_dropped"] == 10

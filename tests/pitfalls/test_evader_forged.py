@@ -16,9 +16,9 @@ from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.frames import Amsl, LocalFrame, game_from_ned
 from guidance.links import MemoryWire
-from guidance.links.evaders.broadcasts import AdsbVehicle
-from guidance.links.evaders.mavlink import FollowTarget, MavlinkEvader
-from guidance.links.evaders.opening import ZENOH
+from guidance.links.evaders import FollowTarget, MavlinkEvader
+from guidance.links.evaders.carriers import AdsbVehicle
+from guidance.links.opening import ZENOH
 from guidance.session.daemon import Daemon
 from guidance.session.loop import run
 from guidance.session.mission import Mission

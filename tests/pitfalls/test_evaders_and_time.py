@@ -13,7 +13,7 @@ from guidance.clock import VirtualClock
 from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.evaders.mavlink import FollowTarget
+from guidance.links.evaders import FollowTarget
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat
 
@@ -140,15 +140,16 @@ def test_30_unsigned_frames_are_refused_where_signing_is_required():
 
 
 def test_30_an_endpoint_that_answers_nobody_is_a_link_error_and_not_silence():
-    from guidance.links.opening import open_vehicle_link
+    from guidance.links.opening import open_link, open_wire
 
     clock = VirtualClock()
     with pytest.raises(LinkError, match="no HEARTBEAT"):
-        open_vehicle_link(
+        open_link(
+            open_wire("udpout://127.0.0.1:9", clock=clock.now_s),
             "pymavlink",
-            "udpout://127.0.0.1:9",
             system_id=1,
             clock=clock.now_s,
+            who="udpout://127.0.0.1:9",
             timeout_s=1.0,
             sleep=lambda seconds: clock.sleep_until(clock.now_s() + seconds),
         )

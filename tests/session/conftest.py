@@ -11,9 +11,9 @@ from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import Authority, State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
+from guidance.links.frames import ticks
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.signing import ticks
 from guidance.links.wires.shared import TappedWire
 from guidance.session.daemon import Daemon
 from guidance.session.metrics import Metrics

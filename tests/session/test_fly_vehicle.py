@@ -18,7 +18,7 @@ from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.flight import Event, State
 from guidance.links import MemoryWire
 from guidance.links.endpoint import parse
-from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.discovery import identify, wait_until_placed

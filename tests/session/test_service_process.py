@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.errors import LinkError
-from guidance.links.opening import open_vehicle_link
+from guidance.links.opening import open_link, open_wire
 from guidance.messages import Parameter, ParameterRequest, ParameterSet
 from guidance.session.control_client import ask
 from guidance.session.control_socket import STATUS
@@ -60,7 +60,14 @@ def ctl(control, order):
 def set_by_another(fleet, name, parameter, value):
     """A ground station sets a parameter, and has it confirmed."""
     url = f"zenoh://{fleet[name].zenoh.removeprefix('tcp/')}/{name}"
-    link = open_vehicle_link("pymavlink", url, system_id=1, clock=time.monotonic, own_system_id=255)
+    link = open_link(
+        open_wire(url, clock=time.monotonic),
+        "pymavlink",
+        system_id=1,
+        clock=time.monotonic,
+        who=url,
+        own_system_id=255,
+    )
     try:
         link.request(ParameterRequest(parameter))
         there = answer(link, parameter)

@@ -1,6 +1,6 @@
 from guidance.clock import VirtualClock
 from guidance.links import MemoryWire
-from guidance.links.evaders.mavlink import GlobalPositionInt, MavlinkEvader
+from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires.shared import share
 from guidance.session.vehicle_world import ASK_AGAIN_S, PolledEvader

@@ -1,18 +1,22 @@
-"""Reports of the evader from many carriers, each with its units, datum and clock made explicit.
+"""Reports of the evader from many carriers, each with explicit units, datum and clock.
 
-`MavlinkEvader` reads a wire with one of the MAVLink carriers; `guidance.links.evaders.zenoh` reads a Zenoh key
-and is imported apart, since it brings Zenoh with it.
+`MavlinkEvader` reads a wire with one of the MAVLink carriers. `guidance.links.evaders.zenoh` reads a Zenoh key; it is
+imported separately because it loads Zenoh.
 
 Carriers:
-    FollowTarget, GlobalPositionInt, OdometryCarrier, AdsbVehicle, OpenDroneIdLocation: messages of MAVLink.
-    RosPose: a ROS 2 message as rmw_zenoh sends it, on the key that `rmw_key` makes of its topic.
-    Refused: why a message became no report.
+    FollowTarget, GlobalPositionInt, OdometryCarrier, AdsbVehicle, OpenDroneIdLocation: MAVLink messages.
+    Refused: raised by a carrier for a message that must not be used.
 """
 
-from guidance.links.evaders.broadcasts import AdsbVehicle, OpenDroneIdLocation
-from guidance.links.evaders.carrier import Refused
-from guidance.links.evaders.mavlink import FollowTarget, GlobalPositionInt, MavlinkEvader, OdometryCarrier
-from guidance.links.evaders.ros import RosPose, rmw_key
+from guidance.links.evaders.carriers import (
+    AdsbVehicle,
+    FollowTarget,
+    GlobalPositionInt,
+    OdometryCarrier,
+    OpenDroneIdLocation,
+    Refused,
+)
+from guidance.links.evaders.mavlink import MavlinkEvader
 
 __all__ = [
     "AdsbVehicle",
@@ -22,6 +26,4 @@ __all__ = [
     "OdometryCarrier",
     "OpenDroneIdLocation",
     "Refused",
-    "RosPose",
-    "rmw_key",
 ]

@@ -1,111 +1,114 @@
-"""Reports of an evader from a Zenoh key, whatever the payload: JSON as here, or ROS 2's CDR (`evaders.ros`).
+"""Reports of an evader from a Zenoh key: JSON of our own schema, or ROS 2 poses in CDR as rmw_zenoh sends them.
 
-The schema of the JSON is generated from the model below.
+The JSON Schema is generated from `JsonReport`. For the ROS 2 messages geometry_msgs/PoseStamped and nav_msgs/Odometry:
+
+* Position: metres east, north, up (REP 103) about the origin of `frame`, whose altitude is above mean sea level.
+* Velocity: PoseStamped has none. Odometry's twist is in the child frame, forward-left-up of the body, and is rotated
+  by the pose's orientation.
+* Accuracy: Odometry's covariances, row by row, the largest of the three axes; zero for unknown.
+* Clock: `header.stamp` of the sender; zero for none.
 """
 
-import contextlib
 import math
+import struct
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any, Final, Literal, NamedTuple
 
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from guidance.errors import ConfigError
-from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative
-from guidance.links.arrivals import Arrivals, Clock
-from guidance.links.evaders.carrier import UNKNOWN_VELOCITY, Refused
-from guidance.links.wires.zenoh import open_session
+from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, Vector, ned_from_game
+from guidance.links.evaders.carriers import Refused, known_velocity, plausible, rotate, standard_deviation
+from guidance.links.port import Clock
+from guidance.links.wires.shared import Arrivals
+from guidance.links.wires.zenoh import Subscription, open_session
 from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.messages import AltitudeSaid, Datum, EvaderReport
+from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 
-Reader = Callable[[bytes, float], EvaderReport]
+PayloadReader = Callable[[bytes, float], EvaderReport]
 
-
-class ZenohEvader:
-    """`EvaderSource` on one key expression. Opens its own session unless it is given one."""
-
-    def __init__(
-        self,
-        clock: Clock,
-        key: str,
-        read: Reader,
-        *,
-        endpoint: str | None = None,
-        session: "zenoh.Session | None" = None,
-        credentials: Credentials = NO_CREDENTIALS,
-        timeout_s: float = 3.0,
-    ) -> None:
-        """Subscribe.
-
-        Raises:
-            ConfigError: If the key is not a Zenoh key expression, or neither or both of endpoint and session are given.
-            LinkError: If there is no session to be had within `timeout_s`.
-        """
-        if (endpoint is None) == (session is None):
-            raise ConfigError(f"endpoint = {endpoint!r}, session = {session!r}: give exactly one")
-        try:
-            expression = zenoh.KeyExpr(key)
-        except zenoh.ZError as error:
-            raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
-        self._read = read
-        self._arrivals = Arrivals[tuple[bytes, str]](clock)
-        self._counts: Counter[str] = Counter()
-        self._own = None if endpoint is None else open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
-        used = session if session is not None else self._own
-        assert used is not None
-        self._subscriber = used.declare_subscriber(
-            expression,
-            lambda sample: self._arrivals.put((sample.payload.to_bytes(), sender(sample))),
-            allowed_origin=zenoh.Locality.REMOTE,
-        )
-
-    def receive(self) -> Sequence[EvaderReport]:
-        """All reports since the last call, in order of arrival."""
-        reports = []
-        for received_s, (payload, peer) in self._arrivals.take():
-            try:
-                reports.append(self._read(payload, received_s)._replace(peer=peer))
-                self._counts["reports"] += 1
-            except Refused as refused:
-                self._counts[f"refused_{refused.reason}"] += 1
-        return reports
-
-    def counters(self) -> Mapping[str, int]:
-        """Reports, and what was refused, by reason."""
-        return {"reports": 0, "dropped": self._arrivals.dropped, **self._counts}
-
-    def close(self) -> None:
-        """Undeclare, and close the session if it is ours. May be called twice."""
-        if self._arrivals.closed:
-            return
-        self._arrivals.close()
-        with contextlib.suppress(zenoh.ZError):
-            self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-        if self._own is not None:
-            with contextlib.suppress(zenoh.ZError):
-                self._own.close()  # type: ignore[no-untyped-call]
-
-
-def sender(sample: "zenoh.Sample") -> str:
-    """Return who published a sample, as far as it tells: the key, and a publisher's identity of Zenoh or of ROS 2."""
-    source, attachment = sample.source_info, sample.attachment
-    if source is not None:
-        return f"{sample.key_expr} {source.source_id}"
-    told = b"" if attachment is None else attachment.to_bytes()
-    return f"{sample.key_expr} {told[-_GID_BYTES:].hex()}" if len(told) == _RMW_BYTES else str(sample.key_expr)
-
-
-ENCODING = "application/json"
+POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
+ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
+MAX_STRING: Final = 256
+_DIAGONAL: Final = (0, 7, 14)  # of a 6 x 6 matrix, row by row
+_ORDERS: Final = {b"\x00\x00": ">", b"\x00\x01": "<"}  # CDR_BE, CDR_LE
 _GID_BYTES, _RMW_BYTES = 16, 33
-"""rmw_zenoh attaches a number, a time, and the publisher's identity with its length before it."""
+"""rmw_zenoh attaches a number, a time, and the publisher's identity after its length."""
 
 _DATUMS: dict[str, type[Amsl] | type[Ellipsoid] | type[Relative]] = {
     "amsl": Amsl,
     "ellipsoid": Ellipsoid,
     "relative": Relative,
 }
+
+
+class ZenohEvader:
+    """`EvaderSource` on one key expression, in a session of its own."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        key: str,
+        read: PayloadReader,
+        *,
+        endpoint: str,
+        credentials: Credentials = NO_CREDENTIALS,
+        timeout_s: float = 3.0,
+    ) -> None:
+        """Subscribe.
+
+        Raises:
+            ConfigError: If the key is not a Zenoh key expression.
+            LinkError: If no session can be opened within `timeout_s`.
+        """
+        try:
+            expression = zenoh.KeyExpr(key)
+        except zenoh.ZError as error:
+            raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
+        self._read = read
+        self._arrivals = Arrivals[tuple[float, bytes, str]]()
+        self._counts: Counter[str] = Counter()
+        self._subscription = Subscription(
+            open_session(endpoint, timeout_s=timeout_s, credentials=credentials),
+            expression,
+            lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes(), sender(sample))),
+        )
+
+    def receive(self) -> Sequence[EvaderReport]:
+        """Return all reports since the last call, in order of arrival."""
+        reports = []
+        for received_s, payload, peer in self._arrivals.take():
+            try:
+                report = plausible(self._read(payload, received_s))
+            except Refused as refused:
+                self._counts[f"refused_{refused.reason}"] += 1
+            else:
+                reports.append(report._replace(peer=peer))
+                self._counts["reports"] += 1
+        return reports
+
+    def counters(self) -> Mapping[str, int]:
+        """Return the number of reports, and of refused ones by reason."""
+        return {"reports": 0, "dropped": self._arrivals.dropped, **self._counts}
+
+    def close(self) -> None:
+        """End the subscription. May be called twice."""
+        if not self._arrivals.closed:
+            self._arrivals.close()
+            self._subscription.close()
+
+
+def sender(sample: "zenoh.Sample") -> str:
+    """Return the publisher of a sample as far as known: the key, and its identity in Zenoh or ROS 2."""
+    source, attachment = sample.source_info, sample.attachment
+    if source is not None:
+        return f"{sample.key_expr} {source.source_id}"
+    attached = b"" if attachment is None else attachment.to_bytes()
+    known = len(attached) == _RMW_BYTES
+    return f"{sample.key_expr} {attached[-_GID_BYTES:].hex()}" if known else str(sample.key_expr)
 
 
 class JsonReport(BaseModel):
@@ -134,21 +137,21 @@ class JsonReport(BaseModel):
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) that is published in `config/zenoh/evader_report.schema.json`."""
+    """Return the JSON Schema (2020-12) that is published in `config/zenoh/evader_report.schema.json`."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **JsonReport.model_json_schema()}
 
 
 def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> EvaderReport:
-    """Turn a payload into a report.
+    """Convert a JSON text to a report.
 
     Args:
-        payload: The JSON text.
+        payload: The text.
         received_s: By our clock.
-        frame: The vehicle's local frame, by which an altitude above home or ellipsoid is made AMSL.
-        source: Who said it, as the report names its source.
+        frame: The vehicle's local frame; converts altitudes above home or the ellipsoid to AMSL.
+        source: The name of the source in the report.
 
     Raises:
-        Refused: If it does not keep the schema, or its altitude's datum cannot be made AMSL in this frame.
+        Refused: If it does not match the schema, or its altitude cannot be converted in this frame.
     """
     try:
         given = JsonReport.model_validate_json(payload)
@@ -162,18 +165,142 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
     except ConfigError as error:
         raise Refused("datum") from error
     return EvaderReport(
-        received_s=received_s,
-        sent_s=_or_nan(given.sent_s),
-        source=source,
-        latitude_deg=given.latitude_deg,
-        longitude_deg=given.longitude_deg,
-        altitude_amsl_m=above_sea.metres,
-        velocity_ned_m_s=given.velocity_ned_m_s or UNKNOWN_VELOCITY,
-        position_sd_m=_or_nan(given.position_sd_m),
-        velocity_sd_m_s=_or_nan(given.velocity_sd_m_s),
+        received_s,
+        _or_nan(given.sent_s),
+        source,
+        given.latitude_deg,
+        given.longitude_deg,
+        above_sea.metres,
+        given.velocity_ned_m_s or UNKNOWN_VELOCITY,
+        _or_nan(given.position_sd_m),
+        _or_nan(given.velocity_sd_m_s),
         said=AltitudeSaid(given.altitude_m, Datum(given.altitude_datum)),
     )
 
 
 def _or_nan(value: float | None) -> float:
     return math.nan if value is None else value
+
+
+class CdrReader:
+    """Reads plain CDR version 1 (OMG DDS-RTPS 2.x) value by value; every access is checked.
+
+    Four bytes of encapsulation, then values aligned to their own size, counted from after those four.
+
+    Raises:
+        Refused: From every method, if the bytes end early or are not plain CDR.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        order = _ORDERS.get(data[:2])
+        if order is None or len(data) < 4:
+            raise Refused("encoding")
+        self._order = order
+        self._body = data[4:]
+        self._at = 0
+
+    def take(self, code: str, count: int = 1) -> tuple[Any, ...]:
+        """Return `count` numbers of one type, by its letter in `struct`."""
+        size = struct.calcsize(f"={code}")
+        start = -(-self._at // size) * size
+        end = start + size * count
+        if end > len(self._body):
+            raise Refused("length")
+        self._at = end
+        return struct.unpack_from(f"{self._order}{count}{code}", self._body, start)
+
+    def string(self) -> str:
+        """Return a string: its length with the closing zero, then the bytes."""
+        (length,) = self.take("I")
+        if not 1 <= length <= MAX_STRING or self._at + length > len(self._body):
+            raise Refused("length")
+        raw = self._body[self._at : self._at + length]
+        self._at += length
+        if raw[-1] != 0:
+            raise Refused("encoding")
+        return raw[:-1].decode(errors="replace")
+
+
+def rmw_key(topic: str, dds_type: str) -> str:
+    """Return the Zenoh key on which rmw_zenoh publishes a topic, for any ROS domain and type hash."""
+    return f"*/{topic.strip('/')}/{dds_type}/*"
+
+
+class _Header(NamedTuple):
+    stamp_s: float
+    frame_id: str
+
+
+def _header(reader: CdrReader) -> _Header:
+    (seconds,), (nanoseconds,), frame_id = reader.take("i"), reader.take("I"), reader.string()
+    stamp_s = seconds + nanoseconds / 1e9
+    return _Header(stamp_s if stamp_s != 0.0 else math.nan, frame_id)
+
+
+def _position(reader: CdrReader) -> Vector:
+    x, y, z = reader.take("d", 3)
+    if not (abs(x) < 1e6 and abs(y) < 1e6 and abs(z) < 1e6):  # NaN fails this too
+        raise Refused("position")
+    return x, y, z
+
+
+@dataclass(frozen=True, slots=True)
+class RosPose:
+    """Reads both types. `frame` is the frame that ROS calls `frame_id`; poses in other frames are refused."""
+
+    frame: LocalFrame
+    frame_id: str = "map"
+
+    def pose_stamped(self, payload: bytes, received_s: float) -> EvaderReport:
+        """Convert a geometry_msgs/PoseStamped.
+
+        Raises:
+            Refused: If the bytes are not one, or it is in another frame.
+        """
+        reader = CdrReader(payload)
+        header, position = _header(reader), _position(reader)
+        reader.take("d", 4)
+        return self._report(header, received_s, position, UNKNOWN_VELOCITY, math.nan, math.nan)
+
+    def odometry(self, payload: bytes, received_s: float) -> EvaderReport:
+        """Convert a nav_msgs/Odometry.
+
+        Raises:
+            Refused: If the bytes are not one, or it is in another frame.
+        """
+        reader = CdrReader(payload)
+        header = _header(reader)
+        reader.string()
+        position = _position(reader)
+        x, y, z, w = reader.take("d", 4)
+        pose_variance = reader.take("d", 36)
+        vx, vy, vz = reader.take("d", 3)
+        reader.take("d", 3)
+        twist_variance = reader.take("d", 36)
+        return self._report(
+            header,
+            received_s,
+            position,
+            ned_from_game(known_velocity(rotate((w, x, y, z), (vx, vy, vz)))),
+            standard_deviation(*(pose_variance[index] for index in _DIAGONAL)),
+            standard_deviation(*(twist_variance[index] for index in _DIAGONAL)),
+        )
+
+    def _report(
+        self, header: _Header, received_s: float, enu_m: Vector, velocity_ned: Vector, sd_m: float, sd_m_s: float
+    ) -> EvaderReport:
+        if header.frame_id != self.frame_id:
+            raise Refused("frame")
+        latitude, longitude, altitude = self.frame.wgs84_from_ned(ned_from_game(enu_m))
+        return EvaderReport(
+            received_s,
+            header.stamp_s,
+            "ROS 2",
+            latitude,
+            longitude,
+            altitude.metres,
+            velocity_ned,
+            sd_m,
+            sd_m_s,
+            said=AltitudeSaid(enu_m[2], Datum.ORIGIN),
+        )

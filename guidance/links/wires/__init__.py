@@ -1,6 +1,6 @@
-"""Bytes to and from somewhere, one module for each kind of wire; `guidance.links.port.Wire` says what all of them keep.
+"""Carriers of MAVLink bytes; `guidance.links.port.Wire` is their contract.
 
-`udp`, `tcp`, `serial` and `zenoh` reach a vehicle; `memory` joins two ends in one process; `shared` is one wire for
-several readers, or with a record that listens in; `stream` keeps frames whole where a write may take only a part.
-Each is imported apart, since Zenoh and pyserial come with theirs.
+`udp`, `streams` (TCP, serial) and `zenoh` reach a vehicle. `shared` has what they have in common, and the wires around
+and between others: in memory, shared by several readers, captured for a record. Each module is imported separately,
+because Zenoh and pyserial load with theirs.
 """

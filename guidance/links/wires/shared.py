@@ -1,51 +1,215 @@
-"""One wire for several: a vehicle's link and the source of its evader share it, and a record listens in on it."""
+"""What all wires share: a bounded queue of arrivals, a reader thread, and the counts of frames sent.
 
+`MemoryWire` connects two ends in one process, for virtual time and tests. `WireShare` lets a vehicle's link and the
+source of its evader read one wire. `TappedWire` captures all frames for the record.
+"""
+
+import contextlib
+import threading
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, Generic, NamedTuple, TypeVar
 
-from guidance.links.arrivals import Clock
-from guidance.links.port import Wire
+from guidance.links.port import Clock, Wire
 
-MOST_WAITING: Final = 1024
-_MOST_PASSED: Final = 16384
+T = TypeVar("T")
+
+QUEUE_LENGTH: Final = 1024
+_MAX_CAPTURED: Final = 16384
+
+
+Packet = tuple[float, bytes]
+"""Arrival time and bytes."""
+
+
+class Arrivals(Generic[T]):
+    """A bounded queue: another thread fills it, the loop empties it. When it is full, the oldest item is dropped."""
+
+    def __init__(self, *, length: int = QUEUE_LENGTH) -> None:
+        self._length = length
+        self._waiting: deque[T] = deque()
+        self._lock = threading.Lock()
+        self._arrived = threading.Condition(self._lock)
+        self.closed = False
+        self.dropped = 0
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, item: T) -> None:
+        """Add an item and wake the thread that waits. Does nothing once closed."""
+        with self._lock:
+            if self.closed:
+                return
+            if len(self._waiting) >= self._length:
+                self._waiting.popleft()
+                self.dropped += 1
+            self._waiting.append(item)
+            self._arrived.notify()
+
+    def take(self) -> list[T]:
+        """Return and remove all items, oldest first."""
+        with self._lock:
+            taken = list(self._waiting)
+            self._waiting.clear()
+        return taken
+
+    def wait(self, timeout_s: float) -> None:
+        """Block until an item is here, at most `timeout_s`."""
+        with self._lock:
+            self._arrived.wait_for(lambda: self._waiting or self.closed, timeout_s)
+
+    def close(self) -> None:
+        """Drop all items and accept no more."""
+        with self._lock:
+            self.closed = True
+            self._waiting.clear()
+            self._arrived.notify_all()
+
+
+class Reader:
+    """A thread that calls `read` until it is closed. `read` blocks only briefly; it may raise OSError."""
+
+    def __init__(self, read: Callable[[], None], *, name: str) -> None:
+        self._read = read
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                self._read()
+            except OSError:
+                self._stop.wait(0.05)  # the peer may come back: do not spin, do not give up
+
+    def close(self) -> None:
+        """End the thread and join it, so that the socket is not closed while it is read."""
+        self._stop.set()
+        if self._thread is not threading.current_thread():
+            with contextlib.suppress(RuntimeError):
+                self._thread.join()
+
+
+class QueuedWire(ABC):
+    """Base of all wires: received pieces wait in a queue; `_write` sends, `_release` closes."""
+
+    stream = False
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._arrivals = Arrivals[Packet]()
+        self._lock = threading.Lock()
+        self._closed = False
+        self._sent = self._unsent = 0
+
+    @abstractmethod
+    def _write(self, frame: bytes) -> bool:
+        """Send one frame without blocking; return whether it was sent. Called with the lock held."""
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Close what the wire owns. Called once."""
+
+    def receive(self) -> Sequence[Packet]:
+        """Return the pieces since the last call."""
+        return self._arrivals.take()
+
+    def impostors(self) -> Sequence[bytes]:
+        """Return none: this wire has no addresses."""
+        return ()
+
+    def wait(self, timeout_s: float) -> None:
+        """Block until a piece has arrived, at most `timeout_s`."""
+        self._arrivals.wait(timeout_s)
+
+    def send(self, frame: bytes) -> None:
+        """Send one frame; if that fails, count it."""
+        with self._lock:
+            if self._closed:
+                return
+            if self._write(frame):
+                self._sent += 1
+            else:
+                self._unsent += 1
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many frames were sent, not sent, and dropped because the queue was full."""
+        return {"wire_sent": self._sent, "wire_unsent": self._unsent, "wire_dropped": self._arrivals.dropped}
+
+    def close(self) -> None:
+        """Close the wire; may be called twice."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        self._release()
+
+
+class MemoryWire(QueuedWire):
+    """One end of a wire in memory. Frames from the other end are stamped when they are sent."""
+
+    def __init__(self, clock: Clock, inbox: Arrivals[Packet], outbox: Arrivals[Packet]) -> None:
+        super().__init__(clock)
+        self._arrivals, self._outbox = inbox, outbox
+
+    @classmethod
+    def pair(cls, clock: Clock) -> tuple["MemoryWire", "MemoryWire"]:
+        """Return two connected ends."""
+        one, other = Arrivals[Packet](), Arrivals[Packet]()
+        return cls(clock, one, other), cls(clock, other, one)
+
+    def _write(self, frame: bytes) -> bool:
+        if self._outbox.closed:
+            return False
+        self._outbox.put((self._clock(), frame))
+        return True
+
+    def _release(self) -> None:
+        self._arrivals.close()
+        self._outbox.close()
 
 
 class WireShare:
-    """One reader's share: it sees everything that arrives, and sends on the same wire."""
+    """One reader of a shared wire. It receives everything that arrives and sends on the same wire."""
 
     def __init__(self, wire: Wire, shares: list["WireShare"]) -> None:
         self._wire = wire
         self._shares = shares
-        self._waiting: deque[tuple[float, bytes]] = deque()
+        self._waiting: deque[Packet] = deque()
         self._dropped = 0
         shares.append(self)
 
     @property
     def stream(self) -> bool:
-        """As the wire's."""
+        """The wire's."""
         return self._wire.stream
 
-    def receive(self) -> Sequence[tuple[float, bytes]]:
-        """Everything that arrived since this reader's last call; what the others have not read waits for them."""
-        for piece in self._wire.receive():
+    def receive(self) -> Sequence[Packet]:
+        """Return everything since this reader's last call, and keep it for the other readers."""
+        for packet in self._wire.receive():
             for share in self._shares:
-                share.keep(piece)
+                share.keep(packet)
         taken = list(self._waiting)
         self._waiting.clear()
         return taken
 
+    def impostors(self) -> Sequence[bytes]:
+        """Return the wire's; the first reader that asks gets them."""
+        return self._wire.impostors()
+
     def wait(self, timeout_s: float) -> None:
-        """As the wire's; at once where something waits for this reader."""
+        """Wait at the wire, unless something is here already."""
         if not self._waiting:
             self._wire.wait(timeout_s)
 
-    def keep(self, piece: tuple[float, bytes]) -> None:
-        """Put a piece by for this reader; the oldest goes when there is no room."""
-        if len(self._waiting) >= MOST_WAITING:
+    def keep(self, packet: Packet) -> None:
+        """Queue a packet for this reader; when the queue is full, the oldest is dropped."""
+        if len(self._waiting) >= QUEUE_LENGTH:
             self._waiting.popleft()
             self._dropped += 1
-        self._waiting.append(piece)
+        self._waiting.append(packet)
 
     def send(self, frame: bytes) -> None:
         """Send on the common wire."""
@@ -53,11 +217,11 @@ class WireShare:
             self._wire.send(frame)
 
     def counters(self) -> Mapping[str, int]:
-        """The wire's, and what this reader was too slow for."""
+        """Return the wire's counts, and how many packets this reader was too slow for."""
         return {**self._wire.counters(), "share_dropped": self._dropped}
 
     def close(self) -> None:
-        """Leave; the last one out closes the wire."""
+        """Leave; the last reader closes the wire."""
         if self in self._shares:
             self._shares.remove(self)
             if not self._shares:
@@ -65,13 +229,13 @@ class WireShare:
 
 
 def share(wire: Wire, readers: int) -> list[WireShare]:
-    """Split a wire among readers, all in the same thread."""
+    """Return shares of a wire for several readers, all in the same thread."""
     shares: list[WireShare] = []
     return [WireShare(wire, shares) for _ in range(readers)]
 
 
-class Passed(NamedTuple):
-    """One frame (or piece of a stream) that passed: when, on which topic, and its bytes."""
+class CapturedFrame(NamedTuple):
+    """One frame, or piece of a stream, in either direction: its time, its topic in the record, and its bytes."""
 
     now_s: float
     topic: str
@@ -79,38 +243,27 @@ class Passed(NamedTuple):
 
 
 class TappedWire:
-    """A `Wire` around another. Both directions are kept under the Zenoh keys of the vehicle's namespace."""
+    """A `Wire` around another that captures both directions, under the Zenoh keys of the vehicle's namespace."""
 
     def __init__(self, wire: Wire, clock: Clock, namespace: str) -> None:
         self._wire = wire
         self._clock = clock
         self._to, self._from = f"{namespace}/mavlink_raw/in", f"{namespace}/mavlink_raw/out"
-        self._kept: deque[Passed] = deque(maxlen=_MOST_PASSED)
+        self._captured: deque[CapturedFrame] = deque(maxlen=_MAX_CAPTURED)
         self.stream = wire.stream
+        self.impostors, self.wait, self.counters, self.close = wire.impostors, wire.wait, wire.counters, wire.close
 
-    def drain(self) -> Sequence[Passed]:
-        """All that passed since the last call, oldest first."""
-        return [self._kept.popleft() for _ in range(len(self._kept))]
+    def drain(self) -> Sequence[CapturedFrame]:
+        """Return everything captured since the last call, oldest first."""
+        return [self._captured.popleft() for _ in range(len(self._captured))]
 
-    def receive(self) -> Sequence[tuple[float, bytes]]:
-        """As the wire's."""
+    def receive(self) -> Sequence[Packet]:
+        """Return and capture what the wire received."""
         arrived = self._wire.receive()
-        self._kept.extend(Passed(received_s, self._from, frame) for received_s, frame in arrived)
+        self._captured.extend(CapturedFrame(received_s, self._from, frame) for received_s, frame in arrived)
         return arrived
 
-    def wait(self, timeout_s: float) -> None:
-        """As the wire's."""
-        self._wire.wait(timeout_s)
-
     def send(self, frame: bytes) -> None:
-        """As the wire's."""
-        self._kept.append(Passed(self._clock(), self._to, frame))
+        """Capture and send a frame."""
+        self._captured.append(CapturedFrame(self._clock(), self._to, frame))
         self._wire.send(frame)
-
-    def counters(self) -> Mapping[str, int]:
-        """As the wire's."""
-        return self._wire.counters()
-
-    def close(self) -> None:
-        """As the wire's."""
-        self._wire.close()

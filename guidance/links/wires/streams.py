@@ -1,114 +1,97 @@
-"""Byte streams that may take only a part of a frame: TCP, and a serial port through pyserial.
+"""Byte streams, which may accept only a part of a frame: TCP, and a serial port through pyserial.
 
-TCP either calls (`tcpout`) or listens and talks to whoever called last (`tcpin`). What a stream did not take of a frame
-goes first next time, and only whole frames are dropped.
+TCP calls (`tcpout`), or listens and talks to the last caller (`tcpin`). The unsent rest of a frame is sent before the
+next one; only whole frames are dropped.
 """
 
 import contextlib
 import os
 import socket
 import termios
-import threading
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable
 from typing import Final
 
 import serial
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Reader
+from guidance.links.port import Clock
+from guidance.links.wires.shared import QueuedWire, Reader
 
 _WAIT_S: Final = 0.1
-_MOST_TCP_BYTES: Final = 16384
-_MOST_SERIAL_BYTES: Final = 4096
+_TCP_BYTES: Final = 16384
+_SERIAL_BYTES: Final = 4096
 
 
 class Tail:
-    """Remembers the unsent end of the last frame, so that the stream never holds half a frame followed by another."""
+    """Keeps the unsent rest of the last frame, so that the stream never holds half a frame followed by another."""
 
     def __init__(self, write: Callable[[bytes], int]) -> None:
         self._write = write
         self._rest = b""
-        self.sent = 0
-        self.unsent = 0
 
-    def send(self, frame: bytes) -> None:
-        """Write without waiting. `write` returns how many bytes it took, and raises OSError when it can take none."""
+    def send(self, frame: bytes) -> bool:
+        """Write without waiting; return whether the frame was accepted, even in part.
+
+        `write` returns how many bytes it accepted, and raises OSError if it accepts none.
+        """
         try:
             if self._rest:
                 self._rest = self._rest[self._write(self._rest) :]
             if self._rest:
-                self.unsent += 1
-                return
+                return False
             self._rest = frame[self._write(frame) :]
-            self.sent += 1
         except BlockingIOError:
-            self.unsent += 1
+            return False
         except OSError:
-            self.unsent += 1
             self._rest = b""
+            return False
+        return True
 
     def forget(self) -> None:
-        """A new peer begins with a whole frame."""
+        """Start with a whole frame: there is a new peer."""
         self._rest = b""
 
 
-class _StreamWire(ABC):
-    """What is read by a thread of its own, and written without waiting; the lock lies between the two."""
+class _StreamWire(QueuedWire):
+    """A stream with a reader thread; sending never waits."""
 
     stream = True
 
-    def __init__(self) -> None:
-        self._closed = False
-        self._lock = threading.Lock()
-        self._tail = Tail(self._write)
+    def __init__(self, clock: Clock) -> None:
+        super().__init__(clock)
+        self._tail = Tail(self._write_some)
 
-    def _begin(self, clock: Clock, *, name: str) -> None:
-        self._arrivals = Arrivals[bytes](clock)
-        self._reader = Reader(self._keep, name=name)
+    def _begin(self, *, name: str) -> None:
+        self._reader = Reader(self._read_once, name=name)
 
-    def _keep(self) -> None:
+    def _read_once(self) -> None:
         if data := self._read():
-            self._arrivals.put(data)
+            self._arrivals.put((self._clock(), data))
 
     @abstractmethod
-    def _read(self) -> bytes: ...
+    def _read(self) -> bytes:
+        """Return what has arrived, after a short wait at most."""
 
     @abstractmethod
-    def _write(self, data: bytes) -> int: ...
+    def _write_some(self, data: bytes) -> int:
+        """Write without waiting; return how many bytes were accepted."""
 
     @abstractmethod
-    def _release(self) -> None: ...
+    def _hang_up(self) -> None:
+        """Close what is open."""
 
-    def receive(self) -> Sequence[tuple[float, bytes]]:
-        """Pieces of the stream since the last call."""
-        return self._arrivals.take()
+    def _write(self, frame: bytes) -> bool:
+        return self._tail.send(frame)
 
-    def wait(self, timeout_s: float) -> None:
-        """Until something has arrived, at most this long."""
-        self._arrivals.wait(timeout_s)
-
-    def send(self, frame: bytes) -> None:
-        """Write one frame; what is not taken of it at once goes before the next, which is dropped if it must."""
-        with self._lock:
-            if not self._closed:
-                self._tail.send(frame)
-
-    def counters(self) -> Mapping[str, int]:
-        """Frames sent and not sent, and pieces dropped for want of room."""
-        dropped = self._arrivals.dropped
-        return {"wire_sent": self._tail.sent, "wire_unsent": self._tail.unsent, "wire_dropped": dropped}
-
-    def close(self) -> None:
-        """End the reader, then what it read."""
-        if not self._closed:
-            self._closed = True
-            self._reader.close()
-            self._release()
+    def _release(self) -> None:
+        self._arrivals.close()
+        self._reader.close()
+        self._hang_up()
 
 
 class TcpWire(_StreamWire):
-    """One connection at a time, made anew when it breaks: we call again, or take the next caller."""
+    """One connection at a time. When it breaks, we call again or accept the next caller."""
 
     def __init__(
         self,
@@ -122,9 +105,9 @@ class TcpWire(_StreamWire):
         """Connect, or begin to listen.
 
         Raises:
-            LinkError: If nobody answers within `timeout_s`, or the port cannot be had.
+            LinkError: If the connection fails within `timeout_s`, or the port cannot be bound.
         """
-        super().__init__()
+        super().__init__(clock)
         self._address = (host, port)
         self._writer: socket.socket | None = None
         self._server: socket.socket | None = None
@@ -136,10 +119,11 @@ class TcpWire(_StreamWire):
             else:
                 self._peer = self._tuned(socket.create_connection((host, port), timeout=timeout_s))
         except OSError as error:
-            advice = "choose another port or end what uses it" if listen else "is the vehicle there and the port right?"
+            busy, absent = "choose another port or end the program that uses it", "is the vehicle running there?"
+            advice = busy if listen else absent
             raise LinkError(f"tcp {host}:{port}: {error}; {advice}") from error
         self._pick_up()
-        self._begin(clock, name=f"tcp {host}:{port}")
+        self._begin(name=f"tcp {host}:{port}")
 
     @staticmethod
     def _tuned(peer: socket.socket) -> socket.socket:
@@ -158,14 +142,14 @@ class TcpWire(_StreamWire):
             if self._peer is None:
                 self._peer = self._tuned(self._next_peer())
                 self._pick_up()
-            data = self._peer.recv(_MOST_TCP_BYTES)
+            data = self._peer.recv(_TCP_BYTES)
         except TimeoutError:
             return b""
         except OSError:
-            self._hang_up()
+            self._drop_peer()
             raise
         if not data:
-            self._hang_up()
+            self._drop_peer()
             raise ConnectionResetError("the other side closed")
         return data
 
@@ -175,7 +159,7 @@ class TcpWire(_StreamWire):
         return self._server.accept()[0]
 
     def _pick_up(self) -> None:
-        """Write through a second handle that never waits: the reader's has a timeout, which a send would wait out."""
+        """Open a second, non-blocking handle for writing: a send through the reader's handle would wait."""
         if self._peer is None:
             return
         with self._lock:
@@ -183,7 +167,7 @@ class TcpWire(_StreamWire):
             self._writer.setblocking(False)
             self._tail.forget()
 
-    def _hang_up(self) -> None:
+    def _drop_peer(self) -> None:
         with self._lock:
             ended = self._peer, self._writer
             self._peer = self._writer = None
@@ -191,53 +175,53 @@ class TcpWire(_StreamWire):
             if one is not None:
                 one.close()
 
-    def _write(self, data: bytes) -> int:
+    def _write_some(self, data: bytes) -> int:
         if self._writer is None:
-            raise ConnectionError("nobody there")
+            raise ConnectionError("no connection")
         return self._writer.send(data)
 
-    def _release(self) -> None:
-        self._hang_up()
+    def _hang_up(self) -> None:
+        self._drop_peer()
         if self._server is not None:
             self._server.close()
 
 
 class SerialWire(_StreamWire):
-    """One port, opened for ourselves alone, and opened again when it comes back after being unplugged."""
+    """One serial port, opened exclusively, and reopened after it was unplugged."""
 
     def __init__(self, clock: Clock, *, device: str, baud: int) -> None:
         """Open the port.
 
         Raises:
-            LinkError: If it is not there, is in use, or cannot do this speed.
+            LinkError: If it does not exist, is in use, or does not support this baud rate.
         """
-        super().__init__()
+        super().__init__(clock)
         try:
             self._port = serial.Serial(device, baud, timeout=_WAIT_S, write_timeout=0, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
             raise LinkError(
-                f"serial {device}:{baud}: {error}; is it plugged in, free, able to do this speed, and may you open it "
-                "(the group dialout, as a rule)?"
+                f"serial {device}:{baud}: {error}; is it plugged in, unused and able to do this baud rate, and "
+                "may you open it (usually: are you in the group dialout)?"
             ) from error
-        self._begin(clock, name=f"serial {device}")
+        self._begin(name=f"serial {device}")
 
     def _read(self) -> bytes:
         try:
             if not self._port.is_open:
                 self._reopen()
-            return bytes(self._port.read(min(self._port.in_waiting, _MOST_SERIAL_BYTES) or 1))
+            return bytes(self._port.read(min(self._port.in_waiting, _SERIAL_BYTES) or 1))
         except (OSError, termios.error) as error:
             with self._lock, contextlib.suppress(OSError):
                 self._port.close()
-            raise ConnectionError("the port went away") from error
+            raise ConnectionError("the port is gone") from error
 
     def _reopen(self) -> None:
         with self._lock:
             self._port.open()
             self._tail.forget()
 
-    def _write(self, data: bytes) -> int:
-        return os.write(self._port.fileno(), data)  # pyserial's own write spins while the port is full
+    def _write_some(self, data: bytes) -> int:
+        return os.write(self._port.fileno(), data)  # pyserial's write spins while the port is full
 
-    def _release(self) -> None:
+    def _hang_up(self) -> None:
         self._port.close()

@@ -1,8 +1,7 @@
-"""UDP: either we call (`udpout`) or we listen and learn who calls (`udpin`).
+"""UDP: call a port (`udpout`) or listen and learn the sender's address (`udpin`).
 
-Anybody may send to a port that listens: one address for each MAVLink system is pinned while it is alive. No checksum
-proves who sent a frame; signing does (`guidance.links.signing`). What is kept away here is everybody who does not even
-speak as the system that is wanted, whoever takes its number while it lives, and bytes without end.
+Anybody can send to a listening port. `AddressPins` accepts each MAVLink system from one address at a time. Only signing
+proves who sent a frame: with a key, only a validly signed frame can pin an address.
 """
 
 import math
@@ -10,108 +9,149 @@ import select
 import socket
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock, Reader
-from guidance.links.framing import CRC_EXTRA, claimed_system, first_frame
+from guidance.links.frames import KNOWN, FrameReader, SignatureCheck, header_of
+from guidance.links.port import Clock
+from guidance.links.wires.shared import Packet, QueuedWire, Reader
 
 _WAIT_MS: Final = 100
-_MOST_BYTES: Final = 65535
-_MOST_AT_ONCE: Final = 16
-"""Datagrams of a flood that are read before somebody else has a turn."""
+_DATAGRAM_BYTES: Final = 65535
+_BATCH: Final = 16
+"""Datagrams read at once; then another thread may run."""
 
 Address = tuple[str, int]
 
 SILENT_S: Final = 3.0
-"""A system may speak from another address once it has been silent at its old one for this long."""
+"""After this silence of a pinned address, another address may take its place."""
 
-MOST_SYSTEMS: Final = 8
-"""How many systems are pinned where any may speak."""
+MAX_SYSTEMS: Final = 8
+"""How many systems are pinned if any system is allowed."""
 
-ASIDE_S: Final = 0.01
-"""How long the reader's thread looks away from a socket that a loop waits at."""
+YIELD_S: Final = 0.01
+"""The reader thread pauses this long while the loop itself waits at the socket."""
 
-OTHERS_PER_S: Final = 50
-"""Frames a second of other systems that get in, so that an error can name who is there instead."""
+STRANGERS_PER_S: Final = 50
+"""Frames per second from systems that are not expected; they let an error name who is there instead."""
+
+IMPOSTORS_PER_S: Final = 10
+"""Datagrams per second and message id from an address that is not the pinned one."""
 
 
-class Peers:
-    """Judges every datagram by its address and its first frame. One cheap look each, whatever its length.
+@dataclass(slots=True)
+class _Pin:
+    """The address of one system: the current one, when it was heard last, and the first one ever."""
+
+    address: Address
+    heard_s: float
+    first: Address
+
+
+class AddressPins:
+    """Decides by sender address and first frame whether a datagram is accepted.
+
+    Each system is accepted from one address, which is pinned by its first valid frame. Another address replaces it
+    after `SILENT_S` of silence. The first address ever pinned gets its pin back at once when it returns.
 
     Args:
-        systems: MAVLink system ids that may become peers; None lets any, `MOST_SYSTEMS` at once.
+        systems: MAVLink system ids that are accepted; None accepts any, at most `MAX_SYSTEMS` at once.
+        checks: Signature checks by system id. Such a system is pinned by a validly signed frame only, and only such
+            frames count as heard.
     """
 
-    def __init__(self, systems: Collection[int] | None = None) -> None:
+    def __init__(
+        self, systems: Collection[int] | None = None, checks: Mapping[int, SignatureCheck] | None = None
+    ) -> None:
         self._systems = None if systems is None else frozenset(systems)
-        self._pinned: dict[int, Address] = {}
-        self._heard_s: dict[Address, float] = {}
-        self._second, self._others = -1, 0
-        self.refused = Counter(garbage=0, impostor=0, stranger=0)
+        self._checks = checks or {}
+        self._pins: dict[int, _Pin] = {}
+        self._reader = FrameReader()
+        self._second = -1
+        self._budget: Counter[int] = Counter()
+        self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0)
+        self.impostors: deque[bytes] = deque(maxlen=256)
+        """Datagrams with a pinned system's id from another address, at most `IMPOSTORS_PER_S` per message id."""
 
     def __iter__(self) -> Iterator[Address]:
-        """Where to send: every peer once."""
-        return iter(tuple(self._heard_s))
+        """Yield every pinned address once."""
+        return iter(dict.fromkeys(pin.address for pin in tuple(self._pins.values())))
 
     def admit(self, now_s: float, address: Address, data: bytes) -> bytes:
-        """Return what gets in of a datagram: all of a peer's, one frame of a stranger's now and then, else nothing."""
-        if address in self._heard_s:
-            self._heard_s[address] = now_s
-            return data
-        claimed = claimed_system(data)
-        holder = None if claimed is None else self._pinned.get(claimed)
-        if holder is not None and now_s - self._heard_s[holder] < SILENT_S:
-            self.refused["impostor"] += 1  # whatever its checksum: a flood of these costs next to nothing
-            return b""
-        frame = first_frame(data, CRC_EXTRA)
-        if frame is None:
-            self.refused["garbage"] += 1
-            return b""
-        if not self._may_be_peer(frame.system_id, now_s):
-            return self._other(now_s, frame.data)
-        self._pin(frame.system_id, address, now_s)
-        return data
+        """Return the accepted part of a datagram: all of it, its first frame (unexpected system), or nothing."""
+        header = header_of(data)
+        pin = None if header is None else self._pins.get(header[0])
+        if header is not None and pin is not None:
+            if pin.address == address and header[0] not in self._checks:
+                pin.heard_s = now_s
+                return data
+            if address not in (pin.address, pin.first) and now_s - pin.heard_s < SILENT_S:
+                return self._impostor(now_s, header[1], data)
+        if header is None or not self._is_expected(header[0], now_s):
+            return data if address in self else self._stranger(now_s, data)
+        reason = self._pin(now_s, address, data)
+        if reason is not None and (pin is None or pin.address != address):
+            return self._refuse(reason)
+        return data  # from a pinned address: the link judges it
 
-    def _may_be_peer(self, system_id: int, now_s: float) -> bool:
+    def _pin(self, now_s: float, address: Address, data: bytes) -> str | None:
+        """Pin the address if the datagram begins with a valid frame, signed where there is a key; else say why not."""
+        frame = self._reader.first(data)
+        if frame is None:
+            return "garbage"
+        system_id = frame.get_srcSystem()
+        check = self._checks.get(system_id)
+        if check is not None and check.problem(frame) is not None:
+            return "unsigned"
+        pins = dict(self._pins)
+        if system_id not in pins and self._systems is None and len(pins) >= MAX_SYSTEMS:
+            del pins[self._silent_longest()]
+        first = pins[system_id].first if system_id in pins else address
+        # Another thread may be iterating: the dictionary is replaced, never changed in place.
+        self._pins = {**pins, system_id: _Pin(address, now_s, first)}
+        return None
+
+    def _is_expected(self, system_id: int, now_s: float) -> bool:
         if self._systems is not None:
             return system_id in self._systems
-        if system_id in self._pinned or len(self._pinned) < MOST_SYSTEMS:
+        if system_id in self._pins or len(self._pins) < MAX_SYSTEMS:
             return True
-        longest_silent = min(self._pinned, key=lambda one: self._heard_s[self._pinned[one]])
-        if now_s - self._heard_s[self._pinned[longest_silent]] < SILENT_S:
-            return False
-        self._unpin(longest_silent)
-        return True
+        return now_s - self._pins[self._silent_longest()].heard_s >= SILENT_S
 
-    def _pin(self, system_id: int, address: Address, now_s: float) -> None:
-        if system_id in self._pinned:
-            self._unpin(system_id)
-        # Another thread may be sending to the peers: they are replaced, never changed in place.
-        self._pinned = {**self._pinned, system_id: address}
-        self._heard_s = {**self._heard_s, address: now_s}
+    def _silent_longest(self) -> int:
+        return min(self._pins, key=lambda one: self._pins[one].heard_s)
 
-    def _unpin(self, system_id: int) -> None:
-        address = self._pinned[system_id]
-        self._pinned = {one: place for one, place in self._pinned.items() if one != system_id}
-        self._heard_s = {place: at for place, at in self._heard_s.items() if place != address}
+    def _refuse(self, reason: str) -> bytes:
+        self.refused[reason] += 1
+        return b""
 
-    def _other(self, now_s: float, frame: bytes) -> bytes:
+    def _impostor(self, now_s: float, message_id: int, data: bytes) -> bytes:
+        """Count it, whatever its checksum, and keep a few for the detection of a second source."""
+        if message_id in KNOWN and self._within_budget(now_s, message_id, IMPOSTORS_PER_S):
+            self.impostors.append(data)
+        return self._refuse("impostor")
+
+    def _stranger(self, now_s: float, data: bytes) -> bytes:
+        frame = self._reader.first(data)
+        if frame is None:
+            return self._refuse("garbage")
+        if not self._within_budget(now_s, -1, STRANGERS_PER_S):
+            return self._refuse("stranger")
+        return bytes(frame.get_msgbuf())
+
+    def _within_budget(self, now_s: float, key: int, per_s: int) -> bool:
         if int(now_s) != self._second:
-            self._second, self._others = int(now_s), 0
-        self._others += 1
-        if self._others > OTHERS_PER_S:
-            self.refused["stranger"] += 1
-            return b""
-        return frame
+            self._second = int(now_s)
+            self._budget.clear()
+        self._budget[key] += 1
+        return self._budget[key] <= per_s
 
 
-class UdpWire:
-    """One socket. A listening wire hears and answers one address for each system; see `Peers`."""
-
-    stream = False
+class UdpWire(QueuedWire):
+    """One socket. A listening wire hears and answers one address per system, see `AddressPins`."""
 
     def __init__(
         self,
@@ -121,33 +161,31 @@ class UdpWire:
         port: int,
         listen: bool,
         systems: Collection[int] | None = None,
+        checks: Mapping[int, SignatureCheck] | None = None,
     ) -> None:
-        """Open the socket. `systems` are the MAVLink system ids that a listening wire waits for; None takes any.
+        """Open the socket; `systems` and `checks` apply to a listening wire, see `AddressPins`.
 
         Raises:
             LinkError: If the address cannot be bound or resolved.
         """
+        super().__init__(clock)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._clock = clock
-        self._peers = Peers(systems) if listen else None
-        self._closed = False
-        self._sent = self._unsent = 0
+        self._pins = AddressPins(systems, checks) if listen else None
         try:
             if listen:
                 self._socket.bind((host, port))
             else:
-                self._socket.connect((host, port))  # the kernel keeps everybody else's datagrams away
+                self._socket.connect((host, port))  # the kernel drops datagrams from all other addresses
         except OSError as error:
             self._socket.close()
-            advice = "choose another port or end what uses it" if listen else "is the host's name right?"
+            advice = "choose another port or end the program that uses it" if listen else "is the host name right?"
             raise LinkError(f"udp {host}:{port}: {error}; {advice}") from error
         self._socket.setblocking(False)
-        self._watched, self._readable = select.poll(), select.poll()  # the reader's, and whose the lock is
+        self._watched, self._readable = select.poll(), select.poll()  # for the reader thread; for the lock holder
         for poll in (self._watched, self._readable):
             poll.register(self._socket, select.POLLIN)
-        self._reading = threading.Lock()  # read and kept in one: two threads must not change the order
+        self._reading = threading.Lock()  # read and queue in one step: two threads must not change the order
         self._awaited = False
-        self._arrivals = Arrivals[bytes](clock)
         self._reader = Reader(self._watch, name=f"udp {host}:{port}")
 
     @property
@@ -156,57 +194,62 @@ class UdpWire:
         return int(self._socket.getsockname()[1])
 
     def _watch(self) -> None:
-        """On the reader's thread."""
+        """Read what has arrived, on the reader thread."""
         if self._awaited:
-            time.sleep(ASIDE_S)
+            time.sleep(YIELD_S)
         elif self._watched.poll(_WAIT_MS) and self._reading.acquire(blocking=False):
             try:
-                for received_s, data in self._read():
-                    self._arrivals.put(data, received_s)
+                for packet in self._read():
+                    self._arrivals.put(packet)
             finally:
                 self._reading.release()
 
-    def _read(self) -> list[tuple[float, bytes]]:
-        """What the kernel has, bounded, as far as it gets in."""
-        pieces: list[tuple[float, bytes]] = []
-        for _ in range(_MOST_AT_ONCE):
-            if not self._readable.poll(0):  # an exception that says so costs a cold processor 20 µs
+    def _read(self) -> list[Packet]:
+        """Return up to `_BATCH` datagrams from the kernel, as far as they are accepted."""
+        packets: list[Packet] = []
+        for _ in range(_BATCH):
+            if not self._readable.poll(0):  # cheaper than the exception: 20 µs on a cold processor
                 break
             try:
-                data, address = self._socket.recvfrom(_MOST_BYTES)
+                data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
             except OSError as error:
-                if pieces or isinstance(error, BlockingIOError):
+                if packets or isinstance(error, BlockingIOError):
                     break
                 raise
             now_s = self._clock()
-            if self._peers is not None:
-                data = self._peers.admit(now_s, address, data)
+            if self._pins is not None:
+                data = self._pins.admit(now_s, address, data)
             if data:
-                pieces.append((now_s, data))
-        return pieces
+                packets.append((now_s, data))
+        return packets
 
-    def receive(self) -> Sequence[tuple[float, bytes]]:
-        """Datagrams since the last call.
+    def receive(self) -> Sequence[Packet]:
+        """Return the datagrams since the last call, including those that the kernel still holds.
 
-        What the kernel still has is read here, at once: the reader's thread may be waiting for this one to let it run.
-        It is not waited for where it is reading.
+        Reads the socket itself, since the reader thread may be waiting for this one to release the interpreter. Does
+        not wait if the reader thread is reading.
         """
         if self._closed or not self._reading.acquire(blocking=False):
             return self._arrivals.take()
-        pieces = self._arrivals.take()
+        packets = self._arrivals.take()
         try:
-            pieces += self._read()
+            packets += self._read()
         except OSError:
-            pass  # nobody is at the port that we call; the next datagram may come
+            pass  # nothing listens at the port that we call; it may later
         finally:
             self._reading.release()
-        return pieces
+        return packets
+
+    def impostors(self) -> Sequence[bytes]:
+        """Return datagrams since the last call with a pinned system's id from another address."""
+        kept = () if self._pins is None else self._pins.impostors
+        return [kept.popleft() for _ in range(len(kept))] if kept else ()
 
     def wait(self, timeout_s: float) -> None:
-        """Until something has arrived, at most this long. It is left to `receive`, and the reader's thread to stand by.
+        """Block until something has arrived, at most `timeout_s`; `receive` reads it, not the reader thread.
 
-        So no thread is woken only to wake another. The reader comes back up to `ASIDE_S` later: what this thread lets
-        lie meanwhile is stamped as it is read.
+        So no thread is woken only to wake another. The reader thread resumes up to `YIELD_S` later; datagrams that
+        arrive in between are stamped when they are read.
         """
         if self._closed:
             return
@@ -218,33 +261,27 @@ class UdpWire:
         finally:
             self._awaited = False
 
-    def send(self, frame: bytes) -> None:
-        """Send one datagram to each peer; what the kernel does not take at once is dropped and counted."""
-        if self._closed:
-            return
-        for address in (None,) if self._peers is None else self._peers:
-            try:
-                if address is None:
-                    self._socket.send(frame)
-                else:
-                    self._socket.sendto(frame, address)
-                self._sent += 1
-            except OSError:
-                self._unsent += 1
+    def _write(self, frame: bytes) -> bool:
+        """Send one datagram to each pinned address; without any, the frame is not sent."""
+        addresses = (None,) if self._pins is None else tuple(self._pins)
+        sent = [self._send_to(frame, address) for address in addresses]
+        return bool(sent) and all(sent)
+
+    def _send_to(self, frame: bytes, address: Address | None) -> bool:
+        try:
+            if address is None:
+                self._socket.send(frame)
+            else:
+                self._socket.sendto(frame, address)
+        except OSError:
+            return False
+        return True
 
     def counters(self) -> Mapping[str, int]:
-        """Datagrams sent and not sent, pieces dropped for want of room, and strangers' datagrams refused, by reason."""
-        refused = {} if self._peers is None else self._peers.refused
-        return {
-            "wire_sent": self._sent,
-            "wire_unsent": self._unsent,
-            "wire_dropped": self._arrivals.dropped,
-            **{f"wire_{reason}": count for reason, count in refused.items()},
-        }
+        """Return the counts of all wires, and how many datagrams of others were refused, by reason."""
+        refused = {} if self._pins is None else self._pins.refused
+        return {**super().counters(), **{f"wire_{reason}": count for reason, count in refused.items()}}
 
-    def close(self) -> None:
-        """End the reader, then the socket."""
-        if not self._closed:
-            self._closed = True
-            self._reader.close()
-            self._socket.close()
+    def _release(self) -> None:
+        self._reader.close()
+        self._socket.close()

@@ -1,50 +1,100 @@
-"""MAVLink over Zenoh: one frame per sample on `mavlink_raw/in` (to the vehicle) and `mavlink_raw/out` (from it).
+"""Zenoh: sessions, MAVLink over Zenoh, and a router for computers without zenohd.
 
-Keys and encoding are those of mavlink-server's raw driver; vehicles are told apart by a prefix, which on the wire is
-the same as a session's `namespace`. Frames are dropped rather than waited for, at real-time priority, unbatched.
+MAVLink goes one frame per sample over `mavlink_raw/in` (to the vehicle) and `mavlink_raw/out` (from it). Keys and
+encoding are those of mavlink-server's raw driver. A prefix distinguishes vehicles; on the wire it is the same as a
+session's `namespace`. Frames are sent at real-time priority, unbatched, and dropped rather than delayed.
 """
 
 import contextlib
 import json
 import threading
-from collections.abc import Mapping, Sequence
-from typing import Final
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
 
 import zenoh
 
-from guidance.errors import LinkError
-from guidance.links.arrivals import Arrivals, Clock
-from guidance.links.wires.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.errors import ConfigError, LinkError
+from guidance.links.port import Clock
+from guidance.links.wires.shared import QueuedWire
+from guidance.links.wires.zenoh_access import AUTHORITY, NO_CREDENTIALS, ROUTER, Credentials
 
 TO_VEHICLE: Final = "mavlink_raw/in"
 FROM_VEHICLE: Final = "mavlink_raw/out"
 
 _REFUSED: Final = (
-    "is the router running, is its certificate for this host and of zenoh.tls_ca_file, and does it know our "
-    "certificate's authority and our user? RUST_LOG=warn on the router says whom it refused"
+    "is the router running, is its certificate for this host and signed by zenoh.tls_ca_file, and does it accept our "
+    "certificate or user? With RUST_LOG=warn the router logs whom it refuses"
 )
 
 
 def is_over(stop: threading.Event, wait_s: float = 0.0) -> bool:
-    """Whether a thread that calls Zenoh shall end: it was told to, or the interpreter is ending.
+    """Return whether a thread that calls Zenoh should end: it was told to, or the interpreter is ending.
 
-    No such thread is a daemon thread: one that comes back from Zenoh while the interpreter ends is cancelled there,
-    through frames that do not let it, and the process aborts ("FATAL: exception not rethrown").
+    Such threads must not be daemon threads: one that returns from Zenoh while the interpreter ends aborts the process
+    ("FATAL: exception not rethrown").
 
     Args:
-        stop: Tells it to end.
-        wait_s: How long that is waited for.
+        stop: Set to end the thread.
+        wait_s: How long to wait for it.
     """
     return stop.wait(wait_s) or not threading.main_thread().is_alive()
 
 
-def encoding() -> "zenoh.Encoding":
-    """`application/octet-stream;mavlink`."""
-    return zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")
+def open_session(
+    endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS
+) -> "zenoh.Session":
+    """Open a client session to one endpoint (`tcp/127.0.0.1:7447`). It neither listens nor searches the network.
+
+    Raises:
+        LinkError: If the endpoint does not answer within `timeout_s`, or refuses us.
+    """
+    link: dict[str, Any] = {"tx": {"queue": {"size": {"real_time": 16}}}}  # room for bursts; sending never waits
+    transport: dict[str, Any] = {"shared_memory": {"enabled": False}, "link": link}
+    if credentials.auth is not None:
+        transport["auth"] = credentials.auth
+    if credentials.tls is not None:
+        link["tls"] = credentials.tls
+    config = {
+        "mode": "client",
+        "listen": {"endpoints": []},
+        "connect": {"endpoints": [endpoint], "timeout_ms": round(timeout_s * 1e3), "exit_on_failure": True},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": transport,
+    }
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        raise LinkError(
+            f"zenoh {endpoint}: no session within {timeout_s:g} s ({_short(error)}); "
+            + ("is the vehicle (or the mock) running?" if credentials == NO_CREDENTIALS else _REFUSED)
+        ) from error
 
 
-class ZenohWire:
-    """The vehicle's end of a namespace, seen from us. Opens its own session unless it is given one."""
+class Subscription:
+    """A session of our own with one subscriber. A session left open would keep the interpreter from ending.
+
+    Args:
+        session: Closed with the subscription.
+        key: What is subscribed to; samples of our own session are not received.
+        on_sample: Called on a thread of Zenoh's.
+    """
+
+    def __init__(
+        self, session: "zenoh.Session", key: "str | zenoh.KeyExpr", on_sample: Callable[["zenoh.Sample"], None]
+    ) -> None:
+        self._session = session
+        self._subscriber = session.declare_subscriber(key, on_sample, allowed_origin=zenoh.Locality.REMOTE)
+
+    def close(self) -> None:
+        """End the subscription and close the session."""
+        for close in (self._subscriber.undeclare, self._session.close):
+            with contextlib.suppress(zenoh.ZError):
+                close()  # type: ignore[no-untyped-call]
+
+
+class ZenohWire(QueuedWire):
+    """Our side of a vehicle's namespace, in a session of its own."""
 
     stream = True
 
@@ -52,117 +102,83 @@ class ZenohWire:
         self,
         clock: Clock,
         *,
-        namespace: str = "",
-        endpoint: str | None = None,
-        session: "zenoh.Session | None" = None,
+        namespace: str,
+        endpoint: str,
         credentials: Credentials = NO_CREDENTIALS,
         timeout_s: float = 3.0,
     ) -> None:
-        """Subscribe and get ready to publish.
+        """Subscribe and prepare to publish.
 
         Raises:
-            LinkError: If there is no session to be had within `timeout_s`.
-            ValueError: If neither or both of `endpoint` and `session` are given.
+            LinkError: If no session can be opened within `timeout_s`.
         """
-        if (endpoint is None) == (session is None):
-            raise ValueError(f"endpoint = {endpoint!r}, session = {session!r}: give exactly one")
-        self._arrivals = Arrivals[bytes](clock)
-        self._lock = threading.Lock()
-        self._closed = False
-        self._sent = self._unsent = 0
-        self._own = None if endpoint is None else open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
-        used = session if session is not None else self._own
-        assert used is not None
+        super().__init__(clock)
         prefix = f"{namespace}/" if namespace else ""
-        self._subscriber = used.declare_subscriber(
-            prefix + FROM_VEHICLE,
-            lambda sample: self._arrivals.put(sample.payload.to_bytes()),
-            allowed_origin=zenoh.Locality.REMOTE,
-        )
-        self._publisher = used.declare_publisher(
+        session = open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
+        self._publisher = session.declare_publisher(
             prefix + TO_VEHICLE,
-            encoding=encoding(),
+            encoding=zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink"),
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-
-    def receive(self) -> Sequence[tuple[float, bytes]]:
-        """Samples since the last call."""
-        return self._arrivals.take()
-
-    def wait(self, timeout_s: float) -> None:
-        """Until something has arrived, at most this long."""
-        self._arrivals.wait(timeout_s)
-
-    def send(self, frame: bytes) -> None:
-        """Publish one frame; a failure (session gone) is counted. May be called from any thread."""
-        with self._lock:
-            if self._closed:
-                return
-            try:
-                self._publisher.put(frame)
-                self._sent += 1
-            except zenoh.ZError:
-                self._unsent += 1
-
-    def counters(self) -> Mapping[str, int]:
-        """Frames sent and not sent, and samples dropped for want of room."""
-        return {"wire_sent": self._sent, "wire_unsent": self._unsent, "wire_dropped": self._arrivals.dropped}
-
-    def close(self) -> None:
-        """Undeclare, and close the session if it is ours. A session left open keeps the interpreter from ending."""
-        with self._lock:
-            if self._closed:
-                return
-            self._closed = True
-        with contextlib.suppress(zenoh.ZError):
-            self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-            self._publisher.undeclare()  # type: ignore[no-untyped-call]
-        if self._own is not None:
-            with contextlib.suppress(zenoh.ZError):
-                self._own.close()  # type: ignore[no-untyped-call]
-
-
-def closed_config(endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS) -> zenoh.Config:
-    """A client that connects to one endpoint (`tcp/127.0.0.1:7447`), and neither listens nor looks around.
-
-    Without `credentials` only an endpoint that asks nobody lets us in.
-    """
-    return zenoh.Config.from_json5(
-        json.dumps(
-            {
-                "mode": "client",
-                "listen": {"endpoints": []},
-                "connect": {"endpoints": [endpoint], "timeout_ms": round(timeout_s * 1e3), "exit_on_failure": True},
-                "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                # More room for bursts at real-time priority, and no longer wait: the loop never waits for a peer.
-                "transport": {
-                    "shared_memory": {"enabled": False},
-                    **({} if credentials.auth is None else {"auth": credentials.auth}),
-                    "link": {
-                        "tx": {"queue": {"size": {"real_time": 16}}},
-                        **({} if credentials.tls is None else {"tls": credentials.tls}),
-                    },
-                },
-            }
+        self._subscription = Subscription(
+            session, prefix + FROM_VEHICLE, lambda sample: self._arrivals.put((clock(), sample.payload.to_bytes()))
         )
-    )
+
+    def _write(self, frame: bytes) -> bool:
+        try:
+            self._publisher.put(frame)
+        except zenoh.ZError:
+            return False
+        return True
+
+    def _release(self) -> None:
+        self._arrivals.close()
+        self._subscription.close()
 
 
-def open_session(
-    endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS
-) -> "zenoh.Session":
-    """Open a session, or say within `timeout_s` that nobody is there.
+def open_router(path: Path, keys: Path | None = None, listen: str | None = None) -> "zenoh.Session":
+    """Open a router, which routes until it is closed. It is the same code as zenohd, without plugins (REST, storage).
+
+    Args:
+        path: zenohd's configuration, JSON5.
+        keys: A folder made by `guidance zenoh keys`; replaces the certificates that the file names.
+        listen: Replaces the file's endpoint: tls/0.0.0.0:7447.
 
     Raises:
-        LinkError: If nobody listens at the endpoint, or it refuses us.
+        ConfigError: If the file or a certificate is wrong or cannot be read.
+        LinkError: If it cannot listen at the endpoint.
     """
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file; config/zenoh/router.json5 is included in the installation")
     try:
-        return zenoh.open(closed_config(endpoint, timeout_s=timeout_s, credentials=credentials))
+        config = zenoh.Config.from_file(str(path))
+        if listen is not None:
+            config.insert_json5("listen/endpoints", json.dumps([listen]))
+        if keys is not None:
+            _use_keys(config, keys.absolute())
     except zenoh.ZError as error:
-        reason = str(error).split(" at /")[0].strip()
+        raise ConfigError(f"{path}: not a Zenoh configuration ({_short(error)})") from error
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
         raise LinkError(
-            f"zenoh {endpoint}: no session within {timeout_s:g} s ({reason}); "
-            + ("is the vehicle (or the mock) running?" if credentials == NO_CREDENTIALS else _REFUSED)
+            f"{path}: the router cannot listen ({_short(error)}); is its port in use, and do its certificates exist? "
+            "Name their folder with --keys"
         ) from error
+
+
+def _use_keys(config: "zenoh.Config", keys: Path) -> None:
+    for key, name in (
+        ("root_ca_certificate", f"{AUTHORITY}.pem"),
+        ("listen_certificate", f"{ROUTER}.pem"),
+        ("listen_private_key", f"{ROUTER}.key"),
+    ):
+        if not (keys / name).is_file():
+            raise ConfigError(f"--keys {keys}: {name} is missing; create it with guidance zenoh keys")
+        config.insert_json5(f"transport/link/tls/{key}", json.dumps(str(keys / name)))
+
+
+def _short(error: Exception) -> str:
+    return str(error).split(" at /")[0].strip()

@@ -1,6 +1,6 @@
-"""Who we are to a Zenoh router, and which router we believe: TLS, mutual TLS, user and password.
+"""Credentials for a Zenoh router and the check of its identity: TLS, mutual TLS, user and password.
 
-The same keys are the section `[zenoh]` of a vehicle file and the file that `guidance zenoh keys` writes for each party.
+The keys are the same in the section `[zenoh]` of a vehicle file and in the files that `guidance zenoh keys` writes.
 """
 
 import ssl
@@ -16,19 +16,19 @@ from guidance.errors import ConfigError
 
 AUTHORITY: Final = "ca"
 ROUTER: Final = "router"
-"""Names of the files of `guidance zenoh keys` that are nobody's: AUTHORITY.pem, ROUTER.pem."""
+"""Names of files of `guidance zenoh keys` that belong to no party: AUTHORITY.pem, ROUTER.pem."""
 
 _PATHS: Final = ("tls_ca_file", "tls_certificate_file", "tls_key_file", "password_file")
 
 
 class ZenohSection(Section):
-    """How a Zenoh router is reached beyond this computer. Without it Zenoh goes over plain TCP."""
+    """How to reach a Zenoh router on another computer. Without this section Zenoh uses plain TCP."""
 
-    tls_ca_file: Path | None = Field(None, description="PEM; TLS, with routers whose certificate this authority signed")
-    tls_certificate_file: Path | None = Field(None, description="PEM; mutual TLS: its common name is who we are")
-    tls_key_file: Path | None = Field(None, description="PEM, of the certificate; readable by nobody else")
-    user: str | None = Field(None, pattern=r"^[^\s:]{1,64}$", description="who we are, to a router that asks for it")
-    password_file: Path | None = Field(None, description="one line; readable by nobody else")
+    tls_ca_file: Path | None = Field(None, description="PEM; use TLS, with routers whose certificate it has signed")
+    tls_certificate_file: Path | None = Field(None, description="PEM; mutual TLS: its common name is our identity")
+    tls_key_file: Path | None = Field(None, description="PEM, of the certificate; only you may read it")
+    user: str | None = Field(None, pattern=r"^[^\s:]{1,64}$", description="our name at a router that asks for one")
+    password_file: Path | None = Field(None, description="one line; only you may read it")
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:
@@ -44,19 +44,19 @@ class ZenohSection(Section):
         return self
 
     def beside(self, folder: Path) -> Self:
-        """Return the same with relative paths counted from a folder."""
+        """Return a copy whose relative paths are relative to a folder."""
         given = {name: getattr(self, name) for name in _PATHS}
         return self.model_copy(update={name: folder / path for name, path in given.items() if path is not None})
 
 
 class Credentials(NamedTuple):
-    """What a session shows and asks for: Zenoh's `transport.auth` and `transport.link.tls`; None for neither."""
+    """Zenoh's `transport.auth` and `transport.link.tls`; None for neither."""
 
     auth: Mapping[str, Any] | None = None
     tls: Mapping[str, Any] | None = None
 
     def endpoint(self, host: str, port: int) -> str:
-        """Return the endpoint of a router, by TLS where we have an authority to judge it by."""
+        """Return the endpoint of a router: by TLS if we have an authority to verify it with."""
         return f"{'tcp' if self.tls is None else 'tls'}/{host}:{port}"
 
 
@@ -64,17 +64,17 @@ NO_CREDENTIALS: Final = Credentials()
 
 
 def credentials_of(section: ZenohSection) -> Credentials:
-    """Read what a section names, and see that it fits together before anything is connected.
+    """Read and check the files of a section before anything is connected.
 
     Raises:
-        ConfigError: If a file cannot be read, is no certificate, key or password, others may read a secret, or a key is
-            not its certificate's; the message names the key and the file.
+        ConfigError: If a file cannot be read or is not what its key says, others may read a secret, or a key does not
+            belong to its certificate. The message names the key and the file.
     """
     return Credentials(_auth(section), _tls(section))
 
 
 def read_credentials(path: Path | None) -> Credentials:
-    """Read a file that has the keys of `[zenoh]`; relative names in it count from its folder. None has none.
+    """Read a file with the keys of `[zenoh]`; its relative paths are relative to its folder. None reads nothing.
 
     Raises:
         ConfigError: If it is wrong, or as `credentials_of`.
@@ -87,7 +87,7 @@ def _auth(section: ZenohSection) -> Mapping[str, Any] | None:
         return None
     password = _read("password_file", section.password_file, secret=True).rstrip("\n")
     if not password or "\n" in password:
-        raise ConfigError(f"zenoh.password_file = {str(section.password_file)!r}: must have one line, the password")
+        raise ConfigError(f"zenoh.password_file = {str(section.password_file)!r}: it must have one line, the password")
     return {"usrpwd": {"user": section.user, "password": password}}
 
 
@@ -100,20 +100,18 @@ def _tls(section: ZenohSection) -> Mapping[str, Any] | None:
     try:
         context.load_verify_locations(authority)
     except ssl.SSLError as error:
-        raise ConfigError(
-            f"zenoh.tls_ca_file = {str(authority)!r}: is no certificate in PEM ({error.reason})"
-        ) from error
+        raise ConfigError(f"zenoh.tls_ca_file = {str(authority)!r}: not a PEM certificate ({error.reason})") from error
     tls = {"root_ca_certificate": str(authority), "verify_name_on_connect": True, "close_link_on_expiration": True}
     if certificate is None or key is None:
         return tls
     _read("tls_certificate_file", certificate)
     _read("tls_key_file", key, secret=True)
     try:
-        context.load_cert_chain(certificate, key, password=str)  # no password: Zenoh could not ask for one either
+        context.load_cert_chain(certificate, key, password=str)  # Zenoh cannot ask for a password either
     except ssl.SSLError as error:
         raise ConfigError(
-            f"zenoh.tls_certificate_file = {str(certificate)!r} with zenoh.tls_key_file = {str(key)!r}: are no pair in "
-            f"PEM ({error.reason or error})"
+            f"zenoh.tls_certificate_file = {str(certificate)!r}, zenoh.tls_key_file = {str(key)!r}: not a certificate "
+            f"and its key in PEM ({error.reason or error})"
         ) from error
     return {**tls, "enable_mtls": True, "connect_certificate": str(certificate), "connect_private_key": str(key)}
 
@@ -124,7 +122,7 @@ def _read(name: str, path: Path, *, secret: bool = False) -> str:
     except OSError as error:
         raise ConfigError(f"zenoh.{name} = {str(path)!r}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"zenoh.{name} = {str(path)!r}: is no text") from error
+        raise ConfigError(f"zenoh.{name} = {str(path)!r}: not a text file") from error
     if secret and mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(f"zenoh.{name} = {str(path)!r}: others may read it; chmod 600 it")
+        raise ConfigError(f"zenoh.{name} = {str(path)!r}: others may read it; run chmod 600 on it")
     return text

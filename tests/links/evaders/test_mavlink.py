@@ -19,7 +19,7 @@ from guidance.links.evaders import (
     OdometryCarrier,
     OpenDroneIdLocation,
 )
-from guidance.messages import AltitudeSaid, Datum, EvaderReport, GlobalPosition
+from guidance.messages import AltitudeSaid, Datum, EvaderReport
 from tests.links.peer import Peer
 
 UNDULATION_M = 47.3
@@ -107,6 +107,15 @@ def test_only_the_pinned_system_is_the_evader_even_when_it_falls_silent():
     assert world.source.counters()["foreign"] == 2
 
 
+def test_reports_from_other_addresses_are_counted_in_the_next_report():
+    world = World(FollowTarget())
+    other = Peer(lambda data: None, system_id=9)
+    elsewhere = [other.packed(follow()), other.packed(dialect.MAVLink_timesync_message(1, 2)), b"\xfd garbage"]
+    world.source._wire.impostors = lambda: [elsewhere.pop()] if elsewhere else []
+    impostors = [world.report(follow(ms=1500 + n)).impostors for n in range(5)]
+    assert impostors == [None, None, 1, None, None]
+
+
 def test_a_component_can_be_pinned_too():
     world = World(FollowTarget(), component_id=1)
     assert world.report(follow(), component_id=191) is None
@@ -146,9 +155,6 @@ def test_global_position_int_is_amsl_and_at_rest_means_at_rest():
     assert report.altitude_amsl_m == 520.25
     assert report.velocity_ned_m_s == (0.0, 0.0, 0.0)
     assert math.isnan(report.position_sd_m)
-    moving = GlobalPosition(7.0, 3.0, 47.0, 8.0, 500.0, 10.0, (1.0, 2.0, 3.0))
-    typed = GlobalPositionInt().report_of(moving)
-    assert (typed.received_s, typed.sent_s, typed.velocity_ned_m_s) == (7.0, 3.0, (1.0, 2.0, 3.0))
 
 
 @pytest.mark.parametrize(("lat", "lon"), [(0, 0), (2**31 - 1, 85455939)])

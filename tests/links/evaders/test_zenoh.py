@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.evaders import Refused, RosPose, rmw_key
-from guidance.links.evaders.opening import EvaderIdentity, open_source
-from guidance.links.evaders.zenoh import ZenohEvader, json_schema, read_json
+from guidance.links.evaders import Refused
+from guidance.links.evaders.zenoh import RosPose, ZenohEvader, json_schema, read_json, rmw_key
+from guidance.links.opening import EvaderIdentity, open_source
 from tests.links.peer import Peer, until
 from tests.links.rigs import clock, free_port
 
@@ -57,6 +57,7 @@ def test_a_report_says_its_units_and_its_datum():
         0.2,
         None,
         (600.0, "amsl"),
+        None,
         None,
         None,
     )
@@ -245,18 +246,6 @@ def test_an_evader_is_heard_from_its_zenoh_key_and_nobody_elses(router, kind, pa
         source.close()
     router.session.put(key, payload)
     assert source.receive() == []
-
-
-def test_a_session_of_ours_is_not_closed_with_the_source(router):
-    with zenoh.open(zenoh.Config.from_json5(_client(router.port))) as session:
-        source = ZenohEvader(clock, "t", read, session=session)
-        source.close()
-        assert not session.is_closed()
-
-
-def _client(port: int) -> str:
-    closed = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
-    return json.dumps({"mode": "client", "connect": {"endpoints": [f"tcp/127.0.0.1:{port}"]}, "scouting": closed})
 
 
 @pytest.mark.parametrize(

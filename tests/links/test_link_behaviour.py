@@ -1,4 +1,4 @@
-"""What a link does on top of decoding: joining texts, time synchronisation, filtering, bounds."""
+"""A link beyond decoding: joined texts, TIMESYNC, filtering, bounds."""
 
 import pytest
 from hypothesis import given
@@ -6,14 +6,13 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links import MemoryWire
-from guidance.links.conversation import MOST_KEPT
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.pymavlink_link import QUEUE_LENGTH, PymavlinkLink
 from guidance.messages import CommandAck, LocalPosition, StatusText, Timesync
 from tests.links.peer import Peer
 
 
 class World:
-    """A link, its peer, and the clock they share, which only moves when it is told to."""
+    """A link, its peer, and the clock they share, which moves only when told."""
 
     def __init__(self, **options) -> None:
         self.now_s = 100.0
@@ -35,7 +34,7 @@ def texts(messages: list) -> list[str]:
     return [message.text for message in messages if isinstance(message, StatusText)]
 
 
-def test_a_short_text_comes_at_once():
+def test_a_short_text_is_complete_at_once():
     world = World()
     world.text(b"Preflight Fail: ekf2 missing data")
     assert world.exchange() == [StatusText(100.0, 4, "Preflight Fail: ekf2 missing data")]
@@ -49,7 +48,7 @@ def test_chunks_are_joined_into_the_text_that_was_sent(text):
     assert texts(world.exchange()) == [text]
 
 
-def test_a_lost_chunk_shows_and_a_lost_end_is_given_up_after_a_second():
+def test_a_lost_chunk_shows_and_a_lost_end_times_out_after_a_second():
     world = World()
     world.text(b"a" * 50, 3, 0)
     world.text(b"c" * 50, 3, 2)
@@ -58,7 +57,7 @@ def test_a_lost_chunk_shows_and_a_lost_end_is_given_up_after_a_second():
     assert texts(world.exchange()) == ["a" * 50 + "…" + "c" * 50]
 
 
-def test_a_new_text_ends_one_that_was_never_finished():
+def test_a_new_text_ends_an_unfinished_one():
     world = World()
     world.text(b"a" * 50, 3, 0)
     world.text(b"whole", 0)
@@ -72,13 +71,13 @@ def test_a_text_without_an_end_is_bounded():
     assert all(len(text) <= 50 * 17 for text in texts(world.exchange()))
 
 
-def test_bytes_that_are_not_text_do_no_harm():
+def test_text_that_is_not_utf8_is_shown_as_far_as_possible():
     world = World()
     world.text(b"\xff\xfe bad \x80")
     assert "bad" in texts(world.exchange())[0]
 
 
-def test_a_question_for_our_time_is_answered_with_it():
+def test_timesync_questions_are_answered_with_our_time():
     world = World()
     world.peer.say(dialect.MAVLink_timesync_message(0, 777))
     world.exchange()
@@ -86,7 +85,7 @@ def test_a_question_for_our_time_is_answered_with_it():
     assert (answer.tc1, answer.ts1) == (100_000_000_000, 777)
 
 
-def test_we_ask_once_a_second_once_the_vehicle_was_heard_and_take_only_answers_to_us():
+def test_timesync_is_asked_every_second_and_only_answers_to_us_count():
     world = World()
     world.exchange()
     assert world.peer.of("TIMESYNC") == []
@@ -103,7 +102,7 @@ def test_we_ask_once_a_second_once_the_vehicle_was_heard_and_take_only_answers_t
     assert answers == [Timesync(world.now_s, remote_ns=5_000_000_000, local_ns=asked[-1])]
 
 
-def test_answers_to_other_stations_are_not_ours():
+def test_answers_to_other_stations_are_dropped():
     world = World()
     for target in ((1, 195), (255, 190), (1, 191), (0, 0)):
         world.peer.say(dialect.MAVLink_command_ack_message(400, 0, 0, 0, *target))
@@ -111,7 +110,7 @@ def test_answers_to_other_stations_are_not_ours():
     assert world.link.counters()["for_others"] == 2
 
 
-def test_values_that_cannot_be_meant_are_counted_and_dropped():
+def test_implausible_values_are_counted_and_dropped():
     world = World()
     world.peer.say(dialect.MAVLink_local_position_ned_message(1, float("nan"), 0, 0, 0, 0, 0))
     world.peer.say(dialect.MAVLink_global_position_int_message(1, 0, 0, 0, 0, 0, 0, 0, 0))
@@ -119,14 +118,14 @@ def test_values_that_cannot_be_meant_are_counted_and_dropped():
     assert world.link.counters()["invalid"] == 2
 
 
-def test_what_nobody_fetches_is_bounded_and_the_newest_is_kept():
+def test_unread_messages_are_bounded_and_the_newest_kept():
     world = World()
-    total = MOST_KEPT + 500
+    total = QUEUE_LENGTH + 500
     for n in range(total):
         world.peer.local_position(n)
         if n % 500 == 0:
             world.link.poll()
     kept = [message.time_boot_s for message in world.exchange() if isinstance(message, LocalPosition)]
-    assert len(kept) == MOST_KEPT
+    assert len(kept) == QUEUE_LENGTH
     assert kept[-1] == pytest.approx((total - 1) / 1e3)
     assert world.link.counters()["overflowed"] == 500

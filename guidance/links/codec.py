@@ -1,0 +1,313 @@
+"""Converts MAVLink messages of pymavlink to typed values of `guidance.messages`, and setpoints and requests back."""
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from pymavlink.dialects.v20 import common
+
+from guidance.frames import Vector
+from guidance.links.frames import MAGIC_V1, Decoded
+from guidance.messages import (
+    Attitude,
+    Command,
+    CommandAck,
+    FenceCount,
+    FenceItem,
+    FenceReceived,
+    FenceRefused,
+    FenceRequest,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Message,
+    Odometry,
+    Origin,
+    Parameter,
+    ParameterRequest,
+    ParameterSet,
+    PositionTarget,
+    Request,
+    Setpoint,
+    SystemStatus,
+)
+from guidance.vehicle import is_plausible
+
+MAV_AUTOPILOT_PX4: Final = 12
+MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
+INT32_MAX: Final = 2**31 - 1
+MAV_PARAM_TYPE_INT32: Final = 6
+MAV_MISSION_TYPE_FENCE: Final = 1
+
+MAV_FRAME_LOCAL_NED: Final = 1
+FLOAT32_MAX: Final = 3.4028234663852886e38
+_MAX_BYTEWISE: Final = 0x7F7FFFFF
+"""Largest integer whose bytes form a finite float. Those of a negative integer form a NaN, which JSON cannot carry."""
+
+# POSITION_TARGET_TYPEMASK: a set bit tells the autopilot to ignore that field.
+IGNORE_POSITION: Final = 1 | 2 | 4
+IGNORE_ACCELERATION: Final = 64 | 128 | 256
+IGNORE_YAW: Final = 1024
+IGNORE_YAW_RATE: Final = 2048
+
+_ZERO: Final = (0.0, 0.0, 0.0)
+
+
+def finite(x: float, y: float, z: float) -> Vector:
+    """Return three fields that are only usable together.
+
+    Raises:
+        ValueError: If one of them is not finite.
+    """
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        raise ValueError(f"not finite: {x}, {y}, {z}")
+    return x, y, z
+
+
+def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
+    """Convert units of 1e-7 degrees to WGS-84 degrees.
+
+    Raises:
+        ValueError: If the position is unknown (INT32_MAX, or 0/0 before the first fix) or not on Earth.
+    """
+    latitude, longitude = latitude_e7 / 1e7, longitude_e7 / 1e7
+    if latitude_e7 == 0 and longitude_e7 == 0:
+        raise ValueError("latitude and longitude are both 0: no fix yet")
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        raise ValueError(f"latitude {latitude}, longitude {longitude}: not on Earth")
+    return latitude, longitude
+
+
+def _heartbeat(m: Decoded, received_s: float) -> Message:
+    armed = bool(m.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
+    return Heartbeat(received_s, m.custom_mode, armed, m.system_status, m.autopilot)
+
+
+def _local_position(m: Decoded, received_s: float) -> Message:
+    position, velocity = (m.x, m.y, m.z), (m.vx, m.vy, m.vz)
+    return LocalPosition(received_s, m.time_boot_ms / 1e3, position, velocity)
+
+
+def _global_position(m: Decoded, received_s: float) -> Message:
+    latitude, longitude = degrees(m.lat, m.lon)
+    velocity = (m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
+    above_sea, above_home = m.alt / 1e3, m.relative_alt / 1e3
+    return GlobalPosition(received_s, m.time_boot_ms / 1e3, latitude, longitude, above_sea, above_home, velocity)
+
+
+def _attitude(m: Decoded, received_s: float) -> Message:
+    return Attitude(received_s, m.time_boot_ms / 1e3, m.yaw)
+
+
+def _odometry(m: Decoded, received_s: float) -> Message:
+    return Odometry(received_s, m.reset_counter)
+
+
+def _extended_state(m: Decoded, received_s: float) -> Message:
+    return LandedState(received_s, m.landed_state)
+
+
+def _system_status(m: Decoded, received_s: float) -> Message:
+    percent = m.battery_remaining
+    remaining = percent / 100.0 if 0 <= percent <= 100 else math.nan  # -1: not sent
+    present, health = m.onboard_control_sensors_present, m.onboard_control_sensors_health
+    return SystemStatus(received_s, present, health, remaining)
+
+
+def _home(m: Decoded, received_s: float) -> Message:
+    latitude, longitude = degrees(m.latitude, m.longitude)
+    position = (m.x, m.y, m.z)
+    return Home(received_s, latitude, longitude, m.altitude / 1e3, position)
+
+
+def _origin(m: Decoded, received_s: float) -> Message:
+    latitude, longitude = degrees(m.latitude, m.longitude)
+    return Origin(received_s, latitude, longitude, m.altitude / 1e3)
+
+
+def _command_ack(m: Decoded, received_s: float) -> Message:
+    return CommandAck(received_s, m.command, m.result)
+
+
+def _position_target(m: Decoded, received_s: float) -> Message:
+    velocity = (m.vx, m.vy, m.vz)
+    return PositionTarget(received_s, m.time_boot_ms / 1e3, m.type_mask, velocity)
+
+
+def _require_fence(m: Decoded) -> None:
+    if m.mission_type != MAV_MISSION_TYPE_FENCE:
+        raise ValueError(f"mission_type {m.mission_type}: only the fence ({MAV_MISSION_TYPE_FENCE}) is read")
+
+
+def _fence_count(m: Decoded, received_s: float) -> Message:
+    _require_fence(m)
+    return FenceCount(received_s, m.count)
+
+
+def _fence_item(m: Decoded, received_s: float) -> Message:
+    _require_fence(m)
+    size = m.param1
+    if not math.isfinite(size):
+        raise ValueError(f"param1 = {size}: not a number of corners, not a radius")
+    latitude, longitude = degrees(m.x, m.y)
+    return FenceItem(received_s, m.seq, m.command, size, latitude, longitude)
+
+
+def _fence_refused(m: Decoded, received_s: float) -> Message:
+    _require_fence(m)
+    return FenceRefused(received_s, m.type)
+
+
+DECODERS: Final[Mapping[str, Callable[[Decoded, float], Message]]] = {
+    "HEARTBEAT": _heartbeat,
+    "SYS_STATUS": _system_status,
+    "ATTITUDE": _attitude,
+    "LOCAL_POSITION_NED": _local_position,
+    "GLOBAL_POSITION_INT": _global_position,
+    "GPS_GLOBAL_ORIGIN": _origin,
+    "COMMAND_ACK": _command_ack,
+    "POSITION_TARGET_LOCAL_NED": _position_target,
+    "HOME_POSITION": _home,
+    "EXTENDED_SYS_STATE": _extended_state,
+    "ODOMETRY": _odometry,
+    "MISSION_COUNT": _fence_count,
+    "MISSION_ITEM_INT": _fence_item,
+    "MISSION_ACK": _fence_refused,
+}
+"""Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need the state of the link."""
+
+
+def decode(message: Decoded, received_s: float) -> Message:
+    """Convert one message to a typed value.
+
+    Raises:
+        KeyError: If the message is not in `DECODERS`.
+        ValueError: If a value is unknown or implausible.
+    """
+    return plausible(DECODERS[message.get_type()](message, received_s))
+
+
+def plausible(message: Message) -> Message:
+    """Return the same message.
+
+    Raises:
+        ValueError: If a value is implausible, see `guidance.vehicle.is_plausible`.
+    """
+    if not is_plausible(message):
+        raise ValueError(f"{message}: implausible")
+    return message
+
+
+def parameter(message: Decoded, received_s: float, *, autopilot: int) -> Parameter:
+    """Convert a PARAM_VALUE. PX4 carries integers as bytes in the float, other autopilots as a number."""
+    value = message.param_value
+    if is_bytewise(message.param_type, autopilot=autopilot):
+        # pymavlink's float would not do: the bytes of a negative integer are a NaN, which loses bits.
+        data = bytes(message.get_msgbuf())
+        start = 6 if data[0] == MAGIC_V1 else 10
+        (value,) = struct.unpack("<i", data[start : start + min(4, data[1])].ljust(4, b"\0"))
+    return Parameter(received_s, message.param_id, float(value), message.param_type)
+
+
+def is_bytewise(param_type: int, *, autopilot: int) -> bool:
+    """Return whether a parameter's float carries the bytes of an integer (PX4: MAV_PARAM_TYPE_INT32 only)."""
+    return autopilot == MAV_AUTOPILOT_PX4 and param_type == MAV_PARAM_TYPE_INT32
+
+
+def setpoint(setpoint: Setpoint, *, now_s: float, system_id: int, component_id: int) -> Decoded:
+    """Return a SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. Ignored fields are zero.
+
+    Its type mask is 3527 for velocity alone, 2503 with yaw, 3079 with acceleration and 2055 with both. PX4 and
+    ArduCopter accept all of these. No height is sent beside a velocity: ArduCopter then ignores the whole and stops.
+
+    Args:
+        setpoint: NED, m/s and m/s².
+        now_s: Our clock; becomes time_boot_ms.
+        system_id: The vehicle's.
+        component_id: Its autopilot's.
+
+    Raises:
+        ValueError: If a value is not finite as a 32 bit float.
+    """
+    velocity, acceleration, yaw_rad = setpoint
+    numbers = (*velocity, *(acceleration or _ZERO), yaw_rad or 0.0)
+    if not all(abs(number) <= FLOAT32_MAX for number in numbers):
+        raise ValueError(f"{setpoint}: a setpoint must be finite; nothing was sent")
+    mask = IGNORE_POSITION | IGNORE_YAW_RATE
+    mask |= IGNORE_ACCELERATION if acceleration is None else 0
+    mask |= IGNORE_YAW if yaw_rad is None else 0
+    target = boot_ms(now_s), system_id, component_id, MAV_FRAME_LOCAL_NED, mask
+    return common.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
+
+
+def boot_ms(now_s: float) -> int:
+    """Convert our clock to MAVLink's time_boot_ms, which wraps at 2^32."""
+    return int(now_s * 1e3) % 2**32
+
+
+def request(request: Request, *, attempt: int, system_id: int, component_id: int, autopilot: int = 0) -> Decoded:
+    """Return a COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_* message.
+
+    Args:
+        request: The request.
+        attempt: Counts from 0; becomes `confirmation`.
+        system_id: The vehicle's.
+        component_id: Its autopilot's.
+        autopilot: MAV_AUTOPILOT; determines how the float of a parameter carries an integer.
+
+    Raises:
+        ValueError: If a parameter is infinite, a coordinate does not fit, or a parameter's name is too long.
+    """
+    to = system_id, component_id
+    match request:
+        case ParameterRequest():
+            return common.MAVLink_param_request_read_message(*to, _parameter_name(request.name), -1)
+        case ParameterSet():
+            value = _parameter_value(request, autopilot)
+            return common.MAVLink_param_set_message(*to, _parameter_name(request.name), value, request.param_type)
+        case FenceRequest(None):
+            return common.MAVLink_mission_request_list_message(*to, MAV_MISSION_TYPE_FENCE)
+        case FenceRequest(sequence):
+            return common.MAVLink_mission_request_int_message(*to, sequence, MAV_MISSION_TYPE_FENCE)
+        case FenceReceived():
+            return common.MAVLink_mission_ack_message(*to, 0, MAV_MISSION_TYPE_FENCE)
+        case Command():
+            return _command(request, to, attempt)
+
+
+def _command(request: Command, to: tuple[int, int], attempt: int) -> Decoded:
+    if any(math.isinf(value) for value in request.params):
+        raise ValueError(f"command {request.command}: params = {request.params}: infinite values are not allowed")
+    if request.frame is None:
+        return common.MAVLink_command_long_message(*to, request.command, attempt, *request.params)
+    *numbers, latitude_deg, longitude_deg, z = request.params
+    place = _e7(latitude_deg), _e7(longitude_deg), z
+    return common.MAVLink_command_int_message(*to, request.frame, request.command, 0, 0, *numbers, *place)
+
+
+def _parameter_name(name: str) -> bytes:
+    if not 0 < len(name.encode()) <= 16:
+        raise ValueError(f"parameter {name!r}: a name has 1 to 16 bytes")
+    return name.encode()
+
+
+def _parameter_value(wanted: ParameterSet, autopilot: int) -> float:
+    name, value = wanted.name, wanted.value
+    if not math.isfinite(value):
+        raise ValueError(f"parameter {name} = {value}: only finite values can be set")
+    if not is_bytewise(wanted.param_type, autopilot=autopilot):
+        return value
+    if not (value.is_integer() and 0 <= value <= _MAX_BYTEWISE):
+        raise ValueError(f"parameter {name} = {value:g}: it must be an integer from 0 to {_MAX_BYTEWISE}")
+    return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
+
+
+def _e7(angle_deg: float) -> int:
+    if math.isnan(angle_deg):
+        return INT32_MAX  # COMMAND_INT's "not used"
+    if abs(angle_deg) > 180.0:
+        raise ValueError(f"{angle_deg}: a latitude or longitude in degrees is -180 to 180")
+    return round(angle_deg * 1e7)

@@ -1,0 +1,263 @@
+"""MAVLink frames: found in bytes, decoded, numbered, signed and checked.
+
+pymavlink decodes, packs and signs. Only the search for frames and the check of signatures are our own. pymavlink's
+stream parser takes twice as long, and after a false start mark it drops as many bytes as that mark announces, together
+with the valid frames among them. The search here is linear in the number of bytes, whatever they are.
+Sources: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html) and signing
+(mavlink.io/en/guide/message_signing.html).
+"""
+
+import hashlib
+import hmac
+import re
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import common
+
+from guidance.errors import ConfigError
+from guidance.links.port import Clock
+
+Decoded = Any
+"""A MAVLink_message of pymavlink: fields as attributes, `get_type()`, `get_srcSystem()`, `get_msgbuf()`."""
+
+KNOWN: Final = frozenset(common.mavlink_map)
+"""Ids of the messages in MAVLink's common dialect."""
+
+MAGIC_V1: Final = 0xFE
+MAGIC_V2: Final = 0xFD
+SIGNED: Final = 0x01
+_SIGNATURE_BYTES: Final = 13
+_SHORTEST: Final = 8
+_BUFFER_BYTES: Final = 8192
+_START: Final = re.compile(b"[\xfd\xfe]")
+_MAX_BROKEN: Final = 128
+"""The rest of a piece is skipped after this many frames with a wrong checksum."""
+
+KEY_BYTES: Final = 32
+_EPOCH_UNIX_S: Final = 1_420_070_400.0  # 1 January 2015 UTC
+_TICKS_PER_S: Final = 1e5
+_NEW_STREAM_TICKS: Final = 60 * 100_000
+
+
+class FrameReader:
+    """Finds and decodes the frames in pieces of bytes. Never raises.
+
+    The length of an unknown message cannot be checked. It is counted in `unknown`, and known frames are searched within
+    it. All other bytes that belong to no frame are counted in `garbage_bytes`.
+
+    Args:
+        dialect: The module of pymavlink that defines the messages.
+    """
+
+    def __init__(self, dialect: ModuleType = common) -> None:
+        self._known = dialect.mavlink_map
+        self._mavlink = dialect.MAVLink(None)
+        self._error = dialect.MAVError
+        self._buffer = bytearray()
+        self._unknown_left = 0
+        self.garbage_bytes = 0
+        self.unknown = 0
+
+    def read(self, data: bytes, *, stream: bool = True) -> list[Decoded]:
+        """Return the frames that `data` completes. With `stream` False an incomplete frame is dropped."""
+        if not self._buffer and len(data) >= _SHORTEST and frame_length(data) == len(data):
+            whole = self._decoded(bytearray(data))
+            if whole is not None:
+                return [whole]
+        self._buffer += data
+        frames = self._search(stream=stream)
+        excess = len(self._buffer) - (_BUFFER_BYTES if stream else 0)
+        if excess > 0:
+            self._skip(excess)
+        return frames
+
+    def first(self, data: bytes) -> Decoded | None:
+        """Return the frame at the start of a datagram; None if there is none. What `read` has buffered is kept."""
+        length = frame_length(data) if len(data) >= _SHORTEST else 0
+        return self._decoded(bytearray(data[:length])) if 0 < length <= len(data) else None
+
+    def _search(self, *, stream: bool) -> list[Decoded]:
+        buffer = self._buffer
+        frames: list[Decoded] = []
+        position = broken = 0
+        while len(buffer) - position >= _SHORTEST:
+            length = frame_length(buffer, position)
+            end = position + length
+            if stream and end > len(buffer):
+                break
+            frame = self._decoded(buffer[position:end]) if position < end <= len(buffer) else None
+            if frame is not None:
+                frames.append(frame)
+                position, self._unknown_left = end, 0
+                continue
+            broken += length > 0
+            start = _START.search(buffer, position + 1) if broken <= _MAX_BROKEN else None
+            after = len(buffer) if start is None else start.start()
+            self._count(after - position)
+            position = after
+        del buffer[:position]
+        return frames
+
+    def _decoded(self, data: bytearray) -> Decoded | None:
+        """Decode one whole frame; None if its checksum is wrong or its message unknown."""
+        number = data[5] if data[0] == MAGIC_V1 else int.from_bytes(data[7:10], "little")
+        if number not in self._known:
+            if self._unknown_left == 0:
+                self.unknown += 1
+                self._unknown_left = len(data)
+            return None
+        try:
+            return self._mavlink.decode(data)
+        except self._error:
+            return None
+
+    def _skip(self, count: int) -> None:
+        self._count(count)
+        del self._buffer[:count]
+
+    def _count(self, skipped: int) -> None:
+        unknown = min(skipped, self._unknown_left)
+        self._unknown_left -= unknown
+        self.garbage_bytes += skipped - unknown
+
+
+def frame_length(data: bytes | bytearray, start: int = 0) -> int:
+    """Return the length that the header at `start` announces; 0 if no frame starts there. Needs three bytes."""
+    magic, payload = data[start], data[start + 1]
+    if magic == MAGIC_V1:
+        return 6 + payload + 2
+    if magic != MAGIC_V2 or data[start + 2] & ~SIGNED:
+        return 0
+    return 10 + payload + 2 + (_SIGNATURE_BYTES if data[start + 2] & SIGNED else 0)
+
+
+def header_of(data: bytes) -> tuple[int, int] | None:
+    """Return system id and message id from the header of a datagram, unchecked; None if no frame starts there."""
+    if len(data) < _SHORTEST or frame_length(data) == 0:
+        return None
+    if data[0] == MAGIC_V1:
+        return data[3], data[5]
+    return (data[5], int.from_bytes(data[7:10], "little")) if len(data) >= 10 else None
+
+
+def is_signed(frame: Decoded) -> bool:
+    """Return whether a frame carries a signature, right or wrong."""
+    data = frame.get_msgbuf()
+    return bool(data[0] == MAGIC_V2 and data[2] & SIGNED)
+
+
+@dataclass(frozen=True, slots=True)
+class SigningKey:
+    """The shared secret. With a key we sign every frame that we send and refuse every frame without a signature."""
+
+    secret: bytes
+    link_id: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the sizes.
+
+        Raises:
+            ConfigError: If the secret is not 32 bytes long or the link id does not fit in a byte.
+        """
+        if len(self.secret) != KEY_BYTES:
+            raise ConfigError(f"signing key: {len(self.secret)} bytes; it must have {KEY_BYTES}")
+        if not 0 <= self.link_id <= 255:
+            raise ConfigError(f"signing link_id = {self.link_id}: allowed are 0 to 255")
+
+    def __repr__(self) -> str:
+        """Hide the secret."""
+        return f"SigningKey(link_id={self.link_id})"
+
+    @classmethod
+    def from_hex(cls, text: str, *, link_id: int = 0) -> "SigningKey":
+        """Read 64 hexadecimal digits.
+
+        Raises:
+            ConfigError: If the text is anything else. The message does not repeat it, because it may be a secret.
+        """
+        digits = text.strip()
+        if re.fullmatch(r"[0-9a-fA-F]{64}", digits) is None:
+            raise ConfigError(f"signing key: {len(digits)} characters; it must be 64 hexadecimal digits")
+        return cls(bytes.fromhex(digits), link_id)
+
+
+def ticks(unix_s: float) -> int:
+    """Convert Unix time to the timestamps of signing: units of 10 µs since 1 January 2015."""
+    return int((unix_s - _EPOCH_UNIX_S) * _TICKS_PER_S)
+
+
+class SignatureCheck:
+    """Accepts a frame if its signature is right and its timestamp is later than the last one of its stream.
+
+    A stream is a link id, system id and component id. The first frame of a stream may be up to one minute older than
+    our own time. Frames with a wrong signature change nothing. pymavlink's own check is not used: it remembers the
+    timestamp before it verifies the signature, so one forged frame from the future makes it refuse all genuine ones.
+
+    Args:
+        key: The shared secret.
+        now_ticks: Our own time, see `ticks`.
+    """
+
+    def __init__(self, key: SigningKey, now_ticks: int) -> None:
+        self._secret = key.secret
+        self._last: dict[tuple[int, int, int], int] = {}
+        self.latest = now_ticks
+        """Our time at the start, or the latest timestamp accepted since."""
+
+    def problem(self, frame: Decoded) -> str | None:
+        """Return "unsigned", "refused" (wrong or old), or None if the frame is genuine; then remember its timestamp."""
+        if not is_signed(frame):
+            return "unsigned"
+        data = bytes(frame.get_msgbuf())
+        time = int.from_bytes(data[-12:-6], "little")
+        stream = data[-13], frame.get_srcSystem(), frame.get_srcComponent()
+        last = self._last.get(stream, self.latest - _NEW_STREAM_TICKS - 1)
+        signature = hashlib.sha256(self._secret + data[:-6]).digest()[:6]
+        if time <= last or not hmac.compare_digest(signature, data[-6:]):
+            return "refused"
+        self._last[stream] = time
+        self.latest = max(self.latest, time)
+        return None
+
+
+class Station:
+    """One sender of frames. It numbers them and, with a key, signs them and checks the signatures of others."""
+
+    def __init__(
+        self,
+        system_id: int,
+        component_id: int,
+        *,
+        signing_key: SigningKey | None = None,
+        clock: Clock = lambda: 0.0,
+        unix_s: float = 0.0,
+    ) -> None:
+        """Start at sequence number 0. `clock` and `unix_s`, the Unix time now, are needed for signing only."""
+        self._mavlink = common.MAVLink(None, system_id, component_id)
+        self._clock = clock
+        self._unix_offset_s = unix_s - clock()
+        self._check: SignatureCheck | None = None
+        if signing_key is not None:
+            self._check = SignatureCheck(signing_key, ticks(unix_s))
+            signing = self._mavlink.signing
+            signing.secret_key, signing.link_id, signing.sign_outgoing = signing_key.secret, signing_key.link_id, True
+
+    def pack(self, message: Decoded) -> bytes:
+        """Return a message as our next frame, whoever it is from.
+
+        Raises:
+            struct.error: If a field does not fit.
+        """
+        if self._check is not None:
+            signing = self._mavlink.signing
+            now = ticks(self._unix_offset_s + self._clock())
+            signing.timestamp = max(signing.timestamp, self._check.latest, now)
+        frame = bytes(message.pack(self._mavlink))
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        return frame
+
+    def problem(self, frame: Decoded) -> str | None:
+        """Return "unsigned" or "refused" if there is a key and the frame's signature fails, else None."""
+        return None if self._check is None else self._check.problem(frame)

@@ -1,0 +1,67 @@
+"""A wire in memory on which every MAVLink component sends from an address of its own, pinned as on a UDP port."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from guidance.links.evaders import MavlinkEvader
+from guidance.links.port import Wire
+from guidance.links.wires.udp import AddressPins
+from guidance.sim.stepped import SteppedWorld
+
+Packet = tuple[float, bytes]
+COMPONENT = 6
+"""Byte of a MAVLink 2 frame with the sender's component id."""
+
+
+class PinnedWire:
+    """`Wire` around another that accepts each of these systems from one address at a time.
+
+    Args:
+        wire: Where the frames come from.
+        systems: MAVLink system ids that are accepted.
+        is_lost: Whether the frames of a component are lost now.
+    """
+
+    stream = False
+
+    def __init__(
+        self, wire: Wire, systems: Sequence[int], is_lost: Callable[[int], bool] = lambda _component: False
+    ) -> None:
+        self._wire = wire
+        self._is_lost = is_lost
+        self._pins = AddressPins(systems)
+
+    def receive(self) -> Sequence[Packet]:
+        """Return the frames from pinned addresses."""
+        accepted = []
+        for at_s, data in self._wire.receive():
+            component = data[COMPONENT] if len(data) > COMPONENT else 0
+            if not self._is_lost(component):
+                accepted.append((at_s, self._pins.admit(at_s, ("evader", component), data)))
+        return [(at_s, data) for at_s, data in accepted if data]
+
+    def impostors(self) -> Sequence[bytes]:
+        """Return the frames from other addresses."""
+        kept = self._pins.impostors
+        return [kept.popleft() for _ in range(len(kept))]
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait at the wire."""
+        self._wire.wait(timeout_s)
+
+    def send(self, frame: bytes) -> None:
+        """Send on the wire."""
+        self._wire.send(frame)
+
+    def counters(self) -> Mapping[str, int]:
+        """Return the wire's counts, and how many frames were refused, by reason."""
+        return {**self._wire.counters(), **{f"wire_{reason}": count for reason, count in self._pins.refused.items()}}
+
+    def close(self) -> None:
+        """Close the wire."""
+        self._wire.close()
+
+
+def evader_wire(world: SteppedWorld) -> Wire:
+    """Return the wire on which a world receives its evader's reports."""
+    assert isinstance(world.evader_source, MavlinkEvader)
+    return world.evader_source._wire
