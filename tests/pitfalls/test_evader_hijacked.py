@@ -7,7 +7,6 @@ holds.
 import math
 
 import pytest
-from guidance.session.spec import plan_of
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
@@ -15,6 +14,7 @@ from guidance.links.evaders import GlobalPositionInt, MavlinkEvader
 from guidance.session.daemon import Daemon
 from guidance.session.loop import run
 from guidance.session.mission import Mission
+from guidance.session.plan import plan_of
 from guidance.sim.scenario import EVADER_ID, PURSUER
 from guidance.sim.sensor import SensedEvader
 from guidance.sim.stepped import SteppedWorld
@@ -72,7 +72,7 @@ def test_a_forger_that_takes_the_pin_during_a_silence_is_detected():
 
 def test_a_forger_that_speaks_first_is_detected_and_no_game_begins():
     flight = flown({**FORGER, "after": "start", "at_s": 0.0})
-    assert Event.ENGAGE not in flight.told
+    assert flight.engaged_s is None
     assert flight.rival == "sender"
 
 
