@@ -47,7 +47,7 @@ class Equirectangular:
 HANDLING: Final = Handling(
     following=Following(
         # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
-        # both. Its velocity is within 1 % of the setpoint, so that nothing is learned. WPNAV_ACCEL_Z is 1 m/s².
+        # both. Its velocity is within 1 % of the setpoint, so the servo learns nothing. WPNAV_ACCEL_Z is 1 m/s².
         # Beside drag it gathers speed with some 3.5 m/s²: a reference that runs ahead of it costs a second at the end.
         servo=ServoGains(acceleration_m_s2=4.0, vertical_acceleration_m_s2=1.5, jerk_m_s3=9.0),
         approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=0.9, lag_s=0.15, settle_s=0.2),
@@ -61,7 +61,7 @@ HANDLING: Final = Handling(
         braking_m_s2=2.3,
         vertical_braking_m_s2=0.8,
         reaction_s=0.4,
-        easing_m_s3=3.0,  # its velocity follows a place that runs ahead, and makes up for what it lost at the start
+        easing_m_s3=3.0,  # its velocity loop follows a moving position target, which recovers a late start
     ),
 )
 

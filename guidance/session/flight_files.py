@@ -1,7 +1,4 @@
-"""The files of a flight: where they go, what its record says of it, and the settings that are read back from there.
-
-The settings are those that it was flown with, as the metadata has them, or the same with some of them changed.
-"""
+"""The files of a flight: folders, record metadata, and the settings that replay reads from the metadata."""
 
 import contextlib
 import itertools
@@ -32,11 +29,11 @@ PICTURE: Final = "flight.png"
 OUTCOME: Final = "outcome.json"
 
 _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "game.policy"}}
-"""What people say for the longer key."""
+"""Short forms of keys."""
 
 
 def flight_metadata(scenario: Scenario | None, config: Config | None, clock: Clock | None) -> dict[str, str]:
-    """Return what a record says of its flight: files, seed, versions and, where time is real, when it began."""
+    """Return a record's metadata: files, seed, versions and, in real time, the start."""
     said = {} if scenario is None else {"scenario": scenario.model_dump_json(exclude_unset=config is not None)}
     said |= {} if config is None else {"config": config.model_dump_json()}
     said |= {} if scenario is None else {"seed": str(scenario.seed)}
@@ -44,27 +41,27 @@ def flight_metadata(scenario: Scenario | None, config: Config | None, clock: Clo
 
 
 def next_folder(parent: Path, stem: str) -> Path:
-    """Return the first of `parent/stem-001`, `-002`, … that is not there yet."""
+    """Return the first free folder: `parent/stem-001`, `parent/stem-002` and so on."""
     return next(folder for number in itertools.count(1) if not (folder := parent / f"{stem}-{number:03d}").exists())
 
 
 def refuse_another_flight(folder: Path) -> None:
-    """Refuse a folder in which another flight lies, whole or in part: nothing of it is overwritten or mixed with ours.
+    """Refuse a folder that contains files of another flight.
 
     Raises:
-        ConfigError: With what is there.
+        ConfigError: With the file that exists.
     """
     for name in (RECORD, OUTCOME, PICTURE, "report.html"):
         if (folder / name).exists():
-            raise ConfigError(f"--out {folder}: another flight lies there ({name}), which stays; give a new folder")
+            raise ConfigError(f"--out {folder}: contains another flight ({name}); give a new folder")
 
 
 @contextlib.contextmanager
 def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> Iterator[Recorder | BackgroundRecorder]:
-    """Open the record. In real time it is written from a thread of its own: a slow disk holds up no cycle.
+    """Open the record. In real time a thread writes it, so a slow disk delays no cycle.
 
     Raises:
-        ConfigError: If another flight lies there.
+        ConfigError: If the folder contains another flight.
         OutputError: If it cannot be written.
     """
     refuse_another_flight(path.parent)
@@ -81,7 +78,7 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
 def daemon_recording(
     config: Config, metadata: Mapping[str, str], log: Logger
 ) -> Iterator[BackgroundRecorder | NullRecorder | None]:
-    """Open the record of a daemon. Of one that cannot be written preflight says so; in flight it is done without."""
+    """Open the daemon's record. Preflight reports an unwritable one; a flight continues without it."""
     if config.record.folder is None:
         yield None
         return
@@ -104,15 +101,15 @@ def daemon_recording(
 
 
 def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | None = None) -> FlightSettings:
-    """Return the settings of the recorded flight, changed.
+    """Return the settings of a recorded flight, with changes.
 
     Args:
-        metadata: Of the record; holds a mocked flight's `scenario`, a daemon's `config`, or both where a vehicle flew
-            a scenario, as JSON.
+        metadata: Of the record, with the JSON of a mocked flight's `scenario`, a daemon's `config`, or both for a
+            vehicle that flew a scenario.
         changes: Dotted key -> value.
 
     Raises:
-        ConfigError: If the record has neither, or a changed key does not exist or is out of range.
+        ConfigError: If the record has neither, or a changed key is unknown or out of range.
     """
     kind = next((kind for kind in (SCENARIO, CONFIG) if kind in metadata), None)
     if kind is None:
@@ -132,7 +129,7 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
 
 
 def changes_of(words: Sequence[str]) -> dict[str, Any]:
-    """Read KEY=VALUE words; a value is TOML where it can be, else text.
+    """Parse KEY=VALUE words. A value that is not TOML is text.
 
     Raises:
         ConfigError: If a word has no equals sign.
@@ -156,5 +153,5 @@ def _set(document: dict[str, Any], key: str, value: Any) -> None:  # noqa: ANN40
             document[section] = {}
         document = document[section]
         if not isinstance(document, dict):
-            raise ConfigError(f"--with {key}={value}: {section} is no section; its value is {document!r}")
+            raise ConfigError(f"--with {key}={value}: {section} is not a section; its value is {document!r}")
     document[name] = value

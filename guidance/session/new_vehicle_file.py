@@ -1,4 +1,4 @@
-"""A first vehicle file: the one that comes along for an autopilot, with the limits that this one has."""
+"""Writes a first vehicle file: the bundled one with the limits of a running autopilot."""
 
 import math
 import re
@@ -24,14 +24,14 @@ READ_WITHIN_S: Final = 10.0
 _CONNECTED_WITHIN_S: Final = 5.0
 _LOOK_EVERY_S: Final = 0.02
 _BEHIND_M: Final = 5.0
-"""The autopilot's fence stands behind ours by this; it is what `guidance check` asks for."""
+"""Distance of our fence from the autopilot's fence around it."""
 
 _LIMITS_ABOVE: Final = 1.1
-"""Unless a file says otherwise, commands may be so much faster than the game."""
+"""Default of the speed limits over the game's speeds."""
 
 
 class Surveyed(NamedTuple):
-    """An autopilot that answered: who it is, and those of its parameters that bound a file, as read."""
+    """An autopilot that answered, with the parameters that bound a vehicle file."""
 
     autopilot: str
     found: Found
@@ -39,15 +39,15 @@ class Surveyed(NamedTuple):
 
 
 def survey(url: str, asked: str | None = None) -> Surveyed:
-    """Find the autopilot at a URL and read its limits. Nothing is set, armed or ordered.
+    """Find the autopilot at a URL and read its limits. Sets and orders nothing.
 
     Args:
-        url: Where it is; see `guidance.links.endpoint`.
-        asked: The name of the autopilot that is expected there.
+        url: See `guidance.links.endpoint`.
+        asked: Name of the expected autopilot.
 
     Raises:
-        ConfigError: If the URL is wrong, or what is there is flown by nothing here.
-        LinkError: If nothing is there.
+        ConfigError: If the URL is wrong or the autopilot unknown.
+        LinkError: If nothing answers.
     """
     clock = MonotonicClock()
     wire = open_wire(url, clock=clock.now_s, timeout_s=_CONNECTED_WITHIN_S)
@@ -72,7 +72,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
 
 
 def _read(link: VehicleLink, profile: Autopilot, clock: Clock) -> dict[str, float]:
-    """Ask for the parameters until all have come, or for so long as is reasonable: an old firmware may lack one."""
+    """Request the parameters until all arrive or `READ_WITHIN_S` is over: an old firmware may lack one."""
     wanted = {bound.parameter for bound in profile.bounds}
     read: dict[str, float] = {}
     begun_s, asked_s, now_s = clock.now_s(), -math.inf, clock.now_s()
@@ -91,16 +91,16 @@ def _read(link: VehicleLink, profile: Autopilot, clock: Clock) -> dict[str, floa
 
 
 def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed: Surveyed | None = None) -> str:
-    """Return the text of a vehicle file, commented, and checked as `guidance run` checks it.
+    """Return the text of a commented vehicle file, checked as in `guidance run`.
 
     Args:
-        autopilot: "px4" or "arducopter".
-        name: Of the vehicle, in orders, metrics and records.
-        url: Where it is; as in the file that comes along if not given.
-        surveyed: What was read of it, if anything was.
+        autopilot: Name of the autopilot.
+        name: Name of the vehicle in orders, metrics and records.
+        url: Its URL; None keeps the bundled one.
+        surveyed: The limits that were read, if any.
 
     Raises:
-        ConfigError: If the name or the URL is none, or there is no such autopilot.
+        ConfigError: If the name, the URL or the autopilot is wrong.
     """
     described = autopilot_named(autopilot)
     templates = config_folder() / "vehicles"
@@ -115,7 +115,7 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
         changes.append(("vehicle", "url", _quoted(url), ""))
     if surveyed is not None:
         changes += [
-            ("vehicle", "system_id", str(surveyed.found.system_id), "as its HEARTBEAT says"),
+            ("vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT"),
             *_bounded(text, surveyed),
         ]
     for change in changes:
@@ -125,10 +125,10 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet.
+    """Write a new file.
 
     Raises:
-        ConfigError: If it is there.
+        ConfigError: If it exists.
         OutputError: If it cannot be written.
     """
     try:
@@ -136,27 +136,27 @@ def write_new(path: Path, text: str) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError as error:
-        raise ConfigError(f"--out {path}: is there already, and is not overwritten; choose another name") from error
+        raise ConfigError(f"--out {path}: exists and is not overwritten; choose another name") from error
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
 
 
 def _head(autopilot: Autopilot, surveyed: Surveyed | None) -> str:
     lines = [
-        "# A vehicle file of pursuit guidance. Every key carries its unit; `guidance schema vehicle` describes all."
+        "# A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."
     ]
     if surveyed is None:
-        lines.append(f"# Written without a vehicle: the limits are those that come along for {autopilot.name}.")
+        lines.append(f"# Written without a vehicle: the limits are the bundled ones for {autopilot.name}.")
         return "\n".join((*lines, ""))
-    lines.append(f"# Read of system {surveyed.found.system_id}, {autopilot.name}:")
+    lines.append(f"# Read from system {surveyed.found.system_id}, {autopilot.name}:")
     for limit in autopilot.bounds:
         value = surveyed.parameters.get(limit.parameter)
-        lines.append(f"#   {limit.parameter:<18} {'not told' if value is None else f'{value:g}'}")
+        lines.append(f"#   {limit.parameter:<18} {'not read' if value is None else f'{value:g}'}")
     return "\n".join((*lines, ""))
 
 
 def _bounded(text: str, surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
-    """Yield the keys whose bound was read, with the largest value that it allows, at most the file's own."""
+    """Yield the keys whose bound was read, with the largest allowed value, at most the file's own."""
     for section, key, parameter, scale in autopilot_named(surveyed.autopilot).bounds:
         told = surveyed.parameters.get(parameter)
         if told is None:
@@ -164,16 +164,16 @@ def _bounded(text: str, surveyed: Surveyed) -> Iterable[tuple[str, str, str, str
         bound, own = told * scale, float(_value(text, section, key))
         if section == "limits":
             value = own if bound <= _BEHIND_M else min(own, math.floor(bound - _BEHIND_M))
-            said = f"{parameter} is {told:g}" + (", which is off: guidance check refuses" if told == 0.0 else "")
+            said = f"{parameter} is {told:g}" + (", which is off: guidance check refuses it" if told == 0.0 else "")
         else:
             value = min(own, math.floor(10.0 * bound / _LIMITS_ABOVE) / 10.0)
             said = f"{parameter} is {told:g}"
         yield section, key, f"{value:.1f}", said
         if key == "ceiling_m" and value < float(_value(text, "flight", "takeoff_height_m")):
             yield "flight", "takeoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
-            yield "game", "standoff_height_m", f"{value:.1f}", "likewise"
+            yield "game", "standoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
         if key == "speed_m_s" and value <= float(_value(text, "game", "evader_speed_m_s")):
-            yield "game", "evader_speed_m_s", f"{value / 2.0:.2f}", "slower than the pursuer, or there is no game"
+            yield "game", "evader_speed_m_s", f"{value / 2.0:.2f}", "must be slower than the pursuer"
 
 
 def _line(section: str, key: str) -> re.Pattern[str]:
@@ -188,7 +188,7 @@ def _value(text: str, section: str, key: str) -> str:
 
 
 def _changed(text: str, section: str, key: str, value: str, why: str) -> str:
-    """Put a value in the place of the one that a key has, and say why behind it."""
+    """Replace the value of a key, and give the reason in a comment."""
 
     def line(found: re.Match[str]) -> str:
         said = f"  # {why}" if why else (found[4] or "")
@@ -199,7 +199,7 @@ def _changed(text: str, section: str, key: str, value: str, why: str) -> str:
 
 def _quoted(text: str) -> str:
     if re.search(r'["\\\x00-\x1f]', text):
-        raise ConfigError(f"{text!r}: no quotation marks, backslashes and control characters are allowed")
+        raise ConfigError(f"{text!r}: quotation marks, backslashes and control characters are not allowed")
     return f'"{text}"'
 
 

@@ -1,8 +1,8 @@
-"""What a flight is flown by: made from a vehicle file, a scenario file, or a scenario file on top of a vehicle file.
+"""The flight plan: made from a vehicle file, a scenario file, or a scenario on top of a vehicle file.
 
-The vehicle file says how the vehicle and the evader are reached, and what the flight must never do. The scenario is an
-overlay: it says what is played, from where and for how long. The tighter limit of both applies. If the files contradict
-each other, nothing flies. A scenario alone becomes a vehicle file with the scenario's own limits.
+The vehicle file has links and limits. The scenario is an overlay with the game, the places and the duration. The
+tighter limit of both applies. If the files contradict each other, nothing flies. A scenario alone becomes a vehicle file with
+the scenario's own limits.
 """
 
 import math
@@ -34,7 +34,7 @@ _MOCK_URL: Final = "udpin://127.0.0.1:14540"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """What a flight is flown by. It may be replaced on the ground.
+    """Everything that defines a flight. It may be replaced on the ground.
 
     Attributes:
         flight: Settings of the flight.
@@ -167,7 +167,7 @@ def config_of(scenario: Scenario, *, url: str, link: str, autopilot: str, found:
         url: Where the vehicle is.
         link: `mavsdk` or `pymavlink`.
         autopilot: Name of the autopilot.
-        found: The ids that the vehicle answered with.
+        found: System and component id of the vehicle.
         evader_url: Where the simulated evader reports.
 
     Raises:

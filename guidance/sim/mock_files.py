@@ -1,7 +1,6 @@
-"""A scenario in the mock's own words: its fleet of two vehicles, what goes wrong with them, and the wind that blows.
+"""Translates a scenario for the mock: the fleet of two vehicles, the faults and the wind.
 
-Faults that count from the start are a script, in place before the vehicles are switched on. Those that count from
-engagement are put in place when the game begins: a rover, or an ArduCopter, is in its guided mode long before.
+Faults that count from the start form a script. Faults that count from engagement are added when the game begins.
 """
 
 import math
@@ -18,13 +17,13 @@ from sitl_mock.fleet import build, checked
 _WHOLE_FLIGHT_S: Final = 1e9
 
 READY_AFTER_S: Final = 3.0
-"""The mocks' boot is cut short (a real ArduCopter takes 39 s): nobody learns from watching it."""
+"""Shortened boot time of the mocks; a real ArduCopter takes 39 s."""
 
 
 def fleet(scenario: Scenario) -> dict[str, Any]:
-    """Return the fleet: the pursuer on the ground near below its start, and the evader at its own.
+    """Return the fleet: the pursuer on the ground near its start, and the evader at its start.
 
-    The pursuer's autopilot is set to the vertical speeds that the scenario says it has.
+    The pursuer's autopilot gets the vertical speeds of the scenario.
     """
     site, pursuer, evader = scenario.site, scenario.pursuer, scenario.evader
     home_x, home_y = scenario.home_m
@@ -57,14 +56,14 @@ def _vehicle(name: str, flavour: str, system_id: int, start_ned_m: tuple[float, 
 
 
 def faults_after(scenario: Scenario, event: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield vehicle and keys of every fault whose time counts from `event`, "start" or "engaged"."""
+    """Yield vehicle and keys of every fault that counts from `event`, "start" or "engaged"."""
     for fault in scenario.fault:
         if fault.after == event:
             yield fault.vehicle, _keys(fault)
 
 
 def script(scenario: Scenario) -> dict[str, Any]:
-    """Return the script of what counts from the start, and of the wind, as the mock reads it from a file."""
+    """Return the fault script with the faults that count from the start, and the wind."""
     faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(scenario, "start")]
     east, north = scenario.wind.velocity_m_s
     if math.hypot(east, north) > 0.0:
@@ -74,10 +73,10 @@ def script(scenario: Scenario) -> dict[str, Any]:
 
 
 def faulted_fleet(scenario: Scenario) -> dict[str, Faulted]:
-    """Make both vehicles with the faults that count from the start.
+    """Make both vehicles, with the faults that count from the start.
 
     Raises:
-        ConfigError: If a fault is none that its vehicle can have, whenever it is due: with key, value and allowed.
+        ConfigError: If a vehicle cannot have one of its faults.
     """
     check_faults(scenario)
     vehicles = build(checked(fleet(scenario), scenario.title), links={"onboard": "quiet"})
@@ -86,10 +85,10 @@ def faulted_fleet(scenario: Scenario) -> dict[str, Faulted]:
 
 
 def check_faults(scenario: Scenario) -> None:
-    """Refuse a fault that its vehicle cannot have, before anything is started.
+    """Refuse faults that a vehicle cannot have.
 
     Raises:
-        ConfigError: With key, value and what is allowed.
+        ConfigError: With the key, the value and what is allowed.
     """
     if not scenario.fault:
         return

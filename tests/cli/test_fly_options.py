@@ -34,7 +34,7 @@ def test_an_option_that_would_mean_nothing_is_refused(arguments, words):
 @pytest.mark.parametrize("left", [RECORD, OUTCOME, PICTURE, "report.html"])
 def test_nothing_of_another_flight_is_overwritten_nor_left_beside_a_new_one(left, tmp_path):
     (tmp_path / left).write_text("of another flight")
-    assert f"another flight lies there ({left})" in refused("--fast", "--out", tmp_path)
+    assert f"contains another flight ({left})" in refused("--fast", "--out", tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == [left]
     assert (tmp_path / left).read_text() == "of another flight"
 

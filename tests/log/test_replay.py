@@ -125,7 +125,7 @@ def test_changes_are_read_as_toml_and_wrong_ones_are_refused():
         ({"policy": "swerve"}, "allowed are optimal"),
         ({"pursuer.speed": 4.0}, "pursuer.speed: unknown key; did you mean"),
         ({"pursuer.speed_m_s": 400.0}, "pursuer.speed_m_s = 400"),
-        ({"title.text": 1}, "title is no section"),
+        ({"title.text": 1}, "title is not a section"),
     ],
 )
 def test_settings_that_do_not_exist_are_refused(flight, change, what):

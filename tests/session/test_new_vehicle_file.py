@@ -50,7 +50,7 @@ def test_centimetres_are_read_as_such_and_a_fence_that_is_off_is_said():
     assert (config.game.speed_m_s, config.game.descent_m_s, config.limits.fence_radius_m) == (4.5, 1.3, 145.0)
     text = vehicle_file("px4", name="uav1", surveyed=px4(GF_MAX_HOR_DIST=0.0))
     assert "GF_MAX_HOR_DIST is 0, which is off: guidance check refuses" in text
-    assert "#   GF_MAX_VER_DIST    not told" in text
+    assert "#   GF_MAX_VER_DIST    not read" in text
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
@@ -65,7 +65,7 @@ def test_without_a_vehicle_the_file_is_the_one_that_comes_along(autopilot, tmp_p
 def test_nothing_is_overwritten_and_nothing_is_guessed(tmp_path):
     out = tmp_path / "uav.toml"
     write_new(out, "mine")
-    with pytest.raises(ConfigError, match="is there already"):
+    with pytest.raises(ConfigError, match="exists and is not overwritten"):
         write_new(out, "another")
     assert out.read_text() == "mine"
     with pytest.raises(ConfigError, match="allowed are px4, arducopter"):
