@@ -26,7 +26,7 @@ def run(
         bool,
         typer.Option(
             "--engage",
-            help="With --as vehicle: ARMS THE VEHICLE, takes off and engages at once, without `guidance ctl start` "
+            help="With --as vehicle: THE VEHICLE IS ARMED, takes off and engages at once, without `guidance ctl start` "
             "and `guidance ctl engage`.",
         ),
     ] = False,

@@ -1,8 +1,8 @@
 """The flight plan: made from a vehicle file, a scenario file, or a scenario on top of a vehicle file.
 
 The vehicle file has links and limits. The scenario is an overlay with the game, the places and the duration. The
-tighter limit of both applies. If the files contradict each other, nothing flies. A scenario alone becomes a vehicle file with
-the scenario's own limits.
+tighter limit of both applies. If the files contradict each other, nothing flies. A scenario alone becomes a vehicle
+file with the scenario's own limits.
 """
 
 import math

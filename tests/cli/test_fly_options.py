@@ -81,7 +81,7 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
     def flown(scenario, asked, *, on_control, **_):
         on_control(control)
         (panel,) = panels()
-        seen.append((scenario, asked is not None, panel.cmdline()[3:]))
+        seen.append((scenario, asked is not None, panel.cmdline()[4:]))
         panel.terminate()  # as a person does who has seen enough
         return 0
 

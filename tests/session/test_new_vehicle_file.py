@@ -72,7 +72,7 @@ def test_nothing_is_overwritten_and_nothing_is_guessed(tmp_path):
         vehicle_file("betaflight", name="uav1")
     with pytest.raises(ConfigError, match="name"):
         vehicle_file("px4", name="my uav")
-    with pytest.raises(ConfigError, match="which autopilot"):
+    with pytest.raises(ConfigError, match="no autopilot given"):
         CliRunner().invoke(app, ["init", "--out", str(tmp_path / "b.toml")], catch_exceptions=False)
 
 
