@@ -68,7 +68,7 @@ def _source(report: "EvaderReport") -> str:
 
 @log.command()
 def events(file: File, as_json: Json = False) -> None:
-    """List the events of a record: time, event, and what it changed."""
+    """List the events of a record: time, event and detail."""
     from guidance.log import events_of, record_errors  # noqa: PLC0415
 
     with record_errors(file):

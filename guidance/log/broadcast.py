@@ -135,7 +135,7 @@ class Broadcast:
 
 
 def is_watched(publisher: "zenoh.Publisher") -> bool:
-    """Whether there is a subscriber."""
+    """Return True if there is a subscriber."""
     status: Any = publisher.matching_status  # an object; its stub says bool
     return bool(status.matching)
 

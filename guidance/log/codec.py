@@ -36,7 +36,7 @@ _REASONS: Final = {"missing": "is missing", "extra_forbidden": "is unknown to th
 
 
 class Form(NamedTuple):
-    """How one type is converted (pydantic core schema) and described (JSON Schema)."""
+    """Conversion (pydantic core schema) and description (JSON Schema) of one type."""
 
     core: Any
     schema: Schema

@@ -1,4 +1,4 @@
-"""Entries of a record besides raw frames: cycles, events and reports of the evader."""
+"""Entries of a record besides raw frames: cycles, events and evader reports."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple

@@ -79,7 +79,7 @@ def write_tlog(path: Path, out: Path) -> int:
 
 
 def started_unix_s(survey: Survey) -> float:
-    """Return the Unix time at which the record's clock was zero; 0 if unknown."""
+    """Return the Unix time of the record clock's zero; 0 if unknown."""
     started = survey.metadata.get("started_utc")
     if started is None:
         return 0.0

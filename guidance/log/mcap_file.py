@@ -138,7 +138,7 @@ class McapFile:
         return channel_id
 
     def _put(self, data: bytes) -> None:
-        """Write all of it: an unbuffered file may take less at once."""
+        """Write all bytes; an unbuffered file may accept only some per call."""
         rest = memoryview(data)
         while rest:
             rest = rest[self._stream.write(rest) or 0 :]

@@ -49,7 +49,7 @@ def commit_of_checkout(root: Path) -> str | None:
 
 
 def commit_of_install() -> str | None:
-    """Return the commit that pip installed from, or None if it was not a repository."""
+    """Return the commit of the repository that pip installed, or None."""
     try:
         noted = distribution(PACKAGE).read_text("direct_url.json")
         return _checked(str(json.loads(noted or "{}")["vcs_info"]["commit_id"]))

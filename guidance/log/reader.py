@@ -126,7 +126,7 @@ def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> 
     """Yield the messages of a record in the order they were written.
 
     Args:
-        path: The MCAP file. The first file of a long flight stands for all of them, a later one for itself.
+        path: The MCAP file. The first file of a long flight continues with all others; a later file is read alone.
         survey: Filled while reading; complete after the last item.
         idle: Wait for more at the end of the file, which is still being written.
 
@@ -236,7 +236,7 @@ def title_of(metadata: Mapping[str, str]) -> str:
 
 
 class _LimitedFile:
-    """A file that is read in bounded pieces, and counts what it expands to; with `idle`, waits at its end for more."""
+    """A file with bounded reads that counts its expanded bytes; with `idle`, it waits for more data at the end."""
 
     def __init__(self, path: Path, file: IO[bytes], idle: Idle | None) -> None:
         self._path = path

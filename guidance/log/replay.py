@@ -32,7 +32,7 @@ from guidance.log.reader import CONFIG, SettingsOf, Survey, entry_of, metadata_o
 from guidance.messages import PositionTarget, Setpoint
 
 COMPARED: Final = ("setpoint", "state", "requests", "by")
-"""What a replay compares of each cycle; `by` only if it was recorded."""
+"""Compared parts of each cycle; `by` is absent in older records and then not compared."""
 
 _NO_INPUTS: Final = InputsEntry((), (), ())
 _NO_VELOCITY: Final = ("", "", "")
@@ -203,13 +203,15 @@ def _without_echo(inputs: Inputs) -> Inputs:
 
 def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
-    recorded, present = (
+    present = cycle_entry(row.flight_inputs, outputs)
+    present = present if row.by is not None else present._replace(by=None)
+    recorded_json, present_json = (
         CYCLE.encode(one._replace(inputs=_NO_INPUTS, certificate=None, alarm=None, timing=None))
-        for one in (row, cycle_entry(row.flight_inputs, outputs))
+        for one in (row, present)
     )
-    if recorded == present:
+    if recorded_json == present_json:
         return []
-    before, now = json.loads(recorded), json.loads(present)
+    before, now = json.loads(recorded_json), json.loads(present_json)
     return [name for name in COMPARED if json.dumps(before.get(name)) != json.dumps(now.get(name))]
 
 

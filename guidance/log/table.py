@@ -60,7 +60,7 @@ SCHEMA: Final = pa.schema(
         ("alarm", pa.string()),
     ]
 )
-"""Null where nothing was received, sent or played."""
+"""Null before the first message, and in cycles without setpoint or game."""
 
 
 def write_table(path: Path, out: Path) -> int:

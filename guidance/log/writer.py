@@ -1,7 +1,7 @@
 """Writes the record of a flight: an MCAP file with the raw frames of every link and a JSON row per cycle and event.
 
-A long flight is continued in further files, `NAME.002.mcap` and so on. Each can be read alone. Only their owner can
-read them. Chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that cannot be
+A long flight is continued in further files, `NAME.002.mcap` and so on. Each can be read alone, and only by their
+owner. Chunks are small and written unbuffered: a killed process loses less than 0.2 s. A record that cannot be
 written never disturbs the flight: recording stops and `failed` says why.
 """
 
@@ -40,7 +40,7 @@ _LOOK_EVERY_S: Final = 0.03
 
 
 class Record(Protocol):
-    """Where a flight is kept. No method raises or waits."""
+    """A store for the cycles, events and frames of a flight. No method raises or waits."""
 
     @property
     def failed(self) -> str | None:
@@ -147,7 +147,7 @@ def part_path(path: Path, part: int) -> Path:
 
 
 def started_utc(now_s: float) -> str:
-    """Return the UTC time, ISO 8601 to the second, at which a real-time clock that now shows `now_s` was at zero."""
+    """Return the UTC time of a real-time clock's zero, ISO 8601 to the second; the clock now shows `now_s`."""
     return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
 
 

@@ -41,7 +41,7 @@ class Stopwatch:
         self._since_s = time.perf_counter()
 
     def switch(self, part: str) -> str:
-        """Count for `part` from now on; return the part that was counted for."""
+        """Begin to count for `part`; return the previous part."""
         now_s = time.perf_counter()
         self.spent_s[self._part] += now_s - self._since_s
         before, self._part, self._since_s = self._part, part, now_s

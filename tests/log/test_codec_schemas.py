@@ -26,7 +26,7 @@ RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timi
 
 
 def as_a_viewer_reads(schema):
-    """Check what the schema readers of Foxglove and Lichtblick require: one plain type at every depth."""
+    """Check the rule of the schema readers of Foxglove and Lichtblick: one plain type at every depth."""
     assert schema["type"] == "object"
     for name, field in schema["properties"].items():
         kind = field["type"]

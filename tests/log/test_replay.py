@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from guidance.cli import app
 from guidance.errors import ConfigError
-from guidance.log import compare, metadata_of, replay, scan, title_of
+from guidance.log import compare, cycles_of, metadata_of, replay, scan, title_of
 from guidance.log.entries import BEGUN, CYCLE, CYCLE_TOPIC, EVENT_TOPIC
 from guidance.log.replay import angle_between_rad
 from guidance.log.writer import Recorder
@@ -62,6 +62,15 @@ def test_a_nanometre_in_one_input_is_found(flight, tmp_path):
     assert comparison.differing > 0
     assert comparison.first.row.now_s == flown[chosen].now_s
     assert comparison.first.differing == ("setpoint",)
+
+
+def test_a_record_without_the_cause_of_a_state_is_replayed_without_a_difference(flight, tmp_path):
+    def without_cause(number, row):
+        return {name: value for name, value in row.items() if name != "by"}
+
+    path = rewritten(flight[1], tmp_path / "older.mcap", without_cause)
+    assert all(row.by is None for row in cycles_of(path))
+    assert compare(path, recorded_settings)[0].differing == 0
 
 
 def test_minus_zero_is_not_zero(flight, tmp_path):

@@ -75,7 +75,7 @@ def test_a_killed_process_loses_only_the_last_chunk(tmp_path):
     written = 2000
     for number in range(written):
         recorder.cycle(entry(number, "x" * 400))
-    # As after kill -9: nothing is flushed or finished.
+    # As after kill -9: the file is neither flushed nor finished.
     read = [number_of(message) for _, message in rows_of(path)]
     assert read == list(range(len(read)))
     assert written - len(read) <= round(record.CHUNK_S / 0.02) + 1
