@@ -1,6 +1,6 @@
-"""Scenarios side by side: those that are played alike, their numbers stacked into arrays, one row a scenario.
+"""Scenarios of one kind as arrays, one row per scenario.
 
-A number that is the same in every row stays a single number, which is faster and gives the same bits.
+A number that is equal in all rows stays a single float: faster, and the results have the same bits.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from guidance.game import Ball, Cylinder, SpeedSet, StandOff
+from guidance.game import Ball, Cylinder, Game, SpeedSet, StandOff
 from guidance.game.arrays import Real
 from guidance.sim.players import evader_strategy, pursuer_strategy
 from guidance.sim.scenario import Scenario
@@ -21,47 +21,39 @@ Array = NDArray[np.float64]
 
 
 class Batch(NamedTuple):
-    """What does not change while games are played, rows (n, …) all of one kind; (n,) may be one number.
+    """What stays constant while games are played. Arrays have shape (n, …); a field (n,) may be one number.
 
     Attributes:
-        kind: A scenario of the batch; what is not an array here is the same for all.
-        target_m: (n, 3), None in PE.
-        speeds: Of the pursuer, (n,).
-        evader_speed_m_s: What the evader has, (n,).
-        believed_m_s: What the pursuer takes it to have, (n,).
-        standoff: The disc above the evader's plane, (n,).
-        tolerance_m: How near to the disc is captured, (n,).
-        lowest_m: Floor and ceiling above the evader's plane, (n,).
-        highest_m: See `lowest_m`.
-        fence_m: Radius about home, (n,).
+        kind: One scenario of the batch; anything that is not an array here is equal in all of them.
+        game: The games with the evaders' true speeds.
+        believed_m_s: Evader speed that the pursuer assumes, (n,).
+        target_m: (n, 3); None in PE.
+        lowest_m: Floor above the evader's plane, (n,).
+        highest_m: Ceiling above the evader's plane, (n,).
+        fence_m: Fence radius about home, (n,).
         home_m: Where the pursuer takes off, (n, 2).
-        limit_s: When a game is over at the latest, (n,).
-        wind_m_s: Of the air, east and north, (n,) each.
+        limit_s: Time limit of a game, (n,).
         noise: The sensor's.
-        pursuer: Strategy, its course (n, …).
-        evader: Strategy, its course (n, …).
+        pursuer: Strategy; its course has shape (n, …).
+        evader: Strategy; its course has shape (n, …).
     """
 
     kind: Scenario
-    target_m: Array | None
-    speeds: SpeedSet
-    evader_speed_m_s: Real
+    game: Game
     believed_m_s: Real
-    standoff: StandOff
-    tolerance_m: Real
+    target_m: Array | None
     lowest_m: Real
     highest_m: Real
     fence_m: Real
     home_m: Array
     limit_s: Real
-    wind_m_s: tuple[Real, Real]
     noise: Noise
     pursuer: Strategy
     evader: Strategy
 
     @property
     def agreed(self) -> bool:
-        """Whether the evader is as fast as it says, in every row: a kind has rows of one sort only."""
+        """Whether the declared speed of each evader is its true speed; equal in all scenarios of a kind."""
         return self.kind.evader.believed_speed_m_s == self.kind.evader.speed_m_s
 
 
@@ -87,23 +79,12 @@ def kind_of(scenario: Scenario) -> Hashable:
 
 
 def starts(scenarios: Sequence[Scenario]) -> tuple[Array, Array]:
-    """Return where the players are at engagement, (n, 3) each, about the evader's plane."""
+    """Return the positions of pursuers and evaders at engagement, (n, 3) each; heights above the evader's plane."""
     P = np.array(
         [(*each.pursuer.position_m[:2], each.pursuer.position_m[2] - each.evader.height_m) for each in scenarios]
     )
     E = np.array([(*each.evader.position_m, 0.0) for each in scenarios])
     return P, E
-
-
-def target_m(scenario: Scenario) -> tuple[float, float]:
-    """Return the place that the evader wants to reach.
-
-    Raises:
-        ValueError: In a game without one.
-    """
-    if scenario.target is None:
-        raise ValueError(f"{scenario.title}: has no target")
-    return scenario.target.position_m
 
 
 def stack(scenarios: Sequence[Scenario]) -> Batch:
@@ -112,7 +93,7 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
 
     def column(part: Callable[[Scenario], float]) -> Real:
         values = [part(each) for each in scenarios]
-        same = all(value == values[0] for value in values)
+        same = values.count(values[0]) == len(values)
         return float(values[0]) if same else np.array(values, dtype=np.float64)
 
     P, E = starts(scenarios)
@@ -123,22 +104,25 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     ground = column(lambda each: each.evader.height_m)
     seed = np.array([each.seed for each in scenarios], dtype=np.int64)
     evader_speed = column(lambda each: each.evader.speed_m_s)
+    targets = [(*each.target.position_m, 0.0) for each in scenarios if each.target is not None]
     return Batch(
         kind=kind,
-        target_m=None if kind.target is None else np.array([(*target_m(each), 0.0) for each in scenarios]),
-        speeds=speeds,
-        evader_speed_m_s=evader_speed,
-        believed_m_s=column(lambda each: each.evader.believed_speed_m_s),
-        standoff=StandOff(
-            column(lambda each: each.standoff.radius_m), column(lambda each: each.standoff.height_m) - ground
+        game=Game(
+            speeds,
+            evader_speed,
+            capture_radius_m=column(lambda each: each.standoff.tolerance_m),
+            standoff=StandOff(
+                column(lambda each: each.standoff.radius_m), column(lambda each: each.standoff.height_m) - ground
+            ),
+            wind_m_s=(column(lambda each: each.wind.velocity_m_s[0]), column(lambda each: each.wind.velocity_m_s[1])),
         ),
-        tolerance_m=column(lambda each: each.standoff.tolerance_m),
+        believed_m_s=column(lambda each: each.evader.believed_speed_m_s),
+        target_m=np.array(targets) if targets else None,
         lowest_m=column(lambda each: each.limits.floor_m) - ground,
         highest_m=column(lambda each: each.limits.ceiling_m) - ground,
         fence_m=column(lambda each: each.limits.fence_radius_m),
         home_m=np.array([each.home_m for each in scenarios]),
         limit_s=column(lambda each: each.time_limit_s),
-        wind_m_s=(column(lambda each: each.wind.velocity_m_s[0]), column(lambda each: each.wind.velocity_m_s[1])),
         noise=Noise(
             seed,
             column(lambda each: each.sensor.position_noise_m),
@@ -150,7 +134,7 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     )
 
 
-def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - whatever a batch is made of
+def keep(value: Any, rows: NDArray[np.bool_]) -> Any:  # noqa: ANN401 - a batch or any part of it
     """Return some rows of a batch, or of any part of it."""
     if isinstance(value, np.ndarray):
         return value[rows]

@@ -139,7 +139,7 @@ def _outcomes(plan: Plan, cases: Cases, on_end: OnEnd = _unheard) -> tuple[Cases
     if plan.teams:
         return _of_teams(plan, cases, found)
     games = [scenario for scenario in found if isinstance(scenario, Scenario)]
-    played = iter(play(games, on_end=on_end) if plan.way == "maths" else [_flown(scenario) for scenario in games])
+    played = iter(play(games) if plan.way == "maths" else [_flown(scenario) for scenario in games])
     return cases, [
         _no_game(plan, cases, place, scenario) if isinstance(scenario, str) else next(played)
         for place, scenario in enumerate(found)

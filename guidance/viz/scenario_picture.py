@@ -64,7 +64,8 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
 
 def played(scenario: Scenario) -> tuple[float, Array, Array]:
     """Play a scenario as mathematics; return the duration (s) and both tracks, (n, 3), m."""
-    points = [(moment.now_s[0], moment.pursuer_m[0], moment.evader_m[0]) for moment in moments([scenario])]
+    played = moments([scenario], longest_s=0.1)
+    points = [(moment.now_s[0], moment.pursuer_m[0], moment.evader_m[0]) for moment in played]
     return float(points[-1][0]), np.array([point[1] for point in points]), np.array([point[2] for point in points])
 
 

@@ -7,7 +7,7 @@ import pytest
 from guidance.config import parse
 from guidance.game import Exact, rollout
 from guidance.sim.batch import stack, starts
-from guidance.sim.maths import game_of, moments, play
+from guidance.sim.maths import moments, play
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario
 
@@ -85,10 +85,8 @@ def test_held_velocities_come_near_to_a_rollout_without_cycles():
     chase = scenario(
         pursuer={"policy": "pure_pursuit", "position_m": [9.0, 0.0, 15.0]}, evader={"policy": "pure_evade"}
     )
-    batch = stack([chase])
     P, E = starts([chase])
-    game = game_of(batch, batch.evader_speed_m_s)
-    exact = rollout(game, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", stepping=Exact(0.02))
+    exact = rollout(stack([chase]).game, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", stepping=Exact(0.02))
     assert play([chase])[0].game_time_s == pytest.approx(float(exact.time_s[0]), abs=0.02)
 
 
